@@ -24,7 +24,7 @@ from benchmarks._charts import FOLDER, charted
 from benchmarks._timing import record
 from tensegrity import Prism, equilibrium_paths
 from tensegrity.branches.continuation import Settings, trace
-from tensegrity.engine.pieces import processors
+from tensegrity.engine.threaded import processors
 from tensegrity.prisms.equations import numbers, problem
 
 PRISM = Prism(1.0, 0.5, 0.4, 1.0, 2.0, 20.0)

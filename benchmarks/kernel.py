@@ -29,10 +29,10 @@ from tensegrity import (
     simulate,
 )
 from tensegrity.engine.bound import Bound
-from tensegrity.engine.compiled import Compiled, evaluated, single
+from tensegrity.engine.compiled import Compiled, evaluated, loop_of_law
 from tensegrity.engine.kernel import bind
 from tensegrity.engine.law import functions
-from tensegrity.engine.pieces import BoundPieces
+from tensegrity.engine.threaded import ThreadedChain
 from tensegrity.scenes.dynamics import dynamics
 
 SITES, STEPS, DT = 1000, 1000, 0.1
@@ -92,9 +92,9 @@ def bound_loop(engine, chain, u, v):
 def motion(spring, speed, extended=False):
     """Displacements after the run."""
     chain = Chain(spring, SITES)
-    engine = (
-        Compiled.of(dynamics(chain).loop_bonds, extended=True) if extended else single(spring.law)
-    )
+    engine = loop_of_law(spring.law)
+    if extended:
+        engine = Compiled.of(dynamics(chain).loop_bonds, extended=True)
     dtype = np.longdouble if extended else float
     state = blow(chain, speed)
     u, v = state.u.astype(dtype), state.v.astype(dtype)
@@ -117,7 +117,7 @@ def measure(families=FAMILIES):
             moved = np.abs(motion(spring, speed) - reference).max() / np.abs(reference).max()
             chain = Chain(spring, SITES)
             u, v = 1e-3 * np.sin(np.arange(SITES) ** 2), np.zeros(SITES)
-            loop = bound_loop(single(spring.law), chain, u, v)
+            loop = bound_loop(loop_of_law(spring.law), chain, u, v)
             loops[family, name] = lambda loop=loop: loop.advance(TIMED)
             rows.append((family, name, float(gap), float(moved)))
     times = best(loops)
@@ -165,7 +165,7 @@ def forms():
     for name, spring in springs.items():
         chain = Chain(spring, SITES)
         u, v = 1e-3 * np.sin(np.arange(SITES) ** 2), np.zeros(SITES)
-        loop = bound_loop(single(spring.law), chain, u, v)
+        loop = bound_loop(loop_of_law(spring.law), chain, u, v)
         calls[name] = lambda loop=loop: loop.advance(TIMED)
     times, scale = best(calls), 1e9 / (TIMED + 1) / (SITES - 1)
     found = {}
@@ -199,7 +199,7 @@ def long_chains():
         for threads in (0, 1, 2):
             u, v = 1e-3 * np.sin(np.arange(sites) % 1000.0), np.zeros(sites)
             parts = u, v, dynamics(chain).loop_bonds, METHODS["verlet"], DT
-            pieces = BoundPieces(engine, *parts, threads) if threads else None
+            pieces = ThreadedChain(engine, *parts, threads) if threads else None
             loop = pieces or Bound(engine, *parts)
             loops[threads] = lambda loop=loop, steps=steps: loop.advance(steps)
         times = best(loops)

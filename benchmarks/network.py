@@ -24,7 +24,7 @@ from benchmarks._network import DT, SPEED, WORK, pack
 from benchmarks._timing import table
 from granular import Striker, y_guide
 from tensegrity import METHODS, Record, State, simulate
-from tensegrity.engine import pieces
+from tensegrity.engine import threaded
 from tensegrity.engine.bound import Bound
 from tensegrity.engine.compiled import Compiled
 from tensegrity.scenes.dynamics import dynamics
@@ -42,7 +42,7 @@ def bound(scene, state, dt, threads=1):
     u, v = dynamics(scene).arrays(state)
     bonds = dynamics(scene).loop_bonds
     given = Compiled.of(bonds), u, v, bonds, METHODS["verlet"], dt
-    return (Bound(*given) if threads == 1 else pieces.BoundParts(*given, threads)), u, v
+    return (Bound(*given) if threads == 1 else threaded.ThreadedNetwork(*given, threads)), u, v
 
 
 def _numba(network, velocity, steps):

@@ -14,7 +14,7 @@ import numpy as np
 
 from benchmarks._timing import table
 from tensegrity import METHODS, Chain, Prism, Record, simulate
-from tensegrity.engine.compiled import single
+from tensegrity.engine.compiled import loop_of_law
 from tensegrity.engine.law import Change
 from tensegrity.springs.tuned import Tuned
 
@@ -39,7 +39,7 @@ class InPython:
     def __init__(self, chain, state):
         self._springs = Tuned(chain.springs[0], chain.tune, STEPS * DT)
         law = self._springs.law
-        self._law, self._change = single(law), single(Change(law))
+        self._law, self._change = loop_of_law(law), loop_of_law(Change(law))
         self._weights, self._state = 1 / chain.mass, state
 
     def __call__(self):

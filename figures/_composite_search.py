@@ -200,7 +200,7 @@ def followed(lanes):
     for row in range(ROWS):
         loop.forget_range()
         loop.go(row * steps, (row + 1) * steps)
-        rows.append(tuple(x.copy() for x in loop.shown))
+        rows.append(tuple(x.copy() for x in loop.output))
         inside = _inside(of.springs, loop.range)
         for k in np.flatnonzero(alive & ~inside):
             worth = BARRED * (1 - row / ROWS) / 2

@@ -9,7 +9,7 @@ import numpy as np
 
 from figures._limits import grid, prism_chain, stepped
 from tensegrity import Record, State, simulate
-from tensegrity.engine.pieces import LONG, processors
+from tensegrity.engine.threaded import LONG, processors
 from tensegrity.scenes.dynamics import dynamics
 
 NAME = "limits_bits"

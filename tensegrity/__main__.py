@@ -1,8 +1,8 @@
-"""`python -m tensegrity`: what is installed, and a self-test of some seconds, for bug reports.
+"""`python -m tensegrity`: the installation and a self-test of some seconds, for bug reports.
 
-It prints versions, the compiler, the cache folder and the number of threads, then a few numbers
-that are known otherwise: a derived stiffness, an exact wave that travels, two beads that meet, a
-path of equilibria.  The exit code is 0 where all are right, else 1.
+It prints versions, the compiler, the cache folder and the number of threads, then compares a few
+numbers with independent values: a derived stiffness, the speed of an exact wave, the impact of two
+beads, a path of equilibria.  The exit code is 0 if all agree, otherwise 1.
 
 `python -m tensegrity --clean` empties the cache folder instead.
 """
@@ -22,7 +22,7 @@ import numpy as np
 import tensegrity
 from tensegrity.engine.disk_cache import cache_folder, trim
 from tensegrity.engine.native import described, require
-from tensegrity.engine.pieces import threads
+from tensegrity.engine.threaded import threads
 from tensegrity.errors import CompilerError, TensegrityError
 from tensegrity.measure.observables import speed
 from tensegrity.prisms.path import equilibrium_path
@@ -38,7 +38,7 @@ PACKAGES = ("numpy", "scipy", "sympy", "casadi", "matplotlib", "tqdm", "cmaes", 
 
 
 class Check(NamedTuple):
-    """A number of the self-test: in words, how far off it is, and how far it may be."""
+    """A result of the self-test: its description, its error, and the bound of the error."""
 
     words: str
     error: float
@@ -46,7 +46,7 @@ class Check(NamedTuple):
 
 
 def stiffness() -> list[Check]:
-    """Of a prism at rest: derived potential, compiled, against the closed form."""
+    """Stiffness of a prism at rest: the compiled derived potential against the closed form."""
     prism = Prism(base=1.0, height=0.7, prestrain=0.01, k_cross=1.0)
     found, known = float(prism.potential().stiffness(0.0)), prism.axial_stiffness()
     words = f"axial stiffness {found:.12g} N/m against the closed form"
@@ -54,7 +54,7 @@ def stiffness() -> list[Check]:
 
 
 def wave() -> list[Check]:
-    """An exact wave on a chain: its speed, and the energy that the run keeps."""
+    """An exact wave on a chain: its speed, and the conservation of energy."""
     spring = Prism(base=1.0, height=0.7, prestrain=0.01, k_cross=1.0).potential()
     exact = solitary_wave(spring, speed_ratio=2.0)
     chain = Chain(spring, sites=80)
@@ -69,7 +69,7 @@ def wave() -> list[Check]:
 
 
 def impact() -> list[Check]:
-    """Two equal beads of Hertz's law that meet: they exchange their velocities."""
+    """Impact of two equal beads of Hertz's law, which exchange their velocities."""
     chain = Chain(PowerLaw(1.0, 1.5), sites=2)
     run = simulate(chain, chain.at_rest({0: 1.0}), 6.0, tol=1e-9)
     words = f"beads exchange velocities {run.final.v[0]:+.1e}, {run.final.v[1]:.12g} m/s"
@@ -91,7 +91,7 @@ CHECKS = (stiffness, wave, impact, path)
 
 
 def installed() -> str:
-    """Versions, compiler, cache folder and threads, a line each."""
+    """Versions, compiler, cache folder and threads, one line each."""
     found = [f"tensegrity {tensegrity.__version__}"]
     for name in PACKAGES:
         try:
@@ -120,7 +120,7 @@ def main(arguments: list[str] | None = None) -> int:
     Returns
     -------
     int
-        0 where every number is right, 1 where one is not.
+        0 if every number agrees, otherwise 1.
     """
     parser = ArgumentParser(prog="python -m tensegrity", description=__doc__)
     parser.add_argument("--clean", action="store_true", help="empty the cache of compiled kernels")

@@ -1,6 +1,6 @@
-"""Checks of what a user hands in; a failed one says which quantity, its value and its bound.
+"""Checks of a user's input; a failed one raises an error that names quantity, value and bound.
 
-A number is what Python's and NumPy's real numbers are: not a truth value, not text, not complex.
+Numbers are the real numbers of Python and NumPy; truth values, text and complex numbers are not.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tensegrity.errors import TensegrityError
 
-LONGEST = 80  # characters of a value that a message shows
+LONGEST = 80  # most characters of a value in a message
 
 
 def number(
@@ -35,7 +35,29 @@ def number(
     finite: bool = True,
     unit: str = "",
 ) -> float:
-    """`value` as a float, if it is one number within its bounds."""
+    """Convert to a float one number within its bounds.
+
+    Parameters
+    ----------
+    name : str
+        Name in messages.
+    value : object
+    above, least, below : float, optional
+        The number must be > above, >= least and < below.
+    finite : bool, optional
+        Whether infinity is refused.
+    unit : str, optional
+        Unit in messages.
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    TensegrityError
+        Not a number, NaN, or out of bounds.
+    """
     bounds = above, least, below
     if type(value) is float and -math.inf < value < math.inf and not _missed(value, *bounds):
         return value
@@ -56,7 +78,7 @@ def number(
 
 
 def _missed(value: float, above: float | None, least: float | None, below: float | None) -> str:
-    """Which bound a number does not keep, or ""."""
+    """The bound that a number violates, in words, or ""."""
     if above is not None and not value > above:
         return f"above {above:g}"
     if least is not None and not value >= least:
@@ -67,7 +89,25 @@ def _missed(value: float, above: float | None, least: float | None, below: float
 
 
 def whole(name: str, value: object, *, least: int, below: int | None = None) -> int:
-    """`value` as an int, if it is a whole number not below `least`, and below `below`."""
+    """Convert to an int a whole number within its bounds.
+
+    Parameters
+    ----------
+    name : str
+        Name in messages.
+    value : object
+    least, below : int
+        The number must be >= least and, if given, < below.
+
+    Returns
+    -------
+    int
+
+    Raises
+    ------
+    TensegrityError
+        Not a whole number, or out of bounds.
+    """
     value = _scalar(value)
     if not _is(value, Integral):
         raise TensegrityError(f"{name} {shown(value)} is not a whole number")
@@ -88,7 +128,21 @@ def truth(name: str, value: object) -> bool:
 
 
 def kind(name: str, value: object, wanted: type, words: str = "") -> None:
-    """Refuse what is not of the wanted class; `words` say where one comes from."""
+    """Refuse a value that is not an instance of a class.
+
+    Parameters
+    ----------
+    name : str
+        Name in messages.
+    value : object
+    wanted : type
+    words : str, optional
+        End of the message, such as an example.
+
+    Raises
+    ------
+    TensegrityError
+    """
     if not isinstance(value, wanted):
         article = "an" if wanted.__name__[0] in "AEIOU" else "a"
         words = words or made_by(value, wanted)
@@ -106,7 +160,7 @@ def made_by(value: object, wanted: type) -> str:
 def floats(name: str, value: ArrayLike) -> NDArray[np.float64]:
     """Numbers as an array of float64, C-contiguous, of any shape.
 
-    Integers, other floats, views and sequences are converted; an array that is already right is
+    Integers, other floats, views and sequences are converted; an array of the right kind is
     returned itself.  Complex numbers, truth values, text and objects are refused.
     """
     if isinstance(value, np.ndarray):
@@ -119,7 +173,24 @@ def floats(name: str, value: ArrayLike) -> NDArray[np.float64]:
 
 
 def numbers(name: str, value: ArrayLike, unit: str) -> NDArray[np.float64]:
-    """The same, of which none is nan; inf is a number."""
+    """Numbers converted as by `floats`, none of them NaN; infinity is allowed.
+
+    Parameters
+    ----------
+    name : str
+        Name in messages.
+    value : array_like
+    unit : str
+        Unit in messages.
+
+    Returns
+    -------
+    ndarray of float64
+
+    Raises
+    ------
+    TensegrityError
+    """
     value = floats(name, value)
     if np.isnan(value).any():
         raise TensegrityError(f"{name} nan {unit} is not a number")
@@ -127,9 +198,23 @@ def numbers(name: str, value: ArrayLike, unit: str) -> NDArray[np.float64]:
 
 
 def vector(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
-    """A state array as the compiled loop takes it: float64, C-contiguous, finite, of that shape.
+    """A state array for the compiled loop: float64, C-contiguous, finite and of a given shape.
 
-    Converted as by `floats`; not copied where it is right already.
+    Parameters
+    ----------
+    name : str
+        Name in messages.
+    value : array_like
+        Converted as by `floats`; an array of the right kind is not copied.
+    shape : tuple of int
+
+    Returns
+    -------
+    ndarray of float64, of that shape
+
+    Raises
+    ------
+    TensegrityError
     """
     value = floats(name, value)
     if value.shape != shape:
@@ -148,9 +233,25 @@ def finite(name: str, value: NDArray[Any]) -> NDArray[Any]:
 def rows(
     name: str, value: ArrayLike, shape: tuple[int, ...], are_finite: bool = True
 ) -> NDArray[np.float64]:
-    """Numbers for all of something, or for many instants, finite as a rule: (..., *shape).
+    """Numbers whose last axes have a given shape, such as states at many instants.
 
-    Floating numbers of any precision are kept as they are.
+    Parameters
+    ----------
+    name : str
+        Name in messages.
+    value : array_like
+        Arrays of floats keep their precision; others are converted as by `floats`.
+    shape : tuple of int
+    are_finite : bool, optional
+        Whether all must be finite.
+
+    Returns
+    -------
+    ndarray, (..., *shape)
+
+    Raises
+    ------
+    TensegrityError
     """
     if not isinstance(value, np.ndarray) or value.dtype.kind != "f":
         value = floats(name, value)
@@ -160,7 +261,24 @@ def rows(
 
 
 def sequence(name: str, value: Any, of: str) -> tuple[Any, ...]:
-    """The parts of a sequence, a set or another iterable: not of text, nor of a 0-d array."""
+    """The items of a sequence, a set or another iterable, except text and arrays of dimension 0.
+
+    Parameters
+    ----------
+    name : str
+        Name in messages.
+    value : iterable
+    of : str
+        What the items are, in messages.
+
+    Returns
+    -------
+    tuple
+
+    Raises
+    ------
+    TensegrityError
+    """
     try:
         if not isinstance(value, (str, bytes)):
             return tuple(value)
@@ -197,8 +315,8 @@ def path(name: str, value: object) -> Path:
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A new file beside another, whose place it takes once it is whole; where what writes it fails
-    the other stays as it was."""
+    """A context for a temporary file that replaces another file once it is written; if writing
+    fails, the other file stays unchanged."""
     new = path.with_name(path.name + ".new")
     try:
         yield new
@@ -209,7 +327,7 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def room(what: str, size: float) -> None:
-    """Refuse what takes more memory than there is, before it is taken; `size` in bytes."""
+    """Refuse an operation that needs more than the free memory; `size` in bytes."""
     free = free_memory()
     if size > free:
         raise TensegrityError(
@@ -218,7 +336,7 @@ def room(what: str, size: float) -> None:
 
 
 def free_memory() -> int:
-    """Memory that can be had without swapping [bytes]."""
+    """Memory that is available without swapping [bytes]."""
     try:
         lines = Path("/proc/meminfo").read_text().splitlines()
         return next(int(x.split()[1]) * 1024 for x in lines if x.startswith("MemAvailable"))
@@ -241,7 +359,7 @@ def shown(value: object) -> str:
 
 
 def differing(one: str, other: str) -> tuple[str, str]:
-    """Two texts, shortened to what is around the place where they begin to differ."""
+    """Two texts, shortened to the vicinity of their first difference."""
     pairs = enumerate(zip(one, other, strict=False))
     alike = next((k for k, (a, b) in pairs if a != b), min(len(one), len(other)))
     first = max(alike - LONGEST // 2, 0)
@@ -252,7 +370,7 @@ def differing(one: str, other: str) -> tuple[str, str]:
 
 
 def _scalar(value: Any) -> Any:
-    """What an array without dimensions holds; anything else as it is."""
+    """The number in an array of dimension 0; any other value itself."""
     return value[()] if isinstance(value, np.ndarray) and value.ndim == 0 else value
 
 
@@ -276,6 +394,6 @@ def _array(name: str, value: Any) -> Any:
 
 
 def _has_truth(value: Any) -> bool:
-    """Whether a nested sequence holds truth values, which NumPy would take for 0 and 1."""
+    """Whether a nested sequence holds truth values, which NumPy converts to 0 and 1."""
     flat = np.array(value, dtype=object).ravel()
     return not {bool, np.bool_}.isdisjoint(map(type, flat))

@@ -1,4 +1,4 @@
-"""The errors a user can meet; each message names the quantity, its value and its bound."""
+"""The errors that a user may receive; each message names the quantity, its value and its bound."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ class TensegrityError(ValueError):
 
 
 class CompilerError(TensegrityError):
-    """No C compiler can be run, or it refused a text, or hung, or the disk is full."""
+    """No C compiler can be run, or it rejected a source or timed out, or the disk is full."""
 
 
 class LockingError(TensegrityError):
@@ -24,7 +24,7 @@ class LockingError(TensegrityError):
 
 
 class RangeError(LockingError):
-    """An elongation left the range on which the force of a run was prepared."""
+    """An elongation left the range for which the fitted force of a run is valid."""
 
 
 class NoLocking(TensegrityError):
@@ -38,7 +38,7 @@ class StabilityError(TensegrityError):
     """
 
     run: Any = None
-    largest: float = inf  # step [s] that is needed, where that is known beforehand
+    largest: float = inf  # largest stable step [s], where it is known beforehand
 
 
 class ContactError(TensegrityError):
@@ -51,15 +51,15 @@ class ContactError(TensegrityError):
 
 
 class ResolutionError(TensegrityError):
-    """A grid is too coarse for what was asked."""
+    """A grid is too coarse for the requested result."""
 
 
 class EquilibriumError(TensegrityError):
-    """No equilibrium state carries the load that was asked for."""
+    """No equilibrium state carries the requested load."""
 
 
 class RecordError(TensegrityError):
-    """A row or a state could not be written; what was written before is whole.
+    """A row or a checkpoint could not be written; rows written before are intact.
 
     Raised by a run, it carries the recorded part in `run` (None elsewhere).
     """

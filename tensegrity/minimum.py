@@ -1,8 +1,8 @@
-"""Equilibria as minima of an energy, and the lowest modes about them, dense or sparse.
+"""Equilibria as minima of an energy, and their lowest modes of vibration, dense or sparse.
 
-Newton's method with a shift of the tangent (Levenberg 1944) where the tangent is not positive
-definite or its step raises the energy.  Modes come from the whole matrix, or by inverse iteration
-about a bound below which no eigenvalue lies.  Rigid motions are kept out of both.
+Equilibria are found by Newton's method, with a shift of the tangent (Levenberg 1944) where it is
+not positive definite or the step raises the energy.  Modes are computed from the full matrix, or by
+inverse iteration about a lower bound of the eigenvalues.  Rigid motions are excluded from both.
 """
 
 from __future__ import annotations
@@ -15,56 +15,57 @@ import numpy as np
 from tensegrity.errors import TensegrityError
 from tensegrity.typing import Array
 
-DENSE = 450  # unknowns up to which matrices are dense
+DENSE = 450  # most unknowns for which matrices are dense
 STEPS, TRIES = 1000, 60
-CALM = 5  # steps that neither lower the energy nor halve the forces, after which none will
-NOISE = 1e-14  # of an energy's parts: round-off
-ROUND_OFF = 1e-14  # of the largest force: less is not asked for
+CALM = 5  # successive steps that neither lower the energy nor halve the forces, at which to stop
+NOISE = 1e-14  # round-off of an energy over the size of its parts
+ROUND_OFF = 1e-14  # residual over the largest force at which to stop
 FIRST = 1e-6  # the least shift
 FACTOR = 10.0  # by which shifts grow and shrink
-SINGULAR = 1e-13  # pivots over the largest below which a matrix counts as not positive definite
-ZERO = 64 * float(np.finfo(float).eps)  # of the largest stiffness over mass: round-off
-LOWER = 30.0  # factor of bounds of eigenvalues
+SINGULAR = 1e-13  # least pivot over the largest of a positive definite matrix
+ZERO = 64 * float(np.finfo(float).eps)  # round-off over the largest stiffness over mass
+LOWER = 30.0  # factor by which a bound of the eigenvalues is lowered
 
 
 class Energy(Protocol):
-    """What is settled: positions or displacements x are arrays (sites, dim)."""
+    """An energy to be minimised; positions or displacements x are arrays (sites, dim)."""
 
     @property
     def longest(self) -> Any:
-        """Farthest that a site goes in one step [m], or each of them, (sites,)."""
+        """Largest displacement of a site in one step [m], or of each site, (sites,)."""
 
     def energy(self, x: Array) -> tuple[float, float]:
         """Energy less the work of the loads [J], and the size of its parts."""
 
     def forces(self, x: Array) -> Array:
-        """Forces on the sites, loads included, in the directions that are free [N]."""
+        """Forces on the sites, loads included, in the free directions [N]."""
 
     def largest(self, x: Array) -> float:
         """The largest of all forces that balance one another [N]."""
 
     def newton(self, x: Array, f: Array) -> Callable[[float], Array | None]:
-        """Newton's step under forces f, of a shift in parts of a stiffness of the problem's own;
-        None where it does not lead downhill."""
+        """Newton's step under forces f as a function of the shift, relative to a stiffness of the
+        problem; None where the energy does not decrease along it."""
 
     def refuse(self, x: Array, f: Array) -> None:
-        """Raise an error where x is too far away."""
+        """Raise an error where x is out of range."""
 
 
 def settle(of: Energy, x: Array, shift: float = 0.0) -> tuple[Array, Array]:
-    """Where the forces vanish to round-off, downhill in energy from x, and what is left of them.
+    """Find a minimum of the energy below x, where the forces vanish to round-off.
 
     Parameters
     ----------
     of : Energy
     x : ndarray, (sites, dim)
+        Initial positions or displacements [m].
     shift : float, optional
-        Of the first step.
+        Shift of the first step.
 
     Returns
     -------
     x, forces : ndarray, (sites, dim)
-        The caller looks whether the forces that are left are small enough.
+        The minimum [m] and the residual forces [N], which the caller has to check.
     """
     f, (energy, _), calm = of.forces(x), of.energy(x), 0
     best, least = (x, f), np.linalg.norm(f)
@@ -95,15 +96,22 @@ def settle(of: Energy, x: Array, shift: float = 0.0) -> tuple[Array, Array]:
 
 
 def downhill(matrix: Any, rigid: Array, f: Array) -> Array | None:
-    """The move without rigid parts that a force f takes to 0; None where it is not downhill.
+    """Newton's step without rigid motions.
 
     Parameters
     ----------
     matrix : sparse, (free, free)
-        Symmetric.
+        Symmetric tangent stiffness [N/m].
     rigid : ndarray, (free, count)
-        Orthonormal.
+        Orthonormal rigid motions.
     f : ndarray, (free,)
+        Forces [N].
+
+    Returns
+    -------
+    ndarray, (free,), or None
+        Displacements [m]; None where the matrix is not positive definite, or the energy does not
+        decrease.
     """
     from scipy.linalg import LinAlgError, cho_factor, cho_solve
     from scipy.sparse import block_array, csc_array
@@ -134,7 +142,7 @@ def downhill(matrix: Any, rigid: Array, f: Array) -> Array | None:
 
 
 def complement(rigid: Array) -> Array:
-    """Orthonormal motions across given ones (free, count), (free, free - count)."""
+    """Orthonormal basis, (free, free - count), of the complement of motions, (free, count)."""
     free, count = rigid.shape
     if not count:
         return np.eye(free)
@@ -142,7 +150,7 @@ def complement(rigid: Array) -> Array:
 
 
 def least_part(matrix: Array) -> float:
-    """The smallest singular value over the largest; nan where a number is not finite."""
+    """The smallest singular value over the largest; NaN where a number is not finite."""
     if not np.isfinite(matrix).all():
         return np.nan
     sizes = np.linalg.svd(matrix, compute_uv=False)
@@ -152,23 +160,25 @@ def least_part(matrix: Array) -> float:
 def lowest(
     matrix: Any, weights: Any, rigid: Array, count: int, bound: float
 ) -> tuple[Array, Array]:
-    """The lowest eigenvalues of K x = w^2 M x, rigid motions out, and vectors as columns.
+    """The lowest eigenvalues of K x = w^2 M x without rigid motions, and their eigenvectors.
 
     Parameters
     ----------
     matrix, weights : sparse, (free, free)
         K and M, symmetric, M positive definite.
     rigid : ndarray, (free, motions)
-        Motions of no stiffness that are kept out.
+        Motions of zero stiffness that are excluded.
     count : int
+        Number of eigenvalues.
     bound : float
-        Part of the largest stiffness over mass by which bounds of the eigenvalues are below 0: a
-        small one finds slow modes in fewer iterations, and costs digits where K is singular.
+        Distance of the shift below 0 over the largest stiffness over mass: a small one needs fewer
+        iterations for slow modes, and costs digits where K is singular.
 
     Returns
     -------
     tuple of two ndarrays, (count,), (free, count)
-        Eigenvalues ascending, those that are round-off 0; vectors of unit modal mass.
+        Eigenvalues in ascending order, 0 where they are round-off; eigenvectors of unit modal mass
+        as columns.
     """
     from scipy.linalg import eigh
     from scipy.sparse.linalg import LinearOperator, eigsh
@@ -202,7 +212,7 @@ def lowest(
 
 
 def round_off(matrix: Any, weights: Any) -> float:
-    """Size below which eigenvalues of K x = w^2 M x, sparse and symmetric, are round-off."""
+    """Absolute value below which eigenvalues of K x = w^2 M x are round-off."""
     largest = float((np.abs(matrix).sum(axis=0) / weights.diagonal()).max(initial=0.0))
     if not np.isfinite(largest):
         raise TensegrityError(f"stiffness over mass {largest} 1/s^2 must be finite")
@@ -212,10 +222,10 @@ def round_off(matrix: Any, weights: Any) -> float:
 def _inverse_above(
     matrix: Any, weights: Any, rigid: Array, bound: float
 ) -> tuple[Callable[[Array], Array], float]:
-    """The inverse of matrix - bound weights among x orthogonal to `rigid`, and that bound.
+    """The inverse of matrix - bound weights on x orthogonal to `rigid`, and that bound.
 
-    The bound goes down until all pivots are positive, so that no eigenvalue lies below it.  The
-    nearer it then is to the lowest eigenvalue, the fewer iterations follow.
+    The bound is lowered until all pivots are positive, so that no eigenvalue lies below it.  The
+    closer it is to the lowest eigenvalue, the fewer iterations follow.
     """
     from scipy.sparse.linalg import splu
 

@@ -1,8 +1,8 @@
-"""What is seen at work: progress bars, and what objects look like in a notebook.
+"""Progress bars, and the display of objects in a notebook.
 
-An object is a small table and a picture, as HTML that stands alone: `_repr_html_` of runs, paths,
-waves, prisms, structures and networks call `page`.  Matplotlib is imported when a picture is drawn
-and tqdm when a bar is, and not before.
+An object is displayed as a small table and a picture in self-contained HTML: `_repr_html_` of runs,
+paths, waves, prisms, structures and networks call `page`.  Matplotlib and tqdm are imported only
+when a picture or a bar is drawn.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def page(
     draw: Callable[[Figure], object] | None = None,
     size: tuple[float, float] = (4.6, 3.0),
 ) -> str:
-    """A title, a table of names and values, and beside them a picture.
+    """A title, a table of names and values, and a picture next to them.
 
     Parameters
     ----------
@@ -42,9 +42,9 @@ def page(
     rows : mapping of str
         Values are shown as text; all text is escaped.
     draw : callable (figure) -> None, optional
-        Where it raises a TensegrityError there is nothing to see, and no picture.
+        Draws the picture; there is none where it raises a TensegrityError.
     size : (float, float), optional
-        Of the picture [inches].
+        Width and height of the picture [inches].
 
     Returns
     -------
@@ -140,7 +140,7 @@ def progress(total: int, unit: str, done: int = 0) -> Iterator[_Counter]:
     Parameters
     ----------
     total, done : int
-        Units in all, and those that were there before.
+        Number of units in all, and of those done before.
     unit : str
     """
     with one_bar(unit):
@@ -170,7 +170,7 @@ def _is_watched() -> bool:
 def _bar(unit: str, done: int) -> Any:
     if in_notebook():
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # no widgets: a bar of text then
+            warnings.simplefilter("ignore")  # without widgets the bar is text
             from tqdm.auto import tqdm
     else:
         from tqdm import tqdm

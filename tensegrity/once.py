@@ -1,8 +1,8 @@
-"""What all threads share is built once: compiled kernels, CasADi functions, derived expressions.
+"""A cache for objects shared by all threads: compiled kernels, CasADi functions, expressions.
 
-Two expressions belong together only if they hold the same symbols, so a builder must not run
-twice at a time, and one builder's parts must not come from another's second run.  What is built
-already is handed out without waiting.
+Two expressions are compatible only if they hold the same symbols.  So no builder may run twice at
+the same time, nor use parts that another builder made in a second run.  Objects that exist are
+returned without waiting.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ _lock = threading.RLock()
 
 
 def once(build: Function) -> Function:
-    """A function that keeps its results, as `functools.cache` does, and is run by one thread
-    at a time: never twice with the same arguments, never beside another such function."""
+    """A function that caches its results, as `functools.cache` does, and is run by one thread at a
+    time: never twice with the same arguments, and never together with another such function."""
     made = {}
 
     @wraps(build)
@@ -40,5 +40,5 @@ def _renew():
     _lock = threading.RLock()
 
 
-if hasattr(os, "register_at_fork"):  # the thread that holds it does not come along
+if hasattr(os, "register_at_fork"):  # the thread that holds the lock is not forked
     os.register_at_fork(after_in_child=_renew)

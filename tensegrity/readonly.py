@@ -1,7 +1,7 @@
-"""What scenes are built from, kept as it was: attributes that are set once, arrays not writeable.
+"""Immutable objects: attributes that are set once, and arrays that are not writeable.
 
-What follows from these (weights, contacts, kernels) is computed once and kept, and results refer
-to their scene; a scene changed afterwards would contradict both.
+Quantities that follow from a scene (weights, contacts, kernels) are computed once and cached, and
+results refer to their scene; a change of the scene afterwards would contradict both.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class FixedDict(dict[Any, Any]):
 
 
 def fixed(value: Any) -> Any:
-    """The same value, for good: arrays copied and not writeable, lists as tuples, dicts fixed."""
+    """An immutable copy of a value: arrays not writeable, lists as tuples, dicts fixed."""
     if isinstance(value, np.ndarray):
         if value.flags.writeable:
             value = value.copy()
@@ -40,7 +40,7 @@ def fixed(value: Any) -> Any:
 
 
 def same_content(one: Any, other: Any) -> bool:
-    """Whether two values are equal, arrays and what is made of them number by number."""
+    """Whether two values are equal; arrays, also nested ones, are compared number by number."""
     if one is other:
         return True
     if type(one) is not type(other):
@@ -57,9 +57,9 @@ def same_content(one: Any, other: Any) -> bool:
 
 
 class ReadOnly:
-    """Base of what has attributes that are set once, by `__init__`, and `fixed` then.
+    """Base of classes whose attributes are set once, by `__init__`, and `fixed` then.
 
-    Pickles and copies keep them so; values of `cached_property` are not taken along.
+    Pickles and copies preserve this; values of `cached_property` are not copied.
     """
 
     def __setattr__(self, name: str, value: Any) -> None:

@@ -1,8 +1,8 @@
-"""A root of a function between two places where its signs differ, and the crest of samples.
+"""A root of a function between two points where its signs differ, and the peak of samples.
 
-Roots: Chandrupatla's method (Advances in Engineering Software 28, 145 (1997)): inverse quadratic
-interpolation where that is sound, else halving.  SciPy has as good ones, but to import it takes
-longer than most of what a first call of this package does.
+Roots are found by Chandrupatla's method (Advances in Engineering Software 28, 145 (1997)): inverse
+quadratic interpolation where it is reliable, bisection otherwise.  SciPy has equivalent methods,
+but its import takes longer than most first calls of this package.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 
 from tensegrity.typing import Array
 
-STEPS = 3000  # halvings from the largest number to the smallest, and some more
+STEPS = 3000  # more than the bisections from the largest number to the smallest
 ROUND_OFF = sys.float_info.epsilon
 
 
@@ -27,12 +27,23 @@ def root(
     absolute: float = 1e-300,
     relative: float = 2 * ROUND_OFF,
 ) -> float:
-    """Where f changes its sign between two places, to an absolute or a relative error.
+    """A point where f changes its sign between two points.
+
+    Parameters
+    ----------
+    f : callable (float) -> float
+    low, high : float
+    absolute, relative : float, optional
+        Admissible errors, of which the sum counts.
+
+    Returns
+    -------
+    float
 
     Raises
     ------
     ValueError
-        If the signs at both ends are the same, or f is not a number there.
+        The signs at both ends are equal, or f is NaN there.
     """
     a, b = float(low), float(high)
     at_a, at_b = f(a), f(b)
@@ -62,16 +73,16 @@ def root(
     raise ValueError(f"no root found between {low:g} and {high:g}")
 
 
-def crest(y: Array, at: Any) -> Array:
+def peak_weights(y: Array, at: Any) -> Array:
     """Weights of samples `at` - 1, `at` and `at` + 1 in the vertex of the parabola through them.
 
-    These are also the derivatives of the vertex by the samples: where it is highest, it does not
-    move the height.
+    These are also the derivatives of the vertex with respect to the samples, as a shift of its
+    place does not change its height to first order.
 
     Parameters
     ----------
     y : ndarray, (n,)
-        Samples, equally far from each other.
+        Equally spaced samples.
     at : ndarray of int, any shape
 
     Returns

@@ -1,7 +1,7 @@
-"""Types that signatures share: names for a type checker, nothing is computed here.
+"""Types used in signatures, and the protocols between rooms.
 
-Arguments that are converted are `numpy.typing.ArrayLike`; what comes back is one of the arrays
-below, whose shapes and units stand in the docstrings.
+Arguments that are converted are `numpy.typing.ArrayLike`; results are the arrays below, whose
+shapes and units are given in the docstrings.
 """
 
 from __future__ import annotations
@@ -16,50 +16,50 @@ Array: TypeAlias = NDArray[np.float64]
 Flags: TypeAlias = NDArray[np.bool_]
 Indices: TypeAlias = NDArray[np.int64]
 Function = TypeVar("Function", bound=Callable[..., Any])
-Number = TypeVar("Number", float, Array)  # in and out alike
+Number = TypeVar("Number", float, Array)  # the result has the type of the argument
 
 
 @runtime_checkable
 class SceneData(Protocol):
-    """A scene, as `tensegrity.scenes.dynamics` takes it: data, and nothing of a run."""
+    """A scene: data for `tensegrity.scenes.dynamics`, without any state of a run."""
 
     sites: int
     dim: int
     mass: Array  # [kg], (sites,)
-    held: Sequence[int]  # sites that stay where they are
+    held: Sequence[int]  # fixed sites
     loads: Any  # constant forces [N], of the shape of u or 0
     springs: tuple[Any, ...]  # the Potential of each bond
     drive: Mapping[int, Any]  # {site: Drive}
     damping: Any  # Damping or None
-    tune: Any  # arguments of the springs in time, or the spring of an instant
+    tune: Any  # arguments of the springs as functions of time, or a function t -> Potential
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Of u and v: (sites,) of a chain, (sites, dim) of a network."""
+        """Shape of u and v: (sites,) of a chain, (sites, dim) of a network."""
 
 
 @runtime_checkable
 class LawForms(Protocol):
-    """A law of force, as the engine compiles it."""
+    """A force law that the engine can compile."""
 
     @property
     def parameters(self) -> tuple[Any, ...]:
-        """Names, or symbols, of what differs from one spring of the law to another."""
+        """Names or symbols of the quantities that differ between springs of the same law."""
 
     def forms(self) -> tuple[Any, Any, Sequence[Any]]:
-        """Elongation and parameters as CasADi symbols; energy [J], tension [N], stiffness [N/m]
-        and its slope [N/m^2] in them."""
+        """Elongation and parameters as CasADi symbols, and expressions of the energy [J], tension
+        [N], stiffness [N/m] and its derivative [N/m^2]."""
 
 
 @runtime_checkable
 class Observer(Protocol):
-    """What a march serves: see `tensegrity.runs.march`."""
+    """An observer of a march; see `tensegrity.runs.march`."""
 
     def wanted(self, end: int) -> Sequence[Any]:
-        """States, and room for them, of an attempt that goes on to step `end`."""
+        """The states requested of an attempt to advance to step `end`, with arrays for them."""
 
     def take(self, motion: Any) -> None:
-        """Take them, once the attempt stands."""
+        """Take these states, once the attempt is accepted."""
 
 
 class Members(Protocol):

@@ -29,9 +29,9 @@ def rows(scene, state, t_end, steps, at):
     for k in at.tolist():
         if k:
             bound.advance_open(k - done, done > 0)
-            for array, given in zip(bound.shown, (bound.u, bound.v), strict=True):
+            for array, given in zip(bound.output, (bound.u, bound.v), strict=True):
                 array[...] = given
-            bound._show(*bound._addresses, *(x.ctypes.data for x in bound.shown))
-        done, shown = k, bound.shown if k else (bound.u, bound.v)
+            bound._postprocess(*bound._addresses, *(x.ctypes.data for x in bound.output))
+        done, shown = k, bound.output if k else (bound.u, bound.v)
         found.append([x[: scene.sites].astype(float) for x in shown])
     return np.moveaxis(found, 1, 0)

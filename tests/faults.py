@@ -49,7 +49,7 @@ NEAREST = {  # folders and files, and the tests of what stands there; those of i
     "tensegrity/catalogue": "catalogue structure",
     "tensegrity/branches": "continuation response structure_path condensed golden",
     "tensegrity/engine/reverse": "gradients gradient_networks golden",
-    "tensegrity/engine/kept": "native",
+    "tensegrity/engine/disk_cache": "native",
     "tensegrity/engine/native": "native",
     "tensegrity/engine/openings": "openings corners golden",
     "tensegrity/engine": "golden one_engine network openings corners driven methods limits"

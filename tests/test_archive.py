@@ -181,7 +181,7 @@ def test_nothing_in_a_file_is_unpickled_or_evaluated(tmp_path):
     changed["objects"][number][1] = "Popen"
     with open(path, "wb") as file:
         np.savez(file, text=np.array(json.dumps(changed)), **arrays)
-    with pytest.raises(TensegrityError, match=r"nothing here knows a Popen: .* version that"):
+    with pytest.raises(TensegrityError, match=r"class Popen is not registered: .* version that"):
         Run.load(path)
 
 

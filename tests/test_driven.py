@@ -375,7 +375,7 @@ def test_a_run_of_functions_of_time_is_kept_as_what_it_prints(tmp_path):
     run.save(tmp_path / "run.npz")
     again = Run.load(tmp_path / "run.npz")
     np.testing.assert_array_equal(again.work, run.work)
-    with pytest.raises(TensegrityError, match="build it again"):
+    with pytest.raises(TensegrityError, match="build the scene again"):
         _ = again.scene.mass
 
 

@@ -211,8 +211,8 @@ def test_a_run_that_was_ended_is_saved_and_loaded(tmp_path):
         ([3], "observe 3 is not a function"),
         ((print, 7), "observe 7 is not a function"),
         ([(print, 7)], "record of an observer 7"),
-        ((print, Record(sites=[0])), "sites of an observer's record"),
-        ((print, Record(path="x.npy")), "path of an observer's record"),
+        ((print, Record(sites=[0])), "sites in an observer's record"),
+        ((print, Record(path="x.npy")), "path in an observer's record"),
         ((print, Record(times=[9.0])), "after the end"),
     ],
 )

@@ -27,8 +27,8 @@ from granular.design.spaces import SLACK, Sizes
 from granular.materials import Material
 from tensegrity import METHODS, PowerLaw, Splitting, TensegrityError, objective
 from tensegrity.engine.bonds import Bonds
-from tensegrity.gradients.adjoint import Repeated
-from tensegrity.root import crest
+from tensegrity.gradients.adjoint import RepeatedRun
+from tensegrity.root import peak_weights
 from tensegrity.typing import Array, Indices
 
 PARTS = 12  # steps of velocity Verlet in one of a search's
@@ -65,7 +65,7 @@ class Pass:
         self._law = PowerLaw(1.0, EXPONENT).law
         contacts = np.arange(1.0, count + 1)  # such that each bond has a constant of its own
         bonds, method = self._bonds(contacts, np.zeros(count)), cast("Splitting", METHODS["verlet"])
-        self._repeated = Repeated(bonds, method, t_end / steps, steps, count - 1, (0,))
+        self._repeated = RepeatedRun(bonds, method, t_end / steps, steps, count - 1, (0,))
         self._v = np.zeros(count + 1)
         self._v[0] = striker.speed
 
@@ -103,7 +103,7 @@ class Pass:
             Derivatives of objectives by it.
         """
         stiff = EXPONENT * np.divide(force, self._moved, out=np.zeros_like(force), where=force > 0)
-        totals = self._repeated.back(by_force * stiff)
+        totals = self._repeated.pullback(by_force * stiff)
         by_constant = totals.p[:, 0].copy()
         by_constant[:, -1] += by_force @ force / self._constant
         moved: Any = self._sizes[None] * (1 + 1j * TINY)
@@ -139,7 +139,7 @@ def _maxima(force: Array) -> tuple[Array, Indices, Array]:
     """Height of each maximum, by a parabola, three steps around it, and the weights of their forces
     in it.  A force that still rises at the end has its maximum there."""
     top = np.flatnonzero((force[1:-1] > force[:-2]) & (force[1:-1] >= force[2:])) + 1
-    weights = crest(force, top)
+    weights = peak_weights(force, top)
     if force[-1] > force[-2]:
         top, weights = np.append(top, len(force) - 2), np.append(weights, [[0.0, 0.0, 1.0]], axis=0)
     steps = top[:, None] + np.arange(-1, 2)

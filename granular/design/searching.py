@@ -30,7 +30,7 @@ from tensegrity import TensegrityError, check
 from tensegrity.engine import native
 from tensegrity.notebook import one_bar, progress
 from tensegrity.runs import archive
-from tensegrity.runs.sweep import Failed, WorkerPool, keep, require_same
+from tensegrity.runs.sweep import Failed, WorkerPool, require_same, write_checkpoint
 from tensegrity.typing import Array
 
 COARSE = 2.0  # steps of a search over the default ones
@@ -255,7 +255,7 @@ class _Trail:
         }  # fmt: skip
         if isinstance(self._leads, Descents):
             data |= {"counts": np.array(counts), "rows": np.array(rows)}
-        keep(self._path, "search", data)
+        write_checkpoint(self._path, "search", data)
 
     def _require_same_digest(self) -> None:
         if self._digest.hexdigest() != self._old_digest:

@@ -1,8 +1,8 @@
-"""Bonds of a scene as the loop takes them, and the order in which it does.
+"""The bonds of a scene in the form of arrays, and their order in the loop.
 
-A bond has a law, two rows that it joins, and parameters, which it may have in common with all
-others, or of its own, or of its own in each lane.  Rows are the sites, and behind them the walls.
-The loop keeps the elongations met of every bond that has parameters of its own, else of a run.
+A bond has a law, the two rows that it joins, and parameters, in common with others, of its own, or
+of its own in each scene of a batch.  Rows are the sites, then the walls.  The loop notes the
+elongation range of every bond with parameters of its own, and of every run of other bonds.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from tensegrity.readonly import fixed
 
 PAIR, WALL = 0, 1
 KINDS = ("pair", "wall")
-SHORT = 64  # bonds: in a chain, fewer equal ones in a row may join a run of unequal ones
-FEW = 4  # rows of so short that a law does without
+SHORT = 64  # in a chain, fewer consecutive equal bonds may be part of a run of unequal ones
+FEW = 4  # most such short groups of a law that remain runs of their own
 GROUP = 8  # as in simd.c
 BLOCK = 64  # as in simd.c
 
@@ -34,14 +34,14 @@ class Bonds:
     law : ndarray of int, (springs,)
         Index into `laws` of each different spring.
     parameters : ndarray, (springs, most parameters of any law)
-    group : ndarray of int, (bonds,) or (bonds, lanes)
-        The spring of each bond; in one bond the springs of all lanes have one law.
-    inverse_mass : ndarray, (sites,) or (sites, lanes)
+    group : ndarray of int, (bonds,) or (bonds, batch)
+        The spring of each bond; the springs of a bond in all scenes of a batch have one law.
+    inverse_mass : ndarray, (sites,) or (sites, batch)
         [1/kg], 0 for a held site.
     contacts : Contacts, optional
-        Where the bonds do not just join neighbours on a line.
-    openings : ndarray, (corners, springs, 4), optional
-        What `Potential.openings` says of each different spring, NaN behind its last one.
+        Contacts of a network; the bonds of a chain join neighbours.
+    openings : ndarray, (kinks, springs, 4), optional
+        The kinks of each different spring, `Potential.openings`; NaN after its last one.
     """
 
     laws: tuple
@@ -65,19 +65,19 @@ class Bonds:
 
     @cached_property
     def runs(self):
-        """The order in which the loop does them."""
+        """The order of the bonds in the loop."""
         found = line_runs(self) if self.contacts is None else net_runs(self)
         return Runs(*(fixed(getattr(found, field.name)) for field in fields(Runs)))
 
     @cached_property
-    def laid(self):
-        """What loops over them keep from one run to the next, by loop."""
+    def layouts(self):
+        """Cache of layouts, by loop and number of threads."""
         return {}
 
     @cached_property
     def own(self):
-        """For each law the numbers of the parameters that differ in a run; None where no run
-        has bonds with a range of their own."""
+        """For each law the indices of the parameters that differ within a run; None where no run
+        has bonds with an elongation range of their own."""
         found = [None] * len(self.laws)
         for k in np.flatnonzero(self.runs.own):
             values = self.parameters[np.unique(self.group[self.runs.members(k)])]
@@ -89,7 +89,7 @@ class Bonds:
 
 @dataclass(frozen=True, eq=False)
 class Contacts:
-    """Which rows contacts join, and where; rows are sites, then walls, and a spare one.
+    """Contacts of a network; rows are sites, then walls, and a spare one.
 
     Attributes
     ----------
@@ -105,8 +105,8 @@ class Contacts:
         Constant forces [N].
     walls : int
     crowding : ndarray of int, (sites,), optional
-        With about how many sites of higher numbers each may have contacts, where lists may come
-        and go: the same for all lists of a scene.
+        Approximate number of sites of higher numbers with which each may have contacts, where the
+        list changes during a run; the same for all lists of a scene.
     """
 
     kind: np.ndarray
@@ -120,7 +120,7 @@ class Contacts:
 
     @property
     def rows(self):
-        """Sites, walls, and one row more."""
+        """Number of sites and walls, and one more."""
         return len(self.load) + self.walls + 1
 
 
@@ -150,7 +150,7 @@ class Runs:
 
 
 def line_runs(bonds):
-    """A chain's bonds in their order: equal ones in a row, many short such rows in one run."""
+    """Runs of a chain: consecutive equal bonds, many short such groups joined to one run."""
     group = bonds.group[:, None] if bonds.group.ndim == 1 else bonds.group
     law = bonds.law_of_bond
     steps = np.any(group[1:] != group[:-1], axis=1)
@@ -164,13 +164,13 @@ def line_runs(bonds):
         if (short & mine).sum() > FEW:
             joins |= short & mine
         if joins[mine].any() and is_long(bonds.laws[number]):
-            joins |= mine  # compiled once only
+            joins |= mine  # so that the law is compiled once
     ends = np.flatnonzero((laws[1:] != laws[:-1]) | ~(joins[1:] & joins[:-1])) + 1
-    kept = np.concatenate([[0], ends]).astype(int)
-    own = joins[kept].astype(int)
+    begins = np.concatenate([[0], ends]).astype(int)
+    own = joins[begins].astype(int)
     return Runs(
-        np.arange(len(group)), np.append(first[kept], len(group)), laws[kept], own,
-        np.full(len(kept), PAIR),
+        np.arange(len(group)), np.append(first[begins], len(group)), laws[begins], own,
+        np.full(len(begins), PAIR),
     )  # fmt: skip
 
 
@@ -183,15 +183,30 @@ def net_runs(bonds):
     law, kind = np.divmod(found, len(KINDS))
     for one in np.unique(law[own > 0]):
         if is_long(bonds.laws[one]):
-            own[law == one] = 1  # compiled once only
+            own[law == one] = 1  # so that the law is compiled once
     first = np.cumsum([0, *map(len, members)])
     source = np.concatenate([np.zeros(0, dtype=int), *members])
     return Runs(source, first, law, own, kind)
 
 
-def parameters(bonds, runs, own, lanes=1):
-    """Fields of a scene: `shared`, what bonds of a run have in common, (runs, most); those of their
-    `own`, as a loop was compiled for, and where these begin, `own_at`."""
+def parameters(bonds, runs, own, batch=1):
+    """Fields of a scene that hold parameters.
+
+    Parameters
+    ----------
+    bonds : Bonds
+    runs : Runs
+    own : sequence of (tuple of int or None)
+        For each law the indices of parameters that each bond has of its own; see `Bonds.own`.
+    batch : int, optional
+        Number of scenes.
+
+    Returns
+    -------
+    dict of ndarray
+        "shared", parameters common to a run, (runs, most); "own", those of single bonds; "own_at",
+        where these begin for each run.
+    """
     places = np.zeros(len(runs.law), dtype=np.int64)
     shared = np.zeros((len(runs.law), bonds.parameters.shape[1]))
     columns, at = [np.zeros(0)], 0
@@ -200,12 +215,12 @@ def parameters(bonds, runs, own, lanes=1):
         shared[k] = bonds.parameters[springs.flat[0]]
         places[k] = at
         if runs.own[k]:
-            if lanes > 1 and springs.ndim == 1:  # the same in all lanes
-                springs = np.repeat(springs[:, None], lanes, axis=1)
-            rows = bonds.parameters[:, list(own[law])][springs]  # (places[, lanes], own)
+            if batch > 1 and springs.ndim == 1:  # the same in all scenes
+                springs = np.repeat(springs[:, None], batch, axis=1)
+            rows = bonds.parameters[:, list(own[law])][springs]  # (places[, batch], own)
             columns.append(np.moveaxis(rows, -1, 0).ravel())
             at += columns[-1].size
-    columns.append(np.zeros(GROUP))  # packs may read beyond the last
+    columns.append(np.zeros(GROUP))  # SIMD loads may read beyond the last one
     return {"shared": shared, "own": np.concatenate(columns), "own_at": places}
 
 
@@ -214,7 +229,22 @@ def integers(array):
 
 
 def by_spring(group, springs, low, high):
-    """Ranges of elongation of all springs from those of their bonds; (springs, 2)."""
+    """Elongation ranges of springs from those of their bonds.
+
+    Parameters
+    ----------
+    group : ndarray of int, (bonds,)
+        The spring of each bond.
+    springs : int
+        Number of springs.
+    low, high : ndarray, (bonds,)
+        Smallest and largest elongation of each bond [m].
+
+    Returns
+    -------
+    ndarray, (springs, 2)
+        [m]; inf and -inf for a spring without bonds.
+    """
     if springs == 1 and low.size:
         return np.array([[low.min(), high.max()]])
     found = np.empty((springs, 2), dtype=low.dtype)

@@ -1,18 +1,18 @@
-"""C text of a loop over bonds, from their laws: forwards, and backwards with derivatives.
+"""C text of a loop over bonds of given laws: forward, and reverse with derivatives.
 
-CasADi writes the C of a law's functions, and `simd` that for several bonds side by side; both are
-used as they are written, between `prelude.c` and the text of a loop.
+CasADi writes the C of the functions of a law, and `simd` that for several bonds in SIMD registers;
+both are inserted unchanged between `prelude.c` and the text of a loop.
 """
 
 from __future__ import annotations
 
 from tensegrity.engine import geometry, simd
-from tensegrity.engine.law import DERIVATIVES, Change, applied, facts, functions, interpret
-from tensegrity.engine.native import joined
+from tensegrity.engine.law import DERIVATIVES, Change, applied, functions, interpret, law_properties
+from tensegrity.engine.native import concatenated
 from tensegrity.once import once
 
-LONG = 500  # instructions from which a law is compiled apart from the loop
-STEPS = {  # files of what advances, by the steps that a text is made for
+LONG = 500  # least instructions of a law that is compiled as a function, not inlined in the loop
+STEPS = {  # files for each kind of steps
     "": (),
     "openings": ("overlaps.c", "openings.c"),
     "implicit": ("implicit.c",),
@@ -28,19 +28,23 @@ def c_text(laws, own=None, dim=0, steps="", helpers=()):
     laws : sequence of Law
         Or one law whose parameters change in time, and its `Change`.
     own : sequence of (tuple of int or None), optional
-        For each law the numbers of the parameters that bonds of a run may each have their own of;
-        None where no run has bonds that the loop tells apart.
+        For each law the indices of parameters that each bond of a run has of its own; None where
+        the bonds of all runs are equal.
     dim : int, optional
-        Coordinates of a site in a network; 0 for a line.  Files taken are `<loop>_law.c`, once for
-        each kind of run, and `<loop>.c`, of the loop "line" or "net".
+        Number of coordinates of a site in a network; 0 for a chain.  The files are `<loop>_law.c`,
+        once for each kind of run, and `<loop>.c`, of the loop "line" or "net".
     steps : str, optional
-        The steps in `STEPS` that are among it, besides those of `steps.c`.
+        The kind of steps, a key of `STEPS`, besides those of `steps.c`.
     helpers : sequence of (casadi.Function, str), optional
-        What is needed besides, and the C by which it is called.
+        Further functions, and the C by which they are called.
+
+    Returns
+    -------
+    str
     """
     own, loop = own or (None,) * len(laws), "net" if dim else "line"
     change = next((law for law in laws if isinstance(law, Change)), None)
-    alone = not dim and own == (None,)  # then it is looked at outside of a loop too
+    alone = not dim and own == (None,)  # then the law is also evaluated outside the loop
     names = laws[0].compiled if alone else ()
     more = (*names, *["stiffness"] * (steps == "implicit"))
     scalars = [
@@ -50,15 +54,15 @@ def c_text(laws, own=None, dim=0, steps="", helpers=()):
     ]
     runs, parts, packed = [], ["scene.h"], geometry.side_by_side(dim) if dim else []
     for k, law in enumerate(laws[: len(laws) - (change is not None)]):
-        beside = bool(dim or change) or facts(law)["packed"]
+        in_simd = bool(dim or change) or law_properties(law)["packed"]
         for kind in kinds(law, own[k]):
             runs.append((k, kind))
-            count, text = _tensions(k, kind, law, own[k], change, dim) if beside else (0, "")
+            count, text = _tensions(k, kind, law, own[k], change, dim) if in_simd else (0, "")
             packed.append(text)
-            flags = {"K": k, "OWNED": kind, "IS_LONG": is_long(law), "BESIDE": beside}
+            flags = {"K": k, "OWNED": kind, "IS_LONG": is_long(law), "IN_SIMD": in_simd}
             flags["WAITING"] = max(1, count)
             parts += [*_defined(flags), f"{loop}_law.c", *(f"#undef {x}" for x in flags)]
-    in_packs = alone and facts(laws[0])["packed_energy"]
+    in_packs = alone and law_properties(laws[0])["packed_energy"]
     if in_packs:
         packed += ["#if WIDE == 8", _energies(laws[0]), "#endif"]
     evaluations = [(DERIVATIVES.index(name), name) for name in names]
@@ -69,16 +73,20 @@ def c_text(laws, own=None, dim=0, steps="", helpers=()):
 
 
 def reverse_text(laws, own, wanted, dim, exact):
-    """C source of the loop backwards: `reverse.c`.
+    """C source of the reverse loop: `reverse.c`.
 
     Parameters
     ----------
     laws, own, dim
         As of `c_text`.
     wanted : sequence of tuple of int
-        For each law the numbers of the parameters by which derivatives are wanted.
+        For each law the indices of the parameters with respect to which to differentiate.
     exact : bool
-        Whether states are whole units of a grid; then it goes forwards too.
+        Whether states are multiples of a grid spacing; then the text has the forward loop too.
+
+    Returns
+    -------
+    str
     """
     arguments = (
         "integer apart, const real *r, real *f, real *k, real *d, const real *shared, "
@@ -89,7 +97,7 @@ def reverse_text(laws, own, wanted, dim, exact):
         function, count = law_function(law, wanted[number]), len(wanted[number])
         mine = [(number, kind) for kind in (0, 1)[: 1 + (own[number] is not None)]]
         runs += mine
-        if exact or not facts(law)["packed"]:
+        if exact or not law_properties(law)["packed"]:
             scalars += [(*run, count) for run in mine]
             hooks.append(scalar(number, "slopes", function))
             hooks += [scalar(number, "tension", functions(law)["tension"])] * exact
@@ -105,7 +113,27 @@ def reverse_text(laws, own, wanted, dim, exact):
 
 
 def whole(laws, own, hooks, dim, packed, lists, flags, parts):
-    """C source of CasADi's functions with what calls them, those of packs, listed macros, files."""
+    """Assemble a C source.
+
+    Parameters
+    ----------
+    laws, own, dim
+        As of `c_text`.
+    hooks : sequence of (casadi.Function, str)
+        Functions for CasADi to write, and the C by which they are called.
+    packed : sequence of str
+        C of SIMD functions.
+    lists : dict of str to sequence of tuples
+        Arguments X(...) of list macros.
+    flags : dict of str to int or bool
+        Macros.
+    parts : sequence of str
+        Names of files, and C text.
+
+    Returns
+    -------
+    str
+    """
     import casadi as ca
 
     generator, hooks = ca.CodeGenerator("laws.c"), [*hooks, *(geometry.helpers(dim) if dim else ())]
@@ -117,7 +145,7 @@ def whole(laws, own, hooks, dim, packed, lists, flags, parts):
     for name, rows in lists.items():
         defines[f"{name}(X)"] = " ".join(f"X({', '.join(map(str, row))})" for row in rows)
     begin = ["prelude.c", generator.dump(), *(hook for _, hook in hooks), *takes, "simd.c"]
-    return joined([*begin, *packed, *_defined(defines), *parts])
+    return concatenated([*begin, *packed, *_defined(defines), *parts])
 
 
 def _defined(values):
@@ -125,8 +153,21 @@ def _defined(values):
 
 
 def scalar(number, name, function):
-    """A law's function of scalars for CasADi to write, and the C that calls it as
-    `<name>_<number>(r, p)`; for several results with a place for them behind p."""
+    """A function of a law for CasADi to write, and the C that calls it.
+
+    Parameters
+    ----------
+    number : int
+        Number of the law.
+    name : str
+    function : casadi.Function
+        Of r and p.
+
+    Returns
+    -------
+    casadi.Function, str
+        The C defines `<name>_<number>(r, p)`; for several results with their address after p.
+    """
     import casadi as ca
 
     unique, sx = f"law{number}_{name}", function.sx_in()
@@ -140,13 +181,13 @@ def scalar(number, name, function):
 
 
 def cost(law):
-    """Seconds that a tension takes in a compiled loop, roughly: counted, not measured."""
-    return facts(law)["cost"]
+    """Estimate of the time of a tension in a compiled loop [s], from a count of operations."""
+    return law_properties(law)["cost"]
 
 
 def is_long(law):
-    """Whether a law is compiled apart from the loop, once."""
-    return facts(law)["instructions"] > LONG
+    """Whether a law is compiled once as a function, instead of inlined in the loop."""
+    return law_properties(law)["instructions"] > LONG
 
 
 def kinds(law, own):
@@ -157,7 +198,8 @@ def kinds(law, own):
 
 
 def _packs(law, own, one, wide="WIDE"):
-    """C of pack number g of each parameter: `one` of its number, or of its own column."""
+    """C of SIMD vector number g of each parameter: `one` formatted with its index, or a load from
+    the column of bonds' own values."""
     return [
         f"load(own + {own.index(k)} * all + g * {wide})" if k in own else one.format(k)
         for k in range(len(law.parameters))
@@ -165,9 +207,9 @@ def _packs(law, own, one, wide="WIDE"):
 
 
 def _tensions(number, kind, law, own, change, dim):
-    """C of the tensions of several contacts, `tension_lanes_<law>_<kind of run>`; on a line in
-    halves, and the rates of energies of bonds that change too, in packs a block behind.  With the
-    number of packs that wait between these halves."""
+    """C of the tensions of several contacts, `tension_lanes_<law>_<kind of run>`; for a chain in
+    two functions, with the rates of energies of changing bonds in the block after the tensions.
+    Also the number of vectors that are stored between the two functions."""
     shared, one = ("pack", "p[{}]") if dim else ("real", "wide(p[{}])")
     arguments = f"const pack *r, const {shared} *p, const real *own, integer all, pack *f"
     p = _packs(law, own if kind else (), one, "GROUP")
@@ -179,11 +221,11 @@ def _tensions(number, kind, law, own, change, dim):
     given = [["r[g]"], p]
     if dim:
         return 0, simd.text(function, name, arguments, given, found)
-    return simd.halves(function, name, "", arguments, given, found)
+    return simd.two_functions(function, name, "", arguments, given, found)
 
 
 def _energies(law):
-    """C of the energies of several bonds, `energy_lanes_0`."""
+    """C of the energies of several bonds in SIMD registers, `energy_lanes_0`."""
     arguments, p = "const pack *r, const real *p, pack *e", _packs(law, (), "wide(p[{}])")
     return simd.text(
         functions(law)["energy"], "energy_lanes_0", arguments, [["r[g]"], p], [["e[g]"]]
@@ -191,7 +233,7 @@ def _energies(law):
 
 
 def _take(number, law, own):
-    """C that gathers the parameters of bond q of a run, those of its own from columns of `all`."""
+    """C that gathers the parameters of bond q of a run, its own from columns of length `all`."""
     each = " ".join(
         f"p[{k}] = own[{own.index(k)} * all + q];" if k in own else f"p[{k}] = shared[{k}];"
         for k in range(len(law.parameters))
@@ -204,7 +246,7 @@ def _take(number, law, own):
 
 @once
 def law_function(law, wanted):
-    """CasADi function (r, p) -> tension, stiffness, derivatives of the tension by p[wanted]."""
+    """CasADi function (r, p) -> tension, stiffness, derivatives of the tension in p[wanted]."""
     import casadi as ca
 
     r, p, (_, tension, stiffness, _) = law.forms()
@@ -212,7 +254,7 @@ def law_function(law, wanted):
     forms = ca.cse(ca.vertcat(tension, stiffness, slopes[list(wanted)]))
     values, found = _without_divisions(ca.Function("law", [r, p], [forms]), r, p)
     q, inner = [x for x, _ in found], ca.vertcat(*(symbol for _, symbol in found))
-    for _ in found:  # a denominator may have others in it
+    for _ in found:  # a denominator may contain others
         q = [ca.substitute(x, inner, 1 / ca.vertcat(*q)) for x in q]
     return ca.Function("law", [r, p], [ca.substitute(values, inner, 1 / ca.vertcat(*q))])
 
@@ -220,8 +262,8 @@ def law_function(law, wanted):
 def _without_divisions(function, r, p):
     """Outputs with symbols for reciprocals, and pairs of a denominator and its symbol.
 
-    A reciprocal of a factor of another denominator is made from that: where nothing is chosen, so
-    that one that is 0 spoils the others anyhow.
+    The reciprocal of a factor of another denominator is computed from the reciprocal of the latter;
+    only in functions without conditions, where a denominator of 0 invalidates all results anyway.
     """
     import casadi as ca
 
@@ -236,7 +278,7 @@ def _without_divisions(function, r, p):
             if x.is_op(ca.OP_TWICE):
                 return 0.5 * reciprocal(x.dep(0))
             if x.is_op(ca.OP_ADD) and x.dep(0).is_op(ca.OP_LE) and x.dep(1).is_op(ca.OP_LE):
-                return 1.5 - 0.5 * x  # of 1 or 2: how an extremum chooses
+                return 1.5 - 0.5 * x  # of 1 or 2, in the derivative of an extremum
             known[key] = x, ca.SX.sym(f"i{len(known)}")
         return known[key][1]
 
@@ -248,7 +290,7 @@ def _without_divisions(function, r, p):
     values = ca.vertcat(*interpret(function, inputs, apply))
     if chosen:
         return values, list(known.values())
-    kept = []
+    pairs = []
     for x, symbol in known.values():
         for whole, other in known.values():
             rest = None if whole is x else _rest(whole, x)
@@ -256,12 +298,12 @@ def _without_divisions(function, r, p):
                 values = ca.substitute(values, symbol, rest * other)
                 break
         else:
-            kept.append((x, symbol))
-    return values, kept
+            pairs.append((x, symbol))
+    return values, pairs
 
 
 def _rest(product, factor):
-    """What is left of a product without a factor, or None where it has no such factor."""
+    """The other factors of a product, or None where it does not contain a factor."""
     import casadi as ca
 
     if product.element_hash() == factor.element_hash():
@@ -286,7 +328,7 @@ def depends_on(law):
 
 @once
 def energy_function(law, wanted):
-    """CasADi function (r, p) -> energy, tension, derivatives of the energy by p[wanted]."""
+    """CasADi function (r, p) -> energy, tension, derivatives of the energy in p[wanted]."""
     import casadi as ca
 
     r, p, (energy, tension, _, _) = law.forms()

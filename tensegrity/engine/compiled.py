@@ -1,5 +1,5 @@
-"""What runs as machine code: loops, of generated laws and geometry and C of a line or a network;
-and functions of vectors, on CasADi's machine without a compiler."""
+"""Compiled code: loops, of generated laws and geometry and the C text of a chain or a network; and
+functions of vectors, evaluated by CasADi where there is no compiler."""
 
 from __future__ import annotations
 
@@ -10,53 +10,53 @@ import numpy as np
 
 from tensegrity.engine.codegen import c_text
 from tensegrity.engine.disk_cache import cached
-from tensegrity.engine.law import DERIVATIVES, Change, evaluate, facts, named
-from tensegrity.engine.native import joined, library, pointer
+from tensegrity.engine.law import DERIVATIVES, Change, evaluate, law_properties, named
+from tensegrity.engine.native import concatenated, library, pointer
 from tensegrity.errors import CompilerError
 from tensegrity.once import once
 
-PREFIX = "tensegrity_"  # in C: where its address is taken, a name must not be one of libc too
+PREFIX = "tensegrity_"  # of names in C, which must differ from those of libc
 
 
 class Compiled:
-    """Laws and a loop over bonds of them.
+    """A compiled loop over bonds of some laws.
 
     Parameters
     ----------
     laws : tuple of Law
         Or one law whose parameters change in time, and its `Change`.
     own : tuple, optional
-        As `Bonds.own`.
+        See `Bonds.own`.
     dim : int, optional
-        Coordinates of a site in a network; 0 for a line.
-    lanes : int, optional
-        Chains that one call advances; the last axis of u and v where there are more than one.
+        Number of coordinates of a site in a network; 0 for a chain.
+    batch : int, optional
+        Number of chains advanced by one call; the last axis of u and v if above 1.
     extended : bool, optional
-        Compile the same text in the platform's long double, as a reference for tests.
+        Compile the same text with long double, as a reference for tests.
     """
 
-    def __init__(self, laws, own=None, dim=0, lanes=1, extended=False):
-        self.laws, self.own, self.dim, self.lanes = laws, own or (None,) * len(laws), dim, lanes
+    def __init__(self, laws, own=None, dim=0, batch=1, extended=False):
+        self.laws, self.own, self.dim, self.batch = laws, own or (None,) * len(laws), dim, batch
         self.dtype = np.dtype(np.longdouble if extended else np.float64)
-        self._flags = ["-DEXTENDED"] * extended + [f"-DLANES={lanes}"] * (lanes > 1)
+        self._flags = ["-DEXTENDED"] * extended + [f"-DBATCH={batch}"] * (batch > 1)
         self._flags += [f"-DDIM={dim}"] * (dim > 0)
-        self._opens = any(facts(law)["cut"] for law in laws if not isinstance(law, Change))
+        self._opens = any(law_properties(law)["cut"] for law in laws if not isinstance(law, Change))
         self._made = {}
 
     def steps(self, kind):
-        """Functions that advance by steps of a kind, and show what is looked at, or None where that
-        is what they advance."""
+        """Functions that advance by steps of one kind, and that turn copies of u and v into the
+        output state; None for the second where u and v are that state already."""
         made = self.library if kind in ("", "nystrom") else self._compiled(kind)
         ending = f"_{kind}" * bool(kind)
-        return [getattr(made, name + ending, None) for name in ("advance", "show")]
+        return [getattr(made, name + ending, None) for name in ("advance", "postprocess")]
 
     @cached_property
     def library(self):
-        """What steps of most methods need, and corrected ones where contacts may open."""
+        """The library for steps of most methods, and for corrected ones where forces have kinks."""
         return self._compiled("openings" if self._opens else "")
 
     def _compiled(self, steps):
-        """A library: other steps than the usual ones take as long to compile as the rest."""
+        """The library for a kind of steps; separate, as each takes long to compile."""
         if steps not in self._made:
             given = self.laws, self.own, self.dim, steps
             text = cached(named("loop", *given), lambda: c_text(*given))
@@ -64,19 +64,37 @@ class Compiled:
         return self._made[steps]
 
     @classmethod
-    def of(cls, bonds, lanes=1, extended=False):
-        """The loop for given `Bonds`."""
-        return cls(bonds.laws, bonds.own, bonds.dim, lanes, extended)
+    def of(cls, bonds, batch=1, extended=False):
+        """The loop for given bonds.
+
+        Parameters
+        ----------
+        bonds : Bonds
+        batch : int, optional
+        extended : bool, optional
+
+        Returns
+        -------
+        Compiled
+        """
+        return cls(bonds.laws, bonds.own, bonds.dim, batch, extended)
 
     def evaluate(self, order, parameters, r):
-        """The order-th derivative of a law alone at elongations r.
+        """A derivative of the energy of a single law at elongations r.
 
         Parameters
         ----------
         order : int
+            Order of the derivative, 0 to 3.
         parameters : ndarray, (at least its parameters,) or (those, n)
-            In common, or those of each place along the last axis of r.
+            In common, or for each place along the last axis of r.
         r : ndarray, C-contiguous, (..., n)
+            [m]
+
+        Returns
+        -------
+        ndarray, shape of r
+            [J], [N], [N/m] or [N/m^2].
         """
         (law,) = self.laws
         if DERIVATIVES[order] not in law.compiled:
@@ -88,19 +106,29 @@ class Compiled:
         return out
 
     def numbers(self, array):
-        """An array as the loop takes it."""
+        """An array in the precision of the loop."""
         return np.ascontiguousarray(array, dtype=self.dtype)
 
 
 @once
-def compiled(laws, own, dim, lanes):
-    """The loop for these laws."""
-    return Compiled(laws, own, dim, lanes)
+def compiled(laws, own, dim, batch):
+    """The loop for some laws, cached; see `Compiled`.
+
+    Parameters
+    ----------
+    laws, own, dim, batch
+        As of `Compiled`.
+
+    Returns
+    -------
+    Compiled
+    """
+    return Compiled(laws, own, dim, batch)
 
 
 @once
-def single(law):
-    """The loop of one law, or None without a compiler: springs are looked at all the same."""
+def loop_of_law(law):
+    """The loop of one law, or None without a compiler; springs can be evaluated in either case."""
     loop = compiled((law,), (None,), 0, 1)
     try:
         return loop.library and loop
@@ -109,28 +137,40 @@ def single(law):
 
 
 def evaluated(law, order, parameters, r):
-    """As `Compiled.evaluate`, on CasADi's machine without a compiler."""
-    loop = single(law)
+    """A derivative of the energy of a law, evaluated by CasADi where there is no compiler.
+
+    Parameters
+    ----------
+    law : Law
+    order : int
+    parameters, r : ndarray
+        As of `Compiled.evaluate`.
+
+    Returns
+    -------
+    ndarray, shape of r
+    """
+    loop = loop_of_law(law)
     if loop is None:
         return evaluate(law, order, parameters, r)
     return loop.evaluate(order, parameters, r)
 
 
 class Functions:
-    """Named functions of up to 8 vectors with one vector as their result.
+    """Named functions of up to 8 vectors, each with a vector as its result.
 
-    Any number of threads may call them at once.
+    They may be called by several threads at the same time.
 
     Parameters
     ----------
     parts : tuple, or None
-        What names them in `cached`.
+        Key of the functions in `cached`.
     make : callable () -> dict of str to casadi.Function
-        Run where they are not kept, or not compiled.
+        Called where they are not cached, or not compiled.
     more : str, optional
-        C to be compiled behind them.
+        Further C text, compiled after them.
     flags : sequence of str, optional
-        Of the compiler, besides the usual ones.
+        Additional flags of the compiler.
 
     Attributes
     ----------
@@ -142,7 +182,7 @@ class Functions:
         found = cached(parts, lambda: written(self.made()))
         self._sizes = found["sizes"]
         try:
-            self.library = library(joined([found["text"], "map.c", more]), flags)
+            self.library = library(concatenated([found["text"], "map.c", more]), flags)
         except CompilerError:
             self.library = None
 
@@ -153,7 +193,7 @@ class Functions:
         ----------
         name : str
         *arguments : array_like, (n, size) or (size,)
-            One for each place, or the same for all.
+            One row for each place, or one for all.
 
         Returns
         -------
@@ -183,7 +223,7 @@ class Functions:
 
 
 def written(functions):
-    """C text of functions, and how many numbers they take and give: for `cached`."""
+    """C text of functions, and the numbers of their inputs and outputs; a value for `cached`."""
     import casadi as ca
 
     generator, sizes = ca.CodeGenerator("functions.c"), {}

@@ -1,14 +1,14 @@
-"""The private folder of compiled kernels, and texts and numbers that are kept in it beside them.
+"""The cache on disk: a private folder of compiled kernels, and of texts and numbers.
 
-What SymPy and CasADi take seconds to derive is text and numbers in the end.  Each such value is a
-file of JSON named by the hash of all that decides it: what it is, the sources that derive it and
-the packages that do the algebra.  It is written beside and renamed; a file that is cut off,
-changed or of something else does not fit the digest in its first line, and is made anew.  Nothing
-in it is evaluated, and C from it is compiled only if it is, to the digest, what was written.
+The results of SymPy and CasADi that take seconds to derive are texts and numbers.  Each is stored
+in a JSON file named by the hash of all it depends on: its key, the sources that derive it and the
+packages that do the algebra.  Files are written under a temporary name and renamed; a file that is
+truncated or changed does not match the digest in its first line and is derived again.  Nothing in a
+file is evaluated, and C text from it is compiled only if its digest is correct.
 
-The folder is kept below a size, $TENSEGRITY_CACHE_MB: whenever something new was compiled, what was
-used longest ago is removed.  A process holds a shared lock on each kernel that it has loaded, one
-byte of a file of locks, until it ends; what is locked, or was used a few minutes ago, stays.
+The size of the folder is limited, $TENSEGRITY_CACHE_MB: after each compilation the least recently
+used entries are removed.  A process holds a shared lock on each kernel that it has loaded, one byte
+of a lock file, until it ends; entries that are locked or were used in the last minutes stay.
 """
 
 from __future__ import annotations
@@ -33,32 +33,33 @@ from tensegrity.errors import TensegrityError
 
 try:
     import fcntl
-except ImportError:  # no locks there: only age protects what is in use
+except ImportError:  # without locks, entries in use are protected by their age only
     fcntl = None  # type: ignore[assignment]
 
 SOURCES = ("derivations", "tensegrity.engine", "tensegrity.springs", "tensegrity.branches",
            "tensegrity.prisms")  # fmt: skip
 ALGEBRA = ("sympy", "mpmath", "casadi")
 MOST = "500"  # MB
-YOUNG = 600.0  # s since the last use, within which nothing is removed to make room
+YOUNG = 600.0  # s since the last use, within which no entry is removed
 LOCKS = "locks"
 
-loaded = set()  # names of the entries that this process uses: its own locks do not stop it
+loaded = set()  # names of the entries that this process uses, which its own locks do not protect
 
 
 def cached(parts, make):
-    """A value of texts and numbers, as it was made once.
+    """A value of texts and numbers from the cache, or else computed and stored there.
 
     Parameters
     ----------
     parts : tuple, or None
-        What names it, by its `repr`, besides sources and packages; None where nothing does.
+        Key of the value, by its `repr`, besides sources and packages; None for no caching.
     make : callable () -> dict, list, str, number or None
-        Only None is not kept.
+        Computes the value; None is not stored.
 
     Returns
     -------
-    What `make` gives, after a passage through JSON: tuples are lists.
+    dict, list, str, number or None
+        The value after conversion to JSON and back: tuples are lists.
     """
     sources = made_by()
     if parts is None or sources is None:
@@ -80,21 +81,21 @@ def cached(parts, make):
 
 
 def _write(path, content):
-    """Put a file in place whole; where that is not possible it is made anew next time."""
+    """Write a file completely, or not at all if this is not possible."""
     with contextlib.suppress(OSError):
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)  # it may have been deleted
-        handle, beside = tempfile.mkstemp(prefix="kept-", dir=path.parent)
+        handle, temporary = tempfile.mkstemp(prefix="kept-", dir=path.parent)
         try:
             with open(handle, "wb") as file:
                 file.write(hashlib.sha256(content).hexdigest().encode() + b"\n" + content)
-            os.replace(beside, path)
+            os.replace(temporary, path)
         except BaseException:
-            os.unlink(beside)
+            os.unlink(temporary)
             raise
 
 
 def size_limit():
-    """Bytes that the folder may take: $TENSEGRITY_CACHE_MB, or 500 MB."""
+    """Largest size of the folder [bytes]: $TENSEGRITY_CACHE_MB, or 500 MB."""
     given = os.environ.get("TENSEGRITY_CACHE_MB", "").strip() or MOST
     if not (given.isascii() and given.isdigit()):
         raise TensegrityError(
@@ -104,7 +105,7 @@ def size_limit():
 
 
 def use(entry):
-    """Mark a compiled entry as used now, and as in use until this process ends."""
+    """Update the time of last use of an entry, and lock it until this process ends."""
     loaded.add(entry.name)
     _touch(entry)
     with contextlib.suppress(OSError):
@@ -112,19 +113,19 @@ def use(entry):
 
 
 def trim(most, age=YOUNG):
-    """Remove from the folder what was used longest ago, until the rest fits.
+    """Remove the least recently used entries until the folder is below a size.
 
     Parameters
     ----------
     most : int
-        Size that may stay [bytes].
-    age : float
-        What was used within so many seconds stays; what is being written, within `YOUNG`.
+        Largest size of the folder [bytes].
+    age : float, optional
+        Entries used within so many seconds stay [s]; incomplete ones within `YOUNG`.
 
     Returns
     -------
     int
-        Size of what was removed [bytes].
+        Size of the removed entries [bytes].
     """
     found = sorted(_found())
     left, freed, now = sum(size for _, size, _ in found), 0, time.time()
@@ -136,7 +137,7 @@ def trim(most, age=YOUNG):
 
 
 def _found():
-    """Time of last use [s], size [bytes] and path of all that is in the folder."""
+    """Time of last use [s], size [bytes] and path of each entry of the folder."""
     for path in cache_folder().iterdir():
         with contextlib.suppress(OSError):  # removed by another process
             parts = list(path.iterdir()) if path.is_dir() else [path]
@@ -145,7 +146,7 @@ def _found():
 
 
 def _removed(path):
-    """Remove a file or an entry that no process uses; False where it stays."""
+    """Remove an entry that no process uses; False where it stays."""
     if path.name in loaded:
         return False
     try:
@@ -160,7 +161,7 @@ def _removed(path):
 
 
 def _lock(path, *kinds):
-    """Lock or unlock the byte of the file of locks that stands for a path, for this process."""
+    """Lock or unlock the byte of the lock file that belongs to a path."""
     if fcntl is not None:
         kind = sum(getattr(fcntl, name) for name in kinds)
         fcntl.lockf(_locks(path.parent), kind, 1, zlib.crc32(path.name.encode()))
@@ -168,7 +169,7 @@ def _lock(path, *kinds):
 
 @cache
 def _locks(folder):
-    """File of locks, never closed: to close it would give up all locks of this process."""
+    """The lock file, which stays open: closing it would release all locks of this process."""
     return os.open(folder / LOCKS, os.O_RDWR | os.O_CREAT, 0o600)
 
 
@@ -178,8 +179,8 @@ def _touch(path):
 
 
 def maker(make, *arguments):
-    """What stands for the call of a module's function with texts and numbers, and functions of
-    that module: names, and a digest of the module's source."""
+    """Identifier of a call of a module's function with texts, numbers, and functions of that
+    module: names, and a digest of the module's source."""
     given = ", ".join(getattr(x, "__qualname__", repr(x)) for x in arguments)
     return f"{make.__module__}.{make.__qualname__}({given}) {_source(make.__module__)}"
 
@@ -191,7 +192,7 @@ def _source(module):
 
 @cache
 def made_by():
-    """What sources and packages derive, as a digest; None where there are no sources to read."""
+    """Digest of the sources and packages that derive cached values; None without sources."""
     digest = hashlib.sha256()
     for package in SOURCES:
         folder = Path(find_spec(package).origin or "").parent
@@ -200,7 +201,7 @@ def made_by():
             return None
         for path in files:
             digest.update(f"\0{package} {path.name}\0".encode() + path.read_bytes())
-    for package in ALGEBRA:  # without importing it: which files are installed
+    for package in ALGEBRA:  # by the installed files, without an import
         of = None
         with contextlib.suppress(ValueError, AttributeError, TypeError):
             origin = find_spec(package).origin
@@ -214,8 +215,8 @@ def made_by():
 def cache_folder():
     """Folder for compiled kernels, owned by this user and writable by nobody else.
 
-    $XDG_CACHE_HOME/tensegrity or ~/.cache/tensegrity; a temporary folder, for this process
-    only and with a warning, where that cannot be made or is open to others.
+    $XDG_CACHE_HOME/tensegrity or ~/.cache/tensegrity; where that cannot be made or is writable by
+    others, a temporary folder for this process only, with a warning.
     """
     root = os.environ.get("XDG_CACHE_HOME", "")
     if not os.path.isabs(root):  # the XDG specification: a relative one is to be ignored

@@ -1,43 +1,44 @@
-/* Steps of a splitting in which time counts, behind `steps.c`: prescribed motions and forces of
-   some sites, dashpots, springs that change.
+/* Steps of a splitting with explicit time, included after `steps.c`: prescribed motions and
+   forces of some sites, dashpots, springs that change.
 
-   What depends on time only was computed before, for the kicks and drifts of all steps of a call.
-   A kick leaves in `v` of a prescribed site the impulse of its springs over its mass: the driver
-   pays for it with the velocity that it gives.  Drifts with dashpots solve
-   u' = v, m v' = -G v: without dashpots in bonds site by site, with those of a chain by the series
-   of the exponential function, in which prescribed velocities stand as polynomials.  In a network
-   G turns with the bonds: such a drift is an extrapolated midpoint rule, of the method's order. */
+   Numbers that depend on time only are computed before, for the kicks and drifts of all steps of
+   a call.  A kick leaves in `v` of a prescribed site the impulse of its springs over its mass,
+   which times the prescribed velocity is the work of the drive.  Drifts with dashpots solve u' =
+   v, m v' = -G v: site by site without dashpots in bonds; with those of a chain by the series of
+   the exponential function, in which prescribed velocities are polynomials.  In a network G
+   depends on the directions of bonds: the drift is an extrapolated midpoint rule of the method's
+   order. */
 
-#define PARTS 8 /* sums at a time, so that additions do not wait for each other */
+#define PARTS 8 /* independent sums, which a processor adds at the same time */
 
 typedef struct {
     const real *moved_u, *moved_v;   /* (drifts, moved) after each; (kicks, moved) */
     const real *force, *force_rate;  /* (kicks, forced) */
     const real *shared;              /* (kicks, PARAMETERS): of the law, and their rates */
     const real *domain;              /* (kicks, 2) elongations that springs may have */
-    const real *heavy;               /* (moved) their masses */
+    const real *prescribed_mass;     /* (moved) their masses */
     const real *series;              /* (drifts, moved, degree) of prescribed velocities */
-    const real *rubbed;              /* (drifts) loss in dashpots from the ground to those */
-    const real *decay, *glide;       /* (stages, entries) of v, and of u for v, in a drift */
+    const real *dissipated;          /* (drifts) loss in dashpots from the ground to those */
+    const real *decay, *drift_factor; /* (stages, entries) of v, and of u for v, in a drift */
     const real *mass, *ground, *bond; /* (entries), 0 where prescribed; (entries); (bonds) */
     const integer *moved, *forced;   /* entries of u */
     real *term, *next, *pull, *given; /* scratch: (entries) twice, (entries + 1), (moved, degree) */
-    real *sums, *shown;              /* work, loss, elongations met, (2): so far, of what is shown */
-    const integer *ends;             /* (joined, 2) where the rows of bonds with dashpots begin */
-    const real *apart;               /* (joined, DIM + 2) their geometry D, g, L */
+    real *sums, *output_sums;        /* work, loss, elongation range (2): so far, and in the output */
+    const integer *ends;             /* (damped_bonds, 2) first entries of their ends */
+    const real *apart;               /* (damped_bonds, DIM + 2) their geometry D, g, L */
     real *room;                      /* scratch: (levels + 3, 2 entries + 1) */
-    real *stretch;                   /* scratch: (bonds) elongations, in the order of the loop */
-    integer entries, moving, forcing, damped, degree, joined, levels, bonds, stage;
+    real *elongations;               /* scratch: (bonds) elongations, in the order of the loop */
+    integer entries, moving, forcing, damped, degree, damped_bonds, levels, bonds, stage;
 } drive;
 
 /* Drifts: without dashpots, without those in bonds, with those of a chain, of a network. */
-enum { FREE, APART, JOINED, TURNING };
+enum { UNDAMPED, DAMPED_SITES, DAMPED_CHAIN, DAMPED_NETWORK };
 
 #if CHANGES
 #ifdef DIM
-#define STRETCH(i) d->stretch[i]
-/* Elongations of the bonds of a network, for what follows. */
-static void stretch(const scene *c, const drive *d)
+#define ELONGATION(i) d->elongations[i]
+/* Elongations of the bonds of a network. */
+static void find_elongations(const scene *c, const drive *d)
 {
     const integer n = c->contacts;
     for (integer b = 0; b < d->bonds; b++) {
@@ -45,12 +46,13 @@ static void stretch(const scene *c, const drive *d)
         real place[DIM], w[DIM], along[DIM];
         AXES(k) place[k] = c->geometry[k * n + b], w[k] = to[k] - at[k];
         pair_contact(
-            place, w, c->geometry[DIM * n + b], c->geometry[(DIM + 1) * n + b], d->stretch + b,
+            place, w, c->geometry[DIM * n + b], c->geometry[(DIM + 1) * n + b], d->elongations + b,
             along);
     }
 }
 
-/* Rate of the energy of all bonds at given elongations: law number 1 is that of law number 0. */
+/* Rate of the energy of all bonds at given elongations: law number 1 is the rate of law number
+   0. */
 __attribute__((flatten)) static real power_of(const scene *c, const drive *d)
 {
     const integer bonds = d->bonds;
@@ -58,14 +60,15 @@ __attribute__((flatten)) static real power_of(const scene *c, const drive *d)
     real p[PARAMETERS + 1], part[BLOCK] = {0}, sum = 0;
     for (int i = 0; i < PARAMETERS; i++) p[i] = shared[i];
     integer j = 0;
-    for (; j + BLOCK <= bonds; j += BLOCK) EACH(BLOCK) part[i] += energy_1(d->stretch[j + i], p);
-    EACH(bonds - j) part[i] += energy_1(d->stretch[j + i], p);
+    for (; j + BLOCK <= bonds; j += BLOCK)
+        EACH(BLOCK) part[i] += energy_1(d->elongations[j + i], p);
+    EACH(bonds - j) part[i] += energy_1(d->elongations[j + i], p);
     for (int i = 0; i < BLOCK; i++) sum += part[i];
     return sum;
 }
 #else
-#define STRETCH(i) (u[(i) + 1] - u[i])
-#define stretch(c, d)
+#define ELONGATION(i) (u[(i) + 1] - u[i])
+#define find_elongations(c, d)
 #endif
 
 /* The smallest and the largest elongation. */
@@ -74,11 +77,11 @@ static void span(const scene *c, const drive *d, real *least, real *most)
     const integer bonds = d->bonds;
     const real *restrict u = c->u;
     real low[BLOCK], high[BLOCK];
-    stretch(c, d);
+    find_elongations(c, d);
     for (int i = 0; i < BLOCK; i++) low[i] = INFINITY, high[i] = -INFINITY;
 #define SPAN(n)                                                                             \
     EACH(n) {                                                                               \
-        const real r = STRETCH(j + i);                                                      \
+        const real r = ELONGATION(j + i);                                                      \
         low[i] = r < low[i] ? r : low[i];                                                   \
         high[i] = r > high[i] ? r : high[i];                                                \
     }
@@ -108,26 +111,27 @@ static real energy_of(const drive *d, const real *restrict v)
 }
 
 /* A drift with dashpots from the sites to the ground. */
-static void drift_apart(const scene *c, const drive *d, integer s, integer i0)
+static void drift_damped_sites(const scene *c, const drive *d, integer s, integer i0)
 {
     const integer n = d->entries;
-    const real *restrict decay = d->decay + i0 * n, *restrict glide = d->glide + i0 * n;
+    const real *restrict decay = d->decay + i0 * n;
+    const real *restrict drift_factor = d->drift_factor + i0 * n;
     real *restrict u = c->u, *restrict v = c->v;
     const real before = energy_of(d, v);
-    EACH(n) u[i] += glide[i] * v[i], v[i] *= decay[i];
+    EACH(n) u[i] += drift_factor[i] * v[i], v[i] *= decay[i];
     d->sums[1] += before - energy_of(d, v);
-    if (d->moving) d->sums[0] += d->rubbed[s], d->sums[1] += d->rubbed[s];
+    if (d->moving) d->sums[0] += d->dissipated[s], d->sums[1] += d->dissipated[s];
 #ifdef DIM
     real farthest = 0;
     for (integer i = 0; i < n; i++)
-        if (v[i] != 0) farthest = larger(farthest, fabs(glide[i] / decay[i] * v[i]));
+        if (v[i] != 0) farthest = larger(farthest, fabs(drift_factor[i] / decay[i] * v[i]));
     *c->travel += farthest;
 #endif
 }
 
 #ifndef DIM
 /* A drift with dashpots in the bonds of a chain too. */
-static void drift_joined(const scene *c, const drive *d, integer s, real b)
+static void drift_damped_chain(const scene *c, const drive *d, integer s, real b)
 {
     const integer n = d->entries, count = d->degree;
     real *restrict u = c->u, *restrict v = c->v, *restrict y = d->term, *restrict next = d->next;
@@ -152,7 +156,7 @@ static void drift_joined(const scene *c, const drive *d, integer s, real b)
         real *swap = y;
         y = next, next = swap;
     }
-    real paid = 0; /* by who moves sites against dashpots */
+    real paid = 0; /* work of drives against dashpots */
     for (integer e = 0; e < d->moving; e++)
         for (integer k = 0; k < count; k++)
             for (integer l = 0; l < count; l++)
@@ -163,8 +167,8 @@ static void drift_joined(const scene *c, const drive *d, integer s, real b)
 #endif
 
 #ifdef DIM
-/* Rates of displacements and velocities in a drift of which the share `tau` is over, and behind them
-   of the work of who moves sites against dashpots. */
+/* Rates of displacements and velocities after a fraction `tau` of a drift, then that of the work of
+   drives against dashpots. */
 static void resisted(const scene *c, const drive *d, integer s, real tau, real *y, real *rate)
 {
     const integer n = d->entries, count = d->degree;
@@ -176,7 +180,7 @@ static void resisted(const scene *c, const drive *d, integer s, real tau, real *
         v[d->moved[e]] = value;
     }
     EACH(n) rate[i] = v[i], pull[i] = -d->ground[i] * v[i];
-    for (integer q = 0; q < d->joined; q++) {
+    for (integer q = 0; q < d->damped_bonds; q++) {
         const integer i = d->ends[2 * q], j = d->ends[2 * q + 1];
         const real *place = d->apart + q * (DIM + 2);
         real w[DIM], along[DIM], r, speed = 0;
@@ -195,7 +199,7 @@ static void resisted(const scene *c, const drive *d, integer s, real tau, real *
 
 /* A drift with dashpots in the bonds of a network: midpoint rules of 2, 4, ... steps, whose errors
    are series in the square of the step, extrapolated. */
-static void drift_turning(const scene *c, const drive *d, integer s, real b)
+static void drift_damped_network(const scene *c, const drive *d, integer s, real b)
 {
     const integer n = d->entries, all = 2 * n + 1;
     real *restrict rows = d->room, *restrict old = rows + d->levels * all;
@@ -267,15 +271,15 @@ static int driven_stage(scene *c, const drive *d, integer s, integer i, real a, 
     stage(c, a, straight);
 #endif
     for (integer e = 0; e < d->moving; e++) {
-        d->sums[0] -= d->heavy[e] * v[d->moved[e]] * d->moved_v[s * d->moving + e];
+        d->sums[0] -= d->prescribed_mass[e] * v[d->moved[e]] * d->moved_v[s * d->moving + e];
         v[d->moved[e]] = 0;
     }
     if (b == 0) return 0;
-    if (d->damped == APART) drift_apart(c, d, s, i);
+    if (d->damped == DAMPED_SITES) drift_damped_sites(c, d, s, i);
 #ifndef DIM
-    if (d->damped == JOINED) drift_joined(c, d, s, b);
+    if (d->damped == DAMPED_CHAIN) drift_damped_chain(c, d, s, b);
 #else
-    if (d->damped == TURNING) drift_turning(c, d, s, b);
+    if (d->damped == DAMPED_NETWORK) drift_damped_network(c, d, s, b);
 #endif
     for (integer e = 0; e < d->moving; e++) u[d->moved[e]] = d->moved_u[s * d->moving + e];
 #ifdef DIM
@@ -287,8 +291,8 @@ static int driven_stage(scene *c, const drive *d, integer s, integer i, real a, 
     return 0;
 }
 
-/* As the functions of `steps.c`, from kick number d->stage on, which is counted on; 1 where a spring
-   locked at it. */
+/* As the functions of `steps.c`, from kick number d->stage on, which is advanced; 1 where a spring
+   reached the end of its domain. */
 integer advance_driven(const scene *given, drive *d, integer steps, integer opened)
 {
     FLUSH
@@ -301,16 +305,16 @@ integer advance_driven(const scene *given, drive *d, integer steps, integer open
     return 0;
 }
 
-/* Sums of what is shown are apart; elongations that its kick meets count. */
-integer show_driven(const scene *given, drive *d, real *u, real *v)
+/* The output state has its own sums; elongations of its closing kick count. */
+integer postprocess_driven(const scene *given, drive *d, real *u, real *v)
 {
     FLUSH
     scene copy = *given;
     drive alone = *d;
-    copy.u = u, copy.v = v, alone.sums = d->shown;
-    for (int i = 0; i < 4; i++) d->shown[i] = d->sums[i];
+    copy.u = u, copy.v = v, alone.sums = d->output_sums;
+    for (int i = 0; i < 4; i++) d->output_sums[i] = d->sums[i];
     const integer locked = copy.closing
         && driven_stage(&copy, &alone, d->stage, 0, copy.kicks[copy.stages], 0);
-    d->sums[2] = d->shown[2], d->sums[3] = d->shown[3];
+    d->sums[2] = d->output_sums[2], d->sums[3] = d->output_sums[3];
     return locked;
 }

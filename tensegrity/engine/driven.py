@@ -1,12 +1,12 @@
-"""Steps of a splitting in which time counts: driven sites, dashpots, springs that change.
+"""Steps of a splitting with explicit time: driven sites, dashpots, springs that change.
 
-Time is one more coordinate, which drifts advance: the kick of a stage uses the forces, the
-prescribed places and the springs of its instant, and a splitting keeps its order.  What a driver
-does is the change of time's conjugate momentum, summed with the method's own kicks.  A drift with
-dashpots, u' = v, m v' = -G v, is linear in v and solved exactly, on a line; so the commutators that
-the order of a Nystrom splitting needs to vanish still do, and it is kept.  Where bonds of a network
-turn, G follows u: they vanish as well, and the drift is solved to the order of the method.  See
-`driven.c`.
+Time is an additional coordinate, which drifts advance: the kick of a stage uses the forces, the
+prescribed displacements and the springs at its instant, and a splitting keeps its order.  The work
+of drives is the change of the momentum conjugate to time, summed with the kicks of the method.  A
+drift with dashpots, u' = v, m v' = -G v, is linear in v and solved exactly in a chain; so the
+commutators on which the order of a Nystrom splitting relies still vanish, and it keeps its order.
+In a network G depends on u as bonds turn; the commutators vanish as well, and the drift is solved
+to the order of the method.  See `driven.c`.
 """
 
 from __future__ import annotations
@@ -27,38 +27,38 @@ from tensegrity.engine.native import structure
 from tensegrity.typing import Array, Indices
 
 DRIVE = structure("driven.c", "drive")
-FREE, APART, JOINED, TURNING = range(4)  # as in driven.c
+UNDAMPED, DAMPED_SITES, DAMPED_CHAIN, DAMPED_NETWORK = range(4)  # as in driven.c
 LEAST_TERMS = 12  # of the series of a drift
-NODES = 8  # instants of a drift from which prescribed velocities are taken as polynomials
-SMALL = 1e-17  # first term of the series that is left out, relative
-LARGEST_DAMPING = 2.0  # of a drift: time times the largest rate of decay
+NODES = 8  # instants of a drift at which prescribed velocities are interpolated by polynomials
+SMALL = 1e-17  # relative size of the first omitted term of the series
+LARGEST_DAMPING = 2.0  # duration of a drift times the largest rate of decay
 
 
 @dataclass(frozen=True, eq=False)
 class Forcing:
-    """What time does to a scene, as its loop takes it.
+    """Drives, dashpots and changing springs of a scene in the form of arrays.
 
-    Entries are those of u, one after the other.
+    Entries are those of u, flattened.
 
     Attributes
     ----------
     bonds : Bonds
-        Of the scene.
+        Bonds of the scene.
     moved, forced : ndarray of int
-        Entries whose motion is prescribed, and those that get a force.
+        Entries whose motion is prescribed, and entries with a prescribed force.
     motion, force : callable (t, order) -> ndarray, (t.size, entries)
         Displacements [m], forces [N], and their rates for order 1.
     mass : ndarray, (entries,)
         [kg]; 0 where the motion is prescribed.
-    heavy : ndarray, (moved,)
-        Masses there [kg].
+    prescribed_mass : ndarray, (moved,)
+        Masses of the entries whose motion is prescribed [kg].
     ground : ndarray, (entries,)
         Dashpots to the ground [N s/m].
     bond : ndarray, (bonds,)
-        Dashpots in the bonds [N s/m]; not in contacts with walls, which stand behind the bonds.
+        Dashpots in the bonds [N s/m]; none in contacts with walls, which follow the bonds.
     tuning : object or None
-        Springs that change: `law`, the numbers of parameters that are `moving`, `at(t)` and
-        `numbers(t)`, rows for each of t.
+        Springs that change: `law`, the indices of the parameters that are `moving`, `at(t)` and
+        `numbers(t)`, one row for each of t.
     """
 
     bonds: Bonds
@@ -67,41 +67,43 @@ class Forcing:
     motion: Callable[[Array, int], Array]
     force: Callable[[Array, int], Array]
     mass: Array
-    heavy: Array
+    prescribed_mass: Array
     ground: Array
     bond: Array
     tuning: Any
 
     @property
     def damped(self) -> int:
-        """What dashpots there are, as `driven.c` counts."""
+        """Kind of dashpots, as in `driven.c`."""
         if self.bond.any():
-            return JOINED if self.bonds.contacts is None else TURNING
-        return APART if self.ground.any() else FREE
+            return DAMPED_CHAIN if self.bonds.contacts is None else DAMPED_NETWORK
+        return DAMPED_SITES if self.ground.any() else UNDAMPED
 
     @property
-    def joined(self) -> Indices:
+    def damped_bonds(self) -> Indices:
         """Numbers of the bonds of a network that have dashpots."""
-        return np.flatnonzero(self.bond) if self.damped == TURNING else np.zeros(0, dtype=int)
+        return (
+            np.flatnonzero(self.bond) if self.damped == DAMPED_NETWORK else np.zeros(0, dtype=int)
+        )
 
     @property
     def decay(self) -> float:
         """Bound on the rates at which velocities decay by dashpots [1/s]."""
         total = self.ground.copy()
-        if self.damped == JOINED:
+        if self.damped == DAMPED_CHAIN:
             total[1:] += 2 * self.bond
             total[:-1] += 2 * self.bond
-        elif self.damped == TURNING:
+        elif self.damped == DAMPED_NETWORK:
             of: Any = self.bonds.contacts
             by_site = total.reshape(len(of.load), -1)  # a view
             for ends in (of.first, of.second):
-                np.add.at(by_site, ends[self.joined], 2 * self.bond[self.joined, None])
+                np.add.at(by_site, ends[self.damped_bonds], 2 * self.bond[self.damped_bonds, None])
         weights = np.divide(1, self.mass, out=np.zeros_like(total), where=self.mass > 0)
         return float(np.max(total * weights, initial=0.0))
 
 
 class Schedule:
-    """Rows of numbers for all kicks and drifts of some steps, from their times alone.
+    """Time-dependent numbers for all kicks and drifts of some steps.
 
     Parameters
     ----------
@@ -121,8 +123,8 @@ class Schedule:
         self._gauss, self._weights = np.polynomial.legendre.leggauss(NODES)
 
     def _terms(self) -> int:
-        """Terms of the series of a drift that count."""
-        if self._forcing.damped != JOINED:
+        """Number of terms of the series of a drift."""
+        if self._forcing.damped != DAMPED_CHAIN:
             return LEAST_TERMS
         size, term, count = float(np.abs(self.drifts).max()) * self._forcing.decay, 1.0, 0
         while term > SMALL or count < LEAST_TERMS:
@@ -131,12 +133,25 @@ class Schedule:
         return count
 
     def times(self, first: int, steps: int, origin: float = 0.0) -> Array:
-        """Instants of the kicks, and of the end [s]; (steps stages + 1,)."""
+        """Instants of the kicks and of the end.
+
+        Parameters
+        ----------
+        first, steps : int
+            Number of the first step, and how many.
+        origin : float, optional
+            Time of step 0 [s].
+
+        Returns
+        -------
+        ndarray, (steps stages + 1,)
+            [s]
+        """
         starts = origin + self._dt * np.arange(first, first + steps + 1)
         return np.append((starts[:-1, None] + self._within).ravel(), starts[-1])
 
     def width(self) -> int:
-        """Numbers that a step takes."""
+        """Count of time-dependent numbers for a step."""
         forcing, width = self._forcing, 1
         width += len(forcing.moved) * (2 + self.degree * (1 + (forcing.damped > 0)))
         width += 2 * len(forcing.forced)
@@ -145,7 +160,19 @@ class Schedule:
         return width * len(self.drifts)
 
     def rows(self, first: int, steps: int, origin: float = 0.0) -> dict[str, Array]:
-        """The arrays of `driven.c` that depend on time, from step `first` after `origin` on."""
+        """The arrays of `driven.c` that depend on time.
+
+        Parameters
+        ----------
+        first, steps : int
+            Number of the first step, and how many.
+        origin : float, optional
+            Time of step 0 [s].
+
+        Returns
+        -------
+        dict of ndarray
+        """
         forcing, at = self._forcing, self.times(first, steps, origin)
         found = {}
         if forcing.moved.size:
@@ -160,10 +187,10 @@ class Schedule:
         return {name: np.ascontiguousarray(rows, dtype=float) for name, rows in found.items()}
 
     def _between(self, at: Array, steps: int) -> dict[str, Array]:
-        """Prescribed velocities within drifts: as polynomials, or what they lose by rubbing."""
+        """Prescribed velocities within drifts as polynomials, or the loss in their dashpots."""
         starts, lengths = at[:-1], np.tile(self.drifts, steps)
         moved, ground = self._forcing.moved, self._forcing.ground
-        if self._forcing.damped >= JOINED:
+        if self._forcing.damped >= DAMPED_CHAIN:
             nodes = starts[:, None] + lengths[:, None] * self._nodes
             values = self._forcing.motion(nodes.ravel(), 1).reshape(*nodes.shape, len(moved))
             series = np.zeros((len(starts), len(moved), self.degree))
@@ -171,18 +198,18 @@ class Schedule:
             return {"series": series}
         nodes = starts[:, None] + lengths[:, None] * (1 + self._gauss) / 2
         squares = self._forcing.motion(nodes.ravel(), 1).reshape(*nodes.shape, len(moved)) ** 2
-        return {"rubbed": lengths * ((squares @ ground[moved]) @ self._weights) / 2}
+        return {"dissipated": lengths * ((squares @ ground[moved]) @ self._weights) / 2}
 
 
-class Locked(Exception):  # no error of a user's: which stage it was
+class Locked(Exception):  # internal: tells the stage, not raised to users
     """A spring of a chain whose springs change reached an end of its domain.
 
     Parameters
     ----------
     t : float
-        When [s].
+        Instant of the stage [s].
     range : ndarray, (2,)
-        Smallest and largest elongation of that stage and those before [m].
+        Smallest and largest elongation up to that stage [m].
     """
 
     def __init__(self, t: float, range: Array) -> None:
@@ -190,88 +217,104 @@ class Locked(Exception):  # no error of a user's: which stage it was
 
 
 class BoundDriven(Bound):
-    """Arrays u and v, advanced in place, with what was done on them.
+    """Arrays u and v of a driven scene, advanced in place, with work and loss.
 
     Attributes
     ----------
     sums : ndarray, (4,)
-        Work of drivers [J], without what their masses and forces store; loss in dashpots [J];
-        smallest and largest elongation met, where springs change [m].
-    shown_sums : ndarray, (4,)
-        The same, of what is shown.
+        Work of drives [J], without the energy of their masses and forces; loss in dashpots [J];
+        smallest and largest elongation [m], where springs change.
+    output_sums : ndarray, (4,)
+        The same for the output state.
     """
 
-    shown_sums: Any
+    output_sums: Any
 
     def __init__(
         self, loop: Any, forcing: Forcing, u: Array, v: Array, method: Splitting, dt: float
     ) -> None:
         self._forcing, self.schedule = forcing, Schedule(forcing, method, dt)
-        self.sums, self.shown_sums = np.array([[0.0, 0.0, np.inf, -np.inf]] * 2)
+        self.sums, self.output_sums = np.array([[0.0, 0.0, np.inf, -np.inf]] * 2)
         super().__init__(loop, u, v, forcing.bonds, method, dt)
 
     def _steps(self, method: Splitting) -> Any:
         forcing, schedule, loop = self._forcing, self.schedule, self._loop
         drifts, weights = schedule.drifts, 1 / np.where(forcing.mass, forcing.mass, 1.0)
         rates = forcing.ground * weights * np.ones_like(drifts)[:, None]
-        glide = drifts[:, None] * np.ones_like(rates)
-        np.divide(-np.expm1(-drifts[:, None] * rates), rates, out=glide, where=rates != 0)
+        drift_factor = drifts[:, None] * np.ones_like(rates)
+        np.divide(-np.expm1(-drifts[:, None] * rates), rates, out=drift_factor, where=rates != 0)
         entries, moving, bonds = len(forcing.mass), len(forcing.moved), len(forcing.bonds.group)
-        sizes = {"term": entries, "next": entries, "pull": entries + 1, "stretch": bonds}
+        sizes = {"term": entries, "next": entries, "pull": entries + 1, "elongations": bonds}
         arrays = {name: np.zeros(size) for name, size in sizes.items()}
         arrays["given"] = np.zeros((moving + 1, schedule.degree))
-        arrays |= {name: getattr(forcing, name) for name in ("mass", "heavy", "ground", "bond")}
+        arrays |= {
+            name: getattr(forcing, name) for name in ("mass", "prescribed_mass", "ground", "bond")
+        }
         arrays |= {name: getattr(forcing, name).astype(np.int64) for name in ("moved", "forced")}
-        arrays |= {"decay": np.exp(-drifts[:, None] * forcing.ground * weights), "glide": glide}
-        if forcing.damped == TURNING:
-            of, joined = forcing.bonds.contacts, forcing.joined
-            ends = loop.dim * np.stack([of.first, of.second], axis=1)[joined]
+        arrays |= {
+            "decay": np.exp(-drifts[:, None] * forcing.ground * weights),
+            "drift_factor": drift_factor,
+        }
+        if forcing.damped == DAMPED_NETWORK:
+            of, damped_bonds = forcing.bonds.contacts, forcing.damped_bonds
+            ends = loop.dim * np.stack([of.first, of.second], axis=1)[damped_bonds]
             arrays |= {
-                "bond": forcing.bond[joined],
-                "apart": of.geometry[:, joined].T,
+                "bond": forcing.bond[damped_bonds],
+                "apart": of.geometry[:, damped_bonds].T,
                 "ends": ends.astype(np.int64),
                 "room": np.zeros((schedule.levels + 3, 2 * entries + 1)),
             }
-        arrays |= {"sums": self.sums, "shown": self.shown_sums}
+        arrays |= {"sums": self.sums, "output_sums": self.output_sums}
         numbers = {
             "entries": entries,
             "moving": moving,
             "forcing": len(forcing.forced),
             "damped": forcing.damped,
             "degree": schedule.degree,
-            "joined": len(forcing.joined),
+            "damped_bonds": len(forcing.damped_bonds),
             "levels": schedule.levels,
             "bonds": bonds,
         }
         arrays = {name: np.ascontiguousarray(x) for name, x in arrays.items()}
-        return "driven", DRIVE(**dict.fromkeys(DRIVE.kinds) | arrays | numbers)  # others come later
+        return "driven", DRIVE(**dict.fromkeys(DRIVE.kinds) | arrays | numbers)  # others: `_timed`
 
     def go(self, done: int, end: int, wanted: Any = ()) -> int:
-        """As `Bound.go`; velocities of what is moved are 0, and sums lack what masses and forces of
-        drivers store.
+        """Advance and store states; see `Bound.go`.
+
+        Prescribed velocities are 0, and sums lack the energy of the masses and forces of drives.
+
+        Parameters
+        ----------
+        done, end : int
+        wanted : sequence of Wanted, optional
+
+        Returns
+        -------
+        int
+            See `march.go`.
 
         Raises
         ------
         Locked
-            A spring that changes met an end of its domain; u and v are of no use then.
+            A changing spring reached an end of its domain; u and v are invalid then.
         """
         return self._timed(done, end - done, lambda: super(BoundDriven, self).go(done, end, wanted))
 
     def short(self, t: float) -> None:
-        """One step alone that begins at t [s], in place, and closed."""
+        """One single step that begins at t [s], in place, with its closing kick."""
 
         def step() -> int:
             u, v = (x.ctypes.data for x in (self.u, self.v))
             stopped: int = self._advance(*self._addresses, 1, False)
-            return stopped or self._show(*self._addresses, u, v)
+            return stopped or self._postprocess(*self._addresses, u, v)
 
         self._timed(0, 1, step, t)
-        self.sums[:] = self.shown_sums
+        self.sums[:] = self.output_sums
 
     def _timed(self, first: int, steps: int, do: Callable[[], int], origin: float = 0.0) -> int:
-        """Do steps from number `first` after `origin` [s] on."""
+        """Do steps from number `first` on, where step 0 is at `origin` [s]."""
         self._second.fill(**self.schedule.rows(first, max(steps, 1), origin))
-        self._second.stage, self.shown_sums[:] = 0, self.sums
+        self._second.stage, self.output_sums[:] = 0, self.sums
         found = do()
         if found == march.STOPPED:
             times = self.schedule.times(first, steps, origin)
@@ -279,18 +322,32 @@ class BoundDriven(Bound):
         return found
 
     def forget_range(self) -> None:
-        """Start anew to record elongations; work and loss stay."""
+        """Reset the elongation range; work and loss remain."""
         self.sums[2:] = np.inf, -np.inf
         super().forget_range()
 
     @property
     def range(self) -> Array:
-        """As of `Bound`."""
+        """Smallest and largest elongation of each different spring; see `Bound.range`."""
         return super().range if self._forcing.tuning is None else self.sums[2:][None].copy()
 
 
 def bind(forcing: Forcing, u: Array, v: Array, method: Splitting, dt: float) -> BoundDriven:
-    """Prepare rows `u` and `v` of a driven scene, which are advanced in place."""
+    """Prepare a loop that advances rows `u` and `v` of a driven scene in place.
+
+    Parameters
+    ----------
+    forcing : Forcing
+    u, v : ndarray, C-contiguous
+        See `kernel.bind`.
+    method : Splitting
+    dt : float
+        Step [s].
+
+    Returns
+    -------
+    BoundDriven
+    """
     bonds = forcing.bonds
     laws, own = bonds.laws, bonds.own
     if forcing.tuning is not None:

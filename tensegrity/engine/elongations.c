@@ -1,8 +1,8 @@
-/* Elongations of contacts outside of a loop, the geometry as the loop has it. */
+/* Elongations of contacts outside of a loop, with the geometry of the loop. */
 
 typedef struct {
-    const integer *first, *second;  /* (count) rows that a pair joins; the second is a wall's site */
-    const real *geometry;           /* (DIM + 2, count) D, g, L; rows are `apart` */
+    const integer *first, *second;  /* (count) rows that a pair joins; of a wall, the site */
+    const real *geometry;           /* (DIM + 2, count) D, g, L; `apart` is the stride of rows */
     integer apart;
 } places;
 

@@ -1,28 +1,29 @@
-/* Energies of many states of a chain or a network; and how far springs come with an energy, and how
-   stiff or tense they get on the way.
+/* Energies of many states of a chain or a network; elongations that springs reach with an energy,
+   and their largest stiffness or tension up to there.
 
-   Compiled once for all scenes, without contraction of products and sums: kinetic and stored
-   energy are summed in the order of NumPy, by pairs, so that it makes no difference to a bit how
-   many states are asked for at once, or by whom; and what is looked at are the points of NumPy,
-   shares of the way between two elongations. */
+   Compiled once for all scenes, without contraction of products and sums: kinetic and stored energy
+   are summed pairwise in the order of NumPy, so that results agree to the bit for any number of
+   states in a call; the sampling points are those of NumPy, fractions of the distance between two
+   elongations. */
 
-typedef void (*law)(integer order, integer n, const double *parameters, const double *r, double *out);
-typedef void (*stretch)(const void *, integer, const double *, double *);
+typedef void (*law)(integer order, integer n, const double *parameters, const double *r,
+                    double *out);
+typedef void (*elongation_function)(const void *, integer, const double *, double *);
 
 enum { ENERGY, TENSION, STIFFNESS, BLOCK = 64 }; /* points that one call of a law evaluates */
 
-/* Bonds that one call evaluates: of one spring, or of one law with parameters of each. */
+/* Bonds that one call evaluates: of one spring, or of one law with different parameters. */
 typedef struct {
     void *function;             /* a `law`: `values` or `values_own` of evaluate.c */
     void *elongations;          /* of elongations.c; 0 for neighbours on a line */
     const double *parameters;   /* (parameters,), or (parameters, count) */
     const double *low, *high;   /* (count) ends of the domain, or one of each */
-    const integer *members;     /* (count) places of the bonds; 0 where they are in a row */
-    const void *places;         /* what `elongations` takes */
+    const integer *members;     /* (count) numbers of the bonds; 0 where they are consecutive */
+    const void *places;         /* argument of `elongations` */
     integer own, count, start;  /* start: place of the first */
-} alike;
+} bond_set;
 
-static double in_pairs(const double *x, integer n)
+static double pairwise_sum(const double *x, integer n)
 {
     if (n < 8) {
         double sum = 0;
@@ -32,7 +33,7 @@ static double in_pairs(const double *x, integer n)
     if (n > 128) {
         integer half = n / 2;
         half -= half % 8;
-        return in_pairs(x, half) + in_pairs(x + half, n - half);
+        return pairwise_sum(x, half) + pairwise_sum(x + half, n - half);
     }
     double s[8];
     integer i = 8;
@@ -44,12 +45,12 @@ static double in_pairs(const double *x, integer n)
     return sum;
 }
 
-/* Elongations of some bonds, side by side; whether all are in the domain, which NaN is not. */
-static integer elongations(const alike *s, const double *u, double *restrict r)
+/* Elongations of the bonds of a set; returns whether all are in the domain, which NaN is not. */
+static integer elongations(const bond_set *s, const double *u, double *restrict r)
 {
     integer outside = 0;
     if (s->elongations) {
-        ((stretch)s->elongations)(s->places, s->count, u, r);
+        ((elongation_function)s->elongations)(s->places, s->count, u, r);
     } else if (!s->members) {
         u += s->start;
         for (integer i = 0; i < s->count; i++) r[i] = u[i + 1] - u[i];
@@ -66,10 +67,10 @@ static integer elongations(const alike *s, const double *u, double *restrict r)
     return !outside;
 }
 
-/* Total energy of each of `rows` states of so many `entries`; 0 where an elongation is outside of
-   its domain.  `mass` is that of each entry; `loads` 0 where there are none.  `scratch` takes one
-   number for each of `all` bonds, and behind them as many as `entries` or one set has bonds. */
-integer energies(const alike *sets, integer count, integer all, const double *mass,
+/* Total energy of each of `rows` states with so many `entries`; returns 0 where an elongation is
+   outside its domain.  `mass` is that of each entry; `loads` is 0 without loads.  `scratch` has one
+   number for each of `all` bonds, then the larger of `entries` and the bonds of a set. */
+integer energies(const bond_set *sets, integer count, integer all, const double *mass,
                  const double *loads, integer entries, integer rows, const double *u,
                  const double *v, double *scratch, double *total)
 {
@@ -77,7 +78,7 @@ integer energies(const alike *sets, integer count, integer all, const double *ma
     double *restrict stored = scratch, *restrict part = scratch + all;
     for (integer k = 0; k < rows; k++, u += entries, v += entries) {
         for (integer s = 0; s < count; s++) {
-            const alike *set = sets + s;
+            const bond_set *set = sets + s;
             const integer n = set->count;
             if (!elongations(set, u, part)) return 0;
             double *out = set->members ? part : stored + set->start;
@@ -85,10 +86,10 @@ integer energies(const alike *sets, integer count, integer all, const double *ma
             if (set->members) for (integer i = 0; i < n; i++) stored[set->members[i]] = part[i];
         }
         for (integer i = 0; i < entries; i++) part[i] = mass[i] * (v[i] * v[i]);
-        total[k] = 0.5 * in_pairs(part, entries) + in_pairs(stored, all);
+        total[k] = 0.5 * pairwise_sum(part, entries) + pairwise_sum(stored, all);
         if (!loads) continue;
         for (integer i = 0; i < entries; i++) part[i] = loads[i] * u[i];
-        total[k] -= in_pairs(part, entries);
+        total[k] -= pairwise_sum(part, entries);
     }
     return 1;
 }
@@ -100,26 +101,26 @@ typedef struct {
     integer width;
 } springs;
 
-/* Shares of a way at which to look in turn, those of each look from where it begins. */
+/* Fractions of a distance at which to sample, those of each pass from its entry of `begins` on. */
 typedef struct {
-    const double *shares;
+    const double *fractions;
     const integer *begins; /* (count + 1) */
     integer count;
-} looks;
+} search_grid;
 
-/* Points at shares of the way from `a` to `b`, and what a spring has there. */
-static void look(const springs *s, integer spring, integer order, double a, double b,
-                 const double *shares, integer n, double *restrict r, double *restrict values)
+/* Points at fractions of the distance from `a` to `b`, and the values of a spring there. */
+static void sample(const springs *s, integer spring, integer order, double a, double b,
+                 const double *fractions, integer n, double *restrict r, double *restrict values)
 {
-    for (integer i = 0; i < n; i++) r[i] = shares[i] == 1 ? b : a + shares[i] * (b - a);
+    for (integer i = 0; i < n; i++) r[i] = fractions[i] == 1 ? b : a + fractions[i] * (b - a);
     s->functions[spring](order, n, s->parameters + spring * s->width, r, values);
 }
 
-/* The first elongation with more than an energy on the way from 0 to an end, or else the last.
-   Each look but the first is between what the one before it found and the last point, of any
-   look, that is not so far.  `found` is whether the first look found one. */
-static double first(const springs *s, double energy, integer spring, double end, const looks *of,
-                    integer *found)
+/* The first elongation between 0 and an end with more than an energy, or else the last one.  Each
+   pass after the first samples between the points that bracket it in the pass before.  `found`
+   tells whether the first pass found one. */
+static double first(const springs *s, double energy, integer spring, double end,
+                    const search_grid *of, integer *found)
 {
     double r[BLOCK], values[BLOCK], before = 0, beyond = end;
     for (integer m = 0; m < of->count; m++) {
@@ -128,7 +129,7 @@ static double first(const springs *s, double energy, integer spring, double end,
         integer is_out = 0;
         for (integer i = of->begins[m]; i < stop && !is_out; i += BLOCK) {
             const integer n = stop - i < BLOCK ? stop - i : BLOCK;
-            look(s, spring, ENERGY, before, beyond, of->shares + i, n, r, values);
+            sample(s, spring, ENERGY, before, beyond, of->fractions + i, n, r, values);
             integer j = 0;
             while (j < n && values[j] <= energy) j++;
             is_out = j < n;
@@ -142,17 +143,18 @@ static double first(const springs *s, double energy, integer spring, double end,
     return beyond;
 }
 
-/* The first of some sizes with more than an energy, to the side of a sign, or else the last; of
-   those in a row, from the first one, at which the stiffness is finite. */
-static double size(const springs *s, double energy, integer spring, double sign, const looks *of)
+/* The first of some sizes, times a sign, with more than an energy, or else the last one; only the
+   first consecutive sizes with a finite stiffness count. */
+static double size(const springs *s, double energy, integer spring, double sign,
+                   const search_grid *of)
 {
     double r[BLOCK], values[BLOCK], stiffness[BLOCK], last = 0;
     const integer stop = of->begins[1];
     integer begun = 0;
     for (integer i = 0; i < stop; i += BLOCK) {
         const integer n = stop - i < BLOCK ? stop - i : BLOCK;
-        look(s, spring, ENERGY, 0, sign, of->shares + i, n, r, values);
-        look(s, spring, STIFFNESS, 0, sign, of->shares + i, n, r, stiffness);
+        sample(s, spring, ENERGY, 0, sign, of->fractions + i, n, r, values);
+        sample(s, spring, STIFFNESS, 0, sign, of->fractions + i, n, r, stiffness);
         for (integer j = 0; j < n; j++) {
             const integer known = isfinite(stiffness[j]) != 0;
             if (begun && !known) return last;
@@ -164,30 +166,30 @@ static double size(const springs *s, double energy, integer spring, double sign,
     return last;
 }
 
-/* What `count` springs reach with an energy, (count, 2), and whether that is an end of the domain.
-   `ways`: how to look where the domain has an end; sizes, and up to one of them, where not. */
-void reachable(const springs *s, double energy, integer count, const looks *ways, double *ranges,
-               unsigned char *locks)
+/* Elongations that `count` springs reach with an energy, (count, 2), and whether they include an
+   end of the domain.  `grids`: up to an end of the domain; sizes where it is unbounded; up to
+   one. */
+void reachable(const springs *s, double energy, integer count, const search_grid *grids,
+               double *ranges, unsigned char *locks)
 {
     for (integer k = 0; k < count; k++) {
         locks[k] = 0;
         for (integer side = 0; side < 2; side++) {
             const double end = s->domains[2 * k + side];
             const integer held = isfinite(end) != 0;
-            const double way = held ? end : size(s, energy, k, side ? 1 : -1, ways + 1);
+            const double way = held ? end : size(s, energy, k, side ? 1 : -1, grids + 1);
             integer found;
-            ranges[2 * k + side] = first(s, energy, k, way, ways + (held ? 0 : 2), &found);
+            ranges[2 * k + side] = first(s, energy, k, way, grids + (held ? 0 : 2), &found);
             locks[k] |= held && !found;
         }
     }
 }
 
-/* Largest tension by size, or stiffness, at least 0, of springs of these numbers, or of the
-   first ones, at shares of their ranges (count, 2); not a number where one of them is none.
-   Returns 0 where a range is not inside of the domain, 2 where all that was found is finite, else
-   1. */
+/* Largest absolute tension, or stiffness, at least 0, of springs of given numbers, or of the
+   first ones, at fractions of their ranges (count, 2); NaN where a sample is NaN. Returns 0
+   where a range is not inside the domain, 2 where all results are finite, otherwise 1. */
 integer largest(const springs *s, integer order, integer count, const integer *numbers,
-                const double *ranges, const double *shares, integer every, double *out)
+                const double *ranges, const double *fractions, integer every, double *out)
 {
     double r[BLOCK], values[BLOCK];
     integer found = 2;
@@ -200,7 +202,7 @@ integer largest(const springs *s, integer order, integer count, const integer *n
             if (!(end > domain[0] && end < domain[1])) return 0;
             for (integer i = 0; i < every; i += BLOCK) {
                 const integer n = every - i < BLOCK ? every - i : BLOCK;
-                look(s, spring, order, 0, end, shares + i, n, r, values);
+                sample(s, spring, order, 0, end, fractions + i, n, r, values);
                 for (integer j = 0; j < n; j++) {
                     const double x = order == TENSION ? fabs(values[j]) : values[j];
                     if (x > top) top = x;

@@ -1,5 +1,5 @@
 """Compiled laws outside of loops: energies of many states of a chain or a network in one call, and
-springs looked at point by point; see `energies.c`."""
+searches along the law of a spring; see `energies.c`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tensegrity.engine import codegen
 from tensegrity.engine.bonds import KINDS, integers
 from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.disk_cache import cached
-from tensegrity.engine.native import address, joined, library, pointer, structure
+from tensegrity.engine.native import address, concatenated, library, pointer, structure
 from tensegrity.once import once
 
 if TYPE_CHECKING:
@@ -25,23 +25,23 @@ if TYPE_CHECKING:
 
     Set = tuple[Compiled, Array, Array, Indices]
 
-PART = 1024  # contacts of a network in a set: what lies between stays in the nearest cache
+PART = 1024  # contacts of a network in a set, so that intermediate results stay in the cache
 FINITE = 2  # what `largest` returns of finite numbers
 
-ALIKE = structure("energies.c", "alike")
+BOND_SET = structure("energies.c", "bond_set")
 SPRINGS = structure("energies.c", "springs")
-LOOKS = structure("energies.c", "looks")
+SEARCH_GRID = structure("energies.c", "search_grid")
 PLACES = structure("elongations.c", "places")
 
 
 @once
 def _compiled() -> Any:
-    return library(joined(["prelude.c", "energies.c"]), ["-ffp-contract=off"])
+    return library(concatenated(["prelude.c", "energies.c"]), ["-ffp-contract=off"])
 
 
 @once
 def _elongations(dim: int) -> list[int | None]:
-    """Addresses of the functions of each kind of contact; they stay where they are."""
+    """Addresses of the functions for each kind of contact; the library is never unloaded."""
     given: tuple[Any, ...] = (), (), (), dim, (), {}, {}, ["elongations.c"]
     text = cached(("elongations", dim), lambda: codegen.whole(*given))
     found = library(text, [f"-DDIM={dim}"])
@@ -49,42 +49,42 @@ def _elongations(dim: int) -> list[int | None]:
 
 
 class Energies:
-    """Bonds in sets, each of which one compiled function evaluates.
+    """Total energies of states, with the bonds in sets that one compiled function evaluates.
 
     Parameters
     ----------
     mass : ndarray, shape of a state
         [kg]
     sets : sequence of (Compiled, ndarray, ndarray, ndarray)
-        The loop of a law; parameters, (parameters,) or of each bond (parameters, bonds); domain
-        [m], (2, 1) or (2, bonds); numbers of the bonds, increasing.
+        Loop of a law; parameters, (parameters,) or (parameters, bonds); domain [m], (2, 1) or
+        (2, bonds); numbers of the bonds, increasing.
     contacts : Contacts, optional
-        Where the bonds do not just join neighbours on a line.
+        For a network; the bonds of a chain join neighbours.
     """
 
     def __init__(self, mass: Array, sets: Sequence[Set], contacts: Contacts | None = None) -> None:
         self._shape, self._function = mass.shape, _compiled().energies
         parts = sets if contacts is None else _of_contacts(sets, contacts)
-        rows = [_alike(*part, contacts) for part in parts]
-        each, bonds = (ALIKE * len(rows))(*rows), sum(len(columns) for *_, columns in sets)
+        rows = [_bond_set(*part, contacts) for part in parts]
+        each, bonds = (BOND_SET * len(rows))(*rows), sum(len(columns) for *_, columns in sets)
         mass, loads = np.ascontiguousarray(mass), None
         if contacts is not None and contacts.load.any():
             loads = np.ascontiguousarray(contacts.load)
-        self._held = rows, each, mass, loads  # as long as C may look at them
+        self._held = rows, each, mass, loads  # referenced as long as C may read them
         given = ctypes.addressof(each), len(rows), bonds, address(mass)
         self._given = *given, None if loads is None else address(loads), mass.size
         self._room = bonds + max(mass.size, *(row.count for row in rows), 0)
 
     def __call__(self, u: Array, v: Array) -> Array | None:
         """Total energies [J] of states u and v, (..., *shape of a state), the potential of loads
-        included; None where an elongation is outside of its domain, or the arrays are not as a
-        loop takes them."""
+        included; None where an elongation is outside its domain, or the arrays are not
+        C-contiguous arrays of float64."""
         states = u.shape[: u.ndim - len(self._shape)]
         fit = u.shape == v.shape == (*states, *self._shape)
         if not (fit and all(x.dtype == np.float64 and x.flags.c_contiguous for x in (u, v))):
             return None
         count = math.prod(states)
-        room = np.empty(self._room + count)  # to work in, and for what is found
+        room = np.empty(self._room + count)  # work space, and the results
         found = room[self._room :]
         pointers = address(u), address(v), address(room), found.ctypes.data
         if not self._function(*self._given, count, *pointers):
@@ -92,10 +92,10 @@ class Energies:
         return found.reshape(states).copy() if states else found[0]
 
 
-def _alike(
+def _bond_set(
     loop: Compiled, parameters: Array, domain: Array, columns: Indices, contacts: Contacts | None
 ) -> Any:
-    """A set as C takes it."""
+    """The structure `bond_set` of C for a set."""
     own, (low, high) = parameters.ndim == 2, np.ascontiguousarray(domain)
     first, last = (columns[0], columns[-1] + 1) if len(columns) else (0, 0)
     in_a_row = last - first == len(columns)
@@ -103,7 +103,7 @@ def _alike(
     if contacts is not None:
         elongations = _elongations(contacts.load.shape[1])[contacts.kind[columns][0]]
         places = _places(contacts, slice(first, last) if in_a_row else columns)
-    return ALIKE(
+    return BOND_SET(
         function=pointer(loop.library.values_own if own else loop.library.values),
         elongations=elongations,
         parameters=loop.numbers(parameters),
@@ -118,7 +118,8 @@ def _alike(
 
 
 def _places(contacts: Contacts, columns: slice | Indices) -> Any:
-    """Where the contacts of a set are: views of the network's own arrays where may be."""
+    """The structure `places` of C for the contacts of a set; views of the network's arrays where
+    possible."""
     geometry = contacts.geometry[:, columns]
     if not isinstance(columns, slice):
         geometry = np.ascontiguousarray(geometry)
@@ -131,7 +132,7 @@ def _places(contacts: Contacts, columns: slice | Indices) -> Any:
 
 
 def _of_contacts(sets: Sequence[Set], contacts: Contacts) -> Iterator[Set]:
-    """Sets of contacts of one kind, few enough."""
+    """Sets of at most `PART` contacts of one kind."""
     for loop, parameters, domain, columns in sets:
         for kind in range(len(KINDS)):
             mine = np.flatnonzero(contacts.kind[columns] == kind)
@@ -143,44 +144,44 @@ def _of_contacts(sets: Sequence[Set], contacts: Contacts) -> Iterator[Set]:
                 yield loop, *given, columns[part]
 
 
-class Ways:
-    """Where a search looks: shares of ways from 0.
+class SearchPoints:
+    """Points at which a law is sampled in a search from elongation 0, as fractions of a range.
 
-    Each look is on that part of the way on which the one before found what is searched.
+    Each pass samples the interval in which the pass before it located the result.
 
     Parameters
     ----------
     to_end : sequence of ndarray
-        Of the way to an end of the domain, of each look.
+        Fractions of the range up to an end of the domain, for each pass.
     sizes : ndarray
-        Elongations [m] where there is none.
+        Sizes of the elongation [m] where the domain is unbounded.
     to_size : sequence of ndarray
-        Of the way to one of these.
+        Fractions of the range up to one of these, for each pass.
     """
 
     def __init__(self, to_end: Sequence[Array], sizes: Array, to_size: Sequence[Array]) -> None:
         self.to_end, self.sizes, self.to_size = to_end, sizes, to_size
-        self._each = [_looks(looks) for looks in (to_end, [sizes], to_size)]
-        self._looks = (LOOKS * 3)(*self._each)
-        self.address = ctypes.addressof(self._looks)
+        self._each = [_fraction_table(looks) for looks in (to_end, [sizes], to_size)]
+        self._fraction_table = (SEARCH_GRID * 3)(*self._each)
+        self.address = ctypes.addressof(self._fraction_table)
 
 
-def _looks(shares: Sequence[Array]) -> Any:
-    begins = np.cumsum([0, *map(len, shares)], dtype=np.int64)
-    return LOOKS(shares=np.concatenate(shares), begins=begins, count=len(shares))
+def _fraction_table(fractions: Sequence[Array]) -> Any:
+    begins = np.cumsum([0, *map(len, fractions)], dtype=np.int64)
+    return SEARCH_GRID(fractions=np.concatenate(fractions), begins=begins, count=len(fractions))
 
 
 class Search:
-    """Different springs whose laws are compiled.
+    """Searches along the compiled laws of different springs.
 
     Parameters
     ----------
     loops : sequence of Compiled
-        Of the law of each, alone.
+        Loop of the law of each spring.
     parameters : ndarray, (springs, width)
-        Of each, and what fills the row.
+        Parameters of each spring, padded to a common width.
     domains : ndarray, (springs, 2)
-        Lowest and highest elongation [m].
+        Smallest and largest elongation [m].
     """
 
     def __init__(self, loops: Sequence[Compiled], parameters: Array, domains: Array) -> None:
@@ -194,9 +195,9 @@ class Search:
         self._address = ctypes.addressof(self._springs)
         self._library = _compiled()
 
-    def reachable(self, energy: float, ways: Ways) -> tuple[Array, Flags]:
-        """Elongations that each spring reaches with an energy [J], (springs, 2) [m], and whether
-        that is an end of its domain."""
+    def reachable(self, energy: float, ways: SearchPoints) -> tuple[Array, Flags]:
+        """Elongations that each spring can reach with an energy [J], (springs, 2) [m], and whether
+        these include an end of its domain, (springs,)."""
         count = len(self._springs.filled["functions"])
         ranges, locks = np.empty((count, 2)), np.empty(count, dtype=bool)
         found = address(ranges), address(locks)
@@ -204,15 +205,31 @@ class Search:
         return ranges, locks
 
     def largest(
-        self, order: int, ranges: Array, numbers: Indices | None, shares: Array
+        self, order: int, ranges: Array, numbers: Indices | None, fractions: Array
     ) -> tuple[Array, bool] | None:
-        """Largest size of the tension (1) [N], or largest stiffness (2) [N/m], of springs, of all
-        by default, at shares of their ranges (numbers, 2) [m], at least 0, NaN where one is NaN;
-        and whether all are finite.  None where a range is not inside of a domain."""
+        """Largest absolute tension or largest stiffness of springs over ranges of elongation.
+
+        Parameters
+        ----------
+        order : {1, 2}
+            1 for the tension [N], 2 for the stiffness [N/m].
+        ranges : ndarray, (numbers, 2)
+            Smallest and largest elongation [m], on either side of 0.
+        numbers : ndarray of int, or None
+            Indices of the springs; all by default.
+        fractions : ndarray
+            Points at which each side of a range is sampled.
+
+        Returns
+        -------
+        (ndarray, bool), or None
+            Values of at least 0, (numbers,), NaN where a sample is NaN, and whether all are finite;
+            None where a range is not inside the domain.
+        """
         out, ranges, which = np.empty(len(ranges)), np.ascontiguousarray(ranges), None
         if numbers is not None:
             numbers = np.ascontiguousarray(numbers, dtype=np.int64)
             which = address(numbers)
-        given = which, address(ranges), address(shares), len(shares), address(out)
+        given = which, address(ranges), address(fractions), len(fractions), address(out)
         found = self._library.largest(self._address, order, len(ranges), *given)
         return (out, found == FINITE) if found else None

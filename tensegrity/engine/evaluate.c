@@ -1,5 +1,5 @@
-/* Derivatives of a law alone, number 0, outside of a loop; EVALUATIONS(X) lists X(order, name), and
-   IN_PACKS says whether packs of numbers gain by its energy. */
+/* Derivatives of law number 0 outside of a loop; EVALUATIONS(X) lists X(order, name), and IN_PACKS
+   says whether its energy is computed in SIMD registers. */
 
 #define ALL_PARAMETERS(value)                                                               \
     real p[PARAMETERS + 1];                                                                 \
@@ -26,7 +26,7 @@ void evaluate(integer order, integer own, integer rows, integer n, const real *r
 }
 
 #if WIDE == 8 && IN_PACKS
-#define PACKS 8 /* of bonds whose energies are found side by side */
+#define PACKS 8 /* vectors of bonds whose energies are computed together */
 static void in_packs(integer n, const real *restrict p, const real *restrict r,
                      real *restrict out)
 {
@@ -45,8 +45,8 @@ static void in_packs(integer n, const real *restrict p, const real *restrict r,
 }
 #endif
 
-/* Energy (order 0), tension or stiffness at n elongations: in vectors, as the law is inlined.  Not so
-   above: the last bit of what is found there is in the numbers of other laws. */
+/* Energy (order 0), tension or stiffness at n elongations, vectorised as the law is inlined.  The
+   function above is not, as fitted laws depend on the last bit of its results. */
 #define VALUE(ORDER, NAME)                                                                  \
     if (order == ORDER && ORDER < 3) EACH(n) out[i] = NAME##_0(r[i], p);
 

@@ -1,8 +1,8 @@
-"""Bonds in NumPy: elongations, unit vectors, forces on rows, stiffness, derivatives carried back.
+"""Bonds in NumPy: elongations, unit vectors, forces on rows, tangent stiffness, and pullbacks.
 
-For statics, modes and traces; members of structures take the same forms.  Rows are those of
-`Bonds`: sites, and in a network walls and a spare one; the last two may be left out of `u`, as
-they do not move contacts.
+Used for statics, modes and traces, and by the members of structures.  Rows are those of `Bonds`:
+sites, and in a network walls and a spare one; `u` may lack the rows of walls and the spare one, as
+contacts do not depend on them.
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ import numpy as np
 from tensegrity.engine.bonds import PAIR
 from tensegrity.engine.programs import derived, run
 
-PART = 2**15  # contacts that are done together: what lies between takes ten times their memory
+PART = 2**15  # contacts in a block; intermediate results take ten times their memory
 
 
-def joined(bonds):
-    """What bonds join: rows of the first and second site or wall, whether a bond is between two
-    sites, (bonds,), and `Contacts.geometry`, (dim + 2, bonds); a line has dim 1."""
+def connectivity(bonds):
+    """The ends of bonds: rows of the first site or wall and of the second site, whether both are
+    sites, (bonds,), and `Contacts.geometry`, (dim + 2, bonds); dim is 1 for a chain."""
     contacts, count = bonds.contacts, len(bonds.group)
     if contacts is None:
         first = np.arange(count)
@@ -28,23 +28,23 @@ def joined(bonds):
 def elongations(bonds, u):
     """Elongation r of each bond [m], (..., bonds), and its gradient, (..., bonds, dim).
 
-    `u` has the shape (..., rows, dim), on a line (..., sites).
+    `u` has the shape (..., rows, dim), of a chain (..., sites).
     """
-    first, second, pair, geometry = joined(bonds)
+    first, second, pair, geometry = connectivity(bonds)
     w = _between(u if bonds.dim else u[..., None], first, second, pair)
-    return _stretch(geometry, pair, w), _along(geometry, pair, w)
+    return _elongations_at(geometry, pair, w), _along(geometry, pair, w)
 
 
-def stretch(bonds, u):
-    """The elongations alone."""
+def bond_elongations(bonds, u):
+    """Elongation of each bond [m], (..., bonds), without its gradient."""
     if bonds.contacts is None:
         return np.diff(u, axis=-1)
-    first, second, pair, geometry = joined(bonds)
+    first, second, pair, geometry = connectivity(bonds)
     parts = []
     for k in range(0, max(len(pair), 1), PART):
         some = slice(k, k + PART)
         w = _between(u, first[some], second[some], pair[some])
-        parts.append(_stretch(geometry[:, some], pair[some], w))
+        parts.append(_elongations_at(geometry[:, some], pair[some], w))
     return np.concatenate(parts, axis=-1)
 
 
@@ -53,8 +53,8 @@ def _between(u, first, second, pair):
     return u[..., second, :] - np.where(pair[:, None], u[..., np.where(pair, first, 0), :], 0)
 
 
-def _stretch(geometry, pair, w):
-    """Elongations where the ends are displaced by w, (..., bonds, dim), from one another."""
+def _elongations_at(geometry, pair, w):
+    """Elongations for relative displacements w of the ends, (..., bonds, dim)."""
     reference, gap, length = geometry[:-2], geometry[-2], geometry[-1]
     r = gap + np.sum(reference.T * w, axis=-1)  # walls, and on a line
     dim = len(reference)
@@ -65,12 +65,12 @@ def _stretch(geometry, pair, w):
 
 
 def _along(geometry, pair, w):
-    """Gradient of the elongations in w: unit vectors of pairs, normals of walls."""
+    """Gradient of the elongations with respect to w: unit vectors of pairs, normals of walls."""
     reference = geometry[:-2].T
     along = np.broadcast_to(reference, w.shape).astype(w.dtype)
     if w.shape[-1] > 1:
-        apart = reference[pair] + w[..., pair, :]
-        along[..., pair, :] = apart / np.sqrt(np.sum(apart**2, axis=-1, keepdims=True))
+        separation = reference[pair] + w[..., pair, :]
+        along[..., pair, :] = separation / np.sqrt(np.sum(separation**2, axis=-1, keepdims=True))
     return along
 
 
@@ -83,18 +83,43 @@ def _elongation(dim):
 
 
 def _rows(bonds):
-    """Number of rows that bonds join."""
+    """Number of rows."""
     return len(bonds.group) + 1 if bonds.contacts is None else bonds.contacts.rows
 
 
 def scattered_forces(bonds, tension, along):
-    """What bonds pull at the rows [N], (..., rows, dim)."""
-    return scattered(*joined(bonds)[:2], tension[..., None] * along, _rows(bonds))
+    """Forces of bonds on the rows.
+
+    Parameters
+    ----------
+    bonds : Bonds
+    tension : ndarray, (..., bonds)
+        [N]
+    along : ndarray, (..., bonds, dim)
+        Gradient of the elongations.
+
+    Returns
+    -------
+    ndarray, (..., rows, dim)
+        [N]
+    """
+    return scattered(*connectivity(bonds)[:2], tension[..., None] * along, _rows(bonds))
 
 
 def scattered(first, second, each, rows):
-    """Vectors of bonds (..., bonds, dim) added at their first ends, and taken off at the second;
-    (..., rows, dim)."""
+    """Vectors of bonds added at their first ends and subtracted at their second ends.
+
+    Parameters
+    ----------
+    first, second : ndarray of int, (bonds,)
+        Rows of the ends.
+    each : ndarray, (..., bonds, dim)
+    rows : int
+
+    Returns
+    -------
+    ndarray, (..., rows, dim)
+    """
     found = np.zeros((*each.shape[:-2], rows, each.shape[-1]), dtype=each.dtype)
     by_row, each = np.moveaxis(found, -2, 0), np.moveaxis(each, -2, 0)  # a view
     np.add.at(by_row, first, each)
@@ -103,42 +128,68 @@ def scattered(first, second, each, rows):
 
 
 def tangent(bonds, r, along, tension, stiffness):
-    """Derivative of what bonds pull at the rows, with its sign turned: the stiffness matrix.
+    """Tangent stiffness matrix: the negative derivative of the forces of bonds on the rows.
 
     Parameters
     ----------
     r, tension, stiffness : ndarray, (bonds,)
         Elongation [m], force [N], and its derivative [N/m].
     along : ndarray, (bonds, dim)
+        Gradient of the elongations.
 
     Returns
     -------
     scipy.sparse.coo_array, (rows dim, rows dim)
-        [N/m]; a wall has columns of zeros, as its row does not move it.
+        [N/m]; the columns of walls are 0, as walls do not move.
     """
-    first, second, pair, geometry = joined(bonds)
+    first, second, pair, geometry = connectivity(bonds)
     blocks = tangents(along, stiffness, _density(geometry, pair, r, tension))
     return assembled(first, second, blocks, _rows(bonds), pair)
 
 
 def _density(geometry, pair, r, tension):
-    """Force densities [N/m], (..., bonds): tension over length; 0 of walls and on a line."""
+    """Force densities [N/m], (..., bonds): tension over length; 0 for walls and in a chain."""
     turns = pair & (len(geometry) > 3)
     return np.where(turns, tension / np.where(turns, geometry[-1] + r, 1.0), 0.0)
 
 
 def tangents(along, stiffness, density):
-    """Tangent of each bond in its own separation [N/m], (bonds, dim, dim), from the unit vectors
-    (bonds, dim): k n n^T + q (I - n n^T), see `derivations.member`."""
+    """Tangent stiffness of each bond, k n n^T + q (I - n n^T); see `derivations.member`.
+
+    Parameters
+    ----------
+    along : ndarray, (bonds, dim)
+        Unit vectors n.
+    stiffness, density : ndarray, (bonds,)
+        k and the force density q [N/m].
+
+    Returns
+    -------
+    ndarray, (bonds, dim, dim)
+        [N/m]
+    """
     lengthwise = along[:, :, None] * along[:, None, :]
     across = np.eye(along.shape[1]) - lengthwise
     return stiffness[:, None, None] * lengthwise + density[:, None, None] * across
 
 
 def assembled(first, second, blocks, rows, pair=slice(None)):
-    """Tangents of bonds (bonds, dim, dim) in one sparse matrix, (rows dim, rows dim).
+    """Tangent stiffness of all bonds as one sparse matrix.
 
-    Only where `pair` says so does the row of the first end move a bond.
+    Parameters
+    ----------
+    first, second : ndarray of int, (bonds,)
+        Rows of the ends.
+    blocks : ndarray, (bonds, dim, dim)
+        Tangent stiffness of each bond [N/m].
+    rows : int
+    pair : ndarray of bool, (bonds,), optional
+        Bonds whose first end is a site; the others end at walls, which do not move.
+
+    Returns
+    -------
+    scipy.sparse.coo_array, (rows dim, rows dim)
+        [N/m]
     """
     from scipy.sparse import coo_array
 
@@ -160,7 +211,7 @@ def assembled(first, second, blocks, rows, pair=slice(None)):
 
 
 class BondForces:
-    """Some bonds at many states at once, and derivatives carried back through them.
+    """Forces of some bonds at many states, and the pullback of derivatives through them.
 
     Parameters
     ----------
@@ -168,9 +219,9 @@ class BondForces:
     members : ndarray of int
         Numbers of the bonds.
     rows : sequence of int
-        The rows that `u` has, in their order; among them all that the bonds join.
+        The rows of `u` in their order, which include the ends of the bonds.
     u : ndarray, (..., rows, dim)
-        Displacements, on a line with dim 1; 0 of the row of walls.
+        Displacements [m], dim 1 for a chain; 0 for the row of walls.
 
     Attributes
     ----------
@@ -183,32 +234,38 @@ class BondForces:
         place[rows] = np.arange(len(rows))
         self.members, self._rows = members, len(rows)
         self._first, self._second = (place[x[members]] for x in layout.ends)
-        _, _, pair, geometry = joined(layout.bonds)
+        _, _, pair, geometry = connectivity(layout.bonds)
         pair, geometry = pair[members], geometry[:, members]
         w = _between(u, self._first, self._second, pair)
-        self.r, self._along = _stretch(geometry, pair, w), _along(geometry, pair, w)
+        self.r, self._along = _elongations_at(geometry, pair, w), _along(geometry, pair, w)
         self.f, self.k, self._d = layout.laws_at(self.r, members)
         self._density = _density(geometry, pair, self.r, self.f)
 
     def forces(self):
-        """Forces on the rows, shape of u."""
+        """Forces on the rows [N], shape of u."""
         return self._scattered(self.f[..., None] * self._along)
 
     def _scattered(self, each):
         return scattered(self._first, self._second, each, self._rows)
 
-    def back(self, by_force=None, by_tension=0.0, by_elongation=0.0):
-        """From derivatives by forces on rows, tensions and elongations of bonds to those by u.
+    def pullback(self, by_force=None, by_tension=0.0, by_elongation=0.0):
+        """Derivatives of a number with respect to u, from those with respect to the forces.
 
-        Each has the shape of what it belongs to.
+        Parameters
+        ----------
+        by_force : ndarray, shape of u, optional
+            Derivatives with respect to the forces on the rows.
+        by_tension, by_elongation : ndarray, (..., members), optional
+            Derivatives with respect to the tensions and the elongations.
 
         Returns
         -------
         ub : ndarray, shape of u
+            Derivatives with respect to u.
         p : ndarray, (wanted, ..., members)
-            By the parameters wanted, summed over nothing.
+            Derivatives with respect to the requested parameters, for each state.
         g : ndarray, (..., members)
-            By the elongation.
+            Derivatives with respect to the elongations.
         """
         along, turned = self._along, 0.0
         if by_force is not None:

@@ -31,7 +31,7 @@ def functions(dim):
 
 
 def helpers(dim):
-    """What `codegen.whole` takes for a network."""
+    """Functions of contacts, and the C by which they are called, for `codegen.whole`."""
     for kind, function in functions(dim).items():
         yield (
             function,
@@ -42,7 +42,7 @@ def helpers(dim):
 
 
 def side_by_side(dim):
-    """C of the same for several contacts at once; see `simd.halves`."""
+    """C text of the same for several contacts in SIMD registers; see `simd.two_functions`."""
     axes = [[f"{name}[{k}]" for k in range(dim)] for name in ("d", "w")]
     along = [f"along[{k}][g]" for k in range(dim)]
     each = [["load(gap + g * each_gap)"], ["load(length + g * each_length)"]]
@@ -51,10 +51,11 @@ def side_by_side(dim):
         "pack (*along)[ROOM]"
     )
     found = [
-        simd.halves(
+        simd.two_functions(
             function, kind, "const pack *d, const pack *w, ", arguments, [*axes, *each],
             [["r[g]"], along],
         )
         for kind, function in functions(dim).items()
     ]  # fmt: skip
-    return [f"#define KEPT {max(1, *(kept for kept, _ in found))}", *(text for _, text in found)]
+    stored = max(1, *(count for count, _ in found))
+    return [f"#define STORED {stored}", *(text for _, text in found)]

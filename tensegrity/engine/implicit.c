@@ -1,6 +1,6 @@
 /* Steps of the implicit midpoint rule, one text for every scene.
 
-   Included behind `steps.c`, of which it takes acceleration(scene, u, a, n).  With h = dt/2 a step
+   Included after `steps.c`, of which it takes acceleration(scene, u, a, n).  With h = dt/2 a step
    solves d = h v + h^2 w F(u + d) for the displacements d to its middle by Newton's method; then
    u += 2 d and v += 2/h (d - h v).  Divided by sqrt(w) the tangent is symmetric: the matrix
    1 + h^2 sqrt(w) K sqrt(w), in whose rows and columns of held sites, w = 0, there is but the 1. */
@@ -43,8 +43,7 @@ static inline void couple(const implicit *m, integer i, integer j, real stiffnes
         m->band[column * m->width + row] += m->root[i] * m->root[j] * stiffness;
 }
 
-/* Forces and the matrix at u + d with the last update, and what the equations are off there;
-   whether that is finite. */
+/* Forces, matrix and residuals at u + d with the last update; returns whether these are finite. */
 static int linearised(const scene *c, const implicit *m)
 {
     const integer n = m->entries, bonds = m->bonds;
@@ -80,16 +79,16 @@ static int linearised(const scene *c, const implicit *m)
                     }
             }
     }
-    int sound = 1;
+    int is_valid = 1;
     for (integer i = 0; i < n; i++) {
         const real off = m->moved[i] + m->update[i] - m->straight[i] - h * h * c->w[i] * m->force[i];
         m->right[m->at[i]] = -off / (m->root[i] ? m->root[i] : 1);
-        sound &= isfinite(off) != 0;
+        is_valid &= isfinite(off) != 0;
     }
-    return sound;
+    return is_valid;
 }
 
-/* Solve by L D L': `right` becomes the solution, the matrix L D. */
+/* Solve by the factorisation L D L': overwrites `right` by the solution and the matrix by L D. */
 static void solve(const implicit *m)
 {
     const integer n = m->entries, width = m->width;
@@ -111,7 +110,8 @@ static void solve(const implicit *m)
     }
 }
 
-/* Displacements to the middle of a step, to round-off; whether they were found. */
+/* Displacements to the middle of a step, to round-off; returns whether Newton's method
+   converged. */
 static int solved(const scene *c, const implicit *m)
 {
     const integer n = m->entries;
@@ -146,7 +146,7 @@ integer advance_implicit(const scene *c, const implicit *m, integer steps, integ
     EACH(n) m->root[i] = sqrt(c->w[i]);
     for (integer k = 0; k < steps; k++) {
         if (!solved(c, m)) return 1;
-        acceleration(c, m->place, m->slope, m->count); /* of walls; and it notes elongations */
+        acceleration(c, m->place, m->slope, m->count); /* of walls; also notes elongations */
         real largest = 0;
         for (integer i = 0; i < n; i++) {
             largest = larger(largest, fabs(2 * m->moved[i]));
@@ -155,7 +155,7 @@ integer advance_implicit(const scene *c, const implicit *m, integer steps, integ
         }
         *m->travel += largest;
         for (integer i = n; i < m->count; i++) c->v[i] += dt * m->slope[i];
-        acceleration(c, c->u, m->slope, m->count); /* for the elongations where the step ends */
+        acceleration(c, c->u, m->slope, m->count); /* notes those at the end of the step */
     }
     return 0;
 }

@@ -1,4 +1,4 @@
-"""What steps of the implicit midpoint rule take besides the scene: see `implicit.c`."""
+"""Data for steps of the implicit midpoint rule: see `implicit.c`."""
 
 from __future__ import annotations
 
@@ -10,8 +10,20 @@ ITERATIONS = 60  # of Newton's method, in one step
 
 
 def fields(loop, u, bonds):
-    """Arrays and counts of the structure, by their names; what `Bound` has is not among them."""
-    contacts, (first, second, _, geometry) = bonds.contacts, forces.joined(bonds)
+    """Fields of the structure `implicit` except those that `Bound` adds.
+
+    Parameters
+    ----------
+    loop : Compiled
+    u : ndarray
+        Rows of the loop.
+    bonds : Bonds
+
+    Returns
+    -------
+    dict
+    """
+    contacts, (first, second, _, geometry) = bonds.contacts, forces.connectivity(bonds)
     dim = bonds.dim or 1
     load = np.zeros(u.size) if contacts is None else contacts.load
     entries = load.size
@@ -43,10 +55,10 @@ def fields(loop, u, bonds):
 
 
 def _order(bonds, first, second):
-    """Where each site stands in the matrix, and how far from another that it is joined to."""
+    """Position of each site in the matrix (reverse Cuthill-McKee), and the bandwidth in sites."""
     sites = len(bonds.inverse_mass)
     moves = np.append(bonds.inverse_mass > 0, False)
-    joined = moves[np.minimum(first, sites)] & moves[second]  # but not to walls
+    joined = moves[np.minimum(first, sites)] & moves[second]  # without walls
     first, second, at = first[joined], second[joined], np.arange(sites)
     if bonds.contacts is not None:
         from scipy.sparse import csr_array

@@ -1,59 +1,62 @@
 """The compiled loop that advances a scene.
 
-What runs where:
-
 | | chain | network in 1, 2, 3 dimensions |
 |---|---|---|
-| parameters common, own to each bond | yes | yes |
-| lanes of one scene, or of several | side by side in one loop | in turn |
-| threads | pieces of long chains | pieces of large ones, by splittings |
+| parameters in common, or of each bond | yes | yes |
+| batch of scenes | in one loop | one after the other |
+| threads | parts of long chains, splittings | parts of large networks, splittings |
 | walls, loads | no: a network on a line has them | yes |
-| "corrected6" | yes, lanes too, on one thread | yes |
-| implicit steps | yes, lanes in turn | yes; one thread |
+| "corrected6" | yes, also batches, one thread | yes |
+| implicit steps | yes, a batch scene by scene | yes, one thread |
 | fitted forces | yes | yes |
-| prescribed motions, forces in time | yes, one lane, one thread | yes, one thread |
-| dashpots | in bonds and to the ground | to the ground |
-| springs that change in time | yes, all alike, one lane, one thread | no |
+| prescribed motions, forces in time | yes, one scene, one thread | yes, one thread |
+| dashpots | in bonds and to the ground | in bonds and to the ground |
+| springs that change in time | yes, all equal, one scene, one thread | yes, all equal, one thread |
 
-Bonds that join neighbours in order, without walls and loads, are a chain whatever the scene
-calls them: one pass over them does a stage.  A processor works on several short chains in the
-time of one where their sites stand side by side; contacts of a network fill it already.
+Bonds that join neighbours in order, without walls and loads, are a chain whatever the class of the
+scene: a stage is one pass over them.  A processor advances a batch of short chains in the time of
+one, as their sites fill SIMD registers; the contacts of a network fill these already.
 """
 
 from __future__ import annotations
 
-from tensegrity.engine import pieces
+from tensegrity.engine import threaded
 from tensegrity.engine.bound import Bound
 from tensegrity.engine.compiled import compiled
 from tensegrity.engine.methods import Splitting
 
 
 def bind(u, v, bonds, method, dt, loop=None, divided=True):
-    """Prepare a scene whose rows `u` and `v` are advanced in place.
+    """Prepare a loop that advances the rows `u` and `v` in place.
 
     Parameters
     ----------
     u, v : ndarray, C-contiguous
-        (sites,), (sites, lanes), or (rows, dim): sites, walls, and a spare row.
+        (sites,), (sites, batch), or (rows, dim): sites, walls, and a spare row.
     bonds : Bonds
     method : Method
     dt : float
-        [s]
+        Step [s].
     loop : Compiled, optional
-        By default that of the bonds.
+        By default the loop of the bonds.
     divided : bool, optional
         Whether a long chain or a large network may be advanced on several threads.
+
+    Returns
+    -------
+    Bound
 
     Raises
     ------
     CompilerError
+        There is no C compiler.
     """
-    lanes = 1 if bonds.dim or u.ndim == 1 else u.shape[1]
+    batch = 1 if bonds.dim or u.ndim == 1 else u.shape[1]
     if loop is None:
-        loop = compiled(bonds.laws, bonds.own, bonds.dim, lanes)
-    large = len(bonds.group) > pieces.MANY if bonds.dim else u.size > pieces.LONG and lanes == 1
-    count = pieces.threads() if divided and large and isinstance(method, Splitting) else 1
+        loop = compiled(bonds.laws, bonds.own, bonds.dim, batch)
+    large = len(bonds.group) > threaded.MANY if bonds.dim else u.size > threaded.LONG and batch == 1
+    count = threaded.threads() if divided and large and isinstance(method, Splitting) else 1
     if count > 1:
-        kind = pieces.BoundParts if bonds.dim else pieces.BoundPieces
+        kind = threaded.ThreadedNetwork if bonds.dim else threaded.ThreadedChain
         return kind(loop, u, v, bonds, method, dt, count)
     return Bound(loop, u, v, bonds, method, dt)

@@ -1,10 +1,9 @@
-"""The law of a bond as mathematics, in SymPy and in CasADi.
+"""The law of a bond, in SymPy and in CasADi.
 
 A `Law` is a scalar energy of one elongation with named parameters, which CasADi differentiates
-(unless the law brings its own form of the tension).  A law may also be made of CasADi expressions
-from the start: what is asked of it is a hash, `parameters`, `forms()`, and `compiled` as in
-`Law`.  What is generated from a law that has a `name`, for good and in every process, is
-kept: see `tensegrity.engine.disk_cache`.
+(unless the law has its own form of the tension).  A law may also be defined by CasADi expressions:
+it needs a hash, `parameters`, `forms()`, and `compiled` as in `Law`.  Code generated from a law
+with a `name`, which identifies it in all processes, is cached: see `tensegrity.engine.disk_cache`.
 """
 
 from __future__ import annotations
@@ -38,12 +37,12 @@ class Law:
         Energy [J] as a function of `elongation` [m] and `parameters`.
     elongation : sympy.Symbol
     parameters : tuple of sympy.Symbol
-        Values are given at run time, so that one compiled kernel serves them all.
+        Their values are given at run time, so that one compiled kernel serves all springs.
     tension : sympy.Expr, optional
         A form of dV/dr [N] preferred to automatic differentiation of the energy.
     through : tuple of (symbol, value, derivative), optional
-        Quantities by which `tension` depends on the elongation, besides directly, each with
-        its value and a form of its derivative preferred to automatic differentiation.
+        Intermediate quantities through which `tension` depends on the elongation, each with its
+        value and a form of its derivative preferred to automatic differentiation.
     """
 
     energy: sp.Expr
@@ -51,8 +50,8 @@ class Law:
     parameters: tuple[sp.Symbol, ...] = ()
     tension: sp.Expr | None = None
     through: tuple[tuple[sp.Symbol, sp.Expr, sp.Expr], ...] = ()
-    compiled = DERIVATIVES  # what is compiled besides the tension in the loop
-    name = ""  # what stands for it in other processes, if anything does
+    compiled = DERIVATIVES  # derivatives that are compiled outside the loop
+    name = ""  # identifies the law in other processes, if not empty
 
     def forms(self) -> tuple[Any, Any, Sequence[Any]]:
         """The law in CasADi.
@@ -91,14 +90,14 @@ class Law:
 
 
 class DerivedLaw(Law):
-    """A law that a function of this package derives, when its expressions are asked for.
+    """A law that a function of this package derives when its expressions are needed.
 
     Parameters
     ----------
     make : callable
-        A function of a module, which gives a `Law`.
+        A function of a module that returns a `Law`.
     *arguments
-        What it is called with; texts and numbers, which say all that the law depends on.
+        Its arguments, texts and numbers, on which alone the law depends.
     """
 
     def __init__(self, make: Callable[..., Law], *arguments: Any) -> None:
@@ -124,17 +123,30 @@ def _derived(law):
     return law.make(*law.arguments)
 
 
-def _ask(name):
+def _derived_property(name):
     return property(lambda self: getattr(_derived(self), name))
 
 
 for _field in fields(Law):
-    setattr(DerivedLaw, _field.name, _ask(_field.name))
-DerivedLaw.parameters = property(lambda self: tuple(facts(self)["parameters"]))  # type: ignore
+    setattr(DerivedLaw, _field.name, _derived_property(_field.name))
+DerivedLaw.parameters = property(lambda self: tuple(law_properties(self)["parameters"]))  # type: ignore
 
 
 def named(what: str, laws: Sequence[Any], *more: Any) -> tuple[Any, ...] | None:
-    """What `kept` takes for something made of laws; None where one of them has no name."""
+    """Key for `disk_cache.cached` of a value computed from laws.
+
+    Parameters
+    ----------
+    what : str
+        Kind of value.
+    laws : sequence of Law
+    *more
+        Further values on which it depends.
+
+    Returns
+    -------
+    tuple, or None where a law has no name
+    """
     names = tuple(getattr(law, "name", "") for law in laws)
     return (what, names, *more) if all(names) else None
 
@@ -142,7 +154,7 @@ def named(what: str, laws: Sequence[Any], *more: Any) -> tuple[Any, ...] | None:
 def to_casadi(expression: Any, symbols: Sequence[Any]) -> Callable[..., Any]:
     """A SymPy expression, or a list of them, as a function of CasADi SX symbols.
 
-    Common subexpressions are kept.
+    Common subexpressions are computed once.
     """
     import casadi as ca
     import sympy as sp
@@ -161,7 +173,7 @@ def to_casadi(expression: Any, symbols: Sequence[Any]) -> Callable[..., Any]:
     def is_one_sided_power(one):
         return one.is_Pow and isinstance(one.base, sp.Max) and 0 in one.base.args
 
-    def one_sided_power(one):  # whose derivatives, as a power of a maximum, are 0 times inf beyond
+    def one_sided_power(one):  # derivatives of a power of a maximum are 0 times inf at 0
         inside, *others = (x for x in one.base.args if x != 0)
         if one.exp.is_integer or others:
             return one
@@ -212,12 +224,12 @@ def check_law(law: Law) -> None:
             raise TensegrityError(f"energy {law.energy} contains {constant}")
     try:
         functions(law)
-    except Exception as error:  # whatever SymPy's printer or CasADi raises at what it cannot do
+    except Exception as error:  # SymPy's printer and CasADi raise many kinds of errors
         raise TensegrityError(f"energy {law.energy} cannot be translated: {error}") from error
 
 
-def in_pieces(expression: Any) -> bool:
-    """Whether a SymPy expression is made of pieces, where derivatives may jump."""
+def is_piecewise(expression: Any) -> bool:
+    """Whether a SymPy expression is defined piecewise, so that derivatives may jump."""
     import sympy as sp
 
     return expression.has(sp.Max, sp.Min, sp.Abs, sp.Heaviside, sp.Piecewise, sp.sign)
@@ -243,7 +255,20 @@ def functions(law: Any) -> Any:
 
 
 def evaluate(law, order, parameters, r):
-    """The order-th derivative of a law on CasADi's machine; see `Compiled.evaluate`."""
+    """A derivative of the energy of a law, evaluated by CasADi.
+
+    Parameters
+    ----------
+    law : Law
+    order : int
+        Order of the derivative, 0 to 3.
+    parameters, r : ndarray
+        As of `Compiled.evaluate`.
+
+    Returns
+    -------
+    ndarray, shape of r
+    """
     if not r.size:
         return np.zeros(r.shape)
     function = functions(law)[DERIVATIVES[order]]
@@ -256,45 +281,60 @@ def evaluate(law, order, parameters, r):
 
 
 @once
-def facts(law: Any) -> dict[str, Any]:
-    """What is asked of a law besides its functions: names of its parameters, seconds that a
-    tension takes in a compiled loop, roughly: counted, not measured, its instructions, whether any
-    of them makes pieces of it, and whether packs of numbers gain by it, and by the energy."""
-    return cached(named("facts", (law,)), lambda: _facts(law))
+def law_properties(law: Any) -> dict[str, Any]:
+    """Properties of a law.
+
+    Returns
+    -------
+    dict
+        "parameters", their names; "cost", an estimate of the time of a tension in a compiled loop
+        [s], from a count of operations; "instructions", their number; "cut", whether the law has
+        kinks; "packed" and "packed_energy", whether SIMD code makes tension and energy faster.
+    """
+    return cached(named("facts", (law,)), lambda: _law_properties(law))
 
 
-def _facts(law):
+def _law_properties(law):
     import casadi as ca
 
     slow = {ca.OP_SQRT: 16, ca.OP_DIV: 8, ca.OP_INV: 8}
     slow |= dict.fromkeys((ca.OP_EXP, ca.OP_LOG, ca.OP_POW, ca.OP_SIN, ca.OP_COS), 150)
-    cuts = {ca.OP_FMAX, ca.OP_FMIN, ca.OP_FABS, ca.OP_SIGN, ca.OP_LT, ca.OP_LE, ca.OP_IF_ELSE_ZERO}
+    kinked = {
+        ca.OP_FMAX,
+        ca.OP_FMIN,
+        ca.OP_FABS,
+        ca.OP_SIGN,
+        ca.OP_LT,
+        ca.OP_LE,
+        ca.OP_IF_ELSE_ZERO,
+    }
     tension = functions(law)["tension"]
     done = [tension.instruction_id(k) for k in range(tension.n_instructions())]
     return {
-        "parameters": [str(parameter) for parameter in _given(law).parameters],
+        "parameters": [str(parameter) for parameter in _resolved(law).parameters],
         "cost": 4e-11 * sum(slow.get(one, 1) for one in done),
-        "cut": any(one in cuts for one in done),
+        "cut": any(one in kinked for one in done),
         "instructions": tension.n_instructions(),
-        "packed": simd.gains(tension),
-        "packed_energy": "energy" in law.compiled and simd.gains(functions(law)["energy"]),
+        "packed": simd.benefits_from_simd(tension),
+        "packed_energy": "energy" in law.compiled
+        and simd.benefits_from_simd(functions(law)["energy"]),
     }
 
 
-def _given(law):
+def _resolved(law):
     return _derived(law) if isinstance(law, DerivedLaw) else law
 
 
 @dataclass(frozen=True)
 class Change:
-    """Rate of a law's energy in time, at given elongation, as a law of its own.
+    """The time derivative of a law's energy at constant elongation, as a law.
 
     Attributes
     ----------
     law : Law
-        Its parameters, and then their rates, are those of the change.
+        Its parameters and their rates are the parameters of the change.
     moving : tuple of int, optional
-        Numbers of the parameters whose rates are not 0; by default all.
+        Indices of the parameters whose rates are not 0; by default all.
     """
 
     law: Law
@@ -303,12 +343,12 @@ class Change:
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """Those of the law, and their rates."""
+        """Names of the parameters of the law, then of their rates."""
         return tuple(f"{kind}{k}" for kind in "pq" for k in range(len(self.law.parameters)))
 
     @property
     def name(self) -> str:
-        """What stands for it in other processes, if anything does."""
+        """Identifies the change in other processes, if not empty."""
         name = getattr(self.law, "name", "")
         return f"change with {self.moving} of {name}" if name else ""
 
@@ -334,16 +374,21 @@ class Change:
 
 
 def interpret(function, inputs, apply):
-    """The entries of an SX function's output, done anew with other expressions.
+    """Evaluate the instructions of an SX function with other values and operations.
 
     Parameters
     ----------
     function : casadi.Function
-        Of one output, made of SX.
+        A function of one output, made of SX.
     inputs : sequence of sequences
-        For each input of the function its entries.
+        Values of the entries of each input.
     apply : callable (operation, *values) -> value
-        What does each operation, such as `applied`.
+        Does an operation, such as `applied`.
+
+    Returns
+    -------
+    list
+        Values of the entries of the output.
     """
     import casadi as ca
 

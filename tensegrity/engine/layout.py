@@ -1,14 +1,15 @@
-"""Bonds laid out as compiled loops take them: of a chain in runs, of a network in slices.
+"""Layout of bonds for compiled loops: of a chain in runs, of a network in slices.
 
-In a network `GROUP` sites stand side by side in a slice, and their contacts with sites of higher
-numbers, or with walls, one below the other in its groups.  What a contact does to its other site is
-added to that one's row at once, group by group and in a group lane by lane.
+In a network a slice holds `GROUP` sites, one for each SIMD lane, and groups of their contacts with
+sites of higher numbers, or with walls: each group has at most one contact for each lane.  The force
+of a contact on its other site is added to the row of that site immediately, group by group and
+within a group lane by lane.
 
-Contacts that are listed but do not touch add nothing, and change no order either: which sites
-share a slice is said by the scene (`Contacts.crowding`) where lists may come and go, and of the
-contacts with one other site those of higher lanes do not come before those of lower ones.  A place
-where a lane has to wait, or has no contact left, repeats another one of its site's, or of the
-slice's; it does not count.
+Listed contacts without overlap add nothing, and do not change the order of any sum: where the list
+changes during a run, `Contacts.crowding` decides which sites form a slice, and among the contacts
+with one other site, those of higher lanes do not precede those of lower ones.  Where a lane has to
+wait, or has no contact left, its place repeats another contact of its site, or of the slice, which
+does not count.
 """
 
 from __future__ import annotations
@@ -25,19 +26,19 @@ TILE = 256  # sites, as in scene.h
 GUESSES = 3
 
 
-class Laid(NamedTuple):
-    """What a loop takes that depends neither on the motion nor on the method.
+class LoopLayout(NamedTuple):
+    """The data of a loop that depend neither on the state nor on the method.
 
     Attributes
     ----------
     runs : Runs
         Places for which the loop has parameters.
     springs : ndarray of int
-        The spring of each place where it notes elongations.
+        The spring of each place where the loop notes elongations.
     fields : dict of str
-        Of the structure `scene` of the loop.
+        Fields of the structure `scene` of the loop.
     slices : Slices or None
-        Of a network.
+        Slices of a network.
     """
 
     runs: Runs
@@ -46,55 +47,77 @@ class Laid(NamedTuple):
     slices: Any = None
 
 
-def laid(loop, bonds, pieces=1, runs=None):
-    """Bonds as a loop takes them, on some threads, or some runs of a chain: made once, if not of
-    other runs than theirs."""
+def loop_layout(loop, bonds, pieces=1, runs=None):
+    """The layout of bonds for a loop, cached unless it is made for other runs.
+
+    Parameters
+    ----------
+    loop : Compiled
+    bonds : Bonds
+    pieces : int, optional
+        Number of threads of a network.
+    runs : Runs, optional
+        Part of the runs of a chain.
+
+    Returns
+    -------
+    LoopLayout
+    """
     if runs is not None:
         return _line(loop, bonds, runs)
-    if (loop, pieces) not in bonds.laid:
+    if (loop, pieces) not in bonds.layouts:
         found = _net(loop, bonds, pieces) if loop.dim else _line(loop, bonds, bonds.runs)
-        bonds.laid[loop, pieces] = found
-    return bonds.laid[loop, pieces]
+        bonds.layouts[loop, pieces] = found
+    return bonds.layouts[loop, pieces]
 
 
 def _line(loop, bonds, runs):
     weights = np.asarray(bonds.inverse_mass)
-    if loop.lanes > 1 and weights.ndim == 1:
-        weights = np.repeat(weights, loop.lanes)
+    if loop.batch > 1 and weights.ndim == 1:
+        weights = np.repeat(weights, loop.batch)
     where = {"first": runs.first - runs.first[0], "law": 2 * runs.law + runs.own}
-    return _laid(loop, bonds, runs, {"w": weights} | where)
+    return _with_parameters(loop, bonds, runs, {"w": weights} | where)
 
 
-def _laid(loop, bonds, runs, fields, pieces=1, slices=None, **more):
-    """With parameters of the places of runs, and where elongations are noted."""
-    met_at, springs = elongations(bonds, runs, loop.lanes, pieces)
-    fields |= parameters(bonds, runs, loop.own, loop.lanes) | {"met_at": met_at}
+def _with_parameters(loop, bonds, runs, fields, pieces=1, slices=None, **more):
+    """The layout with the parameters of runs, and the places where elongations are noted."""
+    range_at, springs = elongations(bonds, runs, loop.batch, pieces)
+    fields |= parameters(bonds, runs, loop.own, loop.batch) | {"range_at": range_at}
     for name, values in fields.items():
         is_real = np.asarray(values).dtype.kind == "f"
         more[name] = loop.numbers(values) if is_real else integers(values)
-    return Laid(runs, springs, more | {"runs": len(runs.law)}, slices)
+    return LoopLayout(runs, springs, more | {"runs": len(runs.law)}, slices)
 
 
-def elongations(bonds, runs, lanes=1, pieces=1):
-    """Where a loop notes the elongations that it meets.
+def elongations(bonds, runs, batch=1, pieces=1):
+    """Places at which a loop notes elongation ranges.
 
-    For each bond of runs with parameters of their own; of other runs in as many places as are done
-    side by side, of a network those of each piece.
+    There is one for each bond with parameters of its own; a run of other bonds has one for each
+    place of a block, or in a network for each SIMD lane of each thread.
+
+    Parameters
+    ----------
+    bonds : Bonds
+    runs : Runs
+    batch : int, optional
+        Number of scenes.
+    pieces : int, optional
+        Number of threads of a network.
 
     Returns
     -------
-    met_at : ndarray of int64, (runs + 1,)
-        Where those of a run begin.
+    range_at : ndarray of int64, (runs + 1,)
+        First place of each run.
     springs : ndarray of int, (places,)
-        The spring of each.
+        The spring of each place.
     """
     at, springs = [0], [np.zeros(0, dtype=int)]
     most = pieces * GROUP if bonds.contacts is not None else BLOCK
     for k, own in enumerate(runs.own):
         group = bonds.group[runs.members(k)]
-        if lanes > 1 and group.ndim == 1:
-            group = np.repeat(group[:, None], lanes, axis=1)
-        count = most if bonds.contacts is not None else min(most, lanes * len(group))
+        if batch > 1 and group.ndim == 1:
+            group = np.repeat(group[:, None], batch, axis=1)
+        count = most if bonds.contacts is not None else min(most, batch * len(group))
         springs.append(group.ravel() if own else np.full(count, group.flat[0]))
         at.append(at[-1] + springs[-1].size)
     return np.array(at, dtype=np.int64), np.concatenate(springs)
@@ -134,68 +157,68 @@ def _net(loop, bonds, pieces):
         "tiles": found.tiles,
         "loaded": bool(contacts.load.any()),
     }
-    return _laid(loop, bonds, entries, fields, pieces, found, **more)
+    return _with_parameters(loop, bonds, entries, fields, pieces, found, **more)
 
 
 def _by_wall(bonds, found, normal):
-    """Contacts with walls as the loop takes them.
+    """Fields for contacts with walls.
 
-    Normals of the groups of each run with walls, and where these begin; where among these the
-    contacts are, wall by wall and else in the order of the list, and where those with each wall
-    begin.
+    Normals of the groups of each run with walls, and where these begin; the place of each contact
+    among them, sorted by wall and then in the order of the list, and the first one of each wall.
     """
     runs, contacts = bonds.runs, bonds.contacts
-    dim, kept, at, places, walls = len(normal), [np.zeros(0)], [], [], []
+    dim, blocks, at, places, walls = len(normal), [np.zeros(0)], [], [], []
     for k, kind in enumerate(runs.kind):
-        at.append(sum(map(len, kept)))
+        at.append(sum(map(len, blocks)))
         if kind == WALL:
             part = slice(*found.first[k : k + 2])
             entries, counting = found.contact[part], np.flatnonzero(found.counts[part])
             groups = normal[:, entries].reshape(dim, -1, GROUP)
-            kept.append(groups.swapaxes(0, 1).ravel())
+            blocks.append(groups.swapaxes(0, 1).ravel())
             order = counting[np.argsort(entries[counting])]
             places.append(at[-1] + order // GROUP * GROUP * dim + order % GROUP)
             walls.append(found.other[part][order])
     places, walls = (np.concatenate([np.zeros(0, dtype=int), *x]) for x in (places, walls))
     order = np.argsort(walls, kind="stable")
     begin = np.searchsorted(walls[order], np.arange(len(contacts.load), contacts.rows + 1))
-    normal = {"normal": np.concatenate(kept), "normal_at": np.array(at, dtype=int)}
+    normal = {"normal": np.concatenate(blocks), "normal_at": np.array(at, dtype=int)}
     return normal | {"pressing": places[order], "pressed": begin}
 
 
 def _varying(name, values, first):
-    """Values of the entries of each run, or `GROUP` equal ones; where these begin, and which."""
-    kept, at, each = [np.zeros(0)], [], []
+    """Values of the entries of each run, or `GROUP` equal ones; where these begin, and which of
+    the two they are."""
+    blocks, at, each = [np.zeros(0)], [], []
     for start, stop in pairwise(first):
         part = values[start:stop]
         each.append(bool(np.any(part != part[0])))
-        at.append(sum(map(len, kept)))
-        kept.append(part if each[-1] else part[:GROUP])
-    found = {"": np.concatenate(kept), "_at": np.array(at, int), "_each": np.array(each, int)}
+        at.append(sum(map(len, blocks)))
+        blocks.append(part if each[-1] else part[:GROUP])
+    found = {"": np.concatenate(blocks), "_at": np.array(at, int), "_each": np.array(each, int)}
     return {name + ending: x for ending, x in found.items()}
 
 
 @dataclass(frozen=True, eq=False)
 class Slices:
-    """All runs of a network; an entry is a place in a group.
+    """The slices of all runs of a network; an entry is a place in a group.
 
     Attributes
     ----------
     slice : ndarray of int, (runs, tiles + 1)
         First slice of a run in each tile.
     site : ndarray of int, (slices, GROUP)
-        Sites.
+        Sites of each slice.
     begin : ndarray of int, (slices + 1,)
         First group of each slice.
     contact, other : ndarray of int, (groups * GROUP,)
-        Place of the contact of each entry in the list, and the row that it joins the site to.
+        Place of the contact of each entry in the list, and the row of the other site.
     counts : ndarray of bool, (groups * GROUP,)
-        Whether it is one, and no repetition.
+        False for repetitions, which do not count.
     first : ndarray of int, (runs + 1,)
         First entry of each run.
     needed, reach : ndarray of int, (tiles + 1,)
-        The first tile with a contact of a site in this tile or behind it; behind the last tile
-        with a contact of a site before this tile.
+        The first tile with a contact of a site in this tile or a later one; the tile after the last
+        one with a contact of a site before this tile.
     """
 
     slice: np.ndarray
@@ -212,12 +235,12 @@ class Slices:
     def tiles(self):
         return len(self.needed) - 1
 
-    def shares(self, pieces):
-        """Tiles at which so many pieces of about equal work begin and end; (pieces + 1,)."""
+    def balanced_cuts(self, pieces):
+        """Tiles at which so many parts of about equal work begin and end; (pieces + 1,)."""
         groups = np.append(0, np.cumsum(np.diff(self.begin[self.slice], axis=1).sum(axis=0)))
         done = groups + TILE / GROUP * np.arange(self.tiles + 1)
         cuts = np.zeros(pieces, dtype=int)
-        for _ in range(GUESSES):  # of what is done twice
+        for _ in range(GUESSES):  # of the work that two parts do
             twice = np.cumsum(groups[cuts] - groups[self.needed[cuts]])
             share = (done[-1] + twice[-1]) * np.arange(pieces) / pieces
             wanted = np.maximum.accumulate(share[1:] - twice[:-1])
@@ -226,7 +249,7 @@ class Slices:
 
 
 def slices(bonds):
-    """The `Slices` of a network's `Bonds`."""
+    """The slices of the bonds of a network."""
     runs, contacts = bonds.runs, bonds.contacts
     tiles = -(-len(contacts.load) // TILE)
     parts, begun, groups = [], 0, 0
@@ -237,7 +260,7 @@ def slices(bonds):
         part["begin"] += groups
         parts.append(part)
         begun, groups = begun + len(part["site"]), part["begin"][-1]
-    if not parts:  # as a run of nothing, which is none of the runs
+    if not parts:  # an empty run, for arrays of the right kinds
         parts = [_run(contacts, *np.zeros((2, 0), dtype=int), False, tiles)]
     joined = {
         name: np.concatenate([part[name] for part in parts])
@@ -252,21 +275,21 @@ def _run(contacts, members, places, pairs, tiles):
     """One run, numbered from 0: contacts `members` at `places` of the list."""
     ends = contacts.first[members], contacts.second[members]
     own, other = (np.minimum(*ends), np.maximum(*ends)) if pairs else ends[::-1]
-    first, at = _lanes(own, contacts.crowding if pairs else None, tiles)
+    first, at = _slice_places(own, contacts.crowding if pairs else None, tiles)
     order = np.argsort(at * contacts.rows - other, kind="stable")
     own, other, places, at = own[order], other[order], places[order], at[order]
     slot = _slots(at, other if pairs else None, contacts.rows)
-    row, lane = np.divmod(at, GROUP)
+    row, column = np.divmod(at, GROUP)
     depth = np.zeros(first[-1], dtype=int)
     np.maximum.at(depth, row, slot + 1)
     begin = np.concatenate([[0], np.cumsum(depth)])
     repeated = np.full((len(depth), GROUP), -1)
-    repeated[row[::-1], lane[::-1]] = np.arange(len(row))[::-1]
+    repeated[row[::-1], column[::-1]] = np.arange(len(row))[::-1]
     spare = repeated.max(axis=1, keepdims=True)
     repeated = np.where(repeated < 0, spare, repeated)
     entry = np.repeat(repeated, depth, axis=0)
     counts = np.zeros(entry.shape, dtype=bool)
-    at = begin[row] + slot, lane
+    at = begin[row] + slot, column
     entry[at], counts[at] = np.arange(len(row)), True
     entry = entry.ravel()
     return {
@@ -275,10 +298,10 @@ def _run(contacts, members, places, pairs, tiles):
     }  # fmt: skip
 
 
-def _lanes(own, crowding, tiles):
-    """First slice of each tile, and the lane of each contact's own site, counted through slices.
+def _slice_places(own, crowding, tiles):
+    """First slice of each tile, and the place (slice and lane) of each contact's own site.
 
-    Sites with about as many contacts as each other come together where their tile allows.
+    Within a tile, sites are sorted by their number of contacts.
     """
     sites, which, count = np.unique(own, return_inverse=True, return_counts=True)
     if crowding is not None:
@@ -299,10 +322,10 @@ def _lanes(own, crowding, tiles):
 
 
 def _slots(at, other, rows):
-    """Which group of its slice each contact is in, those of a lane being in a row."""
+    """The group of its slice for each contact; contacts are sorted by lane."""
     count = np.arange(len(at))
-    of_lane = _offsets_by_key(at) - count
-    slot = np.maximum.accumulate(of_lane) - of_lane
+    by_column = _offsets_by_key(at) - count
+    slot = np.maximum.accumulate(by_column) - by_column
     if other is None:
         return slot
     key = at // GROUP * rows + other
@@ -312,18 +335,18 @@ def _slots(at, other, rows):
         before = slot
         slot = np.empty_like(before)
         slot[together] = np.maximum.accumulate(of_other + before[together]) - of_other
-        slot = np.maximum.accumulate(of_lane + slot) - of_lane
+        slot = np.maximum.accumulate(by_column + slot) - by_column
         if np.array_equal(slot, before):
             return slot
 
 
 def _offsets_by_key(key):
-    """Numbers that rise by more than anything counts wherever a sorted key changes."""
+    """Offsets that separate the entries of different keys; they exceed all counts."""
     return 2 * len(key) * np.cumsum(np.diff(key, prepend=-1) != 0)
 
 
 def _ends(contacts, tiles):
-    """How far back and forth the contacts of a tile go."""
+    """The tiles before and after each tile to which it has contacts; see `Slices`."""
     pairs = contacts.kind == PAIR
     ends = contacts.first[pairs] // TILE, contacts.second[pairs] // TILE
     low, high = np.minimum(*ends), np.maximum(*ends)

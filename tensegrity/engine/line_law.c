@@ -1,50 +1,50 @@
 /* A stage over a run of bonds of law number K of a chain.
 
    A stage is a kick v += a w (tension right - tension left) followed by a drift u += b v, done
-   in one pass over the run in blocks that stay in the nearest cache.  A law with roots or quotients
-   is computed for several bonds side by side: `simd.c`.  Its first pass is done in the loop that
-   updates the block before, which by itself would leave idle what takes roots. */
+   in one pass over the run, in blocks that stay in the nearest cache.  A law with roots or
+   quotients is computed for several bonds in SIMD registers: `simd.c`.  Its first pass is part of
+   the loop that updates the block before, so that the units for roots are not idle meanwhile. */
 
-/* A bond with parameters of its own has a range too; of others each place of a block. */
+/* A bond with parameters of its own has its own range; of others each place of a block has one. */
 #define PLACE(q) (OWNED ? (q) : i)
 #if CHANGES
-/* Where springs change, rates of their energies come in packs behind tensions, and are summed for
-   each place of a block; how far springs come was looked at before. */
-#define SEEN(q)
-#define RATES(n) EACH(n) part[BLOCK - (n) + i] += f[LANES + BLOCK + i];
+/* Where springs change, the rates of their energies follow the tensions, and are summed for each
+   place of a block; their elongation range was computed before. */
+#define NOTE_RANGE(q)
+#define RATES(n) EACH(n) part[BLOCK - (n) + i] += f[BATCH + BLOCK + i];
 #else
 #define RATES(n)
-#define SEEN(q)                                                                             \
+#define NOTE_RANGE(q)                                                                             \
     low[PLACE(q)] = r[i] < low[PLACE(q)] ? r[i] : low[PLACE(q)];                            \
     high[PLACE(q)] = r[i] > high[PLACE(q)] ? r[i] : high[PLACE(q)];
 #endif
 
-#define STRETCH(j)                                                                          \
-    r[i] = u[(j) + i + LANES] - u[(j) + i];                                                 \
-    SEEN((j) - start + i)
+#define ELONGATION(j)                                                                          \
+    r[i] = u[(j) + i + BATCH] - u[(j) + i];                                                 \
+    NOTE_RANGE((j) - start + i)
 
 #define UPDATE(j)                                                                           \
-    v[(j) + i] += a * w[(j) + i] * (f[i + LANES] - f[i]);                                   \
+    v[(j) + i] += a * w[(j) + i] * (f[i + BATCH] - f[i]);                                   \
     u[(j) + i] += b * v[(j) + i];
 
-/* The same for a pack. */
-#define STRETCH_PACK(j)                                                                     \
-    INTO(r + i) = INTO(u + (j) + i + LANES) - INTO(u + (j) + i);                            \
+/* The same for a SIMD vector. */
+#define ELONGATION_PACK(j)                                                                     \
+    INTO(r + i) = INTO(u + (j) + i + BATCH) - INTO(u + (j) + i);                            \
     INTO(low + PLACE((j) - start + i)) =                                                    \
         smaller_of(INTO(r + i), INTO(low + PLACE((j) - start + i)));                        \
     INTO(high + PLACE((j) - start + i)) =                                                   \
         larger_of(INTO(r + i), INTO(high + PLACE((j) - start + i)));
 
 #define UPDATE_PACK(j)                                                                      \
-    INTO(v + (j) + i) += a * INTO(w + (j) + i) * (INTO(f + i + LANES) - INTO(f + i));       \
+    INTO(v + (j) + i) += a * INTO(w + (j) + i) * (INTO(f + i + BATCH) - INTO(f + i));       \
     INTO(u + (j) + i) += b * INTO(v + (j) + i);
 
-#if BESIDE
+#if IN_SIMD
 /* The first pass for the pack with bond i of those from j on. */
 #define FIRST(j)                                                                            \
     OF(first_tension_lanes)                                                                 \
-    (i / WIDE, (const pack *)r, p, own + (j) - start, all, (pack *)(f + LANES), kept);
-/* A last pack that is not full repeats a bond. */
+    (i / WIDE, (const pack *)r, p, own + (j) - start, all, (pack *)(f + BATCH), stored);
+/* An incomplete last vector repeats a bond. */
 #define FIRSTS(j, n)                                                                        \
     for (integer i = n; i % WIDE; i++) r[i] = r[(n) - 1];                                   \
     for (integer i = 0; i < (n); i += WIDE) { FIRST(j) }
@@ -52,19 +52,18 @@
 #define FIRSTS(j, n)
 #endif
 
-/* Tensions of n bonds from bond q of the run on.  A long law is compiled once only, apart from
-   where it is called. */
+/* Tensions of n bonds from bond q of the run on.  A long law is compiled once, not inlined. */
 #if IS_LONG
 __attribute__((noinline, flatten)) static
 #else
 static inline
 #endif
 void OF(tensions)(integer n, integer q, real *restrict r, const real *restrict shared,
-                  const real *restrict own, integer all, real *restrict f, pack (*kept)[ROOM])
+                  const real *restrict own, integer all, real *restrict f, pack (*stored)[ROOM])
 {
-#if BESIDE
+#if IN_SIMD
     n = (n + WIDE - 1) / WIDE;
-    OF(rest_tension_lanes)(n, (const pack *)r, shared, own + q, all, (pack *)f, kept);
+    OF(rest_tension_lanes)(n, (const pack *)r, shared, own + q, all, (pack *)f, stored);
 #elif OWNED
     EACH(n) {
         real p[PARAMETERS + 1];
@@ -76,31 +75,31 @@ void OF(tensions)(integer n, integer q, real *restrict r, const real *restrict s
 #endif
 }
 
-#define CARRY(n) for (int l = 0; l < LANES; l++) f[l] = f[(n) + l];
+#define CARRY(n) for (int l = 0; l < BATCH; l++) f[l] = f[(n) + l];
 #define PULL(j, n)                                                                          \
-    OF(tensions)(n, (j) - start, r, p, own, all, f + LANES, kept);                          \
+    OF(tensions)(n, (j) - start, r, p, own, all, f + BATCH, stored);                          \
     RATES(n)
 
 __attribute__((flatten)) static void OF(stage)(
     const scene *c, integer s, real a, real b, real *left)
 {
-    __attribute__((aligned(64))) real r[BLOCK], room[(1 + CHANGES) * BLOCK + LANES + WIDE];
+    __attribute__((aligned(64))) real r[BLOCK], room[(1 + CHANGES) * BLOCK + BATCH + WIDE];
     real part[BLOCK] = {0};
-    pack kept[WAITING][ROOM];
-    real *const f = room + (WIDE - LANES % WIDE) % WIDE; /* tensions of a block begin with a pack */
+    pack stored[WAITING][ROOM];
+    real *const f = room + (WIDE - BATCH % WIDE) % WIDE; /* aligns the tensions of a block */
     real *restrict u = c->u, *restrict v = c->v;
     const real *restrict w = c->w;
-    const integer start = LANES * c->first[s], last = LANES * c->first[s + 1];
+    const integer start = BATCH * c->first[s], last = BATCH * c->first[s + 1];
     const integer all = last - start;
     const real *restrict shared = c->shared + s * PARAMETERS, *restrict own = c->own + c->own_at[s];
-    real *restrict low = c->low + c->met_at[s], *restrict high = c->high + c->met_at[s];
-    real p[PARAMETERS + 1]; /* which is there: the compiler need not look whether it is */
+    real *restrict low = c->low + c->range_at[s], *restrict high = c->high + c->range_at[s];
+    real p[PARAMETERS + 1]; /* a copy, which the compiler may assume to exist and not to alias */
     for (int i = 0; i < PARAMETERS; i++) p[i] = shared[i];
     integer j = start;
-    for (int l = 0; l < LANES; l++) f[l] = left[l];
+    for (int l = 0; l < BATCH; l++) f[l] = left[l];
     integer odd = all % BLOCK;
     if (odd) {
-        EACH(odd) { STRETCH(j) }
+        EACH(odd) { ELONGATION(j) }
         FIRSTS(j, odd)
         PULL(j, odd)
         EACH(odd) { UPDATE(j) }
@@ -108,19 +107,19 @@ __attribute__((flatten)) static void OF(stage)(
         j += odd;
     }
     if (j < last) {
-        EACH(BLOCK) { STRETCH(j) }
+        EACH(BLOCK) { ELONGATION(j) }
         FIRSTS(j, BLOCK)
         for (; j + BLOCK < last; j += BLOCK) {
             PULL(j, BLOCK)
-#if BESIDE && !CHANGES
+#if IN_SIMD && !CHANGES
             for (integer i = 0; i < BLOCK; i += WIDE) {
-                STRETCH_PACK(j + BLOCK)
+                ELONGATION_PACK(j + BLOCK)
                 UPDATE_PACK(j)
                 FIRST(j + BLOCK)
             }
             CARRY(BLOCK)
 #else
-            EACH(BLOCK) { STRETCH(j + BLOCK) UPDATE(j) }
+            EACH(BLOCK) { ELONGATION(j + BLOCK) UPDATE(j) }
             CARRY(BLOCK)
             FIRSTS(j + BLOCK, BLOCK)
 #endif
@@ -129,18 +128,18 @@ __attribute__((flatten)) static void OF(stage)(
         EACH(BLOCK) { UPDATE(j) }
         CARRY(BLOCK)
     }
-    for (int l = 0; l < LANES; l++) left[l] = f[l];
+    for (int l = 0; l < BATCH; l++) left[l] = f[l];
 #if CHANGES
-    for (int i = 0; i < BLOCK; i++) left[LANES] += part[(BLOCK - odd + i) % BLOCK];
+    for (int i = 0; i < BLOCK; i++) left[BATCH] += part[(BLOCK - odd + i) % BLOCK];
 #endif
 }
 
 #undef PLACE
-#undef SEEN
+#undef NOTE_RANGE
 #undef RATES
-#undef STRETCH
+#undef ELONGATION
 #undef UPDATE
-#undef STRETCH_PACK
+#undef ELONGATION_PACK
 #undef UPDATE_PACK
 #undef FIRST
 #undef FIRSTS

@@ -1,7 +1,7 @@
 typedef int function(const double **arg, double **res, long long *iw, double *w, int memory);
 
-/* Results of a function at each of `count` places, (count, size).  Argument k is read at
-   arguments[k], and `steps[k]` further at each place: 0 where it is the same for all. */
+/* Results of a function at each of `count` places, (count, size).  Argument k is read at given[k],
+   with the stride `steps[k]`: 0 where it is the same for all places. */
 void map(function *f, long long count, long long size, long long arguments, const double **given,
          const long long *steps, double *results)
 {

@@ -1,53 +1,54 @@
-/* Steps of any compiled loop, with the states that somebody wants on the way.
+/* Steps of any compiled loop, with output of requested states on the way.
 
-   Compiled once for all scenes: it calls the loops of others by their addresses, and knows of
-   them only the numbers that they advance.  All in double precision. */
+   Compiled once for all scenes: it calls the loop of a scene by its address, and knows only the
+   numbers that it advances.  All in double precision. */
 
 #include <string.h>
 
-/* A bound loop: `advance` goes on without the closing kick of its last step, `opened` by that of the
-   step before; `show` makes copies of u and v the state there, 0 where they are it already.  Both
-   return whether they had to stop. */
+/* A prepared loop: `advance` does steps without the closing kick of the last one, and begins with
+   that of the step before if `opened`; `postprocess` turns copies of u and v into the output state,
+   0 where they are it already.  Both return whether they had to stop. */
 typedef struct {
     integer (*advance)(void *scene, void *method, integer steps, integer opened);
-    integer (*show)(void *scene, void *method, double *u, double *v);
+    integer (*postprocess)(void *scene, void *method, double *u, double *v);
     void *scene, *method;
     const double *u, *v;
-    double *shown_u, *shown_v;
-    const double *sums;   /* (sum_count) of what is shown: work, loss */
+    double *output_u, *output_v;
+    const double *sums;   /* (sum_count) of the output state: work, loss */
     const double *travel; /* bound on how far any coordinate of a site moved */
     integer size;         /* numbers in u */
     integer sum_count;
 } loop;
 
-/* States after the steps `at`, increasing: the first `size` numbers of u and v, `walls` of v from
-   `behind` on, sums, and the way travelled by then; as the loop has them if `raw`.  Or, where there
-   are `places`, these entries of u, `of_u` of them, and then of v, as the loop has them. */
+/* Requested states after the steps `at`, increasing: the first `size` numbers of u and v,
+   `walls` numbers of v from `behind` on, sums, and the distance travelled; before the closing
+   kick if `raw`.  Or, with `places`, these entries of u, `u_count` of them, and then of v, before
+   the closing kick. */
 typedef struct {
     const integer *at, *places;
     double *u, *v, *impulse, *sums, *travel;
-    integer count, raw, size, behind, walls, entries, of_u;
+    integer count, raw, size, behind, walls, entries, u_count;
 } wanted;
 
-enum { WELL, STOPPED, ENDLESS };
+enum { DONE, STOPPED, NOT_FINITE };
 
 static void copy(double *to, const double *from, integer n) { memcpy(to, from, n * sizeof *to); }
 
-/* Copies of u and v, as the state. */
-static integer shown(const loop *l, double *u, double *v)
+/* Copy u and v, and turn the copies into the output state. */
+static integer write_output(const loop *l, double *u, double *v)
 {
     copy(u, l->u, l->size);
     copy(v, l->v, l->size);
-    return l->show && l->show(l->scene, l->method, u, v);
+    return l->postprocess && l->postprocess(l->scene, l->method, u, v);
 }
 
 static void take(const loop *l, wanted *w, integer raw)
 {
     if (w->places)
         for (integer j = 0; j < w->entries; j++)
-            *w->u++ = j < w->of_u ? l->u[w->places[j]] : l->v[w->places[j]];
+            *w->u++ = j < w->u_count ? l->u[w->places[j]] : l->v[w->places[j]];
     else {
-        const double *u = raw ? l->u : l->shown_u, *v = raw ? l->v : l->shown_v;
+        const double *u = raw ? l->u : l->output_u, *v = raw ? l->v : l->output_v;
         copy(w->u, u, w->size);
         copy(w->v, v, w->size);
         w->u += w->size, w->v += w->size;
@@ -60,14 +61,14 @@ static void take(const loop *l, wanted *w, integer raw)
 
 static int is_finite(const double *x, integer n)
 {
-    double none[8] = {0}, all = 0; /* apart, so that additions do not wait for each other */
+    double none[8] = {0}, all = 0; /* independent sums, which a processor adds at the same time */
     for (integer i = 0; i < n; i++) none[i % 8] += 0 * x[i];
     for (int k = 0; k < 8; k++) all += none[k];
     return all == 0;
 }
 
-/* Go from step `done` to `end`, which is shown; a run begins with step 0, as it is.  Whether all is
-   well, the loop had to stop, or the first `sites` numbers are not finite. */
+/* Advance from step `done` to `end`, and write the output state there; step 0 is the initial state.
+   Returns DONE, STOPPED, or NOT_FINITE where one of the first `sites` numbers is not finite. */
 integer go(const loop *l, integer done, integer end, wanted *each, integer count, integer sites)
 {
     FLUSH
@@ -84,13 +85,13 @@ integer go(const loop *l, integer done, integer end, wanted *each, integer count
         wanted *only = each + last;
         const int alone = seen == 1 && done < end && only->size == l->size && !only->sums
             && (only->count == 1 || only->at[1] > done);
-        if (alone) { /* straight to its place */
-            if (shown(l, only->u, only->v)) return STOPPED;
+        if (alone) { /* written in place, without a copy */
+            if (write_output(l, only->u, only->v)) return STOPPED;
             only->u += l->size, only->v += l->size, only->at++, only->count--;
         } else if (seen || done == end)
-            if (shown(l, l->shown_u, l->shown_v)) return STOPPED;
+            if (write_output(l, l->output_u, l->output_v)) return STOPPED;
         for (integer k = 0; k < count; k++)
             while (each[k].count && *each[k].at == done) take(l, each + k, each[k].raw);
     }
-    return is_finite(l->shown_u, sites) && is_finite(l->shown_v, sites) ? WELL : ENDLESS;
+    return is_finite(l->output_u, sites) && is_finite(l->output_v, sites) ? DONE : NOT_FINITE;
 }

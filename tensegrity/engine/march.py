@@ -1,4 +1,4 @@
-"""Steps of bound loops, with the states that somebody wants on the way: see `march.c`."""
+"""Steps of prepared loops, with output of requested states on the way: see `march.c`."""
 
 from __future__ import annotations
 
@@ -8,40 +8,41 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tensegrity.engine.native import address, joined, library, structure
+from tensegrity.engine.native import address, concatenated, library, structure
 from tensegrity.once import once
 from tensegrity.typing import Array, Indices
 
 _ADDRESS, _NUMBER = ctypes.c_void_p, ctypes.c_longlong
-STOPPED, ENDLESS = 1, 2  # what `go` returns, if not 0
+STOPPED, NOT_FINITE = 1, 2  # results of `go` other than 0
 STEPS = ctypes.CFUNCTYPE(_NUMBER, _ADDRESS, _ADDRESS, _NUMBER, _NUMBER)  # as `advance` there
 
 
-LOOP = structure("march.c", "loop")  # a bound loop
+LOOP = structure("march.c", "loop")  # a prepared loop
 _WANTED = structure("march.c", "wanted")
 
 
 class Wanted(NamedTuple):
-    """States of a run that somebody wants, and room for them.
+    """A request for states of a run, with the arrays that receive them.
 
     Attributes
     ----------
     at : ndarray of int64, (count,)
-        Numbers of steps, increasing.
-    u, v : ndarray, C-contiguous, (count, sites[, dim][, lanes])
-        For the states after these.
-    impulse : ndarray, (count, walls[, dim][, lanes]), or None
-        For what walls got.
+        Numbers of steps after which states are requested, increasing.
+    u, v : ndarray, C-contiguous, (count, sites[, dim][, batch])
+        Receive displacements [m] and velocities [m/s].
+    impulse : ndarray, (count, walls[, dim][, batch]), or None
+        Receives the impulses of the walls [N s].
     sums : ndarray, (count, 2), or None
-        For work and loss [J], where time counts.
+        Receives work and loss [J] of driven scenes.
     travel : ndarray, (count,), or None
-        For bounds on how far any coordinate of a site moved by then [m]; of networks.
+        Receives bounds on the distance that any coordinate of a site has moved [m]; in networks.
     raw : bool
-        Whether states are wanted as the loop has them, before the closing kick.
+        Whether states are requested as they are in the loop, before the closing kick.
     places : ndarray of int64, or None
-        If given: which entries of u, `of_u` of them, and then of v are wanted, as the loop has
-        them, in the rows of `u` alone, (count, places).
-    of_u : int
+        If given, the entries of u, `u_count` of them, and then of v that are requested instead of
+        states, as they are in the loop; `u` receives them, (count, places).
+    u_count : int
+        Number of entries of u among the places.
     """
 
     at: Indices
@@ -52,24 +53,24 @@ class Wanted(NamedTuple):
     travel: Any = None
     raw: bool = False
     places: Any = None
-    of_u: int = 0
+    u_count: int = 0
 
     @property
     def rows(self) -> list[Array]:
-        """All arrays that states go to."""
+        """All arrays that receive states."""
         return [x for x in self[1:5] if x is not None]
 
     def with_travel(self) -> Wanted:
-        """The same, and the way travelled by each state."""
+        """The same request, also for the distance travelled up to each state."""
         if self.raw or self.places is not None:
             return self
         return self._replace(travel=np.empty(len(self.at)))
 
-    def like(self, lanes: tuple[int, ...]) -> Wanted:
-        """Room for the same, of other lanes."""
+    def like(self, batch: tuple[int, ...]) -> Wanted:
+        """The same request for scenes with another shape of the batch."""
 
         def room(x: Any) -> Any:
-            return None if x is None else np.empty((*x.shape[:-1], *lanes))
+            return None if x is None else np.empty((*x.shape[:-1], *batch))
 
         states = {name: room(getattr(self, name)) for name in ("u", "v", "impulse", "sums")}
         return self._replace(**states)
@@ -77,25 +78,26 @@ class Wanted(NamedTuple):
 
 @once
 def _compiled() -> Any:
-    return library(joined(["prelude.c", "march.c"])).go
+    return library(concatenated(["prelude.c", "march.c"])).go
 
 
 def go(loop: Any, done: int, end: int, wanted: Sequence[Wanted], sites: int, walls: int) -> int:
-    """Advance from step `done` to `end`, and take what is wanted after `done`.
+    """Advance from step `done` to `end`, and store the requested states.
 
     Parameters
     ----------
     loop : LOOP
     done, end : int
+        Numbers of steps.
     wanted : sequence of Wanted
-        With numbers of steps above `done`, or from 0 on, and at most `end`.
+        For numbers of steps above `done` (or not below, if it is 0) and at most `end`.
     sites, walls : int
-        Numbers of u that sites have, and walls behind them.
+        Numbers of entries of u that belong to sites, and to the walls after them.
 
     Returns
     -------
     int
-        0, or `STOPPED` where the loop had to stop before, `ENDLESS` where it is not finite.
+        0, or `STOPPED` where the loop stopped early, `NOT_FINITE` where the state is not finite.
     """
     each = (_WANTED * len(wanted))(*(_output_buffers(one, sites, walls) for one in wanted))
     return _compiled()(
@@ -104,14 +106,14 @@ def go(loop: Any, done: int, end: int, wanted: Sequence[Wanted], sites: int, wal
 
 
 def _output_buffers(one: Wanted, sites: int, walls: int) -> Any:
-    """As `march.c` takes it."""
-    at, u, v, impulse, sums, travel, raw, places, of_u = one
+    """The structure `wanted` of `march.c`."""
+    at, u, v, impulse, sums, travel, raw, places, u_count = one
     filled = _WANTED.of(at=address(at), u=address(u), count=len(at), raw=raw, size=u[:1].size)
     if places is not None:
-        filled.places, filled.entries, filled.of_u, filled.raw = (
+        filled.places, filled.entries, filled.u_count, filled.raw = (
             address(places),
             len(places),
-            of_u,
+            u_count,
             1,
         )
         return filled

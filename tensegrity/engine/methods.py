@@ -4,8 +4,8 @@ A step of a `Splitting` is a sequence of kicks (velocities by kicks[i] dt) and d
 by drifts[i] dt), closed by a last kick.  Such methods are explicit, symplectic and, being
 palindromes, time-reversible.  They keep their order where sites are driven or damped, or springs
 change with time: see `preserves`.  A step of a `Nystrom` method evaluates accelerations at points
-inside the step and sums them; it is none of the latter two.  `Midpoint` is implicit, symplectic
-and time-reversible, and stable with any step.
+inside the step and sums them; it is neither symplectic nor time-reversible.  `Midpoint` is
+implicit, symplectic and time-reversible, and stable with any step.
 """
 
 from __future__ import annotations
@@ -69,10 +69,10 @@ _RKN6 = Splitting(
     drifts=_BLANES_MOAN_DRIFTS,
     default_fraction=0.15,
     reference="S. Blanes, P. C. Moan, J. Comput. Appl. Math. 142, 313 (2002), SRKN 11b",
-    limitations="springs whose stiffness jumps (opening contacts): the order falls below 3",
+    limitations="where stiffness jumps, as at the loss of a contact, its order falls below 3",
 )
 
-LOOSE = 1e-3  # tolerance from which openings need no correction
+LOOSE = 1e-3  # tolerance from which the loss of contacts needs no correction
 METHODS = {
     method.name: method
     for method in (
@@ -83,7 +83,7 @@ METHODS = {
             drifts=(1.0,),
             default_fraction=0.05,
             reference="L. Verlet, Phys. Rev. 159, 98 (1967)",
-            limitations="errors below about 1e-3 are wanted: a method of higher order is cheaper",
+            limitations="for errors below about 1e-3 a method of higher order is cheaper",
         ),
         _RKN6,
         Nystrom(
@@ -92,18 +92,19 @@ METHODS = {
             **nystrom_of(_CLASSICAL, _CLASSICAL_WEIGHTS),
             default_fraction=0.05,
             reference="W. Kutta, Z. Math. Phys. 46, 435 (1901)",
-            limitations="long runs, since it loses energy, or where cost counts: rkn6 is cheaper "
-            "at every accuracy; it is here to compare with results that were made with it",
+            limitations="it loses energy in long runs, and rkn6 is cheaper at every accuracy; it "
+            "serves to compare with results that were obtained with it",
         ),
         Midpoint(
             name="midpoint",
             order=2,
             default_fraction=0.1,
             reference="E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration, VI.3",
-            limitations="motions at the highest frequency matter, since it slows them down; errors "
-            "below about 1e-3 are wanted; or networks are wide: work grows with the square of how "
-            "many sites a cut through them meets.  It is here for few bonds far stiffer than the "
-            "rest, whose vibrations are not excited; a step takes some ten evaluations of forces",
+            limitations="it slows down motions at the highest frequencies; for errors below about "
+            "1e-3 methods of higher order are cheaper; its cost grows with the square of the "
+            "number of sites in a cross-section of a network.  It serves for a few bonds far "
+            "stiffer than the others, whose vibrations are not excited; a step takes about ten "
+            "force evaluations",
         ),
         Corrected(
             name="corrected6",
@@ -111,16 +112,16 @@ METHODS = {
             base=_RKN6,
             default_fraction=0.15,
             reference="rkn6 and own corrections; the idea: I. Navot, J. Math. Phys. 40, 271 (1961)",
-            limitations="no contact opens: steps are those of rkn6, which is reversible in time to "
-            "round-off and symplectic.  Corrections are neither: run backwards, it comes back "
-            "where it began to its error only",
+            limitations="its corrections are neither symplectic nor time-reversible: a reversed "
+            "run returns to its start within the error only.  Where no contact is lost its steps "
+            "are those of rkn6, which is both",
         ),
     )
 }
 
 
 def find(method: str | Method) -> Method:
-    """The method of that name, or the one given, if its rows can be run."""
+    """The method of a given name, or a method itself, if its rows are valid."""
     if isinstance(method, str) and method in METHODS:
         return METHODS[method]
     if not isinstance(method, (Splitting, Corrected, Nystrom, Midpoint)):
@@ -133,10 +134,20 @@ def find(method: str | Method) -> Method:
 
 
 def default(dt: float | None, tol: float | None, opens: bool) -> str:
-    """Name of the method used where none is asked for.
+    """Name of the default method.
 
-    `opens` where a contact can open, and its opening is corrected: not worth its time where a
-    `LOOSE` tolerance is met by steps that are stable.
+    Parameters
+    ----------
+    dt : float or None
+        Step given by the user [s].
+    tol : float or None
+        Tolerance given by the user.  A `LOOSE` one is met by any stable step.
+    opens : bool
+        Whether contacts can be lost in a way that `Corrected` methods treat.
+
+    Returns
+    -------
+    str
     """
     if dt is not None:
         return "verlet"

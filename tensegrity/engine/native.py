@@ -1,9 +1,9 @@
-"""Compile generated C, keep the result in a private cache, load it; structures that C takes.
+"""Compile generated C, cache and load the libraries; the structures that C functions take.
 
-An entry of the cache is a folder named by the hash of all that decides its content (text,
-compiler, flags, processor).  It is built beside and renamed, so it is either whole or absent;
-its library is checked against a digest before the process loads it.  The fields of structures are
-read from the C text.
+An entry of the cache is a folder named by the hash of all that its content depends on (text,
+compiler, flags, processor).  It is built in a temporary folder and renamed, so it is either
+complete or absent; its library is checked against a digest before it is loaded.  The fields of
+structures are read from the C text.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ from tensegrity.engine.disk_cache import cache_folder, cached, size_limit, trim,
 from tensegrity.errors import CompilerError
 from tensegrity.once import once
 
-# -fno-semantic-interposition: else CasADi's helpers, which have external linkage, stay calls.
-# -fno-math-errno -fno-trapping-math: else sqrt and comparisons keep the loops scalar.
-# -ffp-contract=fast: CasADi writes one operation a statement; contract across statements.
+# -fno-semantic-interposition: inlines CasADi's helpers, which have external linkage.
+# -fno-math-errno -fno-trapping-math: let loops with sqrt and comparisons be vectorised.
+# -ffp-contract=fast: CasADi writes one operation per statement; contract across statements.
 # Not -ffast-math: loading such a library changes the arithmetic of the whole process.
 FLAGS = (
     "-O3",
@@ -48,18 +48,18 @@ NATIVE = "-march=native"
 WIDE = ("-mprefer-vector-width=512",) if platform.machine() in ("x86_64", "AMD64") else ()
 
 RENAMES = 50
-LIMIT = 120.0  # s: a compiler that takes longer hangs, or would slow down all that it serves
+LIMIT = 120.0  # s: a compiler that takes longer is ended, and not used again
 LIBRARY, DIGEST, SOURCE = "kernel.so", "kernel.sha256", "kernel.c"
 
 
-hung = set()  # compilers that took longer than LIMIT: not asked again by this process
+timed_out = set()  # compilers that took longer than LIMIT in this process
 
 
 def address(array):
-    """Where an array's numbers are: `array.ctypes.data` in half the time."""
+    """Address of the data of an array: `array.ctypes.data` in half the time."""
     try:
         return ctypes.addressof(_first_byte(array))
-    except (TypeError, ValueError):  # read-only, not in a row, or empty
+    except (TypeError, ValueError):  # read-only, not contiguous, or empty
         return array.ctypes.data
 
 
@@ -67,12 +67,12 @@ _first_byte = ctypes.c_char.from_buffer
 
 
 def pointer(function):
-    """The address of a function of a library, or of one of Python that C may call."""
+    """Address of a function of a library, or of a Python function for C to call."""
     return ctypes.cast(function, ctypes.c_void_p).value
 
 
 def compilers():
-    """Commands to try, in order: $CC alone where it is set, else cc, gcc, clang, zig's."""
+    """Commands to try, in order: $CC alone where it is set, otherwise cc, gcc, clang, zig's."""
     given = os.environ.get("CC", "").strip()
     if given:
         try:
@@ -87,7 +87,7 @@ def compilers():
 
 @cache
 def require():
-    """Refuse to step in time where nothing can be compiled; once it can, it is not asked again.
+    """Refuse time integration without a working compiler; a success is remembered.
 
     Raises
     ------
@@ -104,10 +104,10 @@ def require():
 
 
 def described():
-    """The compiler that kernels are made with: its command, and its first line on itself."""
+    """The compiler in use: its command, and the first line of its version."""
     for command in compilers():
         identity = _identity(command)
-        if identity is not None and command not in hung:
+        if identity is not None and command not in timed_out:
             return f"{shlex.join(command)}: {identity.splitlines()[0] if identity else ''}"
     raise CompilerError("no C compiler found, or none that can be run")
 
@@ -120,9 +120,9 @@ def _has_zig():
 
 @cache
 def _identity(command):
-    """What `command --version` says, or None where it cannot be run.
+    """Output of `command --version`, or None where it cannot be run.
 
-    It is kept for a compiler that is one file, as long as that has the same size and time.
+    It is cached for a compiler that is a single file, while its size and time do not change.
     """
     try:
         path = os.path.realpath(shutil.which(command[0]) or "")
@@ -137,28 +137,28 @@ def _identity(command):
 
 def _output_of(command):
     try:
-        code, said = _call((*command, "--version"), subprocess.DEVNULL)
+        code, output = _call((*command, "--version"), subprocess.DEVNULL)
     except (OSError, subprocess.TimeoutExpired):
         return None
-    return None if code else said
+    return None if code else output
 
 
 def _call(command, errors=subprocess.STDOUT):
-    """Exit code and output of a command; all that it started is ended with it after `LIMIT`.
+    """Exit code and output of a command, which is ended after `LIMIT` with all its subprocesses.
 
-    The output goes to a file: of a pipe, what outlives the command could keep the end open.
+    The output goes to a file, as a subprocess that survives could keep a pipe open.
     """
-    with tempfile.TemporaryFile() as said:
+    with tempfile.TemporaryFile() as output:
         process = subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stdout=said, stderr=errors, start_new_session=True
+            command, stdin=subprocess.DEVNULL, stdout=output, stderr=errors, start_new_session=True
         )
         try:
             code = process.wait(LIMIT)
-        except BaseException:  # also Ctrl-C, which a group of its own does not hear
+        except BaseException:  # also Ctrl-C, which does not reach a separate process group
             _end(process)
             raise
-        said.seek(0)
-        return code, said.read().decode(errors="replace")
+        output.seek(0)
+        return code, output.read().decode(errors="replace")
 
 
 def _end(process):
@@ -171,13 +171,13 @@ def _end(process):
 
 @cache
 def _processor():
-    """The processor's model and features: code for one model may not run on another."""
+    """Model and features of the processor: code for one model may not run on another."""
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:
         return platform.processor() + platform.machine()
-    kept = ("vendor_id", "cpu family", "model", "flags", "Features", "CPU part")
-    return "\n".join(sorted({line for line in lines if line.startswith(kept)}))
+    names = ("vendor_id", "cpu family", "model", "flags", "Features", "CPU part")
+    return "\n".join(sorted({line for line in lines if line.startswith(names)}))
 
 
 def library(text, extra_flags=()):
@@ -188,22 +188,22 @@ def library(text, extra_flags=()):
     text : str
         C source.
     extra_flags : sequence of str
-        Added to the usual flags, for instance a macro definition.
+        Additional flags, for instance a macro definition.
 
     Returns
     -------
     ctypes.CDLL
-        Calls into it release the interpreter's lock; its functions take and give what the text
-        declares.
+        Calls into it release the interpreter's lock; its functions have the argument and result
+        types that the text declares.
 
     Raises
     ------
     CompilerError
-        Where no compiler can be run, or all refuse the text or hang; with their last lines.
+        No compiler can be run, or all reject the text or time out; with their last lines.
     """
     complaints = []
     for command in compilers():
-        if command in hung:
+        if command in timed_out:
             complaints.append(f"{shlex.join(command)} was ended after {LIMIT:g} s")
             continue
         identity = _identity(command)
@@ -215,7 +215,7 @@ def library(text, extra_flags=()):
                 return _declared(_load(text, command, identity, (*flags, *extra_flags)), text)
             except CompilerError as error:
                 complaint = str(error)
-                if command in hung:
+                if command in timed_out:
                     break
         complaints.append(complaint)
     raise CompilerError("; ".join(complaints) or "no C compiler found")
@@ -226,8 +226,8 @@ DECLARED = re.compile(
 )
 
 
-def joined(parts):
-    """C of parts, each a text or the name of a file of the engine, whose lines messages name."""
+def concatenated(parts):
+    """C text of parts, each a text or the name of a file of the engine, with line directives."""
     folder = files(__package__)
     return "\n".join(
         f'#line 1 "{part}"\n{folder.joinpath(part).read_text()}'
@@ -236,7 +236,7 @@ def joined(parts):
 
 
 def _declared(found, text):
-    """A library whose functions have the arguments of their declarations, at the begin of lines."""
+    """A library with argument and result types set from the declarations in its text."""
     for gives, name, takes in DECLARED.findall(text):
         function = getattr(found, name, None)
         if function is not None:
@@ -255,22 +255,26 @@ def _load(text, command, identity, flags):
     parts = (text, shlex.join(command), identity, " ".join(flags), _processor())
     key = hashlib.sha256("\0".join(parts).encode()).hexdigest()
     entry = cache_folder() / key
-    use(entry)  # first: what is in use is not removed between the look at it and its loading
+    use(entry)  # first, so that another process does not remove it before it is loaded
     if not _intact(entry):
         most = size_limit()
         try:
             build(text, command, flags, entry)
         except OSError as error:
-            raise CompilerError(f"{entry.parent} takes no kernel: {error.strerror}") from error
+            raise CompilerError(
+                f"a kernel cannot be stored in {entry.parent}: {error.strerror}"
+            ) from error
         trim(most)
     try:
         return ctypes.CDLL(str(entry / LIBRARY))
     except OSError as error:
-        raise CompilerError(f"{shlex.join(command)} made what cannot be loaded: {error}") from error
+        raise CompilerError(
+            f"the library made by {shlex.join(command)} cannot be loaded: {error}"
+        ) from error
 
 
 def _intact(entry):
-    """Whether an entry is there and its library is the one that was built."""
+    """Whether an entry exists and its library is the one that was built."""
     try:
         digest = hashlib.sha256((entry / LIBRARY).read_bytes()).hexdigest()
         return digest.encode() == (entry / DIGEST).read_bytes()
@@ -279,37 +283,51 @@ def _intact(entry):
 
 
 def build(text, command, flags, entry):
-    """Compile into a folder beside the entry, then rename it there."""
+    """Compile in a temporary folder and rename it to the entry of the cache.
+
+    Parameters
+    ----------
+    text : str
+        C source.
+    command, flags : tuple of str
+        Of the compiler.
+    entry : Path
+
+    Raises
+    ------
+    CompilerError
+        The compiler rejects the text or times out, or the entry cannot be put in place.
+    """
     entry.parent.mkdir(mode=0o700, parents=True, exist_ok=True)  # it may have been deleted
-    beside = Path(tempfile.mkdtemp(prefix="build-", dir=entry.parent))
+    temporary = Path(tempfile.mkdtemp(prefix="build-", dir=entry.parent))
     try:
-        source, made = beside / SOURCE, beside / LIBRARY
+        source, made = temporary / SOURCE, temporary / LIBRARY
         source.write_text(text)
         try:
-            code, said = _call((*command, *flags, str(source), "-o", str(made), "-lm"))
+            code, output = _call((*command, *flags, str(source), "-o", str(made), "-lm"))
         except subprocess.TimeoutExpired:
-            hung.add(command)
+            timed_out.add(command)
             raise CompilerError(f"{shlex.join(command)} was ended after {LIMIT:g} s") from None
         if code or not made.is_file():
-            last = "\n".join(said.strip().splitlines()[-5:])
+            last = "\n".join(output.strip().splitlines()[-5:])
             raise CompilerError(f"{shlex.join(command)} failed ({code}): {last}")
-        (beside / DIGEST).write_text(hashlib.sha256(made.read_bytes()).hexdigest())
+        (temporary / DIGEST).write_text(hashlib.sha256(made.read_bytes()).hexdigest())
         for _ in range(RENAMES):
             if _intact(entry):  # here, or in another process that finished first
                 return
             _discard(entry)
-            with contextlib.suppress(OSError):  # it is there by now: look again
-                os.rename(beside, entry)
+            with contextlib.suppress(OSError):  # another process made it: check again
+                os.rename(temporary, entry)
         raise CompilerError(f"{entry} could not be put in place in {RENAMES} attempts")
     finally:
-        shutil.rmtree(beside, ignore_errors=True)
+        shutil.rmtree(temporary, ignore_errors=True)
 
 
 def _discard(entry):
-    """Move a damaged entry out of the way; an intact one, just finished elsewhere, stays."""
+    """Remove a damaged entry; an intact one, made by another process meanwhile, stays."""
     if entry.exists() and not _intact(entry):
         aside = Path(tempfile.mkdtemp(prefix="damaged-", dir=entry.parent))
-        with contextlib.suppress(OSError):  # somebody else was quicker
+        with contextlib.suppress(OSError):  # another process removed it
             os.rename(entry, aside / entry.name)
         shutil.rmtree(aside, ignore_errors=True)
 
@@ -318,25 +336,25 @@ _NUMBERS = {"integer": ctypes.c_longlong, "double": ctypes.c_double}
 
 
 class Structure(ctypes.Structure):
-    """A structure of C, all of whose fields are given by name.
+    """A structure of C whose fields are all given by name.
 
     Parameters
     ----------
     values : ndarray, Structure, int, float or None
-        For a pointer an array or a structure, of which C gets the address, or an address; None
-        leaves a field as it is, 0 at first.
+        For a pointer an array or a structure, whose address is passed, or an address; None leaves
+        a field unchanged, initially 0.
 
     Attributes
     ----------
     kinds : dict of str
         Types of all fields.
     filled : dict of str
-        The values given, which live as long as C may look at them.
+        The given values, which are referenced as long as C may read them.
 
     Raises
     ------
     TypeError
-        Names are missing, or unknown.
+        Names are missing or unknown.
     """
 
     __slots__ = ("filled",)
@@ -352,13 +370,13 @@ class Structure(ctypes.Structure):
 
     @classmethod
     def of(cls, **values: int) -> Self:
-        """One of numbers and addresses alone, of some fields; the others are 0."""
+        """A structure from numbers and addresses for some fields; the others are 0."""
         made = cls.__new__(cls)
         ctypes.Structure.__init__(made, **values)
         return made
 
     def fill(self, **values: Any) -> None:
-        """Give some fields other values."""
+        """Set some fields."""
         self.filled |= values
         for name, value in values.items():
             if isinstance(value, np.ndarray):
@@ -374,7 +392,7 @@ def structure(file: str, name: str) -> Any:
     """The `Structure` that a file of the engine declares as `typedef struct {...} name;`."""
     text = files(__package__).joinpath(file).read_text()
     text = re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL)
-    text = re.sub(r"\(\*(\w+)\)\([^()]*\)", r"*\1", text)  # functions, as other pointers
+    text = re.sub(r"\(\*(\w+)\)\([^()]*\)", r"*\1", text)  # pointers to functions
     (body,) = re.findall(rf"typedef struct \{{([^{{}}]*)\}} {name};", text)
     kinds: dict[str, Any] = {}
     for kind, names in re.findall(r"(?:const )?(?:unsigned )?(\w+) ([^;]*);", body):

@@ -7,14 +7,14 @@
 #define REST
 #endif
 #if defined(__GNUC__) && defined(__SSE2__)
-#define BREATH __builtin_ia32_pause(); /* leaves a core that two threads share to the other one */
+#define BREATH __builtin_ia32_pause(); /* yields the core to its other hardware thread */
 #else
 #define BREATH
 #endif
-#define PATIENCE 2000 /* looks at the gate before others get the processor */
+#define PATIENCE 2000 /* spins at the barrier before the processor is yielded */
 
-/* Wait until all threads are here. */
-static void meet(const scene *c)
+/* Barrier: wait until all threads are here. */
+static void barrier(const scene *c)
 {
     if (c->pieces == 1) return;
     integer *here = c->gate, *turn = c->gate + 8;
@@ -30,14 +30,14 @@ static void meet(const scene *c)
     }
 }
 
-/* The first site behind a tile. */
+/* The first site after a tile. */
 static integer end(const scene *c, integer t)
 {
     return t + 1 < c->tiles ? (t + 1) * TILE : c->sites;
 }
 
-/* Where several threads have their displacements: of this stage, or of the `next` one, as others
-   still look at this one's.  Two meets end a stage. */
+/* The displacements shared by several threads: of this stage, or of the `next` one, as other
+   threads still read those of this stage.  Two barriers end a stage. */
 static real *common(const scene *c, integer next)
 {
     const integer turn = __atomic_load_n(c->gate + 8, __ATOMIC_RELAXED) / 2;
@@ -55,7 +55,7 @@ static void copy(const scene *c, const real *restrict from, real *restrict to)
 /* This thread's rows of forces on sites. */
 static real *rows(const scene *c) { return c->pull + c->piece * c->sites * ROW; }
 
-/* Let the sites of a tile begin with the constant forces. */
+/* Initialise the forces on the sites of a tile with the constant ones. */
 static void clear(const scene *c, integer t, real *restrict pull)
 {
     const integer from = t * TILE, count = end(c, t) - from;
@@ -92,8 +92,8 @@ static const real *on_walls(const scene *c)
     return force;
 }
 
-/* A kick by a and a drift by b, `from` some displacements `to` others, of the sites of a tile; the
-   farthest way. */
+/* A kick by a and a drift by b of the sites of a tile, `from` some displacements `to` others;
+   returns the largest displacement. */
 static real move_tile(const scene *c, integer t, real a, real b, const real *restrict pull,
                       const real *from, real *to)
 {
@@ -139,7 +139,7 @@ static void stage(const scene *c, real a, real b)
         clear(c, t, pull);
     }
     c->farthest[c->piece] = largest;
-    meet(c);
+    barrier(c);
     if (!c->piece) {
         for (integer k = 1; k < c->pieces; k++) largest = larger(largest, c->farthest[k]);
         *c->travel += largest;
@@ -149,16 +149,16 @@ static void stage(const scene *c, real a, real b)
             c->u[q] += b * c->v[q];
         }
     }
-    meet(c);
+    barrier(c);
 }
 
 integer advance(const scene *c, const void *none, integer steps, integer opened); /* in steps.c */
 
-/* The same by one of several threads. */
+/* The part of one of several threads in `advance`. */
 void advance_together(const scene *c, integer steps, integer opened)
 {
     copy(c, c->u, common(c, 1));
-    meet(c), meet(c);
+    barrier(c), barrier(c);
     advance(c, 0, steps, opened);
     copy(c, common(c, 0), c->u);
 }

@@ -5,13 +5,13 @@ __attribute__((always_inline)) static inline void OF(run)(
     const scene *c, const real *restrict u, integer s, integer t, real *restrict pull,
     const int wall)
 {
-    pack kept[KEPT][ROOM], along[DIM][ROOM], r[ROOM], f[ROOM], p[PARAMETERS + 1], sum[DIM];
+    pack stored[STORED][ROOM], along[DIM][ROOM], r[ROOM], f[ROOM], p[PARAMETERS + 1], sum[DIM];
     const integer start = c->entry[s], all = c->entry[s + 1] - start;
     const integer *slice = c->slice + s * (c->tiles + 1) + t;
     const integer each_gap = c->gap_each[s] * GROUP, each_length = c->length_each[s] * GROUP;
     const real *restrict shared = c->shared + s * PARAMETERS, *restrict own = c->own + c->own_at[s];
     const real *restrict places = c->places;
-    real *restrict low = c->low + c->met_at[s], *restrict high = c->high + c->met_at[s];
+    real *restrict low = c->low + c->range_at[s], *restrict high = c->high + c->range_at[s];
     for (int k = 0; k < PARAMETERS; k++) p[k] = wide(shared[k]);
 #if !OWNED
     low += c->piece * GROUP, high += c->piece * GROUP;
@@ -19,7 +19,7 @@ __attribute__((always_inline)) static inline void OF(run)(
 #endif
     for (int part = 0; part < GROUP; part += WIDE)
         for (integer q = slice[0], at = c->begin[q]; q < slice[1];) {
-            /* Whole slices that find room, or a part of one that does not. */
+            /* Whole slices that fit into the work space, or a part of one that does not. */
             integer last = q;
             while (last < slice[1] && c->begin[last + 1] - at <= ROOM) last++;
             const integer stop = last > q ? c->begin[last] : at + ROOM, to = last + (last == q);
@@ -39,7 +39,7 @@ __attribute__((always_inline)) static inline void OF(run)(
                 columns(u, site, moved);
                 for (; g < end; g++) {
                     pack x[DIM], y[DIM];
-#define CONTACT gaps, each_gap, lengths, each_length, r, along, kept
+#define CONTACT gaps, each_gap, lengths, each_length, r, along, stored
                     if (wall) {
                         AXES(k) x[k] = load(normals + (g * DIM + k) * GROUP);
                         first_wall(g, x, moved, CONTACT);

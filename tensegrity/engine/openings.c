@@ -1,14 +1,15 @@
-/* Steps of a splitting, corrected where contacts open or close: `derivations.openings`.
+/* Steps of a splitting, corrected at the loss and gain of contacts: `derivations.openings`.
 
-   Behind `steps.c` and what the scene's own text says: overlaps(c, o, u, v, w, d), the overlap of
-   each contact and its change in a step; may_pass(c, o), whether any can have passed zero, by
-   the elongations met; remember(c, o), the motion at the end of a step; mobility(c, o, b, x),
-   the change of an overlap's rate by an impulse of its contact; swing(c, o, b, x), the part of that
-   change which the turn of its line makes; give(c, o, b, w, x, total,
-   moment, turning), which hands impulse and moment to the two rows of a contact. */
+   Included after `steps.c` and `overlaps.c`, which defines: overlaps(c, o, u, v, w, d), the
+   overlap of each contact and its change in a step; may_pass(c, o), whether any can have passed
+   zero, by the elongation ranges; keep_end(c, o), which stores the motion at the end of a step;
+   mobility(c, o, b, x), the change of an overlap's rate by a unit impulse of its contact;
+   swing(c, o, b, x), the curvature of an overlap by the rotation of its line; apply_impulse(c,
+   o, b, w, x, total, moment, turning), which applies impulse and moment to the two rows of a
+   contact. */
 
 #define SCAN 64
-#define ABREAST 16 /* summed side by side */
+#define ABREAST 16 /* kicks summed in SIMD registers */
 #define LAST_STEP 1e-9
 #define NEAR 1.0
 #define SERIES 24
@@ -17,8 +18,8 @@
 static real cubic(const real *p, real x) { return p[0] + x * (p[1] + x * (p[2] + x * p[3])); }
 static real incline(const real *p, real x) { return p[1] + x * (2 * p[2] + x * 3 * p[3]); }
 
-/* Where a cubic passes zero between two places on different sides of it: steps of Newton from where
-   the chord does; a last one below LAST_STEP leaves a square of that. */
+/* The root of a cubic between two places with different signs: Newton's method from the root of the
+   chord; a last step below LAST_STEP leaves an error of its square. */
 static real root_between(const real *p, real low, real high)
 {
     const real first = cubic(p, low), last = cubic(p, high);
@@ -38,13 +39,13 @@ static real root_between(const real *p, real low, real high)
     return x;
 }
 
-/* x^exponent of a number not below 0; most contacts are Hertz', whose force has a root for slope. */
+/* x^exponent of x >= 0; the slope of Hertz's law, the most frequent one, is a square root. */
 static inline real raised(real x, real exponent)
 {
     return exponent == 0.5 ? sqrt(x) : pow(x, exponent);
 }
 
-/* Sums over the kicks of a step, and of all others, of the zeta functions: all kicks at once. */
+/* Sums over the kicks of all steps, as sums of zeta functions over the kicks of one step. */
 static void zetas(const openings *o, integer row, real x, int opens, real *sums)
 {
     const integer width = o->degree + 1;
@@ -78,8 +79,8 @@ static void zetas(const openings *o, integer row, real x, int opens, real *sums)
     }
 }
 
-/* How an overlap passes zero at a place x of a step: its rate and curvature there, and what kicks
-   are ahead of. */
+/* How an overlap passes zero at a place x of a step: its rate, its curvature, and the curvature by
+   kicks alone. */
 typedef struct { real rate, curvature, pull; } crossing;
 
 static crossing crossing_at(const scene *c, const openings *o, integer b, const real *p, real x)
@@ -88,9 +89,10 @@ static crossing crossing_at(const scene *c, const openings *o, integer b, const 
     return (crossing){fabs(incline(p, x)), curvature, curvature - swing(c, o, b, x)};
 }
 
-/* The quadrature's error of a force (distance from the root)^alpha on one side of it, taken off;
+/* The negative of the quadrature error of a force (distance from the root)^alpha on one side of it,
    over the strength of the contact. */
-static real taken(const openings *o, integer b, crossing at, real x, int opens, real *moment)
+static real exterior_error(const openings *o, integer b, crossing at, real x, int opens,
+                           real *moment)
 {
     const real alpha = o->exponents[o->row[b]], size = raised(at.rate, alpha - 1);
     real sums[3] = {0};
@@ -99,8 +101,9 @@ static real taken(const openings *o, integer b, crossing at, real x, int opens, 
     return -size * (at.rate * sums[0] + alpha * (at.curvature * sums[1] / 2 + at.pull * sums[2]));
 }
 
-/* The part of that error which the kicks of one step make, that begins `start` steps behind the
-   begin of this one: of a force up to an event at x, or from there on, also where x is outside. */
+/* The part of that error due to the kicks of one step, which begins `start` steps after the
+   beginning of this one: of a force up to an event at x, or from there on, also for x outside
+   the step. */
 static real between(const openings *o, integer b, crossing at, real x, int opens, real start,
                     real *moment)
 {
@@ -129,18 +132,18 @@ static void event(const scene *c, const openings *o, integer b, real w, const re
 {
     real moment, before;
     const crossing at = crossing_at(c, o, b, p, x);
-    const int own = at.rate > 0 && (o->alone || (opens && o->begins)); /* no kicks beside these */
+    const int own = at.rate > 0 && (o->alone || (opens && o->begins)); /* no kicks of other steps */
     real total = own ? -between(o, b, at, x, opens, 0, &moment)
-                     : taken(o, b, at, x, opens, &moment);
+                     : exterior_error(o, b, at, x, opens, &moment);
     if (!own && x < 0 && at.rate > 0) { /* there are no kicks before a run begins */
         total += between(o, b, at, x, opens, -1, &before);
         moment -= before;
     }
     const real strength = o->strength[b];
-    give(c, o, b, w, x, strength * total, strength * moment, -strength * moment);
+    apply_impulse(c, o, b, w, x, strength * total, strength * moment, -strength * moment);
 }
 
-/* A contact that closed and opened again within the step: all its kicks are in there. */
+/* A contact that closes and opens again within the step, which contains all its kicks. */
 static void touch(const scene *c, const openings *o, integer b, real w, const real *p, real one,
                   real other)
 {
@@ -155,11 +158,11 @@ static void touch(const scene *c, const openings *o, integer b, real w, const re
         total -= force;
         moment += (node - middle) * force;
     }
-    give(c, o, b, w, middle, o->strength[b] * total, o->strength[b] * moment, 0);
+    apply_impulse(c, o, b, w, middle, o->strength[b] * total, o->strength[b] * moment, 0);
 }
 
-/* Whether an overlap that came back to its side was beyond zero, and at a kick too: what no kick
-   felt is left, as it would be where nothing is looked at. */
+/* Whether an overlap that returned to its side passed zero, and had the other sign at a kick;
+   events between two kicks are left uncorrected, as in a step without corrections. */
 static int is_felt(const scene *c, const openings *o, integer b, const real *p, real turn,
                    int closed)
 {
@@ -170,7 +173,7 @@ static int is_felt(const scene *c, const openings *o, integer b, const real *p, 
     return felt && (cubic(p, turn) > 0) != closed;
 }
 
-/* The cubic through an overlap and its rate at the begin and at the end of the step. */
+/* The cubic through an overlap and its rate at the beginning and the end of the step. */
 static void path_of(const openings *o, integer b, real *p)
 {
     const real w0 = o->before[b], w1 = o->after[b];
@@ -179,9 +182,9 @@ static void path_of(const openings *o, integer b, real *p)
     p[3] = 2 * (w0 - w1) + p[1] + o->rate_after[b];
 }
 
-/* An event up to NEAR steps before a step that stands alone, or is the first, or behind one that
-   stands alone, with contact between. */
-static void beside(const scene *c, const openings *o, integer b, int behind)
+/* An event up to NEAR steps before a single or first step, or after a single step, with contact
+   between the step and the event. */
+static void event_outside(const scene *c, const openings *o, integer b, int behind)
 {
     real p[4];
     path_of(o, b, p);
@@ -191,8 +194,9 @@ static void beside(const scene *c, const openings *o, integer b, int behind)
     event(c, o, b, o->after[b], p, x, behind);
 }
 
-/* Sum over the kicks of a step of an overlap, where it is positive, and that times the time left:
-   of a linear contact that pulls with `own`, beside forces g + slope t and the turn of its line. */
+/* Sums over the kicks of a step of the positive overlap, and of that times the remaining time,
+   for a linear contact of stiffness `own` with other forces g + slope t and the rotation of its
+   line. */
 static void kicked(const openings *o, real own, real w, real rate, real g, real slope, real turn,
                    real *sums)
 {
@@ -206,7 +210,7 @@ static void kicked(const openings *o, real own, real w, real rate, real g, real 
     }
 }
 
-/* The same of the motion itself, for a time `far` from where it closes. */
+/* The same integrals of the motion itself, for a time `far` after it closes. */
 static void moved(real own, real rate, real g, real slope, real far, real *sums)
 {
     real terms[SERIES] = {0, rate * far, g * far * far / 2};
@@ -218,8 +222,8 @@ static void moved(real own, real rate, real g, real slope, real far, real *sums)
     }
 }
 
-/* A contact of exponent 1 that opened or closed: its kicks and its motion are those of a linear
-   spring beside forces that grow linearly, which the ends of the step tell. */
+/* A contact of exponent 1 that opens or closes: its kicks and its motion are those of a linear
+   spring with other forces that vary linearly, which follow from both ends of the step. */
 static void linear(const scene *c, const openings *o, integer b, const real *p)
 {
     const real w0 = o->before[b], w1 = o->after[b], d0 = p[1], d1 = o->rate_after[b];
@@ -233,7 +237,7 @@ static void linear(const scene *c, const openings *o, integer b, const real *p)
         kicked(o, own, w0, d0, g, slope, turn, kicks);
     }
     real end = w1, end_rate = d1;
-    for (int k = 0; k < (opens ? ROUNDS : 1); k++) { /* from its open end on, backwards if it opens */
+    for (int k = 0; k < (opens ? ROUNDS : 1); k++) { /* from the open end, backwards if it opens */
         const real there = opens ? g + turn + slope : g + turn, grows = opens ? -slope : slope;
         path[0] = opens ? end : w0, path[1] = opens ? -end_rate : d0;
         path[2] = there / 2, path[3] = grows / 6;
@@ -248,10 +252,10 @@ static void linear(const scene *c, const openings *o, integer b, const real *p)
     if (opens) x = 1 - x, motion[1] = motion[0] - motion[1];
     const real total = o->strength[b] * (motion[0] - kicks[0]);
     const real moment = o->strength[b] * (motion[1] - kicks[1]) - (1 - x) * total;
-    give(c, o, b, w1, x, total, moment, -moment);
+    apply_impulse(c, o, b, w1, x, total, moment, -moment);
 }
 
-/* What a step in which contact b opened or closed, if it did, is corrected by. */
+/* Correct a step in which contact b opened or closed. */
 static void pass(const scene *c, const openings *o, integer b)
 {
     const real w0 = o->before[b], w1 = o->after[b];
@@ -271,8 +275,9 @@ static void pass(const scene *c, const openings *o, integer b)
     } else touch(c, o, b, w1, p, one, other);
 }
 
-/* The sign of an overlap changed, or it turned near zero; NaN, where nothing opens, is neither.
-   Integers as wide as the numbers, without branches: the scan is done in vectors. */
+/* Whether the sign of an overlap changed, or it has an extremum near zero; not for NaN, the
+   place of a missing kink.  Integers as wide as the numbers and no branches: the scan is
+   vectorised. */
 static inline integer suspect(real w0, real d0, real w1, real d1)
 {
     const real near0 = fabs(w0), near1 = fabs(w1), least = near0 < near1 ? near0 : near1;
@@ -290,17 +295,18 @@ static void pass_all(const scene *c, const openings *o)
         integer any = o->alone | o->begins;
         EACH(n) any |= suspect(w0[start + i], d0[start + i], w1[start + i], d1[start + i]);
         if (!any) continue;
-        if (!met) remember(c, o);
+        if (!met) keep_end(c, o);
         met = 1;
         for (integer i = start; i < start + n; i++)
             if (suspect(w0[i], d0[i], w1[i], d1[i])) pass(c, o, i);
         for (integer i = start; i < start + n && (o->alone | o->begins); i++)
-            for (int behind = 0; behind <= (o->alone != 0); behind++) beside(c, o, i, behind);
+            for (int behind = 0; behind <= (o->alone != 0); behind++)
+                event_outside(c, o, i, behind);
     }
     if (met) overlaps(c, o, c->u, c->v, o->after, o->rate_after);
 }
 
-/* Nothing is looked at as long as the elongations met say that every contact stayed on its side. */
+/* Overlaps are computed only once the elongation ranges show that a contact may have changed. */
 integer advance_openings(const scene *c, openings *o, integer steps, integer opened)
 {
     FLUSH
@@ -327,9 +333,10 @@ integer advance_openings(const scene *c, openings *o, integer steps, integer ope
     return 0;
 }
 
-/* What the velocities at the end of a step have too much because contact b just closed, or lack
-   because it will open soon: an event is corrected for all kicks before and behind it at once. */
-static void show_event(const scene *c, const openings *o, integer b)
+/* Undo in the output velocities the correction of later kicks for a contact b that has just
+   closed, or add the pending one for a contact that opens soon: events are corrected for all
+   kicks at once. */
+static void postprocess_event(const scene *c, const openings *o, integer b)
 {
     const real w0 = o->after[b], w1 = o->before[b], d0 = o->rate_after[b], d1 = o->rate_before[b];
     const real p[4] = {w0, d0, 3 * (w1 - w0) - 2 * d0 - d1, 2 * (w0 - w1) + d0 + d1};
@@ -339,19 +346,19 @@ static void show_event(const scene *c, const openings *o, integer b)
     const crossing at = crossing_at(c, o, b, p, x);
     if (!(at.rate > 0)) return;
     real moment;
-    const real all = taken(o, b, at, x, opens, &moment);
+    const real all = exterior_error(o, b, at, x, opens, &moment);
     const real total = all + between(o, b, at, x, opens, opens, &moment);
-    give(c, o, b, w1, 1, (opens ? 1 : -1) * o->strength[b] * total, 0, 0);
+    apply_impulse(c, o, b, w1, 1, (opens ? 1 : -1) * o->strength[b] * total, 0, 0);
 }
 
-/* Closed, and just so, or soon no more. */
-static inline integer is_shown(real w0, real w1, real d1)
+/* Whether a contact is closed, and has just closed or opens soon. */
+static inline integer needs_postprocessing(real w0, real w1, real d1)
 {
     return (w1 > 0) & ((w0 <= 0) | (w1 < -2 * d1));
 }
 
-/* Copies of u and v after the last step of `advance_openings`, as they are looked at. */
-integer show_openings(const scene *given, openings *o, real *u, real *v)
+/* Turn copies of u and v after the last step of `advance_openings` into the output state. */
+integer postprocess_openings(const scene *given, openings *o, real *u, real *v)
 {
     FLUSH
     scene copy = *given;
@@ -368,12 +375,12 @@ integer show_openings(const scene *given, openings *o, real *u, real *v)
     for (integer start = 0; start < o->count; start += SCAN) {
         const integer left = o->count - start, n = left < SCAN ? left : SCAN;
         integer any = 0;
-        EACH(n) any |= is_shown(w0[start + i], w1[start + i], d1[start + i]);
+        EACH(n) any |= needs_postprocessing(w0[start + i], w1[start + i], d1[start + i]);
         if (!any) continue;
-        if (!met) remember(c, o);
+        if (!met) keep_end(c, o);
         met = 1;
         for (integer i = start; i < start + n; i++)
-            if (is_shown(w0[i], w1[i], d1[i])) show_event(c, o, i);
+            if (needs_postprocessing(w0[i], w1[i], d1[i])) postprocess_event(c, o, i);
     }
     return 0;
 }

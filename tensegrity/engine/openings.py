@@ -1,9 +1,8 @@
-"""What a step with a known quadrature error is corrected by where contacts open or close.
+"""Corrections of a step at the loss or gain of contacts, by the known error of its quadrature.
 
-The force of a contact is strength overlap^exponent, from an opening on 0.  A method of steps
-integrates it like the quadrature that its kicks are, and the error of that next to a root of the
-overlap is known in closed form: `derivations.openings`.  Here are the tables that `openings.c`
-takes it from.
+The force of a contact is strength overlap^exponent for a positive overlap, otherwise 0.  The kicks
+of a step are a quadrature of it, whose error next to a root of the overlap is known in closed form:
+`derivations.openings`.  This module computes the tables for `openings.c`.
 """
 
 from __future__ import annotations
@@ -14,16 +13,17 @@ import numpy as np
 
 from tensegrity.once import once
 
-DEGREE = 20  # of the polynomials for the zeta functions, which are as good as their sums
+DEGREE = 20  # of the polynomials for the zeta functions, exact to round-off of their sums
 TERMS, BERNOULLI = 8, (1 / 6, -1 / 30, 1 / 42, -1 / 30, 5 / 66, -691 / 2730, 7 / 6, -3617 / 510)
-LOWEST, HIGHEST = 1.0, 3.0  # exponents for which the order was seen
-TREATED = 3  # order over the exponent where contacts are corrected
+LOWEST, HIGHEST = 1.0, 3.0  # exponents for which the order was verified
+TREATED = 3  # order minus the exponent where contacts are corrected
 
 
 def hurwitz(s, q):
     """Hurwitz' zeta function of real order s, not 1, for q > 0: sum of (q + n)^-s, continued.
 
-    SciPy's is no number for s < 1.  The first terms, and Euler's and Maclaurin's sum of the rest.
+    Computed from the first terms and the Euler-Maclaurin sum of the rest; SciPy's function is NaN
+    for s < 1.
     """
     q = np.asarray(q, dtype=np.longdouble)  # large terms nearly cancel
     total = sum((q + n) ** -s for n in range(TERMS))
@@ -40,7 +40,7 @@ def hurwitz(s, q):
 @once
 def zetas(exponent):
     """Coefficients in t = 2 q - 1 of zeta(s, 1 + q), for s = -exponent, -exponent - 1 and
-    1 - exponent; (3, DEGREE + 1).  What is left of zeta(s, q) is q^-s."""
+    1 - exponent; (3, DEGREE + 1).  The first term of zeta(s, q), q^-s, is added by the loop."""
     from numpy.polynomial import chebyshev
 
     t = chebyshev.chebpts1(DEGREE + 8)
@@ -59,24 +59,25 @@ def is_treated(exponent):
     return (exponent >= LOWEST) & (exponent <= HIGHEST)
 
 
-def contacts(bonds, lanes=1):
-    """Contacts that open, at the places of a loop.
+def contacts(bonds, batch=1):
+    """Contacts that can be lost, at the places of a loop.
 
     Returns
     -------
     dict of ndarray
-        "place", "side", "strength", (corners, places[, lanes]): a contact is closed where its
-        overlap, side (elongation - place), is positive [m]; then its tension has the part side
-        strength overlap^exponent [N].  A force with several corners is that of several contacts;
-        NaN behind the last one of a bond.  "row", shape of these, in "exponents", (rows,); of each
-        "betas", (rows,), and "tables", (rows, 3, DEGREE + 1).
+        "place", "side", "strength", (kinks, places[, batch]): a contact is closed where its
+        overlap, side (elongation - place), is positive [m]; it adds side strength
+        overlap^exponent [N] to the tension.  A force with several kinks is that of several
+        contacts; entries after the last kink of a bond are NaN.  "row", of the same shape, is the
+        index of the exponent into "exponents", "betas", (rows,), and "tables", (rows, 3,
+        DEGREE + 1).
     """
     place, strength, exponent, side = np.moveaxis(bonds.openings, -1, 0)
     within, springs = is_treated(exponent), bonds.group
     if bonds.contacts is not None:
         springs = springs[bonds.runs.source]
-    elif lanes > 1 and springs.ndim == 1:
-        springs = np.repeat(springs[:, None], lanes, axis=1)
+    elif batch > 1 and springs.ndim == 1:
+        springs = np.repeat(springs[:, None], batch, axis=1)
     exponents = np.unique(exponent[within])
     rows = np.searchsorted(exponents, np.where(within, exponent, 0.0))
     found = {"place": place, "side": side, "strength": strength}

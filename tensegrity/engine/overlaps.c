@@ -1,8 +1,8 @@
-/* Overlaps of contacts, and what their rows get where one opens or closes.
+/* Overlaps of contacts, and the impulses applied where one opens or closes.
 
-   A contact is closed where w = side (elongation - place) > 0; then its
-   tension has the part side strength w^exponent.  A bond whose force has several corners is as
-   many contacts, contact k bonds + b for corner k of bond b; NaN where a bond has less. */
+   A contact is closed where w = side (elongation - place) > 0; it adds side strength w^exponent
+   to the tension.  A bond whose force has several kinks counts as several contacts, contact k
+   bonds + b for kink k of bond b; NaN where a bond has fewer. */
 typedef struct {
     const real *place, *side, *strength; /* (contacts) */
     const real *exponents, *betas;       /* (rows), integral of (y (1 - y))^exponent */
@@ -10,20 +10,20 @@ typedef struct {
     const real *nodes, *weights, *offsets; /* (kicks) of a step, over dt, dt and dt^2 */
     const real *dt;
     real *before, *rate_before, *after, *rate_after; /* (contacts) overlap, and rate times dt */
-    real *u, *v;                         /* (entries) at the begin of a step */
+    real *u, *v;                         /* (entries) at the beginning of a step */
     real *end_u, *end_v, *end_a;         /* (entries) at its end, before it is corrected */
     const integer *row;                  /* (contacts) of its exponent */
-    integer count, bonds, entries, kicks, degree; /* contacts, and those of one corner each */
-    integer known; /* of the last step: 0 nothing, 1 where it began in u and v, 2 its overlaps */
+    integer count, bonds, entries, kicks, degree; /* contacts, and those of one kink per bond */
+    integer known; /* of the last step: 0 nothing, 1 its beginning in u and v, 2 its overlaps */
     integer begins; /* whether the next step is the first of a run */
-    integer alone; /* whether steps have none before and none behind them: each ends as it is shown */
+    integer alone; /* whether steps are single ones, which end in their output state */
 } openings;
 
-#ifndef DIM /* a line, which does not turn */
+#ifndef DIM /* a chain, whose bonds do not rotate */
 #define DIM 1
 #define AXES(k) for (int k = 0; k < DIM; k++)
 #define FROM(b) ((b) % o->bonds)
-#define TO(b) ((b) % o->bonds + LANES)
+#define TO(b) ((b) % o->bonds + BATCH)
 
 static void overlaps(const scene *c, const openings *o, const real *restrict u,
                      const real *restrict v, real *restrict w, real *restrict d)
@@ -32,8 +32,8 @@ static void overlaps(const scene *c, const openings *o, const real *restrict u,
     for (integer start = 0; start < o->count; start += o->bonds) {
         const real *restrict place = o->place + start, *restrict side = o->side + start;
         EACH(o->bonds) {
-            w[start + i] = side[i] * ((u[i + LANES] - u[i]) - place[i]);
-            d[start + i] = side[i] * dt * (v[i + LANES] - v[i]);
+            w[start + i] = side[i] * ((u[i + BATCH] - u[i]) - place[i]);
+            d[start + i] = side[i] * dt * (v[i + BATCH] - v[i]);
         }
     }
 }
@@ -41,12 +41,12 @@ static void overlaps(const scene *c, const openings *o, const real *restrict u,
 static int may_pass(const scene *c, const openings *o)
 {
     for (integer s = 0; s < c->runs; s++) {
-        const integer start = LANES * c->first[s];
-        const integer ranges = c->met_at[s + 1] - c->met_at[s];
-        const real *low = c->low + c->met_at[s], *high = c->high + c->met_at[s];
+        const integer start = BATCH * c->first[s];
+        const integer ranges = c->range_at[s + 1] - c->range_at[s];
+        const real *low = c->low + c->range_at[s], *high = c->high + c->range_at[s];
         integer any = 0;
         for (integer k = 0; k < o->count; k += o->bonds) {
-            const real *place = o->place + k + start; /* those of one spring are the same */
+            const real *place = o->place + k + start; /* equal for all bonds of one spring */
             if (c->law[s] & 1) EACH(ranges) any |= (low[i] <= place[i]) & (high[i] >= place[i]);
             else EACH(ranges) any |= (low[i] <= *place) & (high[i] >= *place);
         }
@@ -55,7 +55,7 @@ static int may_pass(const scene *c, const openings *o)
     return 0;
 }
 
-static void remember(const scene *c, const openings *o) {}
+static void keep_end(const scene *c, const openings *o) {}
 
 static real line_at(const scene *c, const openings *o, integer contact, real x, real *line,
                     real *turn)
@@ -63,14 +63,14 @@ static real line_at(const scene *c, const openings *o, integer contact, real x, 
     return *line = 1, *turn = 0;
 }
 
-static void give(const scene *c, const openings *o, integer b, real w, real x, real total,
+static void apply_impulse(const scene *c, const openings *o, integer b, real w, real x, real total,
                  real moment, real turning)
 {
     const integer from = FROM(b), to = TO(b);
     const real dt = *o->dt, side = o->side[b], left = c->w[from], right = c->w[to];
     const real impulse = dt * side * total;
     real shift = dt * (dt * side * moment + (1 - x) * impulse);
-    if (fabs(shift) * (left + right) >= fabs(w)) shift = 0; /* it would change side once more */
+    if (fabs(shift) * (left + right) >= fabs(w)) shift = 0; /* w would change sign */
     c->v[from] += left * impulse;
     c->v[to] -= right * impulse;
     c->u[from] += left * shift;
@@ -119,14 +119,14 @@ __attribute__((flatten)) static void overlaps(const scene *c, const openings *o,
         else run_of(c, o, s, u, v, w, d, 0);
 }
 
-/* By what all contacts of a run met together: each of them met no more. */
+/* By the common elongation range of all contacts of a run. */
 static int may_pass(const scene *c, const openings *o)
 {
     integer any = 0;
     for (integer s = 0; s < c->runs; s++) {
-        const real *low = c->low + c->met_at[s], *high = c->high + c->met_at[s];
+        const real *low = c->low + c->range_at[s], *high = c->high + c->range_at[s];
         const integer start = c->first[s], count = c->first[s + 1] - start;
-        const integer met = c->met_at[s + 1] - c->met_at[s];
+        const integer met = c->range_at[s + 1] - c->range_at[s];
         real least = low[0], most = high[0];
         EACH(met) least = smaller(low[i], least), most = larger(high[i], most);
         for (integer k = start; k < o->count; k += o->bonds)
@@ -135,7 +135,7 @@ static int may_pass(const scene *c, const openings *o)
     return any != 0;
 }
 
-static void remember(const scene *c, const openings *o)
+static void keep_end(const scene *c, const openings *o)
 {
     acceleration(c, c->u, o->end_a, o->entries);
     EACH(o->entries) o->end_u[i] = c->u[i], o->end_v[i] = c->v[i];
@@ -148,8 +148,8 @@ static int is_wall(const scene *c, integer b)
     return (c->law[s] & 2) != 0;
 }
 
-/* The line of contact at the event, a part 1 - x of the step ago, how fast it turned, and how
-   long it was; the last two are 0 where it does not turn. */
+/* Unit vector of a contact at the event, a part 1 - x of the step ago, its rate of rotation, and
+   the length of the line; the last two are 0 where it does not rotate. */
 static real line_at(const scene *c, const openings *o, integer contact, real x, real *line,
                     real *turn)
 {
@@ -172,14 +172,14 @@ static real line_at(const scene *c, const openings *o, integer contact, real x, 
     return length;
 }
 
-/* Add what was rounded before, so that equal and opposite ones cancel to the last bit. */
+/* Add a rounded number, so that equal and opposite ones cancel to the last bit. */
 static void add(real *to, real part)
 {
     __asm__("" : "+m"(part));
     *to += part;
 }
 
-static void give(const scene *c, const openings *o, integer b, real w, real x, real total,
+static void apply_impulse(const scene *c, const openings *o, integer b, real w, real x, real total,
                  real moment, real turning)
 {
     const integer from = FROM(b), to = TO(b);
@@ -192,7 +192,7 @@ static void give(const scene *c, const openings *o, integer b, real w, real x, r
         size += fabs(shift[k]);
         mobility = larger(mobility, c->w[from + k] + c->w[to + k]);
     }
-    const real share = size * mobility >= fabs(w) ? 0 : 1; /* else it would change side once more */
+    const real share = size * mobility >= fabs(w) ? 0 : 1; /* w would change sign */
     AXES(k) {
         add(c->v + from + k, c->w[from + k] * impulse[k]);
         add(c->v + to + k, -c->w[to + k] * impulse[k]);

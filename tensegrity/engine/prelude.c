@@ -1,10 +1,10 @@
-/* Goes in front of all C, also of that which CasADi generates, so that it can stay as generated.
+/* Precedes all C text, also that which CasADi generates, so that the latter is used unchanged.
 
    Compilers do not vectorise the library's pow, fmax and fmin: powers with a constant exponent
    that is a multiple of 1/4 become products and square roots (decided after inlining), and the
    extrema become plain comparisons. */
 
-#ifdef EXTENDED /* the same text in extended precision is the oracle of the tests */
+#ifdef EXTENDED /* the same text in extended precision is the reference of the tests */
 #include <tgmath.h>
 #define real long double
 #else
@@ -12,7 +12,7 @@
 #define real double
 #endif
 #define casadi_real real
-#define CASADI_SYMBOL_EXPORT static /* else each function is compiled once more, for callers outside */
+#define CASADI_SYMBOL_EXPORT static /* no second copy of each function for external callers */
 typedef long long integer;
 
 static inline real library_power(real x, real y) { return pow(x, y); }
@@ -42,7 +42,7 @@ static inline real smaller(real x, real y) { return x < y ? x : y; }
 
 #define EACH(n) _Pragma("GCC ivdep") for (integer i = 0; i < (n); i++)
 
-/* Names of what the text of one law defines, for law number K and a kind of run. */
+/* Names defined by the text of a law, for law number K and a kind of run. */
 #define PASTED(a, b) a##_##b
 #define PASTE(a, b) PASTED(a, b)
 #define LAW(name) PASTE(name, K)
@@ -53,8 +53,8 @@ static inline real smaller(real x, real y) { return x < y ? x : y; }
 #define KICK(c, i, after)                                                                   \
     ((c)->kicks[i] + ((after) && (i) == 0 && (c)->closing ? (c)->kicks[(c)->stages] : 0))
 
-/* FLUSH, first in a function, makes numbers below the smallest normal one 0 until it returns.
-   Ahead of a front sites move by such numbers, and each would take as long as hundreds of others. */
+/* FLUSH, first in a function, replaces subnormal numbers by 0 until the function returns.  Sites
+   ahead of a wave front move by such numbers, whose arithmetic is hundreds of times slower. */
 
 #if defined(__GNUC__) && defined(__SSE2__)
 #include <xmmintrin.h>
@@ -62,12 +62,12 @@ typedef unsigned rounding;
 static inline rounding flushed(void)
 {
     const rounding was = _mm_getcsr();
-    if ((was & 0x8040) != 0x8040) _mm_setcsr(was | 0x8040); /* results, and what is read */
+    if ((was & 0x8040) != 0x8040) _mm_setcsr(was | 0x8040); /* results and operands */
     return was;
 }
 static inline void restored(const rounding *was)
 {
-    if ((*was & 0x8040) != 0x8040) _mm_setcsr(*was); /* which takes longer than to look */
+    if ((*was & 0x8040) != 0x8040) _mm_setcsr(*was); /* slower than the comparison */
 }
 #elif defined(__GNUC__) && defined(__aarch64__)
 typedef unsigned long rounding;

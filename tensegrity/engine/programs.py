@@ -1,7 +1,7 @@
-"""Numbers of SymPy expressions in NumPy or in an arithmetic of many decimals, without SymPy.
+"""Evaluation of SymPy expressions in NumPy or in multiple precision, without SymPy.
 
-An expression becomes a program: a list of operations in their order, each on results of earlier
-ones.  It is data, which can be kept in a file, and does no more than what is listed here.
+An expression becomes a program: a list of operations, each on results of earlier ones.  A program
+is data that can be stored in a file, and consists of the operations listed here only.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ CONSTANTS = {"Pi": "pi"}
 
 
 def program(expressions: Sequence[Any], symbols: Sequence[Any]) -> dict[str, list[Any]]:
-    """Operations for SymPy expressions of some symbols; what they share is computed once.
+    """Operations for SymPy expressions of some symbols; common subexpressions are computed once.
 
     Returns
     -------
     dict
-        "steps", each ["Given", place in symbols], ["Ratio", p, q] or [operation, steps...], and
-        "results", the steps that give the expressions.
+        "steps", each ["Given", index in symbols], ["Ratio", p, q] or [operation, steps...], and
+        "results", the numbers of the steps that give the expressions.
     """
     import sympy as sp
 
@@ -63,16 +63,26 @@ def program(expressions: Sequence[Any], symbols: Sequence[Any]) -> dict[str, lis
 
 
 def run(program: dict[str, list[Any]], context: Any, values: Sequence[Any]) -> list[Any]:
-    """Values of the expressions.
+    """Evaluate a program.
 
     Parameters
     ----------
     program : dict
-        What `program` gives.
+        Result of the function `program`.
     context : mpmath.MPContext, or the module numpy
-        Whose functions and, in mpmath, numbers are used.
+        Its functions and, of mpmath, its numbers are used.
     values : sequence of mpf, or of float or ndarray
-        For the symbols.
+        Values of the symbols.
+
+    Returns
+    -------
+    list
+        Values of the expressions.
+
+    Raises
+    ------
+    ValueError
+        An operation that is not listed here.
     """
     number = getattr(context, "mpf", float)
     found: list[Any] = []
@@ -99,7 +109,7 @@ def run(program: dict[str, list[Any]], context: Any, values: Sequence[Any]) -> l
 
 @once
 def derived(make: Callable[..., tuple[Sequence[Any], Sequence[Any]]], *arguments: Any) -> Any:
-    """The program of (expressions, symbols) that a function of a module derives, kept.
+    """The program of (expressions, symbols) that a function of a module derives, cached on disk.
 
     Its arguments are texts, numbers, and functions of that module.
     """

@@ -1,47 +1,48 @@
-/* A scene run backwards with the derivatives of what was computed.
+/* The reverse loop: inverts the stages of a run and propagates derivatives of objectives.
 
-   A stage of a run is v += a w F(u), then u += b v.  Given the state after it, and by it the
-   derivatives of one or more objectives (ub, vb), the stage is undone and the derivatives are
-   carried to before it:  vb += b ub;  ub += (dF/du)' a w vb;  what parameters and masses have to
-   do with it is added up on the way.  Nothing is kept of the run but its last state.
+   A stage of a run is v += a w F(u), then u += b v.  From the state after it and the derivatives
+   of one or more objectives with respect to it (ub, vb), the stage is inverted and the
+   derivatives before it are computed: vb += b ub; ub += (dF/du)' a w vb; those with respect to
+   parameters and masses are accumulated.  No state of the run is stored except the last one.
 
-   On a line loops go on to `room`, a whole number of packs beyond the last site, where nothing
-   weighs and nothing pulls.  Rows of a network are the sites and one that stands still for the
-   walls. */
+   In a chain, loops extend to `room`, a whole number of SIMD vectors beyond the last site, with
+   zero forces and inverse masses there.  The rows of a network are the sites and a fixed one for
+   all walls. */
 
 typedef struct {
     real *u, *v;                     /* (entries) */
-    const real *w, *load;            /* (entries) inverse mass, 0 holds; constant forces */
+    const real *w, *load;            /* (entries) inverse mass, 0 if fixed; constant forces */
     const real *shared;              /* (runs, PARAMETERS) */
     const real *own;                 /* for each run (own parameters of its law, its bonds) */
     const real *geometry;            /* (DIM + 2, bonds), of a network */
     const real *kicks, *drifts;      /* dt times the coefficients (stages + 1), (stages) */
-    const real *grid;                /* (2) what rounds moves of u and of v to whole units */
+    const real *grid;                /* (2) constants that round increments of u and of v */
     real *ub, *vb, *wb;              /* (objectives, entries) */
     real *pb;                        /* (objectives, wanted, apart) */
-    real *gb;                        /* (objectives, bonds) by the elongations, of a network */
+    real *gb;                        /* (objectives, bonds) of elongations, in a network */
     real *r, *f, *k, *d;             /* scratch (apart), (apart + 2), (apart), (wanted, apart) */
     real *along, *pull, *turn;       /* scratch (DIM, bonds), (entries), (entries) */
     real *bent;                      /* scratch (apart), of a network */
-    real *low, *high, *travel;       /* elongations met (bonds), and the way gone, as in scene.h */
+    real *low, *high, *travel;       /* elongation range (bonds), distance moved, as in scene.h */
     const integer *from, *to;        /* (bonds) where their rows begin */
     const integer *first;            /* (runs + 1) first bond of each run */
     const integer *law;              /* (runs) twice the law, and 1 more with own parameters */
     const integer *wall;             /* (runs) whether its contacts are with walls */
     const integer *own_at;           /* (runs) where its own parameters begin */
     integer runs, bonds, entries, moving, objectives, wanted, stages, closing;
-    integer room, apart; /* entries that move and fill packs; bonds, and a pack or two behind */
+    integer room, apart; /* padded number of entries; stride of arrays over bonds */
 } scene;
 
-/* What each objective adds to the derivatives after steps number `begin` to `end`: of the entries
-   of u at the first `of_u` places, then of v. */
+/* Derivatives of each objective with respect to the states after steps number `begin` to `end`: to
+   the entries of u at the first `u_count` places, then of v. */
 typedef struct {
     const real *rows;                /* (objectives, steps, places) */
     const integer *places;
-    integer count, of_u, begin, end;
+    integer count, u_count, begin, end;
 } cotangents;
 
-/* Packs of bonds of one law: tensions, stiffnesses and derivatives by the parameters wanted. */
+/* Vectors of bonds of one law: tensions, stiffnesses and derivatives in the requested
+   parameters. */
 #define ARGUMENTS                                                                           \
     integer packs, integer apart, const real *restrict r, real *restrict f, real *restrict k, \
         real *restrict d, const real *restrict shared, const real *restrict own, integer all
@@ -51,7 +52,7 @@ typedef void packed(ARGUMENTS);
     real p[PARAMETERS + 1];                                                                 \
     take_##K(p, shared, own, all, i);
 
-/* Of laws of which there are no packs: bond by bond. */
+/* For laws without SIMD code: bond by bond. */
 #define SCALAR_SLOPES(K, OWN, WANTED)                                                       \
     __attribute__((noinline, flatten)) static void slopes_##K##_##OWN(ARGUMENTS)            \
     {                                                                                       \
@@ -69,7 +70,7 @@ SCALARS(SCALAR_SLOPES)
 #define SLOPES(K, OWN) [2 * K + OWN] = slopes_##K##_##OWN,
 static packed *const slopes[] = {RUNS(SLOPES)};
 
-/* In batches that stay in the nearest cache; the last pack writes behind the n bonds. */
+/* In blocks that stay in the nearest cache; the last vector writes beyond the n bonds. */
 static void batches(packed *law, integer n, integer apart, const real *r, real *f, real *k, real *d,
                     const real *shared, const real *own)
 {
@@ -79,7 +80,7 @@ static void batches(packed *law, integer n, integer apart, const real *r, real *
     }
 }
 
-/* What laws give at the elongations r: tensions f[1 ..], and what goes with them. */
+/* Evaluate laws at the elongations r: tensions f[1 ..], stiffnesses and derivatives. */
 static void evaluated(const scene *c, packed *const *laws)
 {
     for (integer s = 0; s < c->runs; s++) {
@@ -87,7 +88,7 @@ static void evaluated(const scene *c, packed *const *laws)
         batches(laws[c->law[s]], c->first[s + 1] - at, c->apart, c->r + at, c->f + 1 + at, c->k + at,
                 c->d + at, c->shared + s * PARAMETERS, c->own + c->own_at[s]);
     }
-#ifndef DIM /* packs went beyond the last bond, behind which nothing pulls */
+#ifndef DIM /* no force beyond the last bond */
     for (integer i = c->bonds; i < c->room; i++) c->f[1 + i] = c->k[i] = 0;
 #endif
 }
@@ -100,8 +101,8 @@ static void place(const scene *c)
     EACH(c->room) r[i] = u[i + 1] - u[i];
 }
 
-/* The numbers one place before those of a pack, of which `before` are as many that come first.
-   Read from memory where they were just stored, they would have to be waited for. */
+/* The numbers one place before those of a vector, where `before` is the vector before it.  Loads
+   from memory would have to wait for the stores just made. */
 PACKED pack shifted(pack before, pack here)
 {
 #if WIDE == 8
@@ -123,7 +124,7 @@ static void gather(const scene *c)
     }
 }
 
-/* From the derivatives by the velocities to those by masses, parameters and u. */
+/* From derivatives with respect to velocities to those with respect to masses, parameters and u. */
 static void carry(const scene *c, real a, integer o)
 {
     const integer apart = c->apart;
@@ -179,7 +180,7 @@ static void gather(const scene *c)
         }
 }
 
-/* A force pulls along the bond, which turns: rb n + T/(L + r) (1 - n n') of the derivatives by it. */
+/* The force of a bond acts along it, and the bond rotates: k n n' + T/(L + r) (1 - n n'). */
 static void carry(const scene *c, real a, integer o)
 {
     const integer n = c->bonds, apart = c->apart;
@@ -219,10 +220,10 @@ static void carry(const scene *c, real a, integer o)
     }
 SCALARS(SCALAR_PULL)
 #define PULLS(K, OWN) [2 * K + OWN] = pull_##K##_##OWN,
-static packed *const pulls[] = {RUNS(PULLS)}; /* one text of the tension for both directions */
+static packed *const pulls[] = {RUNS(PULLS)}; /* the same code of the tension in both directions */
 
-/* Moves in whole units of the grid: (x + big) - big leaves no smaller part of x.  Added to what
-   is whole they give what is whole, so that they can be taken away again to the last bit. */
+/* Increments rounded to the grid: (x + big) - big is a multiple of the spacing.  Sums of multiples
+   are exact, so that increments can be subtracted again to the last bit. */
 __attribute__((noinline)) static real *moves_of_u(const scene *c, real b)
 {
     const real big = c->grid[0], *restrict v = c->v;
@@ -290,19 +291,19 @@ static void reverse_stage(const scene *c, real a, real b)
     for (integer o = 0; o < c->objectives; o++) carry(c, a, o);
 }
 
-/* Add what the objectives have to do with the state after step number k. */
+/* Add the derivatives of the objectives with respect to the state after step number k. */
 void add_cotangents(const scene *c, const cotangents *s, integer k)
 {
     if (k < s->begin || k > s->end) return;
     for (integer o = 0; o < c->objectives; o++) {
         const real *row = s->rows + (o * (s->end - s->begin + 1) + k - s->begin) * s->count;
-        for (integer j = 0; j < s->of_u; j++) c->ub[o * c->entries + s->places[j]] += row[j];
-        for (integer j = s->of_u; j < s->count; j++)
+        for (integer j = 0; j < s->u_count; j++) c->ub[o * c->entries + s->places[j]] += row[j];
+        for (integer j = s->u_count; j < s->count; j++)
             c->vb[o * c->entries + s->places[j]] += row[j];
     }
 }
 
-/* Undo `steps` steps, the last of them number `last`, as `advance` did them. */
+/* Invert `steps` steps of `advance`, the last of them number `last`. */
 void reverse(const scene *c, integer steps, integer opened, integer last, const cotangents *s)
 {
     FLUSH
@@ -313,8 +314,8 @@ void reverse(const scene *c, integer steps, integer opened, integer last, const 
     }
 }
 
-/* Of n elongations of a bond of one law, with its parameters p; rows `apart` from each other, which
-   leave room for a pack behind the last. */
+/* Evaluate a law at n elongations with parameters p; rows of results have the stride `apart`, with
+   room for a vector beyond the last. */
 void evaluate(integer law, integer n, integer apart, const real *p, const real *r, real *f, real *k,
               real *d)
 {

@@ -1,8 +1,8 @@
-"""The loop backwards: what a run did undone, stage by stage, with derivatives carried along.
+"""The reverse loop: the stages of a run inverted one by one, with the adjoint of each stage.
 
-A stage of a splitting can be undone from its result, so the derivatives of what was computed need
-no states kept: the adjoint of each stage is done where the stage is undone.  A method's rows are
-those of `methods.Splitting`; what runs is the C of `reverse.c`.
+A stage of a splitting can be inverted from its result, so the derivatives of a run need no stored
+states: the adjoint of each stage is applied where the stage is inverted.  The coefficients are
+those of `methods.Splitting`; the loop is the C text of `reverse.c`.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from tensegrity.once import once
 
 SCENE = structure("reverse.c", "scene")
 COTANGENTS = structure("reverse.c", "cotangents")
-PACK = 8  # numbers that C may write or read behind the last
+PACK = 8  # numbers that C may write or read beyond the last one
 
 
 @once
@@ -30,35 +30,35 @@ def _compiled(laws, own, wanted, dim, exact):
 
 
 class Layout:
-    """Bonds as the loop backwards takes them, in the runs of the loop, and what it wants to know.
+    """Layout of bonds for the reverse loop, and the derivatives that it computes.
 
     Parameters
     ----------
     bonds : Bonds
     wanted : tuple of tuple of int
-        For each law the numbers of the parameters by which derivatives are wanted.
+        For each law the indices of the parameters with respect to which to differentiate.
     exact : bool
-        Whether states are whole units of a grid.
+        Whether states are multiples of a grid spacing.
 
     Attributes
     ----------
     dim, sites : int
         Coordinates of a site in a network, 0 on a line; number of sites.
     rows : int
-        Of the arrays: sites, and in a network one that stands for all walls; on a line whole packs,
-        and one behind them.
+        Rows of the arrays: sites, and in a network one for all walls; in a chain sites padded to
+        whole SIMD vectors, and one more vector.
     shape : tuple of int
-        Of u, v and what belongs to them.
+        Shape of u, v and their derivatives.
     room : int
-        Places of bonds, and room for what C may write behind the last.
+        Length of arrays over bonds, with the padding that C may write.
     most : int
-        Most parameters wanted of any law.
+        Largest number of requested parameters of a law.
     kind : ndarray of int, (bonds,)
         Index into `bonds.KINDS`.
     ends : tuple of ndarray of int
-        Rows of both ends of each bond, that of the walls for a wall.
+        Rows of both ends of each bond; any wall has the same row.
     place : ndarray of int, (bonds,)
-        Where each bond is among the places of the loop.
+        Place of each bond in the order of the loop.
     """
 
     def __init__(self, bonds, wanted, exact=False):
@@ -78,26 +78,30 @@ class Layout:
 
     @cached_property
     def library(self):
-        """The compiled text."""
+        """The compiled reverse loop."""
         b = self.bonds
         return _compiled(b.laws, b.own, self.wanted, self.dim, self._exact)
 
     def parameters(self, bonds):
-        """Fields of a scene: `bonds.parameters`."""
+        """Fields of a scene that hold parameters; see `bonds.parameters`."""
         return parameters(bonds, self.bonds.runs, self.bonds.own)
 
     def laws_at(self, r, members):
-        """Tension, stiffness, and derivatives by what is wanted, of some bonds.
+        """Tension, stiffness, and derivatives of the tension with respect to parameters.
 
         Parameters
         ----------
         r : ndarray, (..., members)
+            Elongations [m].
         members : ndarray of int
+            Numbers of the bonds.
 
         Returns
         -------
         f, k : ndarray, (..., members)
-        d : ndarray, (most wanted, ..., members)
+            [N], [N/m]
+        d : ndarray, (most, ..., members)
+            With respect to the requested parameters.
         """
         f, k, d = np.empty(r.shape), np.empty(r.shape), np.zeros((self.most, *r.shape))
         for group in np.unique(self.bonds.group[members]):
@@ -116,26 +120,26 @@ class Layout:
         return f, k, d
 
 
-class Back:
-    """Derivatives of objectives, carried backwards through a run.
+class ReverseLoop:
+    """The prepared reverse loop, which inverts steps and propagates derivatives of objectives.
 
     Parameters
     ----------
     layout : Layout
     method : Splitting
     dt : float
-        [s]
+        Step [s].
     totals : Totals
-        What is added up, by all that carry derivatives of one run.
+        Receives the derivatives with respect to masses, parameters and elongations.
     grid : (float, float), optional
-        What rounds moves of u and of v.
+        Constants that round increments of u and of v to a grid.
 
     Attributes
     ----------
     u, v : ndarray, (rows[, dim])
-        Where the run is.
+        The present state [m], [m/s].
     ub, vb : ndarray, (objectives, rows[, dim])
-        Derivatives by these.
+        Derivatives with respect to these.
     scene : Structure
     """
 
@@ -184,10 +188,8 @@ class Back:
         self._address = ctypes.addressof(self.scene)
 
     def retune(self, bonds):
-        """Begin anew with the masses and parameters of other bonds, in the same runs of a line.
-
-        Derivatives and totals are 0 then.
-        """
+        """Restart with the masses and parameters of other bonds in the same runs of a chain;
+        derivatives and totals are reset to 0."""
         self.scene.filled["w"][: self.layout.sites] = bonds.inverse_mass
         for name, values in self.layout.parameters(bonds).items():
             self.scene.filled[name][:] = values
@@ -195,7 +197,7 @@ class Back:
             array[:] = 0
 
     def set(self, u, v):
-        """Take a state, (sites[, dim])."""
+        """Set the state, (sites[, dim])."""
         self.u[: self.layout.sites], self.v[: self.layout.sites] = u, v
 
     def state(self):
@@ -203,58 +205,70 @@ class Back:
         return self.u[: self.layout.sites].copy(), self.v[: self.layout.sites].copy()
 
     def reverse(self, steps, last, cotangents=None, opened=True):
-        """Undo steps.
+        """Invert steps.
 
         Parameters
         ----------
         steps, last : int
             How many, and the number of the last of them.
-        seeds : Seeds, optional
-            What objectives have to do with the states between, that before the steps included.
+        cotangents : OutputCotangents, optional
+            Derivatives of the objectives with respect to the states between, the first included.
         opened : bool, optional
-            Whether the first of them has the closing kick of the step before in it; the last
-            has not its own.
+            Whether the first of them includes the closing kick of the step before; the last one
+            lacks its own.
         """
         given = None if cotangents is None else cotangents.address
         self.layout.library.reverse(self._address, steps, opened, last, given)
 
     def add_cotangents(self, cotangents, k):
-        """Add what objectives have to do with the state after step number k."""
+        """Add the derivatives of the objectives with respect to the state after step number k."""
         self.layout.library.add_cotangents(self._address, cotangents.address, k)
 
 
 class OnGrid(Bound):
-    """A scene whose moves are rounded to whole units of a grid, so that steps can be undone to the
-    last bit; as `Bound`, without rows behind the sites.
+    """A loop whose increments are rounded to a grid, so that steps can be inverted to the last bit;
+    as `Bound`, without rows after the sites.
 
     Parameters
     ----------
     layout : Layout
     u, v : ndarray, (rows[, dim])
+        Advanced in place [m], [m/s].
     method : Splitting
     dt : float
-        [s]
+        Step [s].
     grid : (float, float)
-        What rounds moves of u and of v.
+        Constants that round increments of u and of v.
     """
 
     def __init__(self, layout, u, v, method, dt, grid):
-        back = Back(layout, method, dt, Totals(layout, 0), grid)
+        back = ReverseLoop(layout, method, dt, Totals(layout, 0), grid)
         self._bonds, self._scene, self._second = layout.bonds, back.scene, None
         self._low, self._high, self._travel = (
             back.scene.filled[name] for name in ("low", "high", "travel")
         )
-        self._seen, self._springs, self._each = layout.place, layout.bonds.group, False
+        self._counted, self._springs, self._one_to_one = layout.place, layout.bonds.group, False
         self._sites, self.sizes = layout.sites, (layout.sites * max(layout.dim, 1), 0)
-        self._advance, self._show = layout.library.advance, layout.library.show
-        self.u, self.v, self.shown = back.u, back.v, (back.u.copy(), back.v.copy())
-        self._march, self._inner = self._marched(self._advance), (back.u, back.v, *self.shown)
-        self.u, self.v, self.shown = u, v, (u.copy(), v.copy())
+        self._advance, self._postprocess = layout.library.advance, layout.library.postprocess
+        self.u, self.v, self.output = back.u, back.v, (back.u.copy(), back.v.copy())
+        self._march, self._inner = self._marched(self._advance), (back.u, back.v, *self.output)
+        self.u, self.v, self.output = u, v, (u.copy(), v.copy())
         self.forget_range()
 
     def go(self, done, end, wanted=()):
-        """As `Bound.go`."""
-        outer, sites = (self.u, self.v, *self.shown), self._sites
+        """Advance and store states; see `Bound.go`.
+
+        Parameters
+        ----------
+        done, end : int
+        wanted : sequence of Wanted, optional
+
+        Returns
+        -------
+        int
+            See `march.go`.
+        """
+        outer, sites = (self.u, self.v, *self.output), self._sites
         for mine, given in zip(self._inner[:2], outer, strict=False):
             mine[:sites] = given[:sites]
         stopped = super().go(done, end, wanted)
@@ -263,17 +277,17 @@ class OnGrid(Bound):
         return stopped
 
     def advance_open(self, steps, opened):
-        """As `Bound.advance_open`."""
+        """Advance without the closing kick; see `Bound.advance_open`."""
         self.go(int(opened), int(opened) + steps)
 
 
 class Totals:
-    """What a pass backwards adds up.
+    """Derivatives that the reverse pass accumulates.
 
     Attributes
     ----------
     arrays : tuple of ndarray
-        All of them, as the loop has them.
+        The arrays w, p and g of the loop, in its order.
     """
 
     def __init__(self, layout, objectives):
@@ -286,40 +300,41 @@ class Totals:
 
     @property
     def w(self):
-        """Derivatives by the inverse mass of every entry; (objectives, sites[, dim])."""
+        """With respect to the inverse mass of every entry; (objectives, sites[, dim])."""
         return self.arrays[0][:, : self._layout.sites]
 
     @property
     def p(self):
-        """By the parameters; (objectives, wanted, bonds)."""
+        """With respect to the requested parameters; (objectives, wanted, bonds)."""
         return self.arrays[1][..., self._layout.place]
 
     @property
     def g(self):
-        """By the elongations, in a network; (objectives, bonds)."""
+        """With respect to the elongations, in a network; (objectives, bonds)."""
         return self.arrays[2][:, self._layout.place]
 
 
 class OutputCotangents:
-    """What objectives have to do with the states of a run, at some of its entries.
+    """Derivatives of objectives with respect to some entries of the states of a run.
 
     Parameters
     ----------
     rows : ndarray, (objectives, steps, places)
+        The derivatives.
     places : ndarray of int
-        Entries of u, and behind them of v.
-    of_u : int
-        How many are of u.
+        Entries of u, then of v.
+    u_count : int
+        How many of these are entries of u.
     begin : int
-        The step of the first row.
+        Number of the step of the first row.
     """
 
-    def __init__(self, rows, places, of_u, begin):
+    def __init__(self, rows, places, u_count, begin):
         self._structure = COTANGENTS(
             rows=np.ascontiguousarray(rows, dtype=float),
             places=integers(places),
             count=len(places),
-            of_u=of_u,
+            u_count=u_count,
             begin=begin,
             end=begin + rows.shape[1] - 1,
         )

@@ -1,54 +1,53 @@
 /* Chains, and masses on a line, in the plane or in space joined by contacts in any pattern.
 
-   In a chain each bond joins neighbours, elongation u[j + 1] - u[j], one coordinate a site.  Bonds
-   come in runs of one law, whose bonds share all parameters and one range, or have some parameters
-   of their own and a range each: `line_law.c`, included once for each.  Several chains run at once
-   as lanes of the last axis: all entries of site j, one per lane, stand together, and the
-   neighbour of an entry is LANES further.
+   In a chain each bond joins neighbours, elongation u[j + 1] - u[j], with one coordinate per
+   site.  Bonds are grouped in runs of one law, whose bonds have all parameters and one elongation
+   range in common, or have parameters and ranges of their own: `line_law.c`, included once for
+   each kind.  A batch of chains is advanced in one loop: the BATCH entries of site j are
+   adjacent, and the neighbour of an entry is BATCH further.
 
-   Rows of a network's u and v: the sites, the walls, one more that takes what is left over.  A
-   wall's row collects its impulse in v.  The list of contacts comes in runs of one kind and one
-   law.  The forces are computed from a second list: GROUP sites stand side by side in a slice, and
-   their contacts with sites of higher numbers, or with walls, in its groups.  A site adds these up
-   in a register, and they are added to the other sites' rows with the opposite sign: equal to the
-   last bit.  What does not count in a group repeats another contact.  Slices come in tiles of TILE
-   sites, which move as soon as the contacts of their tile are done.  A thread has tiles, and rows
-   of forces of its own, and does the contacts of the tiles before them again that act on its
-   sites: no sum depends on the number of threads. */
+   The rows of u and v of a network are the sites, the walls, and one spare row.  The row of a
+   wall collects its impulse in v.  The list of contacts is divided in runs of one kind and one
+   law.  The forces are computed from a second list: a slice holds GROUP sites, and its groups
+   their contacts with sites of higher numbers, or with walls.  A site sums these forces in a
+   register, and they are added to the rows of the other sites with the opposite sign, equal to
+   the last bit.  Entries of a group that do not count repeat another contact.  A tile holds the
+   slices of TILE sites, which are advanced as soon as the contacts of the tile are computed.  A
+   thread has tiles, and rows of forces of its own, and computes again the contacts of earlier
+   tiles that act on its sites: no sum depends on the number of threads. */
 
 #define TILE 256
-#ifndef LANES
-#define LANES 1
+#ifndef BATCH
+#define BATCH 1
 #endif
 #ifdef DIM
 #define AXES(k) for (int k = 0; k < DIM; k++)
 #endif
 
 typedef struct {
-    real *u, *v;                     /* displacement, velocity (sites, LANES), (rows, DIM) */
-    const real *w;                   /* like these, inverse mass; 0 holds a site */
-    const real *shared;              /* (runs, PARAMETERS), what bonds of a run have in common */
-    const real *own;                 /* for each run (own parameters of its law, bonds, LANES), of a
+    real *u, *v;                     /* displacement, velocity (sites, BATCH), (rows, DIM) */
+    const real *w;                   /* of the same shape, inverse mass; 0 for a fixed site */
+    const real *shared;              /* (runs, PARAMETERS), common parameters of a run */
+    const real *own;                 /* for each run (own parameters of its law, bonds, BATCH), of a
                                         network (those, entries) */
     const real *kicks, *drifts;      /* dt times the coefficients (stages + 1), (stages) */
-    real *low, *high;                /* smallest and largest elongation met: for each run those at
-                                        each place of a block, BLOCK or less, in a network GROUP of
-                                        each piece, or where it has own parameters (bonds, LANES),
-                                        (entries) */
+    real *low, *high;                /* smallest and largest elongations: for each run those at each
+                                        place of a block, BLOCK or less, in a network GROUP of each
+                                        thread; with own parameters (bonds, BATCH), (entries) */
     const integer *first;            /* (runs + 1) first bond of each run */
     const integer *law;              /* (runs) twice the law, and 1 more with own parameters; of a
                                         network 4 times the law, 2 more for walls, 1 for own */
     const integer *own_at;           /* (runs) where its own parameters begin */
-    const integer *met_at;           /* (runs + 1) where its elongations begin */
+    const integer *range_at;           /* (runs + 1) where its elongations begin */
     integer runs, stages, closing;   /* closing: the method ends with a kick */
 
-    /* The rest is of networks. */
+    /* The other fields are those of networks. */
     const real *load;                   /* (rows, DIM) constant forces */
     const real *geometry;               /* (DIM + 2, contacts) D, g, L */
     real *travel;                       /* bound on how far any coordinate of a site moved */
     const integer *from, *to;           /* (contacts) where their rows begin; a wall is `from` */
     const real *places;                 /* (rows + 1, DIM) reference positions */
-    real *near;                         /* (2, rows, DIM) displacements that threads have in common */
+    real *near;                         /* (2, rows, DIM) displacements shared by threads */
     const integer *slice;               /* (runs, tiles + 1) first slice of a run in each tile */
     const int *site;                    /* (slices, GROUP) sites */
     const integer *begin;               /* (slices + 1) first group of each slice */
@@ -63,10 +62,10 @@ typedef struct {
     const integer *normal_at;           /* (runs) where these begin */
     real *press, *force;                /* like `normal`, forces on walls by each contact, and
                                            (rows - sites, DIM) their sums */
-    const integer *pressing, *pressed;  /* where those of each contact are, wall by wall, and
-                                           (rows - sites + 1) where those of each wall begin */
-    real *farthest;                     /* (pieces) of the sites in this stage */
-    integer *gate;                      /* (16) where threads wait for each other */
+    const integer *pressing, *pressed;  /* places of those of each contact, sorted by wall, and
+                                           (rows - sites + 1) the first of each wall */
+    real *farthest;                     /* (pieces) largest displacement in this stage */
+    integer *gate;                      /* (16) barrier of the threads */
     integer contacts, sites, rows, tiles, loaded;
-    integer before, tile, last_tile, reach, piece, pieces; /* what this thread does */
+    integer before, tile, last_tile, reach, piece, pieces; /* the part of this thread */
 } scene;

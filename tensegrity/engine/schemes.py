@@ -1,4 +1,4 @@
-"""What a method is: rows of coefficients, and what follows from them alone.
+"""Kinds of methods: rows of coefficients, and the properties that follow from them alone.
 
 The methods themselves are in `tensegrity.engine.methods`.
 """
@@ -29,17 +29,18 @@ if TYPE_CHECKING:
 
 ROUND_OFF = 1e-9  # in the trace of a step's matrix, beyond the bound of a stable one
 GAIN = 1e-12  # in the amplification of a step, beyond 1
-KINKED = 1 / 16  # of a default step, of a method whose order a kink of the force lowers
-KEPT = 2e-9  # relative, of the energy: what default steps aim at where contacts open
-LINEAR, STEEPEST, DECADES = 5e-6, 2.7e-5, 3.6  # worst errors of it that were seen in hundreds of
-# random rows of 2 to 39 contacts, of the exponent 1 and of others: so many decades less for 1 more
-EXACT = 1e-12  # in the sums of coefficients, and between those that mirror each other
-MOST_STAGES = 250  # pieces of a long chain overlap by no more sites
+KINKED = 1 / 16  # fraction of a default step where a kink of the force lowers the order
+ENERGY_ERROR = 2e-9  # relative error of the energy at which default steps aim at kinks
+# Largest error of the energy in hundreds of random rows of 2 to 39 contacts, for the exponent 1 and
+# for steeper ones, which have so many decades less per unit of the exponent.
+LINEAR, STEEPEST, DECADES = 5e-6, 2.7e-5, 3.6
+EXACT = 1e-12  # in the sums of coefficients, and between mirrored coefficients
+MOST_STAGES = 250  # the width of the overlap of the parts of a long chain
 
 
 @dataclass(frozen=True)
 class Method:
-    """What all methods have.
+    """Base of all methods.
 
     `simulate` takes any `Splitting` or `Nystrom`, also one that `METHODS` does not list.
 
@@ -52,9 +53,9 @@ class Method:
         Default dt over the stability limit, or over 1/omega where there is none.
     reference : str, optional
     limitations : str, optional
-        Where another method serves better.
-    keeps : str
-        What it keeps in scenes that are driven, damped or tuned.
+        Where another method is better.
+    preserves : str
+        Properties that remain in scenes that are driven, damped or tuned.
     """
 
     name: str
@@ -66,7 +67,7 @@ class Method:
     explicit = True
     reversible = True
     preserves: ClassVar[str] = "not for scenes that are driven, damped or tuned"
-    if TYPE_CHECKING:  # what each kind of method brings
+    if TYPE_CHECKING:  # defined by each kind of method
         symplectic: ClassVar[bool]
         _slack: ClassVar[float]
         _bisected: ClassVar[float]
@@ -86,12 +87,12 @@ class Method:
         )
 
     def fraction(self, exponents: Iterable[float] = ()) -> float:
-        """Default dt over the stability limit, or over 1/omega where there is none, where forces
-        have kinks that grow with these exponents from there on."""
+        """Default dt over the stability limit, or over 1/omega where there is none, for forces that
+        grow from kinks with these exponents."""
         return self.default_fraction * min((self._kinked(n) for n in exponents), default=1.0)
 
     def _kinked(self, exponent: float) -> float:
-        """What a kink leaves of it: less where it lowers the order."""
+        """Factor of the default step for a kink of this exponent, < 1 if it lowers the order."""
         return 1.0 if exponent + 1 >= self.order else KINKED
 
     def _set(self, name: str, value: Any) -> None:
@@ -116,7 +117,7 @@ class Method:
 
     @property
     def scale(self) -> float:
-        """The dt * omega that `default_fraction` is a fraction of."""
+        """The value of dt * omega of which `default_fraction` is a fraction."""
         return self.stability_limit
 
     @cached_property
@@ -151,6 +152,7 @@ class Splitting(Method):
     Suzuki's fourth-order composition of five steps of Verlet, in a run:
 
     >>> from tensegrity import Chain, Prism, simulate
+    >>> from tensegrity.engine.methods import Splitting
     >>> a = 1 / (4 - 4 ** (1 / 3))
     >>> parts = (a, a, 1 - 4 * a, a, a)
     >>> kicks = [(x + y) / 2 for x, y in zip((0, *parts), (*parts, 0))]
@@ -165,10 +167,10 @@ class Splitting(Method):
     symplectic = True
     preserves = (
         "its order under drives, springs that change, and dashpots, which drifts solve exactly, "
-        "or, where damped bonds of a network turn, to that order; it is symplectic, with time as "
-        "one more coordinate, as long as there are no dashpots; with them volumes shrink at the "
-        "exact rate, or at that to its order.  Drifts backwards in time let velocities grow: dt "
-        "times the largest drift and the fastest decay must be at most 2"
+        "or to that order where damped bonds of a network turn; it is symplectic, with time as an "
+        "additional coordinate, if there are no dashpots; with dashpots phase-space volume shrinks "
+        "at the exact rate, or at that rate to its order.  Drifts backwards in time let velocities "
+        "grow: dt times the largest drift and the fastest decay must be at most 2"
     )
     _slack, _bisected = ROUND_OFF, 0.0
 
@@ -177,7 +179,7 @@ class Splitting(Method):
         self._set_rows("kicks", "drifts")
 
     def check(self) -> None:
-        """Refuse rows that are no step of time dt, or not the palindrome that they should be."""
+        """Refuse rows that are not consistent with a step dt, or not palindromes."""
         kicks, drifts = self.kicks, self.drifts
         self._require(
             len(kicks) == len(drifts) + 1,
@@ -207,21 +209,21 @@ class Splitting(Method):
         return *x, *v
 
     def _excess(self, z: Array) -> Array:
-        """Beyond stability if positive: the determinant is 1, the trace must be in [-2, 2]."""
+        """Positive beyond stability: the determinant is 1, the trace must be in [-2, 2]."""
         xx, _, _, vv = self.step_matrix(z)
         return np.abs(xx + vv) - 2
 
 
 @dataclass(frozen=True)
 class Corrected(Method):
-    """A splitting whose error where contacts open or close is known, and taken off.
+    """A splitting corrected for the known error of its quadrature at the loss or gain of contacts.
 
-    Its kicks are a quadrature of the forces.  Where the overlap of a contact passes zero in a
-    step, the closed form of the quadrature's error goes to the two sites as an equal and opposite
-    impulse, and the moment of that error as a shift: `derivations.openings`.  Contacts of
-    exponents from 1 to 3 are treated, and corners of other forces, however many one has.  What
-    is looked at beside an opening is a copy without what was done there for kicks to come, and
-    with what is still to be done for those before.
+    Its kicks are a quadrature of the forces.  Where the overlap of a contact passes zero within a
+    step, the closed form of the quadrature error is applied to the two sites as an equal and
+    opposite impulse, and the first moment of the error as a shift: `derivations.openings`.
+    Contacts and other kinks of exponents from 1 to 3 are treated, any number of them in one force.
+    Output states near an event are copies without the correction of later kicks, and with the
+    pending one of earlier kicks.
 
     Attributes
     ----------
@@ -236,15 +238,15 @@ class Corrected(Method):
         check.kind(f"base of {self.name!r}", self.base, Splitting)
 
     def check(self) -> None:
-        """Refuse what the base refuses."""
+        """Refuse an invalid base."""
         self.base.check()
 
     def _kinked(self, exponent: float) -> float:
-        """So that the energy is kept to `KEPT`, by its error in steps of the full fraction."""
+        """Factor that conserves the energy to `ENERGY_ERROR`, from its error at the full step."""
         if not is_treated(exponent):
             return super()._kinked(exponent)
         error = LINEAR if exponent == 1 else STEEPEST * 10.0 ** (DECADES * (1 - exponent))
-        return min((KEPT / error) ** (1 / (exponent + TREATED)), 1.0)
+        return min((ENERGY_ERROR / error) ** (1 / (exponent + TREATED)), 1.0)
 
     @property
     def stages(self) -> int:
@@ -258,12 +260,12 @@ class Corrected(Method):
 
     @cached_property
     def rule(self) -> tuple[Array, Array, Array]:
-        """The quadrature that a step is: nodes and weights of its kicks over dt, and by how much a
-        kick's position is ahead of the motion of a constant acceleration, over that and dt^2."""
+        """The quadrature of a step: nodes and weights of its kicks over dt, and the difference of
+        a kick's position from the motion at constant acceleration, over that and dt^2."""
         weights = np.array(self.base.kicks)
         nodes = np.concatenate([[0.0], np.cumsum(self.base.drifts)])
         nodes[np.abs(nodes - 1) < EXACT] = 1.0
-        since = nodes[:, None] - nodes  # of each kick since each other
+        since = nodes[:, None] - nodes  # time of each kick after each other kick
         moved = np.tril(since, -1) @ weights
         return nodes, weights, moved - nodes**2 / 2
 
@@ -299,7 +301,7 @@ class Nystrom(Method):
         self._set("matrix", tuple(row_of(f"matrix of {self.name!r}", row) for row in rows))
 
     def check(self) -> None:
-        """Refuse rows that are no step of time dt of the order said, or of the kind said."""
+        """Refuse rows that are not consistent with a step dt and the order, or not explicit."""
         count = self.stages
         shape = {len(self.matrix), len(self.positions), len(self.velocities)}
         self._require(
@@ -335,8 +337,8 @@ class Nystrom(Method):
         return xx, xv, vx, vv
 
     def _excess(self, z: Array) -> Array:
-        """Beyond stability if positive: both eigenvalues are within the unit circle where the
-        determinant is at most 1 and the trace at most 1 + determinant, in size."""
+        """Positive beyond stability: both eigenvalues are within the unit circle where the absolute
+        value of the determinant is at most 1, and that of the trace at most 1 + determinant."""
         xx, xv, vx, vv = self.step_matrix(z)
         determinant = xx * vv - xv * vx
         return np.maximum(np.abs(determinant) - 1, np.abs(xx + vv) - 1 - determinant)
@@ -344,8 +346,8 @@ class Nystrom(Method):
 
 @dataclass(frozen=True)
 class Midpoint(Method):
-    """The implicit midpoint rule: u and v change by the rates at the middle between their values
-    before and after a step, which is solved for."""
+    """The implicit midpoint rule: u and v change by their rates at the mean of their values before
+    and after the step."""
 
     symplectic = reversible = True
     explicit = False
@@ -354,7 +356,7 @@ class Midpoint(Method):
     stability_limit = math.inf
 
     def check(self) -> None:
-        """Nothing may be wrong: there are no coefficients."""
+        """Nothing to check: there are no coefficients."""
 
     def step_matrix(self, z: Array | float) -> Matrix:
         """Entries (xx, xv, vx, vv) of a step's matrix for (x, v/omega), z = dt * omega."""
@@ -366,8 +368,8 @@ class Midpoint(Method):
 def nystrom_of(matrix: Rows, weights: Iterable[Any]) -> dict[str, Any]:
     """Rows of the Nystrom form of a Runge-Kutta method, on (u, v)' = (v, a(u)).
 
-    Its stages' velocities are v + dt sum_j matrix[i][j] a_j; put into the stages' positions they
-    leave the square of the matrix, and likewise in the sum.
+    The velocities of its stages, v + dt sum_j matrix[i][j] a_j, substituted into the positions of
+    the stages, give the square of the matrix; those of the step follow in the same way.
     """
     a, b = np.array(matrix, dtype=object), np.array(weights, dtype=object)
     return {
@@ -379,8 +381,8 @@ def nystrom_of(matrix: Rows, weights: Iterable[Any]) -> dict[str, Any]:
 
 
 def palindrome(half: tuple[float, ...], odd: bool) -> tuple[float, ...]:
-    """A full row of an odd or even number of entries, from its first half without the last
-    entry of it, which makes the sum 1."""
+    """A row of an odd or even number of entries, from its first half without the last entry, which
+    follows from the sum 1."""
     half = (*half, 1 - 2 * sum(half) if odd else 0.5 - sum(half))
     return half + half[-2::-1] if odd else half + half[::-1]
 

@@ -1,10 +1,9 @@
-/* Several numbers side by side, in one register of the processor where it has such: `pack`.
+/* SIMD vectors of numbers, `pack`, and the operations that laws and geometry need.
 
-   What the text of a law or of the geometry needs of them.  Roots and quotients start from the
-   processor's own estimates, good to 14 bits, where it has them for these registers (AVX-512).  A
-   root takes one step of fourth order, 1/sqrt(1 - e) to the third power of e < 2^-13; a quotient
-   two of second order, the last with the remainder.  Elsewhere there is no estimate of doubles,
-   and the processor's roots and divisions are taken. */
+   With AVX-512, roots and quotients start from the estimates of the processor, which are good to 14
+   bits.  A root takes one step of fourth order, 1/sqrt(1 - e) to the third power of e < 2^-13; a
+   quotient two of second order, the last with the remainder.  Other processors have no estimates
+   for doubles, and their roots and divisions are used. */
 
 #if defined(EXTENDED)
 #define WIDE 1
@@ -19,8 +18,8 @@
 #include <immintrin.h>
 #endif
 
-#define GROUP 8 /* of which every list of contacts consists; a multiple of WIDE */
-#define BLOCK 64 /* bonds of a line in the nearest cache */
+#define GROUP 8 /* contacts of a group; a multiple of WIDE */
+#define BLOCK 64 /* bonds of a chain that fit into the nearest cache */
 #define PACKED static inline __attribute__((always_inline))
 #define LANES_OF(l) for (int l = 0; l < WIDE; l++)
 
@@ -72,7 +71,7 @@ PACKED mask load_integers(const integer *at)
 }
 PACKED void store(real *at, pack x) { __builtin_memcpy(at, &x, sizeof x); }
 typedef pack loose __attribute__((aligned(8), may_alias));
-#define INTO(at) (*(loose *)(at)) /* a pack anywhere */
+#define INTO(at) (*(loose *)(at)) /* a vector at any address */
 
 #if WIDE == 8
 PACKED pack larger_of(pack x, pack y) { return _mm512_max_pd(x, y); }
@@ -149,12 +148,12 @@ PACKED pack root_by(pack x, pack inverse) { return root(x); }
 PACKED pack quotient(pack x, pack y) { return x / y; }
 #endif
 
-/* What no processor does for several numbers at once. */
+/* Functions without a SIMD instruction. */
 #define ONE_BY_ONE(y, f, ...) LANES_OF(l) LANE(y, l) = f(__VA_ARGS__);
 
-/* The product is rounded before it is added: contracted with the sum, forces that are equal and
-   opposite would differ in their last bit, and momentum with them.  gcc keeps a product that is
-   also stored; others need not. */
+/* Rounds a product before it is added: contracted with the sum, equal and opposite forces would
+   differ in their last bit, and momentum would not be conserved.  gcc rounds a product that is also
+   stored; other compilers need not. */
 #if WIDE == 8
 #define ROUNDED(x) __asm__("" : "+v"(x));
 #elif WIDE == 4
@@ -163,8 +162,8 @@ PACKED pack quotient(pack x, pack y) { return x / y; }
 #define ROUNDED(x) __asm__("" : "+m"(x));
 #endif
 
-/* Packs that wait between two passes, all in the nearest cache; in a network they take more, and on
-   a line no fewer are needed than a block has. */
+/* Vectors stored between two passes, which fit into the nearest cache; a network stores more
+   numbers for each, and a chain needs at least those of a block. */
 #ifdef DIM
 #define ROOM 12
 #else
@@ -172,7 +171,7 @@ PACKED pack quotient(pack x, pack y) { return x / y; }
 #endif
 
 #ifdef DIM
-/* The coordinates of sites.  Up to four numbers are read: behind the last row is another. */
+/* The coordinates of sites.  Up to four numbers are read: there is a row after the last one. */
 PACKED void columns(const real *base, const int *at, pack *out)
 {
 #if WIDE == 8 && DIM > 1
@@ -202,7 +201,7 @@ PACKED void columns(const real *base, const int *at, pack *out)
 #undef TWO
 }
 
-/* A site's row of numbers that are added to: filled up to a register in space. */
+/* Numbers in a site's row of sums, padded to a register in three dimensions. */
 #define ROW (DIM == 3 ? 4 : DIM)
 
 #if WIDE >= 4 && DIM == 3
@@ -282,7 +281,7 @@ PACKED void add_rows(real *to, const int *at, const pack *f)
     LANES_OF(l) store_row(to + at[l] * ROW, sum_of(load_row(to + at[l] * ROW), rows[l]));
 }
 
-/* Rows of WIDE sites without what fills them up. */
+/* Rows of WIDE sites without padding. */
 PACKED void squeezed(const real *rows, pack *out)
 {
 #if DIM < 3

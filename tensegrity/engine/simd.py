@@ -1,8 +1,8 @@
-"""CasADi functions as C that works on several elongations side by side; see `simd.c`.
+"""CasADi functions as C for several elongations in SIMD registers (`pack`); see `simd.c`.
 
-CasADi writes scalar C, of which compilers make vectors only where they can and with the
-processor's own roots.  Here the same instructions are written for packs of numbers: one
-reciprocal for all divisions by one thing, and none beside a root of it.
+CasADi writes scalar C, which compilers vectorise only in part, with the processor's own square
+roots.  Here the same instructions are written for vectors of numbers: one reciprocal for all
+divisions by the same value, and none where the inverse of its root is computed.
 """
 
 from __future__ import annotations
@@ -11,12 +11,12 @@ import math
 import re
 from dataclasses import dataclass
 
-TINY = 1e-300  # from here on a root needs no care of what is 0
-QUARTERS = 32  # a power up to an exponent of 8 in quarters becomes products and roots
+TINY = 1e-300  # least argument of a root that needs no treatment of 0
+QUARTERS = 32  # powers with exponents up to 8 in quarters become products and roots
 
 
 def _names(ca):
-    """C of operations: {operation: text of its arguments a and b}, and names of the C library."""
+    """C of operations, {operation: text with arguments a and b}, and names in the C library."""
     texts = {
         ca.OP_ASSIGN: "{a}", ca.OP_ADD: "{a} + {b}", ca.OP_SUB: "{a} - {b}",
         ca.OP_MUL: "{a} * {b}", ca.OP_NEG: "-{a}", ca.OP_SQ: "{a} * {a}", ca.OP_TWICE: "2 * {a}",
@@ -36,42 +36,58 @@ def _names(ca):
 
 
 def text(function, name, arguments, inputs, outputs):
-    """C of a function that does this for the packs number 0 to n - 1, in several passes.
+    """C of a function for the vectors number 0 to n - 1, in several passes.
 
-    Each pass goes as far as a root or a division: what limits a processor is the longest chain of
-    slow operations that fits its window, not their number alone.
+    Each pass ends at a root or a division: the speed of a processor is limited by the longest chain
+    of slow operations within its instruction window, not by their number alone.
 
     Parameters
     ----------
     function : casadi.Function
         Made of SX.
     name, arguments : str
-        Of the C function, whose first argument is n.
+        Name and further arguments of the C function, whose first argument is n.
     inputs, outputs : sequence of sequences of str
-        C of pack number g of each entry of each argument, and of each result.
+        C of vector number g of each entry of each argument, and of each result.
+
+    Returns
+    -------
+    str
     """
     import casadi as ca
 
-    kept, passes = _Body(ca, inputs, outputs).of(function)
-    room = f"    pack kept[{kept}][ROOM];\n" * (kept > 0)
+    stored, passes = _Body(ca, inputs, outputs).of(function)
+    room = f"    pack stored[{stored}][ROOM];\n" * (stored > 0)
     return _noinline(name, arguments, room + _loops(passes))
 
 
-def halves(function, name, given, arguments, inputs, outputs):
-    """The same in two functions, for what begins with numbers that are in no array.
+def two_functions(function, name, given, arguments, inputs, outputs):
+    """C of a function in two parts, for arguments that are not stored in arrays.
 
-    `first_<name>` does the first pass for pack number g of what is `given`, `rest_<name>` the
-    others for the packs number 0 to n - 1 and without it.  What these need is in their last
-    argument, `kept`; how many packs for each that are is returned first.  Where nothing is given
-    and there is one pass only, the rest is all: what is first done writes no results before them.
+    `first_<name>` does the first pass for vector number g of the `given` arguments, `rest_<name>`
+    the others for the vectors number 0 to n - 1, without these arguments.  Intermediate values are
+    in the last argument, `stored`.  If no arguments are given and there is only one pass, it is in
+    the second function, as the first one writes no results.
+
+    Parameters
+    ----------
+    function, name, arguments, inputs, outputs
+        As of `text`.
+    given : str
+        Arguments of the first function only.
+
+    Returns
+    -------
+    int, str
+        Number of intermediate vectors for each g, and the C of both functions.
     """
     import casadi as ca
 
-    kept, passes = _Body(ca, inputs, outputs).of(function, short=not given)
+    stored, passes = _Body(ca, inputs, outputs).of(function, short=not given)
     first, *rest = passes if given or len(passes) > 1 else ("", *passes)
-    arguments += ", pack (*restrict kept)[ROOM]"
+    arguments += ", pack (*restrict stored)[ROOM]"
     begin = f"PACKED void first_{name}(integer g, {given}{arguments})\n{{\n{first}}}\n"
-    return kept, begin + _noinline(f"rest_{name}", arguments, _loops(rest))
+    return stored, begin + _noinline(f"rest_{name}", arguments, _loops(rest))
 
 
 def _noinline(name, arguments, body):
@@ -82,8 +98,8 @@ def _loops(passes):
     return "".join(f"    for (integer g = 0; g < n; g++) {{\n{x}    }}\n" for x in passes)
 
 
-def gains(function):
-    """Whether a function takes roots or quotients, and nothing that is done one by one."""
+def benefits_from_simd(function):
+    """Whether a function has roots or quotients, and no operation that SIMD code lacks."""
     import casadi as ca
 
     names = [[f"x[{k}]" for k in range(function.numel_in(j))] for j in range(function.n_in())]
@@ -93,14 +109,14 @@ def gains(function):
 
 @dataclass
 class _Value:
-    """A constant of the text: its pass, and whether the next pass has to wait for it."""
+    """A constant of the text: its pass, and whether it is available in the next pass only."""
 
     level: int
     slow: bool = False
 
 
 class _Body:
-    """The statements of one function, each value in a constant of its own."""
+    """The statements of one function, with each value in a separate constant."""
 
     def __init__(self, ca, inputs, outputs):
         self._ca, self._inputs, self._outputs = ca, inputs, outputs
@@ -108,10 +124,10 @@ class _Body:
         self._lines = []  # (pass, names set, names read, text)
         self._values = {}  # name -> _Value
         self._known = {}  # expression -> name: CasADi repeats divisions
-        self._divisors = set()  # names of what is divided by more than once
-        self._negated = {}  # name -> what it is the negative of
-        self._less = {}  # name of a comparison -> its C for what counts where it holds
-        self._positive = set()  # names of what is never below a positive number
+        self._divisors = set()  # names of repeated divisors
+        self._negated = {}  # name -> name of the value that it is the negative of
+        self._less = {}  # name of a comparison -> its C function and arguments
+        self._positive = set()  # names of values with a positive lower bound
 
     def of(self, function, short=False):
         ca, work = self._ca, {}
@@ -134,7 +150,7 @@ class _Body:
         return self._passes(short)
 
     def _denominators(self, function):
-        """How often the result of each instruction is divided by."""
+        """How often the result of each instruction is a divisor."""
         made, found = {}, {}
         for k in range(function.n_instructions()):
             operation, source = function.instruction_id(k), function.instruction_input(k)
@@ -209,7 +225,7 @@ class _Body:
         return self._name(expression, f"{{0}} = {expression};", *reads, slow=slow)
 
     def _roots(self, a):
-        """A root and beside it its inverse, which costs less than the root itself."""
+        """A root and its inverse, which costs less than the root itself."""
         if f"root({a})" not in self._known:
             down = self._name(f"inverse of root({a})", f"{{0}} = inverse_root({a});", a, slow=True)
             up = self._new(f"root_by({a}, {down})", a, down)
@@ -230,33 +246,33 @@ class _Body:
         return self._known.get(call) or self._name(call, call, a, b, slow=True)
 
     def _levels(self, short):
-        """The last pass, and lines with theirs; a last one without slow operations joins the one
-        before it if `short`.  One slow operation alone is no chain."""
+        """The number of the last pass, and the lines with theirs; if `short`, a last pass without
+        slow operations is merged with the one before.  A single slow operation needs one pass."""
         slow = [value.level for value in self._values.values() if value.slow]
         ends = slow if short else [line[0] for line in self._lines]
         last = max(ends, default=0) if len(slow) > 1 else 0
         return last, [(min(level, last), *line) for level, *line in self._lines]
 
     def _passes(self, short):
-        """How many values later passes need, which are kept in arrays, and C of each pass."""
+        """The number of values that later passes need, stored in arrays, and the C of each pass."""
         last, lines = self._levels(short)
         level_of = {name: level for level, sets, _ in lines for name in sets}
         levels, later = [[] for _ in range(1 + last)], [set() for _ in range(1 + last)]
         for level, _, line in lines:
             names = level_of.keys() & re.findall(r"\bx\d+\b", line)
             later[level] |= {name for name in names if level_of[name] < level}
-        needed, kept = set().union(*later), {}
+        needed, stored = set().union(*later), {}
         for level, sets, line in lines:
             levels[level].append(f"pack {', '.join(sets)}; {line}" if sets else line)
             for name in sets:
                 if name in needed:
-                    kept[name] = f"kept[{len(kept)}][g]"
-                    levels[level].append(f"{kept[name]} = {name};")
+                    stored[name] = f"stored[{len(stored)}][g]"
+                    levels[level].append(f"{stored[name]} = {name};")
         passes = []
         for lines, names in zip(levels, later, strict=True):
-            loads = [f"const pack {name} = {kept[name]};" for name in sorted(names)]
+            loads = [f"const pack {name} = {stored[name]};" for name in sorted(names)]
             passes.append("".join(f"        {line}\n" for line in loads + lines))
-        return len(kept), passes
+        return len(stored), passes
 
 
 def _inverse(value):

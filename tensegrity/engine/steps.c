@@ -1,13 +1,12 @@
 /* Steps of every method, one text for every scene.
 
-   Included behind a loop that defines `scene` and stage(scene, a, b): a kick by a, a drift by b. */
+   Included after a loop that defines `scene` and stage(scene, a, b): a kick by a, a drift by b. */
 
-/* Every method has a function that advances a scene by whole steps, and one that shows what copies
-   of u and v are in the scene's own variables; both say whether they had to stop, which only some
-   methods do.
+/* Every method has a function that advances a scene by whole steps, and one that turns copies of u
+   and v into the output state; both return whether they had to stop, which only some methods do.
 
-   Of a splitting the closing kick of a step and the first of the next are one: steps go without
-   their last one, and begin with that of the step before if they are `opened`. */
+   The closing kick of a step of a splitting is merged with the first kick of the next one: steps
+   lack their closing kick, and begin with that of the step before if they are `opened`. */
 integer advance(const scene *c, const void *none, integer steps, integer opened)
 {
     FLUSH
@@ -17,7 +16,7 @@ integer advance(const scene *c, const void *none, integer steps, integer opened)
     return 0;
 }
 
-integer show(const scene *c, const void *none, real *u, real *v)
+integer postprocess(const scene *c, const void *none, real *u, real *v)
 {
     FLUSH
     scene copy = *c;
@@ -36,7 +35,7 @@ typedef struct {
     integer stages, count, moving;   /* count: entries of u */
 } nystrom;
 
-/* Accelerations at u, of n entries: what a kick by 1 gives to sites at rest. */
+/* Accelerations at u, of n entries: the velocities after a kick by 1 from rest. */
 static void acceleration(const scene *c, real *u, real *a, integer n)
 {
     scene still = *c;

@@ -1,2 +1,2 @@
-"""Derivatives of what a run computed: objectives, the pass backwards, and the chain rule to what
-a user built."""
+"""Gradients of runs: objectives, the discrete adjoint, and the chain rule to the arguments that a
+scene is built from."""

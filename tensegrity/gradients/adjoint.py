@@ -1,8 +1,8 @@
-"""A run whose derivatives are wanted, and the pass backwards through it, to its first state.
+"""The forward run of a gradient, and the reverse pass through it to its initial state.
 
-The run is a march, of which samples and some states are observed.  What the pass returns to is
-compared with these states.  Where round-off has grown, as it does in chaos, a part is done again
-from states nearer to each other, computed anew.
+The forward run is a march that is observed at samples and at some states.  The states recomputed by
+the reverse pass are compared with these.  Where round-off has grown, as in chaotic motion, a part
+of the pass is repeated from more closely spaced states, which are computed again.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 
 from tensegrity.engine import kernel
 from tensegrity.engine.march import Wanted
-from tensegrity.engine.reverse import Back, Layout, OutputCotangents, Totals
+from tensegrity.engine.reverse import Layout, OutputCotangents, ReverseLoop, Totals
 from tensegrity.notebook import progress
 from tensegrity.runs.march import march
 from tensegrity.scenes.scene import State
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from tensegrity.engine.bonds import Bonds
     from tensegrity.engine.methods import Splitting
-    from tensegrity.gradients.samples import Samples
+    from tensegrity.gradients.samples import TraceSamples
     from tensegrity.runs.problem import Problem
     from tensegrity.runs.run import Run
     from tensegrity.typing import Array
@@ -35,36 +35,43 @@ if TYPE_CHECKING:
     Pair = tuple[Array, Array]
     Grid = tuple[float, float]
 
-LIMIT = 1e-9  # of the largest |u| and |v|: how far off a state may be that is returned to
-WORK = 4_000_000  # bonds x stages x steps in one call: some 20 ms
+LIMIT = 1e-9  # largest error of a recomputed state over the largest |u| and |v|
+WORK = 4_000_000  # bonds x stages x steps of one call: about 20 ms
 
 
 class Forward:
-    """A run, its samples, and some of its states: an observer of its march.
+    """The forward run: an observer of its march that stores samples and some states.
 
     Parameters
     ----------
     problem : Problem
-        If it binds a loop of its own, then one whose moves are rounded to a grid.
+        With a loop of its own (`bind`) where increments are rounded to a grid.
     steps : int
-    samples : Samples
-        What is sampled.
+        Number of steps of the run.
+    samples : TraceSamples
+        The entries to sample.
     window : (int, int)
-        After which steps, from and to.
+        First and last step after which they are sampled.
     stride : int
-        Steps between two states that are kept, beside the first and the last.
+        Steps between two stored states; the first and the last state are stored too.
 
     Attributes
     ----------
     rows : ndarray, (steps of the window, places)
+        Samples.
     closing : ndarray, (steps of the window,)
-        Times that velocities in the rows lack a kick for [s].
+        Duration of the closing kick that velocities in the rows lack [s].
     states : dict of int to (ndarray, ndarray)
-        u and v of the sites, as the loop had them after that number of steps.
+        u and v of the sites in the loop after that number of steps, before the closing kick.
     """
 
     def __init__(
-        self, problem: Problem, steps: int, samples: Samples, window: tuple[int, int], stride: int
+        self,
+        problem: Problem,
+        steps: int,
+        samples: TraceSamples,
+        window: tuple[int, int],
+        stride: int,
     ) -> None:
         method: Any = problem.method
         self._problem, self._steps, self._dt = problem, steps, problem.t_end / max(steps, 1)
@@ -74,17 +81,17 @@ class Forward:
         stops = np.unique(np.append(np.arange(0, steps + 1, stride), steps))
         u, v = np.empty((2, len(stops), *problem.scene.shape))
         self.states = {k: (u[i], v[i]) for i, k in enumerate(stops.tolist())}
-        sampled = Wanted(at, self.rows, places=samples.places, of_u=samples.of_u)
+        sampled = Wanted(at, self.rows, places=samples.places, u_count=samples.u_count)
         self._wanted = sampled, Wanted(stops, u, v, raw=True)
         self._begun = self._ended = [0, 0]
 
     def run(self) -> Run:
-        """Do it."""
+        """Do the run."""
         run = march(self._problem, self._steps, observers=[self]).run()
         return run if self._problem.bind is None else replace(run, impulse=None)
 
     def wanted(self, end: int) -> list[Wanted]:
-        """Samples of the window and states, as the loop has them; see `runs.record.Samples`."""
+        """Samples within the window and stored states, before the closing kick; an `Observer`."""
         self._ended = [int(one.at.searchsorted(end, side="right")) for one in self._wanted]
         parts = zip(self._wanted, map(slice, self._begun, self._ended), strict=True)
         each = (
@@ -94,11 +101,11 @@ class Forward:
         return [one for one in each if len(one.at)]
 
     def take(self, motion: Any) -> None:
-        """Count what was got."""
+        """Accept the states of the last attempt."""
         self._begun = self._ended
 
-    def again(self, k: int, steps: int) -> Pair:
-        """u and v of the sites some steps after a state that was kept, by the same loop."""
+    def recompute(self, k: int, steps: int) -> Pair:
+        """u and v of the sites some steps after the stored state number k, by the same loop."""
         of, bind = self._problem.dynamics, self._problem.bind
         u, v = of.arrays(State(*self.states[k]))
         (bind or of.bind)(u, v, self._problem.method, self._dt).advance_open(steps, k > 0)
@@ -106,27 +113,29 @@ class Forward:
 
 
 class Backward:
-    """The pass from the end of a run to its start, bound once for runs of one layout.
+    """The reverse pass from the end of a run to its start, prepared once for runs of one layout.
 
     Parameters
     ----------
     layout : Layout
     method : Splitting
     dt : float
-        [s]
+        Step [s].
     objectives : int
+        Number of objectives.
     grid : (float, float), or None
-        What rounded moves of u and v.
+        Constants that round increments of u and v to a grid.
 
     Attributes
     ----------
     u, v : ndarray, (objectives, sites[, dim])
-        Derivatives by the state at the start.
+        Derivatives with respect to the initial state.
     totals : Totals
+        Derivatives with respect to masses, parameters and elongations.
     reversal : float
-        Largest difference of a state returned to from that of the run [m, m/s].
+        Largest difference between a recomputed state and that of the run [m, m/s].
     largest : (float, float)
-        |u| and |v| in the states known of the last run.
+        Largest |u| and |v| in the stored states of the last run.
     """
 
     def __init__(
@@ -139,37 +148,36 @@ class Backward:
     ) -> None:
         self.totals = totals = Totals(layout, objectives)
         self.reversal, self._exact = 0.0, grid is not None
-        self._main = Back(layout, method, dt, totals, grid or (0.0, 0.0))
+        self._main = ReverseLoop(layout, method, dt, totals, grid or (0.0, 0.0))
         self._sums = [self._main.ub, self._main.vb, *totals.arrays]
         self._most = max(1, WORK // (max(1, len(layout.bonds.group)) * method.stages))
         self.u, self.v = (x[:, : layout.sites] for x in (self._main.ub, self._main.vb))
 
     def retune(self, bonds: Bonds) -> None:
-        """Begin anew for a run with other masses and parameters; see `engine.reverse.Back`."""
+        """Restart for a run with other masses and parameters; see `ReverseLoop.retune`."""
         self._main.retune(bonds)
 
     def go(
         self,
         states: dict[int, Pair],
         cotangents: OutputCotangents,
-        again: Any = None,
+        recompute: Any = None,
         stride: int | None = None,
     ) -> None:
-        """Carry derivatives to the start.
+        """Propagate the derivatives to the start of the run.
 
         Parameters
         ----------
         states : dict of int to (ndarray, ndarray)
-            Known of the run, by numbers of steps: the last, and those that it returns to.
-        cotangents : Seeds
-            What objectives have to do with states.
-        again : callable (k, steps) -> (u, v), optional
-            Computes the state some steps after one that is known; needed where others are known
-            than the last.
+            Stored states of the run by number of steps: the last, and those for comparison.
+        cotangents : OutputCotangents
+            Derivatives of the objectives with respect to the states.
+        recompute : callable (k, steps) -> (u, v), optional
+            Computes the state some steps after a stored one; needed if there is more than the last.
         stride : int, optional
-            Most steps between two states that are returned to.
+            Largest number of steps between two states of the run that the pass starts from.
         """
-        self._states, self._cotangents, self._again = states, cotangents, again
+        self._states, self._cotangents, self._recompute = states, cotangents, recompute
         u, v = (max(float(np.abs(x[k]).max()) for x in states.values()) for k in (0, 1))
         self.largest = u, v
         stops = sorted(states)
@@ -178,18 +186,18 @@ class Backward:
         main.add_cotangents(cotangents, last)
         with progress(last, "step") if last > self._most else nullcontext() as self._bar:
             for a, b in [*pairwise(stops)][::-1]:
-                self._through([*range(a, b, stride or b - a), b])
-            self._undo(0, stops[0])  # to nothing that is known
+                self._reverse_between([*range(a, b, stride or b - a), b])
+            self._reverse_steps(0, stops[0])  # there is no state to compare with
 
-    def _through(self, stops: list[int]) -> None:
-        """From the state after the last of these steps to that after the first, both known; a part
-        where it strays is gone through again in two."""
+    def _reverse_between(self, stops: list[int]) -> None:
+        """Reverse from the state after the last of these steps to that after the first, both known;
+        a part where the pass deviates from the run is divided in two and repeated."""
         parts = list(pairwise(stops))
         for a, b in parts[:-1]:
-            self._states[b] = self._again(a, b - a)
+            self._states[b] = self._recompute(a, b - a)
         for a, b in parts[::-1]:
             before = [x.copy() for x in self._sums]
-            self._undo(a, b)
+            self._reverse_steps(a, b)
             states = zip(self._main.state(), self._states[a], strict=True)
             off = [float(np.abs(x - y).max()) for x, y in states]
             is_near = np.max(np.divide(off, [x or 1.0 for x in self.largest])) <= LIMIT
@@ -200,12 +208,12 @@ class Backward:
             for array, values in zip(self._sums, before, strict=True):
                 array[:] = values
             self._main.set(*self._states[b])
-            self._through([a, (a + b) // 2, b])
+            self._reverse_between([a, (a + b) // 2, b])
         for stop in stops[1:-1]:
             del self._states[stop]
 
-    def _undo(self, a: int, b: int) -> None:
-        """The steps from b to a."""
+    def _reverse_steps(self, a: int, b: int) -> None:
+        """Reverse the steps from b to a."""
         while b > a:
             many = min(b - a, self._most)
             self._main.reverse(many, b, self._cotangents, opened=b - many > 0)
@@ -214,22 +222,23 @@ class Backward:
                 self._bar.update(min(many, self._bar.total - self._bar.n))
 
 
-class Repeated:
-    """A run of a line of one law that is done over and over, with other masses and parameters, and
-    its passes backwards: all is bound once, and nothing is looked after.
+class RepeatedRun:
+    """A run of a chain of one law, repeated with other masses and parameters, and its reverse
+    passes; loops are prepared once, and neither stability nor domains are checked.
 
     Parameters
     ----------
     bonds : Bonds
-        Others are in the same runs.
+        Those of later runs must have the same `runs`.
     method : Splitting
     dt : float
-        [s]
+        Step [s].
     steps : int
+        Number of steps.
     place : int
         Site whose displacement is sampled.
     wanted : tuple of int
-        Numbers of the law's parameters by which there are derivatives.
+        Indices of the parameters with respect to which derivatives are computed.
     """
 
     def __init__(
@@ -239,21 +248,33 @@ class Repeated:
         self._u, self._v = np.zeros((2, len(bonds.inverse_mass)))
         self._loop = kernel.bind(self._u, self._v, bonds, method, dt)
         self._rows = np.empty((steps, 1))
-        self._samples = Wanted(np.arange(1, steps + 1), self._rows, places=self._places, of_u=1)
+        self._samples = Wanted(np.arange(1, steps + 1), self._rows, places=self._places, u_count=1)
         layout = Layout(bonds, (wanted,))
         self._backward = cache(partial(Backward, layout, method, dt, grid=None))
 
     def run(self, bonds: Bonds, u: Any, v: Any) -> Array:
-        """Displacement of the place after each step of a run from u and v; (steps,), until the
-        next."""
+        """Do a run.
+
+        Parameters
+        ----------
+        bonds : Bonds
+        u, v : ndarray, (sites,)
+            Initial state [m], [m/s].
+
+        Returns
+        -------
+        ndarray, (steps,)
+            Displacement of the sampled site after each step [m]; valid until the next run.
+        """
         self._bonds, self._u[:], self._v[:] = bonds, u, v
         self._loop.retune(bonds)
         self._loop.go(0, self._steps, [self._samples])
         return self._rows[:, 0]
 
-    def back(self, by_rows: Array) -> Totals:
-        """Derivatives of objectives by what the last run depends on, until the next; of those by
-        the displacements that `run` gave, (objectives, steps)."""
+    def pullback(self, by_rows: Array) -> Totals:
+        """Derivatives of objectives with respect to all the last run depends on, from those with
+        respect to the displacements that `run` returned, (objectives, steps); valid until the next
+        run."""
         found = self._backward(objectives=len(by_rows))
         found.retune(self._bonds)
         states = {self._steps: (self._u, self._v)}

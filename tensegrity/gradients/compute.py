@@ -1,10 +1,10 @@
-"""Exact gradients of a run: the discrete adjoint of the splitting methods, run backwards.
+"""Exact gradients of a run by the discrete adjoint of the splitting methods.
 
-Derivatives of what was computed, by all initial values, masses and parameters at once, at the
-cost of a few runs: from the last state every stage is undone, and the transposed derivative of
-the stage is applied where it is undone.  No state is stored, but for a few that the pass is
-compared with.  Source: E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration
-(2006), V.1 (a palindrome of stages is undone by itself); J. M. Sanz-Serna, SIAM Rev. 58, 3 (2016).
+Derivatives of the computed result with respect to all initial values, masses and parameters are
+obtained together at the cost of a few runs: from the last state every stage is inverted, and the
+transpose of its derivative is applied there.  Apart from a few states, with which the reverse pass
+is compared, none is stored.  Source: E. Hairer, C. Lubich, G. Wanner, Geometric Numerical
+Integration (2006), V.1 (symmetric methods); J. M. Sanz-Serna, SIAM Rev. 58, 3 (2016).
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from typing import Any, overload
 import numpy as np
 
 from tensegrity import check
-from tensegrity.engine import methods, native, pieces
+from tensegrity.engine import methods, native, threaded
 from tensegrity.engine.codegen import depends_on
 from tensegrity.engine.reverse import Layout, OnGrid, OutputCotangents
 from tensegrity.errors import TensegrityError
@@ -27,10 +27,10 @@ from tensegrity.gradients import result
 from tensegrity.gradients.adjoint import Backward, Forward
 from tensegrity.gradients.objective import Objective, Trace, objective_of
 from tensegrity.gradients.result import Gradient, digits
-from tensegrity.gradients.samples import Samples
+from tensegrity.gradients.samples import TraceSamples
 from tensegrity.notebook import one_bar
 from tensegrity.readonly import fixed
-from tensegrity.runs.problem import Problem, count
+from tensegrity.runs.problem import Problem, step_count
 from tensegrity.runs.record import Record
 from tensegrity.scenes.dynamics import HasDynamics, dynamics
 from tensegrity.scenes.ensemble import Ensemble
@@ -38,14 +38,14 @@ from tensegrity.scenes.forcing import refuse_driven
 from tensegrity.scenes.scene import Scene, State
 from tensegrity.typing import Array
 
-ROWS = 4  # of the run that is given back, after the first: each is a stop that costs
-STATES = 8  # kept of a run, evenly spaced
-MARGIN = 4.0  # of a grid's largest |u| and |v| over those of a run
+ROWS = 4  # rows of the returned run after the first; each interrupts the loop
+STATES = 8  # stored states of a run, evenly spaced
+MARGIN = 4.0  # largest |u| and |v| that a grid can hold over those of the run
 
 
 @dataclass(frozen=True)
 class _Task:
-    """What `gradient` was asked for, checked; the scene and its state apart."""
+    """The checked arguments of `gradient` except the scene and its state."""
 
     objectives: tuple[Objective, ...]
     t_end: float
@@ -120,18 +120,19 @@ def gradient(
     exact: bool = False,
     checkpoints: int | None = None,
 ) -> Any:
-    """A number that a run gives, and its derivatives by all that the run depends on.
+    """Compute objectives of a run and their derivatives with respect to all it depends on.
 
     Parameters
     ----------
     objective : Trace, Objective, or a sequence of them
-        See `tensegrity.objective`; a bare trace stands for its value at the end.  Several share
-        the run and the pass backwards.
+        See `tensegrity.objective`; a bare trace stands for its value at the end.  Several
+        objectives are evaluated in the same run and reverse pass.
     scene : Scene
         A `Chain`, a `Network` of fixed contacts, an `Ensemble`, or what `granular` builds.
     state : State
+        Initial displacements [m] and velocities [m/s]; not changed.
     t_end : float
-        [s], >= 0.
+        Duration [s], >= 0.
     method : str or Method, optional
         A splitting: "verlet", the default with a fixed step as in `simulate`; "rkn6", or one of
         your own.
@@ -139,27 +140,38 @@ def gradient(
         Step [s], as for `simulate`.  A gradient is that of one run with one step: find the step
         that a tolerance needs with `simulate(..., tol=)` first.
     wanted : sequence of str, optional
-        What `by` will be asked for; by default all that it can be.  Fewer cost less.
+        Names for which `Gradient.by` will be called; by default all.  Fewer cost less.
     exact : bool, optional
-        Round every move to a grid of about 1e-16 of the largest displacement and velocity, so
-        that the pass backwards returns to the start to the last bit.
+        Round every increment to a grid of about 1e-16 of the largest displacement and velocity, so
+        that the reverse pass returns to the initial state to the last bit.
     checkpoints : int, optional
-        Most steps between two states that the pass backwards is given.  By default it is given
-        some more only where it strays from the run by more than 1e-9.  Chains of beads that touch
-        without overlap at the start need about 10 where derivatives by their initial state are to
-        have more than 5 digits; their `reversal` does not see that.
+        Largest number of steps between two states of the run that the reverse pass starts from.
+        By default states are added only where it deviates from the run by more than 1e-9.  Chains
+        of beads that touch without overlap at the start need about 10 if derivatives with respect
+        to their initial state shall have more than 5 digits; `reversal` does not show this.
 
     Returns
     -------
     Gradient, or list of Gradient
-        One for each objective; of an ensemble with lanes last in all arrays.
+        One for each objective.  For an ensemble, the last axis of all arrays counts its scenes.
 
     Raises
     ------
     TensegrityError
-        A method that cannot be undone step by step, springs without derivatives (polynomials,
-        elastic members, power laws of exponent below 1), bonds or sites that are not there, an
-        arrival that never comes; what `simulate` raises.
+        A method whose stages cannot be inverted; springs without derivatives (polynomials,
+        elastic members, power laws of exponent below 1); bonds or sites that do not exist; an
+        arrival that never occurs; and the errors of `simulate`.
+
+    Examples
+    --------
+    The peak load of the last contact of five beads, of which the first strikes at 1 m/s.
+
+    >>> from tensegrity import Chain, PowerLaw, gradient, objective
+    >>> chain = Chain(PowerLaw(stiffness=1.0, exponent=1.5), sites=5)
+    >>> peak = objective.peak(objective.load(bond=3))
+    >>> found = gradient(peak, chain, chain.at_rest({0: 1.0}), 6.0, dt=0.01)
+    >>> print(round(found.value, 4), found.v.round(3), found.by("stiffness").round(3))
+    0.6393 [ 0.767 -0.064 -0.516 -1.038  0.851] [0.02  0.034 0.069 0.133]
     """
     many = isinstance(objective, Sequence) and not isinstance(objective, str)
     objectives = tuple(map(objective_of, objective if many else (objective,)))  # type: ignore
@@ -188,7 +200,7 @@ def gradient(
 def _splitting(method: str | methods.Method) -> methods.Splitting:
     found: Any = methods.find(method)
     if type(found) is not methods.Splitting:
-        reason = "its stages are none that can be undone one by one"
+        reason = "its stages cannot be inverted one by one"
         if isinstance(found, (methods.Splitting, methods.Corrected)):
             reason = "it has more than kicks and drifts, whose adjoint alone is derived here"
         raise TensegrityError(
@@ -198,13 +210,13 @@ def _splitting(method: str | methods.Method) -> methods.Splitting:
 
 
 def _of_batch(task: _Task, scene: Any, state: Any) -> Any:
-    """Those of each scene, on threads: the loops free the interpreter."""
+    """Gradients of all scenes of an ensemble, on threads, as the loops release the interpreter."""
 
-    def one(lane: int) -> Any:
-        return _of_scene(task, scene.scenes[lane], scene.lane(state, lane))
+    def one(number: int) -> Any:
+        return _of_scene(task, scene.scenes[number], scene.lane(state, number))
 
-    first = one(0)  # compiles what all need
-    with ThreadPoolExecutor(pieces.threads()) as pool:
+    first = one(0)  # compiles the loops for all
+    with ThreadPoolExecutor(threaded.threads()) as pool:
         each = [first, *pool.map(one, range(1, scene.lanes))]
     return [_stacked(lanes) for lanes in zip(*each, strict=True)]
 
@@ -227,28 +239,29 @@ def _stacked(found: Sequence[Gradient]) -> BatchGradient:
 
 
 class BatchGradient(Gradient):
-    """That of an ensemble: `value` (lanes,), `run` one of each lane, arrays with lanes last."""
+    """The gradient of an ensemble: `value` (scenes,), one `run` for each scene; the last axis of
+    all arrays counts scenes."""
 
     def by(self, name: str) -> Array:
-        """As `Gradient.by`, lanes last."""
+        """Derivatives as by `Gradient.by`, with a last axis that counts scenes."""
         return np.stack([lane.by(name) for lane in self._scene], axis=-1)
 
 
 def _of_scene(task: _Task, scene: Any, state: Any) -> list[Gradient]:
-    """Those of one scene: its run, traces of it, and the pass backwards."""
+    """Gradients for one scene: its run, the traces, and the reverse pass."""
     of = dynamics(scene)
     if of.follows:
         raise TensegrityError(
-            "contacts that come and go have no gradient here: give the scene those that act, with "
+            "contacts that are detected during a run have no gradient: list those that act, with "
             "contacts='fixed'"
         )
     for spring in of.springs.different:
         result.refuse(spring)
     traces = tuple(dict.fromkeys(trace for one in task.objectives for trace in one.traces))
-    names, numbers = _wanted(scene, task.wanted, any(trace.kind == "energy" for trace in traces))
+    names, numbers = _requested(scene, task.wanted, any(trace.kind == "energy" for trace in traces))
     layout = Layout(of.loop_bonds, numbers, task.exact)
-    samples = Samples(scene, layout, traces)
-    steps = count(task, task.dt)
+    samples = TraceSamples(scene, layout, traces)
+    steps = step_count(task, task.dt)
     dt = task.t_end / steps if steps else task.dt
     windows = [_window(one, steps, dt) for one in task.objectives]
     first, last = min(w[0] for w in windows), max(w[1] for w in windows)
@@ -278,11 +291,11 @@ def _of_scene(task: _Task, scene: Any, state: Any) -> list[Gradient]:
         slopes = np.zeros(y.shape)
         np.add.at(slopes[:, inside], mine, slope)
         values.append(float(value))
-        each.append(samples.back(slopes, *sampled))
+        each.append(samples.pullback(slopes, *sampled))
     by_rows, p, g, m, w = map(np.array, zip(*each, strict=True))
     back = Backward(layout, task.method, dt, len(windows), grid)
-    cotangents = OutputCotangents(by_rows, samples.places, samples.of_u, first)
-    back.go(forward.states, cotangents, forward.again, every)
+    cotangents = OutputCotangents(by_rows, samples.places, samples.u_count, first)
+    back.go(forward.states, cotangents, forward.recompute, every)
     p += back.totals.p
     g += back.totals.g
     w += back.totals.w.reshape(*w.shape, -1).sum(axis=-1)
@@ -298,12 +311,12 @@ def _of_scene(task: _Task, scene: Any, state: Any) -> list[Gradient]:
     ]  # fmt: skip
 
 
-def _wanted(
+def _requested(
     scene: Any, wanted: Any, stored: bool
 ) -> tuple[tuple[str, ...], tuple[tuple[int, ...], ...]]:
-    """What `by` will know, and for each law the numbers of the parameters that these names move.
+    """The names for `Gradient.by`, and for each law the indices of the parameters they change.
 
-    Only of those that the tension depends on, unless the energy is `stored`, which has more.
+    Only parameters on which the tension depends count, unless the `stored` energy is an objective.
     """
     table = dynamics(scene).springs
     laws, law, parameters = table.table
@@ -323,19 +336,19 @@ def _wanted(
 
 
 def _checked(wanted: Any, known: Any, laws: Any) -> tuple[str, ...]:
-    """Names that are wanted, if there are such."""
+    """The requested names, if the scene has them all."""
     if isinstance(wanted, str) or not isinstance(wanted, (Sequence, set, frozenset)):
         raise TensegrityError(f"wanted {check.shown(wanted)} must be a sequence of names")
     symbols = {str(s) for law in laws for s in law.parameters}
     for name in wanted:
-        check.kind("name that is wanted", name, str)
+        check.kind("name in wanted", name, str)
         if name not in known and name not in symbols:
             raise TensegrityError(f"wanted {check.shown(name)} is not one of {', '.join(known)}")
     return tuple(dict.fromkeys(wanted))
 
 
 def _window(one: Objective, steps: int, dt: float) -> tuple[int, int]:
-    """First and last step that an objective looks at."""
+    """First and last step on which an objective depends."""
     if one.over is None:
         return steps, steps
     first = math.ceil(min(one.over[0] / dt * (1 - 1e-12), steps))
@@ -347,7 +360,7 @@ def _window(one: Objective, steps: int, dt: float) -> tuple[int, int]:
 
 
 def _on_grid(task: _Task, scene: Any, state: Any, dt: float) -> tuple[State, tuple[float, float]]:
-    """The state rounded to a grid that holds the whole run, and what rounds to it."""
+    """The state rounded to a grid that holds the whole run, and the constants that round to it."""
     from tensegrity.runs.integrate import simulate
 
     run = simulate(scene, state, task.t_end, method=task.method, dt=dt)
@@ -357,7 +370,7 @@ def _on_grid(task: _Task, scene: Any, state: Any, dt: float) -> tuple[State, tup
 
 
 def _by_name(layout: Layout, p: Array) -> Any:
-    """Derivatives by parameters, {name: (bonds,)}, of those by what is wanted of each law."""
+    """Derivatives by name of a parameter, (bonds,), from those by index in each law."""
     law = layout.bonds.law_of_bond
     found: dict[str, Array] = {}
     for number, one in enumerate(layout.bonds.laws):

@@ -1,8 +1,8 @@
-"""What a gradient is taken of: traces of a run, and numbers made of them.
+"""Objectives of a gradient: traces of a run, and numbers computed from them.
 
-A trace is one number after every step: the load of a bond, the displacement of a site.  By
-itself, as an objective, it stands for its value at the end.  Numbers are made of traces, with
-their derivatives by every sample, so that what is differentiated is the very formula.
+A trace is one number after every step, such as the load of a bond or the displacement of a site; as
+an objective it stands for its value at the end.  An objective is computed from traces together with
+its derivatives with respect to every sample, so that the formula itself is differentiated.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
-from tensegrity.root import crest, root
+from tensegrity.root import peak_weights, root
 
 if TYPE_CHECKING:
     from typing import Any
@@ -40,9 +40,9 @@ class Trace:
     ----------
     kind : {"bond", "wall", "displacement", "velocity", "energy"}
     where : int, tuple of int, or None
-        Number of a bond, wall or site; sites of an energy, None for all.
+        Number of the bond, wall or site; the sites of an energy, None for all.
     axis : int
-        Of a displacement or velocity.
+        Coordinate of a displacement or velocity.
     """
 
     kind: str
@@ -56,18 +56,18 @@ class Trace:
 
 @dataclass(frozen=True, eq=False)
 class Objective:
-    """A number made of traces.
+    """A number computed from traces.
 
     Attributes
     ----------
     traces : tuple of Trace
     rule : callable (t, y) -> (value, derivatives)
-        y and the derivatives of shape (traces, instants).
+        y and the derivatives have the shape (traces, instants).
     over : (float, float), or None
-        The time that it looks at [s]; None: the end of the run.
+        The interval of time on which it depends [s]; None for the end of the run.
     name : str
     latest : float
-        A run must not end before this time [s].
+        Earliest time at which a run may end [s].
     """
 
     traces: tuple[Trace, ...]
@@ -89,15 +89,27 @@ def load(bond: int | None = None, wall: int | None = None) -> Trace:
     Parameters
     ----------
     bond : int, optional
-        Number of the bond; of a network also of a wall contact, behind the bonds.
+        Number of the bond; in a network the wall contacts are counted after the bonds.
     wall : int, optional
-        Number of the wall; of a chain, of its held ends.
+        Number of the wall; in a chain, of the held end.
 
     Returns
     -------
     Trace
-        -V.tension(r) [N], compression > 0; what the bond carries at rest under a preload is not
-        in it.
+        -V.tension(r) [N], compression > 0, without the preload that the bond carries at rest.
+
+    Raises
+    ------
+    TensegrityError
+        Neither or both of `bond` and `wall`; not a number of either.
+
+    Examples
+    --------
+    >>> from tensegrity import objective
+    >>> objective.load(bond=3)
+    Trace(kind='bond', where=3, axis=0)
+    >>> print(objective.load(bond=3))
+    load of bond 3
     """
     if (bond is None) == (wall is None):
         raise TensegrityError(f"load of bond {bond!r} and wall {wall!r}: give one of the two")
@@ -107,46 +119,71 @@ def load(bond: int | None = None, wall: int | None = None) -> Trace:
 
 
 def displacement(site: int, axis: int = 0) -> Trace:
-    """Displacement of a site [m], of a network along one axis."""
+    """Displacement of a site [m], along one axis in a network."""
     return Trace(
         "displacement", check.whole("site", site, least=0), check.whole("axis", axis, least=0)
     )
 
 
 def velocity(site: int, axis: int = 0) -> Trace:
-    """Velocity of a site [m/s], of a network along one axis."""
+    """Velocity of a site [m/s], along one axis in a network."""
     return Trace("velocity", check.whole("site", site, least=0), check.whole("axis", axis, least=0))
 
 
 def energy(sites: Sequence[int] | None = None) -> Trace:
-    """Energy of some sites [J]: motion, half of their bonds, wall contacts, loads; by default all.
-
-    As `scene.site_energy`.
-    """
+    """Energy of some sites, by default of all [J]: their kinetic energy, half of that of their
+    bonds, that of their wall contacts, and the potential of their loads; as `scene.site_energy`."""
     if sites is None:
         return Trace("energy", None)
     numbers = check.sequence("sites", sites, "site numbers")
     found = tuple(check.whole("site", s, least=0) for s in numbers)
     if not found or len(set(found)) < len(found):
-        raise TensegrityError(f"sites {check.shown(found)} must be some, each once")
+        raise TensegrityError(f"sites {check.shown(found)} must be different, and at least one")
     return Trace("energy", found)
 
 
 def peak(trace: Trace) -> Objective:
-    """Largest value of a trace, by the parabola through its largest sample and its neighbours."""
+    """Largest value of a trace: the vertex of the parabola through its largest sample and the two
+    next to it.
+
+    Parameters
+    ----------
+    trace : Trace
+
+    Returns
+    -------
+    Objective
+        In the unit of the trace.
+
+    Examples
+    --------
+    >>> from tensegrity import objective
+    >>> objective.peak(objective.load(bond=3))
+    peak of load of bond 3
+    """
     return Objective((_trace(trace),), _peak, ALWAYS, "peak")
 
 
 def p_norm(trace: Trace, p: float = 32, over: tuple[float, float] | None = None) -> Objective:
-    """A smooth stand-in for the peak: (dt sum of max(y, 0)^p)^(1/p).
+    """A smooth approximation of the peak: (dt sum of max(y, 0)^p)^(1/p).
 
     Parameters
     ----------
     trace : Trace
     p : float, optional
-        >= 1; 2 to 1000.  The higher, the nearer to the peak.
+        From 1 to 1000; the larger, the closer to the peak.
     over : (float, float), optional
-        From when to when [s], both included; by default the whole run.
+        Interval of time [s], ends included; by default the whole run.
+
+    Returns
+    -------
+    Objective
+        In the unit of the trace times s^(1/p).
+
+    Raises
+    ------
+    TensegrityError
+        p or the interval is out of bounds.
     """
     p = check.number("p of a norm", p, least=1)
     if p > STEEPEST:
@@ -168,7 +205,7 @@ def p_norm(trace: Trace, p: float = 32, over: tuple[float, float] | None = None)
 
 
 def impulse(bond: int | None = None, wall: int | None = None) -> Objective:
-    """Impulse of a load [N s], compression > 0: the trapezoid rule over the steps."""
+    """Impulse of a load [N s], compression > 0, by the trapezoidal rule over the steps."""
 
     def rule(t: Any, y: Any) -> Any:
         half = np.diff(t) / 2
@@ -187,10 +224,10 @@ def arrival(site: int, displacement: float) -> Objective:
     displacement : float
         [m], passed from either side.
 
-    Raises
-    ------
-    TensegrityError
-        By `gradient`, where the site never passes it.
+    Returns
+    -------
+    Objective
+        `gradient` raises a TensegrityError where the site never passes the displacement.
     """
     level = check.number("displacement", displacement, unit="m")
     trace = Trace("displacement", check.whole("site", site, least=0))
@@ -205,9 +242,20 @@ def misfit(trace: Trace, t: ArrayLike, values: ArrayLike) -> Objective:
     ----------
     trace : Trace
     t : array_like, (n,)
-        Instants [s], increasing, within the run; between the steps by a cubic through four.
+        Instants [s], increasing, within the run; between the steps the trace is interpolated by a
+        cubic through four samples.
     values : array_like, (n,)
-        What the trace should be then.
+        Target values, in the unit of the trace.
+
+    Returns
+    -------
+    Objective
+        In the square of that unit.
+
+    Raises
+    ------
+    TensegrityError
+        Arrays of different shapes, or instants that do not increase from 0 or later.
     """
     t, values = check.floats("t", t), check.floats("values", values)
     if t.ndim != 1 or not t.size or values.shape != t.shape:
@@ -232,14 +280,23 @@ def misfit(trace: Trace, t: ArrayLike, values: ArrayLike) -> Objective:
 
 
 def of(traces: Sequence[Trace], function: Rule) -> Objective:
-    """Any number made of traces.
+    """A user's function of traces.
 
     Parameters
     ----------
     traces : sequence of Trace
     function : callable (t, y) -> (value, derivatives)
-        t (steps + 1,) [s]; y (traces, steps + 1), a row for each trace in the order given, and
-        the derivatives of the value by all of them in the same shape.
+        t (steps + 1,) [s]; y (traces, steps + 1), one row for each trace in the given order; the
+        derivatives of the value with respect to y have the shape of y.
+
+    Returns
+    -------
+    Objective
+
+    Raises
+    ------
+    TensegrityError
+        Not a sequence of traces, or not a function; by `gradient`, invalid results of it.
     """
     if isinstance(traces, Trace) or not isinstance(traces, Sequence) or not len(traces):
         raise TensegrityError(f"traces {check.shown(traces)} must be a sequence of traces")
@@ -260,7 +317,7 @@ def of(traces: Sequence[Trace], function: Rule) -> Objective:
 
 
 def objective_of(given: Trace | Objective) -> Objective:
-    """An objective as it is, or a bare trace as its value at the end."""
+    """An objective itself, or the objective of a bare trace, its value at the end."""
     if isinstance(given, Objective):
         return given
     trace = _trace(given)
@@ -292,7 +349,7 @@ def _peak(t: Array, y: Array) -> tuple[float, Array]:
     k = int(np.argmax(trace))
     near = slice(k - 1, k + 2)
     if 0 < k < len(trace) - 1 and trace[near].min() < trace[k]:
-        slope[0, near] = crest(trace, k)
+        slope[0, near] = peak_weights(trace, k)
         return float(slope[0, near] @ trace[near]), slope
     slope[0, k] = 1
     return float(trace[k]), slope
@@ -301,7 +358,7 @@ def _peak(t: Array, y: Array) -> tuple[float, Array]:
 def _cubic(t: Array, times: Array) -> tuple[Any, Array]:
     """First sample and weights of the cubic through four samples around each instant.
 
-    Where there are fewer than four, the polynomial through all.
+    With fewer than four samples, the polynomial through all of them.
 
     Returns
     -------
@@ -316,7 +373,8 @@ def _cubic(t: Array, times: Array) -> tuple[Any, Array]:
 
 
 def _weights(x: Any, count: int) -> Array:
-    """Of samples at 0, 1, .., count - 1 in the polynomial through them at x; (.., count)."""
+    """Weights of samples at 0, 1, .., count - 1 in the value at x of the polynomial through them;
+    (.., count)."""
     weights = np.ones((*np.shape(x), count), dtype=np.result_type(x, float))
     for i, j in permutations(range(count), 2):
         weights[..., i] *= (x - j) / (i - j)
@@ -337,7 +395,9 @@ def _arrival(t: Array, y: Array, level: float, who: str) -> tuple[float, Array]:
     x = root(lambda x: float(_weights(x, count) @ above[here]), k - first, k - first + 1)
     rate = float((_weights(x + 1j * TINY, count) @ above[here]).imag / TINY)
     if rate == 0:
-        raise TensegrityError(f"{who} touches {level:g} m at {t[first] + x * dt:.6g} s, no passage")
+        raise TensegrityError(
+            f"{who} touches {level:g} m at {t[first] + x * dt:.6g} s without passing it"
+        )
     slope = np.zeros_like(y)
     slope[0, here] = -dt * _weights(x, count) / rate
     return float(t[first] + x * dt), slope

@@ -1,7 +1,7 @@
-"""What `gradient` returns, and the chain rule from laws to what a user built springs from.
+"""The result of `gradient`, and the chain rule from parameters of laws to the arguments of springs.
 
-The parameters of a law follow from the arguments of a prism by derived formulas, which a step into
-the complex plane differentiates, and from those of a power law by its overlap at rest.
+The parameters of a law follow from the arguments of a prism by derived formulas, which are
+differentiated by the complex-step method, and from those of a power law by its overlap at rest.
 """
 
 from __future__ import annotations
@@ -47,29 +47,30 @@ RIGID = rigid_law(), rigid_law(any_sides=True)  # of triangular prisms, and of a
 
 @dataclass(frozen=True, eq=False)
 class Gradient:
-    """A number that a run gave, and its derivatives.
+    """The value of an objective and its derivatives.
 
-    They are those of the scheme that was run, with its step, not of the equation it stands for.
+    They are exact derivatives of the numerical scheme with its step, not of the equation of motion.
 
     Attributes
     ----------
     value : float
     run : Run
     u, v : ndarray, (sites[, dim])
-        Derivatives by the displacements and velocities at the start; 0 at held sites.
+        Derivatives with respect to the initial displacements and velocities; 0 at held sites.
     mass : ndarray, (sites,)
-        By the masses; 0 at held sites.
+        Derivatives with respect to the masses; 0 at held sites.
     parameters : dict of str to ndarray, (bonds,)
-        By the parameters of the springs' laws that were wanted; of a network (springs,), with the
-        wall contacts behind the bonds.
+        Derivatives with respect to the requested parameters of the springs' laws; of a network
+        (springs,), the wall contacts after the bonds.
     shift : ndarray, (bonds,)
-        By a constant added to each elongation, in a network: by gaps of contacts.
+        Derivatives with respect to a constant added to each elongation; in a network only, where
+        they are those with respect to the gaps of contacts.
     reversal : float
-        Largest difference of a state that the pass backwards returned to from that of the run
+        Largest difference between a state recomputed by the reverse pass and that of the run
         [m, m/s].
     digits : float
-        Decimal digits of the value that round-off in the state leaves: in chaos the derivative
-        is as large as the value is uncertain, and of no use for design.
+        Decimal digits of the value that round-off in the state leaves.  In chaotic motion few are
+        left, and the derivatives are of no use for design.
     """
 
     value: float
@@ -85,23 +86,34 @@ class Gradient:
     _names: tuple[str, ...] = field(repr=False)
 
     def by(self, name: str) -> Array:
-        """Derivatives by an argument of what the scene was built from.
+        """Derivatives with respect to an argument of the springs or beads of the scene.
 
         Parameters
         ----------
         name : str
             "prestrain", "height", "k_cross" of prisms; "stiffness" (at fixed preload), "preload"
-            of power laws; a symbol of a `Potential` of one's own; "diameter", "modulus" of beads.
+            of power laws; a symbol of a user's own `Potential`; "diameter", "modulus" of beads.
 
         Returns
         -------
         ndarray, (bonds,), of beads (sites,)
-            0 where there is no such argument; (springs,) in a network.
+            0 where a bond has no such argument; (springs,) in a network.
 
         Raises
         ------
         TensegrityError
-            A name that nothing in the scene has, or that was not wanted.
+            A name that nothing in the scene has, or that was not requested.
+
+        Examples
+        --------
+        The peak load of the last contact of five beads, and its change with each stiffness.
+
+        >>> from tensegrity import Chain, PowerLaw, gradient, objective
+        >>> chain = Chain(PowerLaw(1.0, 1.5), sites=5)
+        >>> peak = objective.peak(objective.load(bond=3))
+        >>> found = gradient(peak, chain, chain.at_rest({0: 1.0}), 6.0, dt=0.01)
+        >>> print(found.by("stiffness").round(3))
+        [0.02  0.034 0.069 0.133]
         """
         check.kind("name", name, str)
         if name in ("u", "v", "mass", "shift"):
@@ -154,7 +166,7 @@ class Gradient:
         return drawn
 
     def _along(self, name: str) -> Array:
-        """By an argument of the springs."""
+        """Derivatives with respect to an argument of the springs."""
         table = dynamics(self._scene).springs
         laws, law, _ = table.table
         found, each = np.zeros(len(table.group)), slopes(table, name)[table.group]
@@ -168,7 +180,7 @@ class Gradient:
     def __str__(self) -> str:
         known = ", ".join(self._names) or "nothing"
         return filled(
-            f"value {span(self.value)}, known to {self.digits:.3g} digits\n"
+            f"value {span(self.value)}, {self.digits:.3g} digits not lost to round-off\n"
             f"derivatives by u, v, mass, and by {known}\n"
             f"the pass backwards returned to the start within {self.reversal:.1e} m, m/s"
         )
@@ -177,7 +189,21 @@ class Gradient:
 
 
 def digits(value: float, by_u: Array, by_v: Array, largest: tuple[float, float]) -> float:
-    """Digits of a value that one rounding of the largest |u| and |v| leaves."""
+    """Decimal digits of a value that are left by one rounding error of the largest |u| and |v|.
+
+    Parameters
+    ----------
+    value : float
+    by_u, by_v : ndarray
+        Derivatives of the value with respect to the initial state.
+    largest : (float, float)
+        Largest |u| [m] and |v| [m/s].
+
+    Returns
+    -------
+    float
+        From 0 to 15.7.
+    """
     moved = zip((by_u, by_v), largest, strict=True)
     noise = np.finfo(float).eps * max(np.abs(x).max(initial=0) * scale for x, scale in moved)
     if noise == 0 or value == 0:
@@ -186,10 +212,10 @@ def digits(value: float, by_u: Array, by_v: Array, largest: tuple[float, float])
 
 
 def refuse(spring: Potential) -> None:
-    """Refuse a spring through which there is no derivative, saying why."""
+    """Refuse a spring without derivatives, saying why."""
     if isinstance(spring, Polynomial):
         raise TensegrityError(
-            f"{spring!r} stands for another spring: a gradient would be that of the fit, give the "
+            f"{spring!r} is a fit of another spring, of which it has no derivatives: give that "
             "spring itself"
         )
     if isinstance(spring, ElasticPotential):
@@ -200,14 +226,16 @@ def refuse(spring: Potential) -> None:
     if isinstance(spring, PowerLaw) and spring.exponent < 1:
         raise TensegrityError(
             f"exponent {spring.exponent:g} of {spring!r} is below 1: its stiffness has no bound "
-            "where the contact opens, and no derivative passes there"
+            "where the contact opens, and no derivative exists there"
         )
     if not isinstance(spring.law, Law):
-        raise TensegrityError(f"{spring!r} is no law whose parameters have a meaning")
+        raise TensegrityError(
+            f"{spring!r} has no parameters with respect to which to differentiate"
+        )
 
 
 def names(spring: Potential) -> tuple[str, ...]:
-    """What a gradient can be asked for, by the arguments of this spring."""
+    """Names of the arguments of this spring for which `Gradient.by` has derivatives."""
     if spring.law in RIGID:
         return PRISM
     if isinstance(spring, PowerLaw):
@@ -216,12 +244,12 @@ def names(spring: Potential) -> tuple[str, ...]:
 
 
 def slopes(table: Springs, name: str) -> Array:
-    """Derivatives of the parameters of different springs by one of their `names`.
+    """Derivatives of the parameters of different springs with respect to one of their `names`.
 
     Returns
     -------
     ndarray, (springs, parameters)
-        0 for springs that have no such argument.
+        0 for springs without this argument.
     """
     springs, found = table.different, np.zeros(table.table[2].shape)
     alike: dict[Any, list[int]] = {}
@@ -242,8 +270,8 @@ def slopes(table: Springs, name: str) -> Array:
 
 
 def _of_power_laws(values: Array, name: str, exponent: float) -> Array:
-    """At a fixed preload the overlap at rest, (preload/stiffness)^(1/exponent), depends on the
-    stiffness, and on the preload."""
+    """Derivatives of the parameters of power laws, of which the overlap at rest,
+    (preload/stiffness)^(1/exponent), depends on the stiffness and on the preload."""
     found = np.tile(np.eye(3)[POWER.index(name)], (len(values), 1))
     loaded = (values[:, 1] > 0) | (name == "preload")
     stiffness, preload, _ = values[loaded].T
@@ -254,9 +282,10 @@ def _of_power_laws(values: Array, name: str, exponent: float) -> Array:
 
 
 def _of_prisms(values: Array, name: str, any_sides: bool) -> Array:
-    """The loaded height moves with the others, so that the preload stays.
+    """Derivatives of the parameters of prisms, in which the loaded height changes such that the
+    preload stays constant.
 
-    The numbers of a prism are read from those of its law: no more is kept of it.
+    The numbers of a prism are recovered from the parameters of its law.
     """
     from derivations import rigid_elastic as derived
 
@@ -283,8 +312,8 @@ def _of_prisms(values: Array, name: str, any_sides: bool) -> Array:
 
 
 def _prism_forms(collapses: bool, any_sides: bool) -> tuple[list[Any], tuple[Any, ...]]:
-    """All parameters of a rigid prism's law and at last its load at the loaded height, dU/dh; and
-    the symbols of the arguments `PRISM`, the loaded height, and what else they depend on."""
+    """Expressions of all parameters of a rigid prism's law and of its load at the loaded height,
+    dU/dh; and the symbols of the arguments `PRISM`, the loaded height and all others."""
     import sympy as sp
 
     from derivations import prism, regular
@@ -299,7 +328,7 @@ def _prism_forms(collapses: bool, any_sides: bool) -> tuple[list[Any], tuple[Any
         derived.bar: (forms[derived.far_stroke] + forms[derived.stroke]) / 2,
         derived.natural_cross: forms[derived.natural],
     })  # fmt: skip
-    if collapses:  # as `Prism.potential` has it
+    if collapses:  # the prism flattens before its bars meet; see `Prism.potential`
         forms |= {derived.lock: derived.loaded_height, derived.far_lock: derived.loaded_height}
         forms |= {derived.no_lock: -derived.locking_height_squared(of)}
     symbols = (prism.prestrain, prism.reference_height, prism.k_cross, derived.loaded_height,

@@ -1,8 +1,8 @@
-"""Traces of a run from samples of a few of its entries, and derivatives back to these.
+"""Traces of a run from samples of a few entries of u and v, and derivatives with respect to these.
 
-What is sampled after each step are displacements, and velocities as the loop keeps them: without
-the closing kick of the step, which is one with the first of the next.  A trace of velocities adds
-that kick, from the forces on its sites.
+Displacements and velocities are sampled after each step as they are in the loop: velocities lack
+the closing kick of the step, which is merged with the first kick of the next one.  A trace of
+velocities adds that kick, from the forces on its sites.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ if TYPE_CHECKING:
     from tensegrity.scenes.scene import Scene
     from tensegrity.typing import Array, Indices
 
-AT_ONCE = 4_000_000  # numbers that a trace is computed from at once
+AT_ONCE = 4_000_000  # most numbers from which traces are computed in one block
 
 
-class Samples:
-    """What traces of a scene are made of: bonds, sites, and entries of u and v that are sampled.
+class TraceSamples:
+    """Bonds and sites that the traces of a scene depend on, and the sampled entries of u and v.
 
     Parameters
     ----------
@@ -39,28 +39,28 @@ class Samples:
     Attributes
     ----------
     parts : dict of Trace to (ndarray of int, ndarray of int)
-        Bonds and sites of each.
+        Bonds and sites of each trace.
     places : ndarray of int
-        Entries of u, and behind them of v.
-    of_u : int
-        How many are of u.
+        Sampled entries of u, then of v.
+    u_count : int
+        How many of these are entries of u.
     """
 
     def __init__(self, scene: Scene, layout: Layout, traces: tuple[Trace, ...]) -> None:
         self.scene, self.layout = scene, layout
         self.axes = max(layout.dim, 1)
         self.parts = {trace: self._parts(trace) for trace in traces}
-        of_u: set[int] = set()
+        u_count: set[int] = set()
         of_v: set[int] = set()
         for trace, (bonds, sites) in self.parts.items():
-            of_u.update(sites.tolist(), *(end[bonds].tolist() for end in layout.ends))
+            u_count.update(sites.tolist(), *(end[bonds].tolist() for end in layout.ends))
             of_v.update(sites.tolist() if trace.kind in ("velocity", "energy") else ())
-        self.walls = int(layout.dim > 0 and layout.sites in of_u)
-        self.rows_u, self.rows_v = np.array(sorted(of_u), dtype=int), sorted(of_v)
-        moving = [*self.rows_u[: len(of_u) - self.walls], *self.rows_v]
+        self.walls = int(layout.dim > 0 and layout.sites in u_count)
+        self.rows_u, self.rows_v = np.array(sorted(u_count), dtype=int), sorted(of_v)
+        moving = [*self.rows_u[: len(u_count) - self.walls], *self.rows_v]
         axes = np.arange(self.axes)
         self.places = np.add.outer(np.array(moving, dtype=int) * self.axes, axes).ravel()
-        self.of_u = len(self.places) - len(of_v) * self.axes
+        self.u_count = len(self.places) - len(of_v) * self.axes
         self._most = max(1, AT_ONCE // max(1, len(self.places) * (4 + layout.most)))
 
     def _parts(self, trace: Trace) -> tuple[Indices, Indices]:
@@ -82,7 +82,7 @@ class Samples:
         return np.flatnonzero(np.isin(first, sites) | np.isin(second, sites)), sites
 
     def _of_wall(self, wall: int) -> Indices:
-        """Bonds whose load is that of a wall, or of a held end of a chain."""
+        """Bonds whose loads add up to that of a wall, or of a held end of a chain."""
         contacts, scene = self.layout.bonds.contacts, self.scene
         if contacts is None:
             ends = [s for s in sorted(scene.held) if s in (0, scene.sites - 1)]
@@ -106,28 +106,29 @@ class Samples:
         rows : ndarray, (steps, places)
             Samples.
         closing : ndarray, (steps,)
-            Times that velocities in them lack a kick for [s].
+            Duration of the closing kick that velocities in them lack [s].
         """
         parts = (slice(k, k + self._most) for k in range(0, len(rows), self._most))
-        return np.concatenate([_Part(self, rows[x], closing[x]).values() for x in parts], axis=1)
+        return np.concatenate([_Block(self, rows[x], closing[x]).values() for x in parts], axis=1)
 
-    def back(self, slopes: Array, rows: Array, closing: Array) -> tuple[Array, ...]:
-        """Derivatives by the samples and by what traces depend on besides, from those by traces.
+    def pullback(self, slopes: Array, rows: Array, closing: Array) -> tuple[Array, ...]:
+        """Derivatives with respect to the samples and to all else that the traces depend on.
 
-        Only steps that count are looked at: of a peak there are three.
+        Only steps with derivatives that are not 0 are evaluated: three for a peak.
 
         Parameters
         ----------
         slopes : ndarray, (traces, steps)
-        rows, closing
-            As of `values`.
+            Derivatives with respect to the traces.
+        rows, closing : ndarray
+            See `values`.
 
         Returns
         -------
         ndarray, (steps, places)
-            By the samples.
+            Derivatives with respect to the samples.
         p, g, m, w : ndarray, (wanted, bonds), (bonds,), (sites,), (sites,)
-            By parameters, elongations, masses and their inverses.
+            With respect to parameters, elongations, masses and their inverses.
         """
         layout, by_rows = self.layout, np.zeros(rows.shape)
         bonds = len(layout.bonds.group)
@@ -135,16 +136,16 @@ class Samples:
         used = np.flatnonzero(slopes.any(axis=0))
         for k in range(0, len(used), self._most):
             x = used[k : k + self._most]
-            by_rows[x] = _Part(self, rows[x], closing[x]).back(slopes[:, x], totals)
+            by_rows[x] = _Block(self, rows[x], closing[x]).pullback(slopes[:, x], totals)
         return by_rows, *totals
 
 
-class _Part:
-    """Some steps of a run, from their samples."""
+class _Block:
+    """A block of steps of a run, from their samples."""
 
-    def __init__(self, of: Samples, rows: Array, closing: Array) -> None:
+    def __init__(self, of: TraceSamples, rows: Array, closing: Array) -> None:
         self._of, self._closing, count = of, closing[:, None, None], len(rows)
-        u, self._v = (x.reshape(count, -1, of.axes) for x in np.split(rows, [of.of_u], axis=1))
+        u, self._v = (x.reshape(count, -1, of.axes) for x in np.split(rows, [of.u_count], axis=1))
         self._u = np.append(u, np.zeros((count, of.walls, of.axes)), axis=1)  # walls stand still
         self._forces: dict[bytes, BondForces] = {}
 
@@ -163,12 +164,12 @@ class _Part:
         if trace.kind == "velocity":
             return v[:, 0, trace.axis]
         kinetic = 0.5 * np.sum(self._of.scene.mass[sites] * np.sum(v**2, axis=-1), axis=-1)
-        stored = self._stored(bonds)[0] @ self._shares(bonds, sites)
+        stored = self._stored(bonds)[0] @ self._energy_fractions(bonds, sites)
         return kinetic + stored - np.sum(self._loads(sites) * u, axis=(1, 2))
 
-    def back(self, slopes: Array, totals: tuple[Array, ...]) -> Array:
-        """Derivatives (steps, places) by the samples, from those by all traces; adds to totals
-        what these depend on besides."""
+    def pullback(self, slopes: Array, totals: tuple[Array, ...]) -> Array:
+        """Derivatives with respect to the samples, (steps, places), from those with respect to all
+        traces; the other derivatives are added to `totals`."""
         self._ub, self._vb = np.zeros(self._u.shape), np.zeros(self._v.shape)
         self._p, self._g, self._m, self._w = totals
         for trace, slope in zip(self._of.parts, slopes, strict=True):
@@ -179,7 +180,7 @@ class _Part:
         return np.concatenate([*each], axis=1)
 
     def _add(self, trace: Trace, slope: Array) -> None:
-        """Carry back the derivatives (steps, 1, 1) by a trace."""
+        """Propagate the derivatives with respect to a trace, (steps, 1, 1)."""
         bonds, sites = self._of.parts[trace]
         if trace.kind in ("bond", "wall"):
             self._add_bond_forces(bonds, by_tension=np.repeat(-slope[..., 0], len(bonds), axis=1))
@@ -192,26 +193,30 @@ class _Part:
             self._add_velocity(bonds, sites, slope * self._of.scene.mass[sites, None] * v)
             self._m[sites] += 0.5 * slope[:, 0, 0] @ np.sum(v**2, axis=-1)
             self._ub[:, self._rows(sites)] -= slope * self._loads(sites)
-            stored, weight = self._stored(bonds), slope[..., 0] * self._shares(bonds, sites)
+            stored, weight = (
+                self._stored(bonds),
+                slope[..., 0] * self._energy_fractions(bonds, sites),
+            )
             self._add_bond_forces(bonds, by_elongation=weight * stored[1])
             self._p[:, bonds] += np.sum(weight * stored[2:], axis=1)
 
     def _rows(self, sites: Indices) -> Indices:
-        """Of some sites among the displacements."""
+        """Rows of some sites among the sampled displacements."""
         return np.searchsorted(self._of.rows_u, sites)
 
     def _loads(self, sites: Indices) -> Array:
         scene = self._of.scene
         return np.broadcast_to(scene.loads, scene.shape).reshape(scene.sites, -1)[sites]
 
-    def _shares(self, bonds: Indices, sites: Indices) -> Array:
-        """Of the energy of each bond: half for each end, all of a wall contact."""
+    def _energy_fractions(self, bonds: Indices, sites: Indices) -> Array:
+        """Fraction of the energy of each bond: 1/2 for each of its ends, 1 for a wall contact."""
         layout = self._of.layout
         first, second = (np.isin(end[bonds], sites) for end in layout.ends)
         return np.where(layout.kind[bonds] == PAIR, (first + second.astype(float)) / 2, 1.0)
 
     def _stored(self, bonds: Indices) -> Array:
-        """Energy, tension and derivatives of the energy by the parameters; (.., steps, bonds)."""
+        """Energy, tension, and derivatives of the energy with respect to the parameters;
+        (.., steps, bonds)."""
         layout, r = self._of.layout, self._bond_forces(bonds).r
         found = np.zeros((2 + layout.most, *r.shape))
         for column, group in enumerate(layout.bonds.group[bonds].tolist()):
@@ -229,8 +234,9 @@ class _Part:
         return self._forces[key]
 
     def _add_bond_forces(self, bonds: Indices, **slopes: Array) -> None:
-        """Derivatives by forces, tensions or elongations of bonds; see `BondForces.back`."""
-        by_u, by_p, by_g = self._bond_forces(bonds).back(**slopes)
+        """Propagate derivatives with respect to forces, tensions or elongations of bonds; see
+        `BondForces.pullback`."""
+        by_u, by_p, by_g = self._bond_forces(bonds).pullback(**slopes)
         self._ub += by_u
         self._p[:, bonds] += by_p.sum(axis=1)
         self._g[bonds] += by_g.sum(axis=0)
@@ -243,7 +249,7 @@ class _Part:
         return v + self._kick(sites) * force, force
 
     def _kick(self, sites: Indices) -> Any:
-        """What a force on each site adds to its velocity; (steps, sites, 1)."""
+        """Change of velocity by the closing kick per unit force on each site; (steps, sites, 1)."""
         return self._closing * self._of.layout.bonds.inverse_mass[sites, None]
 
     def _add_velocity(self, bonds: Indices, sites: Indices, by_v: Array) -> None:

@@ -1,1 +1,1 @@
-"""Runs of scenes: the step, the march under watch, records, files, and going on from them."""
+"""Runs of scenes: choice of the step, march, records, files, and resumption from checkpoints."""

@@ -1,9 +1,9 @@
-"""Scenes, states and results in one .npz file: arrays, and text that says what they belong to.
+"""Scenes, states and results in one .npz file: arrays, and a text that describes their structure.
 
-The text is JSON.  An object in it is the name of a kind that is known here, with numbers, arrays
-and other such objects that it is built from; nothing in a file is evaluated or unpickled.  What
-is of no known kind, such as an energy of the user's own, is kept as what it prints and a
-fingerprint, by which it is recognised when it is handed in again.
+The text is JSON.  An object in it is the name of a registered class, with the numbers, arrays and
+other objects it is built from; nothing in a file is evaluated or unpickled.  An object of no
+registered class, such as an energy of the user's own, is stored as its printed form and a
+fingerprint, by which it is recognised when the user supplies it again.
 """
 
 from __future__ import annotations
@@ -41,17 +41,18 @@ FORMAT = "tensegrity 1"
 
 
 class SceneMissing(TensegrityError, AttributeError):
-    """A scene that a file could only keep as what it prints was asked for more."""
+    """An attribute was requested of a scene of which a file holds the printed form only."""
 
 
-class Printed:
-    """What is left of a scene that cannot be built again from a file.
+class PrintedScene:
+    """Placeholder of a scene that cannot be rebuilt from a file.
 
     Attributes
     ----------
     text : str
-        What it printed.
+        The printed form of the scene.
     fingerprint : str
+        Digest of its contents; see `fingerprint`.
     """
 
     def __init__(self, text, fingerprint) -> None:
@@ -62,7 +63,7 @@ class Printed:
             raise AttributeError(name)
         raise SceneMissing(
             f"{name} of the scene {self.__dict__.get('text', '')} is not in the file, which has "
-            "its print-out only: build it again"
+            "its printed form only: build the scene again"
         )
 
     def __repr__(self) -> str:
@@ -70,7 +71,7 @@ class Printed:
 
 
 class Kind(NamedTuple):
-    """How objects of a class are taken apart, into a dict, and made again from one."""
+    """How objects of a class are converted to a dict and rebuilt from one."""
 
     type: type
     take: object
@@ -81,22 +82,22 @@ KINDS: dict[str, Kind] = {}
 
 
 def register(kind, take, make=None):
-    """Let objects of exactly that class be kept.
+    """Register a class, so that its objects (not those of subclasses) can be stored.
 
     Parameters
     ----------
     kind : type
     take : callable object -> dict of str
-        What it is built from: numbers, text, None, arrays, sequences and dicts of these, and
-        objects of registered classes.
+        Returns what the object is built from: numbers, text, None, arrays, sequences and dicts of
+        these, and objects of registered classes.
     make : callable, optional
-        Makes it of these, given by name, sequences as tuples; by default the class.
+        Rebuilds the object from these, passed by name, sequences as tuples; by default the class.
     """
     KINDS[kind.__name__] = Kind(kind, take, make or kind)
 
 
 def fingerprint(scene: Any) -> str:
-    """Text that two equal scenes share."""
+    """Digest of the contents of an object; equal scenes have equal digests."""
     writer = _Writer()
     text = json.dumps([writer.value(scene), writer.objects])
     digest = hashlib.sha256(text.encode())
@@ -106,20 +107,20 @@ def fingerprint(scene: Any) -> str:
 
 
 def write(path, kind, data):
-    """Write a dict to a file that is whole or not there: written beside and renamed.
+    """Write a dict to a file, completely or not at all, through a temporary file.
 
     Parameters
     ----------
     path : str or path
     kind : str
-        What it holds.
+        Name of the contents, checked by `read`.
     data : dict of str
-        Of what `register` takes; under "scene" anything.
+        Values that `register` describes; any object under the name "scene".
 
     Raises
     ------
     OSError
-        If it cannot be written; a file that was there stays as it was.
+        The file cannot be written; an existing file stays unchanged.
     """
     writer, path = _Writer(), check.path("path", path)
     parts = {
@@ -134,13 +135,25 @@ def write(path, kind, data):
 
 
 def read(path, kind, make=dict):
-    """What `make` makes of the dict that `write` wrote; scenes that cannot be built again are
-    `Printed`.
+    """Read a file that `write` wrote.
+
+    Parameters
+    ----------
+    path : str or path
+    kind : str
+        Name of the contents.
+    make : callable (dict) -> object, optional
+
+    Returns
+    -------
+    object
+        The result of `make` for the stored dict, in which a scene that cannot be rebuilt is a
+        `PrintedScene`.
 
     Raises
     ------
     TensegrityError
-        There is no such file, or it is damaged, or holds something else.
+        There is no such file, it is damaged, or it holds something else.
     """
     path = check.path("path", path)
     if not path.is_file():
@@ -155,22 +168,43 @@ def read(path, kind, make=dict):
         return make({name: reader.value(value) for name, value in whole["data"].items()})
     except UnknownKind:
         raise
-    except Exception as error:  # what a damaged file makes of zip, NumPy, JSON and our own kinds
+    except Exception as error:  # a damaged file raises errors of zip, NumPy, JSON and our classes
         raise TensegrityError(f"{path} holds no {kind}, or is damaged: {error}") from error
 
 
 def array(
     name: str, value: Any, shape: tuple[int | None, ...], are_finite: bool = True
 ) -> NDArray[Any]:
-    """What a file holds, if it is an array of floats of that shape, None being any length."""
+    """Check an array that was read from a file.
+
+    Parameters
+    ----------
+    name : str
+        Name in messages.
+    value : object
+    shape : tuple of int or None
+        Required shape; None stands for any length.
+    are_finite : bool, optional
+        Whether all numbers must be finite.
+
+    Returns
+    -------
+    ndarray
+        The value itself.
+
+    Raises
+    ------
+    TensegrityError
+        Not an array of floats of this shape, or a number that is not finite.
+    """
     is_one = isinstance(value, np.ndarray) and value.dtype == float and value.ndim == len(shape)
     if not is_one or any(n not in (None, m) for n, m in zip(shape, value.shape, strict=True)):
-        raise TensegrityError(f"{name} {check.shown(value)} is no array of floats {shape}")
+        raise TensegrityError(f"{name} {check.shown(value)} is not an array of floats {shape}")
     return check.finite(name, value) if are_finite else value
 
 
 class UnknownKind(TensegrityError):
-    """A file holds an object of a package that was not imported."""
+    """A file holds an object of a class that no imported package has registered."""
 
 
 class _Writer:
@@ -178,8 +212,8 @@ class _Writer:
         self.arrays, self.objects, self._known, self.opaque = {}, [], {}, False
 
     def scene(self, scene):
-        """A scene, or the print-out of one that cannot be built again."""
-        if isinstance(scene, Printed):
+        """A scene, or the printed form of one that cannot be rebuilt."""
+        if isinstance(scene, PrintedScene):
             return {"printed": scene.text, "fingerprint": scene.fingerprint}
         trial = _Writer()
         trial.value(scene)
@@ -213,7 +247,7 @@ class _Writer:
                 parts = _print_of(x)
             package = type(x).__module__.split(".")[0]
             made = [package, type(x).__name__, {k: self.value(part) for k, part in parts.items()}]
-            self._known[id(x)] = len(self.objects), x  # kept, lest another object get its id
+            self._known[id(x)] = len(self.objects), x  # referenced, so that its id stays its own
             self.objects.append(made)
         return self._known[id(x)][0]
 
@@ -233,8 +267,8 @@ class _Reader:
             return {key: self.value(one) for key, one in x["dict"]}
         if "printed" in x:
             for text in (x["printed"], x["fingerprint"]):
-                check.kind("print-out", text, str)
-            return Printed(x["printed"], x["fingerprint"])
+                check.kind("printed form", text, str)
+            return PrintedScene(x["printed"], x["fingerprint"])
         return self._object(x["object"])
 
     def _object(self, number):
@@ -242,8 +276,8 @@ class _Reader:
             package, name, parts = self._objects[number]
             if name not in KINDS:
                 raise UnknownKind(
-                    f"nothing here knows a {name}: import {package} first, or take the version "
-                    "that wrote it"
+                    f"class {name} is not registered: import {package} first, or use the version "
+                    "that wrote the file"
                 )
             values = {key: self.value(one) for key, one in parts.items()}
             self._made[number] = KINDS[name].make(**values)
@@ -251,7 +285,7 @@ class _Reader:
 
 
 def _print_of(x):
-    """What tells an object of no known kind from others."""
+    """Contents by which objects of unregistered classes are compared."""
     if type(x).__module__.partition(".")[0] == "sympy":
         from sympy import srepr
 
@@ -269,7 +303,7 @@ def _fields(x):
 
 
 def _shared(springs):
-    """Different springs, and the number of each in a row of many."""
+    """The different springs, and the index of each spring into these."""
     different = list({id(spring): spring for spring in springs}.values())
     number = {id(spring): k for k, spring in enumerate(different)}
     return {"different": different, "number": np.array([number[id(s)] for s in springs], dtype=int)}
@@ -316,7 +350,7 @@ def _member(x):
 
 
 def in_time(x: Any) -> dict[str, Any]:
-    """What drives, damps and tunes a scene; expressions of time are kept as what they print."""
+    """Drives, damping and tuning of a scene; expressions of time are stored in printed form."""
     found = {"drive": dict(x.drive), "damping": x.damping}
     found["tune"] = x.tune
     if not callable(x.tune):

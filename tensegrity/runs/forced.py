@@ -1,4 +1,4 @@
-"""Motion in which time counts: a scene that is driven, damped or tuned; see `engine.driven`."""
+"""The motion of a scene that is driven, damped or tuned; see `engine.driven`."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from tensegrity.engine import driven
 from tensegrity.engine.driven import LARGEST_DAMPING, Locked
 from tensegrity.engine.methods import Splitting
 from tensegrity.errors import LockingError, StabilityError, TensegrityError
-from tensegrity.runs.motion import Motion, Point
+from tensegrity.runs.motion import Motion, MotionState
 from tensegrity.scenes.forcing import check_start, forcing_of
 from tensegrity.springs.tuned import Tuned
 from tensegrity.typing import Array
 
-GRID = np.linspace(0, 1, 9)  # of the elongations met, where stiffness is looked at
-INSTANTS = 8  # of an attempt, where springs change
-NUMBERS = 100_000  # that time gives steps, computed at a time
+GRID = np.linspace(0, 1, 9)  # points of the range of elongations where stiffness is evaluated
+INSTANTS = 8  # instants of an attempt where the stiffness of changing springs is evaluated
+NUMBERS = 100_000  # most time-dependent numbers that are computed for an attempt
 
 
 class ForcedMotion(Motion):
-    """Of one scene, as `Motion`."""
+    """The motion of one driven, damped or tuned scene, with the interface of `Motion`."""
 
     def __init__(self, problem: Any, dt: float, allowed: float, start: Any = None) -> None:
         scene, method = problem.scene, problem.method
@@ -49,7 +49,7 @@ class ForcedMotion(Motion):
         self._at_once = max(1, NUMBERS // self._bound.schedule.width())
 
     def _limit_damping(self, problem: Any, dt: float) -> None:
-        """Refuse a step in a drift of which velocities would decay, or grow back, too much."""
+        """Refuse a step whose drifts change velocities too much by damping."""
         method, rate = problem.method, self.forcing.decay
         longest = max(map(abs, method.drifts))
         largest = LARGEST_DAMPING / longest / rate if rate else math.inf
@@ -67,17 +67,17 @@ class ForcedMotion(Motion):
         return driven.bind(self.forcing, u, v, self.problem.method, self.dt)
 
     def release(self) -> None:
-        """The loop is of this run alone."""
+        """Nothing to return: the loop belongs to this run alone."""
 
-    def _beginning(self) -> Point:
+    def _initial_state(self) -> MotionState:
         u, v = self._listed.arrays(self.problem.state)
         v.reshape(-1)[self.forcing.moved] = 0.0
-        shown, sums = (u.copy(), v.copy()), np.zeros((1, 2))
+        output, sums = (u.copy(), v.copy()), np.zeros((1, 2))
         sites = self._sites
-        self._tell(np.zeros(1), shown[0][None, :sites], shown[1][None, :sites], sums)
+        self._add_prescribed(np.zeros(1), output[0][None, :sites], output[1][None, :sites], sums)
         elongation_range = np.zeros((len(self._listed.springs), 2))
-        return Point(
-            0, u, v, (*shown, sums[0]), elongation_range, np.array([0.0, 0.0, np.inf, -np.inf])
+        return MotionState(
+            0, u, v, (*output, sums[0]), elongation_range, np.array([0.0, 0.0, np.inf, -np.inf])
         )
 
     def restore(self) -> None:
@@ -89,7 +89,7 @@ class ForcedMotion(Motion):
 
     def _go(self, end: int, wanted: Any) -> bool:
         self._locked = None
-        if self._is_late(end):
+        if self._is_past_end(end):
             return False
         try:
             stopped = self._bound.go(self.point.done, end, wanted)
@@ -99,32 +99,42 @@ class ForcedMotion(Motion):
         for one in wanted:
             if len(one.at) and not one.raw:
                 sums = np.zeros((len(one.at), 2)) if one.sums is None else one.sums
-                self._tell(one.at * self.dt, one.u, one.v, sums)
+                self._add_prescribed(one.at * self.dt, one.u, one.v, sums)
         sites, t = self._sites, np.array([end * self.dt])
-        u, v = self._bound.shown
-        self._sums = self._bound.shown_sums[None, :2].copy()
-        self._tell(t, u[None, :sites], v[None, :sites], self._sums)
+        u, v = self._bound.output
+        self._sums = self._bound.output_sums[None, :2].copy()
+        self._add_prescribed(t, u[None, :sites], v[None, :sites], self._sums)
         return not stopped
 
-    def _is_late(self, end: int) -> bool:
-        """Whether there are no springs from some instant before on."""
+    def _is_past_end(self, end: int) -> bool:
+        """Whether the springs cease to exist before step `end`."""
         return self.tuning is not None and end * self.dt > self.tuning.until
 
-    def _tell(self, t: Array, u: Array, v: Array, sums: Array) -> None:
-        """Give rows the motion that is prescribed, and all of the work; in place."""
+    def _add_prescribed(self, t: Array, u: Array, v: Array, sums: Array) -> None:
+        """Add the prescribed motion to rows, and to their sums the work that it stores; in place.
+
+        Parameters
+        ----------
+        t : ndarray, (rows,)
+            Instants [s].
+        u, v : ndarray, (rows, *shape)
+            [m], [m/s]
+        sums : ndarray, (rows, 2)
+            Work and loss [J].
+        """
         forcing, count = self.forcing, len(t)
         moved, forced = forcing.moved, forcing.forced
         rows_u, rows_v = u.reshape(count, -1), v.reshape(count, -1)
         if len(moved):
             rows_u[:, moved], rows_v[:, moved] = forcing.motion(t, 0), forcing.motion(t, 1)
-            sums[:, 0] += (rows_v[:, moved] ** 2 - self._first_v**2) @ forcing.heavy / 2
+            sums[:, 0] += (rows_v[:, moved] ** 2 - self._first_v**2) @ forcing.prescribed_mass / 2
         if len(forced):
             sums[:, 0] += np.sum(forcing.force(t, 0) * rows_u[:, forced], axis=1)
             sums[:, 0] -= self._first_force
 
-    def _point(self, end: int, elongation_range: Array) -> Point:
+    def _point(self, end: int, elongation_range: Array) -> MotionState:
         point = super()._point(end, elongation_range)
-        return point._replace(shown=(*point.shown, self._sums[0]), sums=self._bound.sums.copy())
+        return point._replace(output=(*point.output, self._sums[0]), sums=self._bound.sums.copy())
 
     def _allows(self, elongation_range: Array, end: int) -> bool:
         if self.tuning is None:
@@ -135,45 +145,72 @@ class ForcedMotion(Motion):
         return self.dt <= self.allowed * self._limit
 
     def _omega(self, low: float, high: float, end: int) -> float:
-        """Bound on the angular frequency within a range of elongations [rad/s], in the springs of
-        some instants."""
-        of, r = self.dynamics, np.append(low + (high - low) * GRID, 0.0)
+        """Bound on the angular frequency [rad/s] between two elongations [m], for the springs
+        during an attempt that ends with step `end`."""
+        dyn, r = self.dynamics, np.append(low + (high - low) * GRID, 0.0)
         at = np.linspace(self.point.done * self.dt, end * self.dt, INSTANTS + 1)
         p = np.ascontiguousarray(np.repeat(self.tuning.at(at), len(r), axis=0).T)
         r = np.tile(r, len(at))
         largest = float(np.max(self.tuning.evaluate(2, p, r)))
-        if of.turns:  # tension resists motion across a bond
-            shortest = min(low, 0.0) - float(np.max(of.zero_length_elongation))
+        if dyn.turns:  # tension resists motion across a bond
+            shortest = min(low, 0.0) - float(np.max(dyn.zero_length_elongation))
             across = float(np.max(self.tuning.evaluate(1, p, r)))
             largest = max(largest, across / shortest if shortest > 0 else math.inf)
         if not math.isfinite(largest):
             return math.inf
-        return of.bond_frequency_bound(np.full(len(of.scene.springs), max(largest, 0.0)))
+        return dyn.bond_frequency_bound(np.full(len(dyn.scene.springs), max(largest, 0.0)))
 
     def first_frequency(self) -> float:
-        """As of `Motion`."""
+        """Bound on the angular frequency at the start [rad/s]."""
         if self.tuning is None:
             return super().first_frequency()
-        r = self.dynamics.elongations(self.point.shown[0][: self._sites])
+        r = self.dynamics.elongations(self.point.output[0][: self._sites])
         return self._omega(float(r.min()), float(r.max()), self.point.done)
 
-    # what was reached
+    # accepted state
 
     def energies(self, t: Array, u: Array, v: Array) -> Array:
-        """Total energies of rows [J], in the springs of their instants."""
-        of, scene = self.dynamics, self.problem.scene
+        """Total energies of states, with the springs at their instants; see `Motion.energies`.
+
+        Parameters
+        ----------
+        t : ndarray, (rows,)
+            Instants [s].
+        u, v : ndarray, (rows, *shape)
+            [m], [m/s]
+
+        Returns
+        -------
+        ndarray, (rows,)
+            [J]
+        """
+        dyn, scene = self.dynamics, self.problem.scene
         if self.tuning is None:
-            return of.energies(u, v)
-        stored = self.tuning.energies(t, of.elongations(u))
+            return dyn.energies(u, v)
+        stored = self.tuning.energies(t, dyn.elongations(u))
         mass = scene.mass.reshape(-1, *[1] * (v.ndim - 2))
         motion = (mass * v**2 / 2 - scene.loads * u).reshape(len(u), -1)
         return np.sum(motion, axis=1) + np.sum(stored, axis=-1)
 
     def between(self, step: int, part: float, u: Array, v: Array, impulse: Any, sums: Any) -> None:
-        """As of `Motion`."""
+        """Advance an output state in place by one shorter step; see `Motion.between`.
+
+        Parameters
+        ----------
+        step : int
+            Number of steps after which the state is reached.
+        part : float
+            Length of the shorter step [s].
+        u, v : ndarray, shape of the scene
+            State [m, m/s].
+        impulse : ndarray, (walls, dim), or None
+            Impulses received by walls [N s].
+        sums : ndarray, (2,)
+            Work and loss [J].
+        """
         rows, t = self._listed.arrays(self.problem.state), step * self.dt
-        told = np.zeros((1, 2))
-        self._tell(np.array([t]), u[None].copy(), v[None].copy(), told)
+        prescribed_sums = np.zeros((1, 2))
+        self._add_prescribed(np.array([t]), u[None].copy(), v[None].copy(), prescribed_sums)
         sites = self._sites
         walls = slice(sites, sites + self.dynamics.wall_count)
         for array, given in zip(rows, (u, v), strict=True):
@@ -183,19 +220,19 @@ class ForcedMotion(Motion):
             rows[1][walls] = impulse
         rows[1].reshape(-1)[self.forcing.moved] = 0.0
         bound = driven.bind(self.forcing, rows[0], rows[1], self.problem.method, part)
-        bound.sums[:2] = sums - told[0]  # as the loop sums them
+        bound.sums[:2] = sums - prescribed_sums[0]  # as the loop sums them
         bound.short(t)
         u[...], v[...] = rows[0][:sites], rows[1][:sites]
         if impulse is not None:
             impulse[...] = rows[1][walls]
         sums[:] = bound.sums[:2]
-        self._tell(np.array([t + part]), u[None], v[None], sums[None])
+        self._add_prescribed(np.array([t + part]), u[None], v[None], sums[None])
 
-    # what went wrong
+    # errors
 
     def error(self) -> LockingError | StabilityError:
-        """Why an attempt at a single step failed."""
-        if self._is_late(self.point.done + 1):
+        """The error by which an attempt of a single step failed."""
+        if self._is_past_end(self.point.done + 1):
             return LockingError(
                 f"{self.tuning.reason}: the springs were driven there at t = "
                 f"{self.tuning.until:.6g} s"
@@ -204,35 +241,35 @@ class ForcedMotion(Motion):
 
     def _of_lock(self, locked: Locked) -> LockingError | StabilityError:
         if not np.isfinite(locked.range).all():
-            return self._endless(locked.t)
+            return self._diverged(locked.t)
         low = self.tuning.domain(np.array([locked.t]))[0, 0]
         side = int(locked.range[0] > low)
         error = self.tuning.beyond(locked.t, float(locked.range[side]))
         where = self.dynamics.where_extreme(0, self._bound.u[: self._sites], side)
         return type(error)(f"{error}: the spring {where} got there at t = {locked.t:.6g} s")
 
-    def _endless(self, t: float) -> StabilityError:
+    def _diverged(self, t: float) -> StabilityError:
         return StabilityError(f"the motion is no longer finite at t = {t:.6g} s: dt too large")
 
     def _barrier(self, spring: Any, side: int) -> None:
-        """No energy is a bound on what springs reach."""
+        """None: the energy does not bound the elongations of a driven scene."""
 
-    def _explained(
-        self, t: float, elongation_range: Array, shown: Any
+    def _diagnosed(
+        self, t: float, elongation_range: Array, output: Any
     ) -> LockingError | StabilityError:
         if self.tuning is not None:
-            finite = all(np.isfinite(x[: self._sites]).all() for x in shown)
+            finite = all(np.isfinite(x[: self._sites]).all() for x in output)
             return (
-                self._too_coarse(t, shown[0][: self._sites], elongation_range)
+                self._too_coarse(t, output[0][: self._sites], elongation_range)
                 if finite
-                else self._endless(t)
+                else self._diverged(t)
             )
-        error = super()._explained(t, elongation_range, shown)
+        error = super()._diagnosed(t, elongation_range, output)
         if isinstance(error, LockingError) or all(
-            np.isfinite(x).all() for x in (*shown, elongation_range)
+            np.isfinite(x).all() for x in (*output, elongation_range)
         ):
             return error
-        return self._endless(t)
+        return self._diverged(t)
 
     def _too_coarse(self, t: float, u: Array, elongation_range: Array) -> StabilityError:
         if self.tuning is not None:

@@ -1,5 +1,5 @@
-"""Time integration of a scene: `simulate` checks what it is given and chooses the step; `resume`
-goes on with what was killed, interrupted or failed, from the state kept beside its rows."""
+"""Time integration of a scene: `simulate` checks its arguments and chooses the step; `resume`
+continues a run that was killed, interrupted or failed, from the checkpoint saved with its rows."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from tensegrity.engine import methods, native
 from tensegrity.errors import TensegrityError
 from tensegrity.runs import archive
 from tensegrity.runs.march import Start
-from tensegrity.runs.motion import Point
+from tensegrity.runs.motion import MotionState
 from tensegrity.runs.problem import AprioriBounds, Problem
-from tensegrity.runs.record import Record, beside, watching
+from tensegrity.runs.record import Record, checkpoint_path, user_observers
 from tensegrity.runs.run import Run, unchecked, unchecked_replace
 from tensegrity.runs.step import default_step, fixed_step, resumed
 from tensegrity.runs.tolerance import ROUND_OFF, to_tolerance
@@ -78,66 +78,79 @@ def simulate(
     method : str or Method, optional
         Name of a method, `tensegrity.engine.methods.METHODS`, or a `Splitting` or `Nystrom` of
         `tensegrity.engine.methods` with rows of your own.  By default "rkn6"; "verlet" where `dt`
-        is given; else "corrected6" where contacts can open, of exponents from 1 to 3, or a force
-        has such corners, unless a `tol` is 1e-3 or looser.
+        is given; otherwise "corrected6" where contacts of exponents from 1 to 3 can be lost, or a
+        force has a kink of such an exponent, unless `tol` is 1e-3 or looser.
     dt : float, optional
         Step [s]; the step used is the largest not above it that divides `t_end` evenly.  By
-        default a small fraction of the stability limit, at the largest stiffness that any
-        bond can meet with the initial energy, or does meet; so small that the energy is kept to
-        1e-8 where contacts open, of exponents from 1 to 3.
+        default a small fraction of the stability limit at the largest stiffness that any bond can
+        reach with the initial energy, or does reach during the run; small enough to conserve the
+        energy to 1e-8 where contacts of exponents from 1 to 3 are lost.
     tol : float, optional
-        Wanted bound of max(|du|/max|u|, |dv|/max|v|), maxima over the run, instead of `dt`: the
-        step is refined until runs with different steps, compared all along, say it is met.
-        Refused where a spring's force jumps at an elongation that is met: steps have an error of
-        first order there, whatever the method.
+        Bound on the error max(|du|/max|u|, |dv|/max|v|), maxima over the run, instead of `dt`: the
+        step is refined until runs with different steps, compared throughout, agree to it.
+        Refused where the force of a spring jumps at an elongation that the run passes: the error
+        of fixed steps is of first order there, whatever the method.
     record : Record, optional
     observe : callable, (callable, Record), or a sequence of these, optional
-        f(t, u, v) is called once at each instant that `record` keeps, in order, or at those of a
+        f(t, u, v) is called once at each instant that `record` names, in order, or at those of a
         Record of its own (`every`, `times` or `interval`), with read-only copies of u [m] and v
-        [m/s] of all sites.  What it returns ends the run there if it is true.  An exception in it
-        ends the run too, with a warning, and as by Ctrl-C what was recorded is returned.  No
-        observer changes a bit of the run.  Without `dt` the step is found first, and f is called
+        [m/s] of all sites.  A true return value ends the run there.  An exception in f also ends
+        the run, with a warning, and, as after Ctrl-C, the rows recorded so far are returned.  No
+        observer changes a bit of the run.  Without `dt` the step is chosen first, and f is called
         in one more run, which is the one that is returned.
 
     Returns
     -------
     Run
-        Of an `Ensemble` a `RunBatch`.  Also after Ctrl-C, with `complete` False and what was
-        recorded until then; with `tol` that may be a trial with a coarser step, kept in memory and
-        at about 500 instants.  `stopped` says which observer ended it, and when.
+        A `RunBatch` for an `Ensemble`.  Also returned after Ctrl-C, with `complete` False and the
+        rows recorded until then; with `tol` this may be a trial run with a coarser step, held in
+        memory at about 500 instants.  `stopped` says which observer ended the run, and when.
 
     Raises
     ------
     TensegrityError
-        Bad input, before any work.
+        Invalid input, before any work.
     CompilerError
         No C compiler, before any work.
     StabilityError
-        `dt` is beyond the method's stability limit; during a run with `.run`, the part done.
+        `dt` is beyond the method's stability limit; if raised during the run, `.run` is the part
+        that was done.
     LockingError
-        A spring reached an end of its domain; with `.run`, the part done.
+        A spring reached an end of its domain; `.run` is the part that was done.
     RecordError
-        A row or a state could not be written; with `.run`, the part done.
+        A row or a checkpoint could not be written; `.run` is the part that was done.
+
+    Examples
+    --------
+    The first of five equal beads in contact strikes the others at 1 m/s.
+
+    >>> from tensegrity import Chain, PowerLaw, simulate
+    >>> chain = Chain(PowerLaw(stiffness=1.0, exponent=1.5), sites=5)
+    >>> run = simulate(chain, chain.at_rest({0: 1.0}), 6.0, tol=1e-8)
+    >>> run.method, run.complete, run.error_estimate < 1e-8
+    ('corrected6', True, True)
+    >>> print(run.final.v.round(3))
+    [-0.071 -0.03  -0.014  0.131  0.985]
     """
     started = time.perf_counter()
     if not isinstance(scene, HasDynamics):
         raise TensegrityError(f"scene {scene!r} is not a scene, such as a Chain")
-    of = dynamics(scene)
-    energy = of.checked(state)
+    dyn = dynamics(scene)
+    energy = dyn.checked(state)
     t_end = check.number("t_end", t_end, least=0, unit="s")
     dt = None if dt is None else check.number("dt", dt, above=0, unit="s")
     tol = None if tol is None else check.number("tol", tol, least=ROUND_OFF)
     if dt is not None and tol is not None:
         raise TensegrityError(f"dt {dt!r} s and tol {tol!r} exclude each other: give one")
     if method is None:
-        method = methods.default(dt, tol, not of.is_driven and of.opens)
+        method = methods.default(dt, tol, not dyn.is_driven and dyn.opens)
     method = methods.find(method)
     record = Record() if record is None else record
     check.kind("record", record, Record)
     record.check(scene.sites, t_end)
     native.require()
     choice = "dt" if dt is not None else "default" if tol is None else "tol"
-    a_priori = AprioriBounds(of, state, energy)
+    a_priori = AprioriBounds(dyn, state, energy)
     problem = unchecked(
         Problem,
         scene=scene,
@@ -145,7 +158,7 @@ def simulate(
         t_end=t_end,
         method=method,
         record=record,
-        observe=tuple(watching(observe, record, scene, t_end)),
+        observe=tuple(user_observers(observe, record, scene, t_end)),
         choice=choice,
         a_priori=a_priori,
         given=dt,
@@ -160,41 +173,64 @@ def simulate(
 
 
 def resume(path: str | os.PathLike[str], scene: Scene | Ensemble | None = None) -> Run:
-    """Go on with a run that was recorded with a checkpoint, to the end that it had.
+    """Continue a run that was recorded with a checkpoint, up to its original end.
 
-    Rows and bits are those of an unbroken run with the same step.  Rows written after the last
-    checkpoint are computed again.  Of a run with a `tol` the trial is finished that was under
-    way: its step stays, `error_estimate` is None.
+    The rows agree to the bit with those of an uninterrupted run with the same step.  Rows written
+    after the last checkpoint are computed again.  If the run had a `tol`, the trial run in progress
+    is completed with its step, and `error_estimate` is None.
 
     Parameters
     ----------
     path : str or path
-        The file of its rows; that of the state lies beside it.
+        The file of the rows; the checkpoint is the file of the same name with .state.npz added.
     scene : optional
-        The same scene, where it is made of an energy of the user's own, which no file holds.
+        The same scene, needed where its springs are made of a user's own energy, which no file
+        holds.
 
     Returns
     -------
     Run
-        Of the whole time; a run that had ended is returned as it is.  `wall_time` is that of
-        this part.
+        The run over the whole time; a run that had ended is returned unchanged.  `wall_time` is
+        the time of this call.
 
     Raises
     ------
     TensegrityError
-        No state beside the rows; damaged files; a scene that is needed and not given, or is
-        another one.
+        There is no checkpoint, a file is damaged, or the scene is missing or a different one.
     CompilerError, StabilityError, LockingError, ContactError, RecordError
         As `simulate`.
+
+    Examples
+    --------
+    A run that an observer ends half way is continued to its end.
+
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from tensegrity import Chain, PowerLaw, Record, resume, simulate
+    >>> chain = Chain(PowerLaw(1.0, 1.5), sites=5)
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> path = Path(folder.name) / "rows.npy"
+    >>> record = Record(every=1, path=path, checkpoint=0)
+    >>> def half_way(t, u, v):
+    ...     return t >= 3.0
+    >>> first = simulate(chain, chain.at_rest({0: 1.0}), 6.0, dt=0.1, record=record,
+    ...                  observe=half_way)
+    >>> print(first.stopped, first.t[-1].round(3))
+    half_way ended the run at t = 3 s 3.0
+    >>> print(resume(path).t[-1].round(3))
+    6.0
+    >>> folder.cleanup()
     """
     started = time.perf_counter()
     path = check.path("path", path)
-    whole = archive.read(beside(path), "state", lambda data: Broken(**data))
-    scene = _same(whole.scene, scene, path)
+    whole = archive.read(checkpoint_path(path), "state", lambda data: CheckpointData(**data))
+    scene = _same_scene(whole.scene, scene, path)
     try:
         start = whole.start(scene)
     except TensegrityError as error:
-        raise TensegrityError(f"{beside(path)} holds no state, or is damaged: {error}") from error
+        raise TensegrityError(
+            f"{checkpoint_path(path)} holds no state, or is damaged: {error}"
+        ) from error
     problem = Problem(
         scene, whole.state, whole.t_end, methods.find(whole.method),
         replace(whole.record, path=path), choice=whole.choice,
@@ -204,8 +240,8 @@ def resume(path: str | os.PathLike[str], scene: Scene | Ensemble | None = None) 
     return replace(run, wall_time=time.perf_counter() - started)
 
 
-class Broken(NamedTuple):
-    """What the file of a run that was broken off holds."""
+class CheckpointData(NamedTuple):
+    """The contents of a checkpoint file."""
 
     scene: Any
     state: Any
@@ -223,10 +259,16 @@ class Broken(NamedTuple):
     elongation_range: Any
 
     def start(self, scene: Any) -> Start:
-        """Where the run goes on, if all parts fit each other and the scene."""
+        """The state to continue from, once all parts are consistent with each other and the scene.
+
+        Raises
+        ------
+        TensegrityError
+            An entry has the wrong type, shape or range.
+        """
         check.kind("scene", scene, HasDynamics)
-        of = dynamics(scene)
-        of.checked(self.state)
+        dyn = dynamics(scene)
+        dyn.checked(self.state)
         check.number("t_end", self.t_end, least=0, unit="s")
         methods.find(self.method)
         check.kind("record", self.record, Record)
@@ -236,36 +278,37 @@ class Broken(NamedTuple):
         check.number("allowed", self.allowed, above=0)
         check.whole("done", self.done, least=0, below=self.steps + 1)
         check.whole("count", self.count, least=0)
-        shape = of.arrays(self.state)[0].shape
-        count, springs = (4, len(of.springs)) if of.is_driven else (2, None)
+        shape = dyn.arrays(self.state)[0].shape
+        count, springs = (4, len(dyn.springs)) if dyn.is_driven else (2, None)
         if len(check.sequence("seen", self.seen, "arrays")) != count:
             raise TensegrityError(f"seen has {len(self.seen)} arrays, must have {count}")
         for x in (self.u, self.v, *self.seen[:2]):
             archive.array("u or v", x, shape)
-        if of.is_driven:
-            archive.array("work and loss", self.seen[2], (2, *of.batch))
-            work = archive.array("sums", self.seen[3], (4, *of.batch), are_finite=False)[:2]
-            check.finite("sums", work)  # behind them elongations, inf at first
+        if dyn.is_driven:
+            archive.array("work and loss", self.seen[2], (2, *dyn.batch))
+            work = archive.array("sums", self.seen[3], (4, *dyn.batch), are_finite=False)[:2]
+            check.finite("sums", work)  # the other two are elongations, initially inf
         archive.array("elongation_range", self.elongation_range, (springs, 2))
-        seen, sums = (self.seen[:3], self.seen[3]) if of.is_driven else (self.seen, None)
+        seen, sums = (self.seen[:3], self.seen[3]) if dyn.is_driven else (self.seen, None)
         return Start(
-            Point(self.done, self.u, self.v, seen, self.elongation_range, sums), self.count
+            MotionState(self.done, self.u, self.v, seen, self.elongation_range, sums), self.count
         )
 
 
-def _same(kept: Any, given: Any, path: Path) -> Any:
-    """The scene of a file, or one that was handed in, if it is the same."""
-    if given is None and isinstance(kept, archive.Printed):
+def _same_scene(stored: Any, given: Any, path: Path) -> Any:
+    """The scene read from a file, or the one that the user gave, if they are the same."""
+    is_printed = isinstance(stored, archive.PrintedScene)
+    if given is None and is_printed:
         raise TensegrityError(
             f"the scene of {path} cannot be built from a file: give it as `scene`; it printed "
-            f"{kept}"
+            f"{stored}"
         )
     if given is None:
-        return kept
-    saved = kept.fingerprint if isinstance(kept, archive.Printed) else archive.fingerprint(kept)
-    if archive.fingerprint(given) != saved:
+        return stored
+    digest = stored.fingerprint if is_printed else archive.fingerprint(stored)
+    if archive.fingerprint(given) != digest:
         raise TensegrityError(
-            f"scene {check.shown(given)} is not that of {path}, which printed {kept!r}: sites, "
+            f"scene {check.shown(given)} is not that of {path}, which printed {stored!r}: sites, "
             "masses, springs, drives or their numbers differ"
         )
     return given

@@ -1,7 +1,7 @@
-"""The march: one function that advances any scene by attempts, and serves those who observe it.
+"""The march: one function that advances any scene by attempts and notifies its observers.
 
-An attempt is so many steps in one call of the compiled loop.  Where it cannot stand, it is made
-again with half as many, down to the step in which something went wrong.
+An attempt is a number of steps in one call of the compiled loop.  If it is rejected, it is repeated
+with half as many steps, down to the single step in which the error occurs.
 """
 
 from __future__ import annotations
@@ -18,52 +18,54 @@ import numpy as np
 from tensegrity.errors import ContactError, LockingError, RecordError, StabilityError
 from tensegrity.notebook import progress
 from tensegrity.runs.batch import motion_of
-from tensegrity.runs.motion import Point
+from tensegrity.runs.motion import MotionState
 from tensegrity.runs.problem import Problem
-from tensegrity.runs.record import Samples, Watched
+from tensegrity.runs.record import ComparisonSamples, UserObserver
 from tensegrity.runs.recorder import Recorder
 from tensegrity.runs.run import Run
 from tensegrity.typing import Array, Observer
 
-BLOCK = 8_000_000  # bonds x stages x steps of an attempt, some 20 ms: an interrupt waits no longer
-FIRST = 4  # times as many in the first attempt, which all of a short run is
-ROOM = 8_000_000  # numbers in u at all steps of an attempt, which somebody may want
-WRONG = ContactError, LockingError, StabilityError
-FEWEST = 400  # steps of an attempt: the pieces of a long chain work apart for some tens
+BLOCK = 8_000_000  # bonds x stages x steps of an attempt: about 20 ms, the delay of an interrupt
+FIRST = 4  # times as many in the first attempt, so that a short run is a single call
+ROOM = 8_000_000  # most numbers in u over all steps of an attempt, which observers may request
+RUN_ERRORS = ContactError, LockingError, StabilityError
+FEWEST = 400  # least steps of an attempt: parts of a long chain exchange data every few tens
 
 
 class Start(NamedTuple):
-    """Where a run goes on that was broken off: what it had reached, and the rows it had."""
+    """Where an interrupted run continues: the state it had reached, and its number of rows."""
 
-    point: Point
+    point: MotionState
     count: int  # type: ignore[assignment]
 
 
 class Stop(NamedTuple):
-    """Where a run ended before its last step, and which observer wanted that; its u, v, impulse
-    and sums."""
+    """Time, step and state (u, v, impulse, sums) where an observer ended a run, and the reason."""
 
     t: float
     step: int
     state: tuple[Any, ...]
     words: str | None
-    failed: bool = False  # by an exception
+    failed: bool = False  # whether the observer raised an exception
 
 
-class Marched:
-    """What a march reached.
+class MarchResult:
+    """Result of a march.
 
     Attributes
     ----------
     problem : Problem
     samples : ndarray, (2, instants + 1, *shape)
-        u and v at evenly spaced instants.
+        u [m] and v [m/s] at evenly spaced instants.
     complete : bool
+        Whether all steps were done.
     stop : Stop or None
-        Where it ended, if not behind the last step that was done.
+        Where the run ends, if this is not the last step that was done.
     """
 
-    def __init__(self, problem: Problem, motion: Any, recorder: Any, samples: Samples) -> None:
+    def __init__(
+        self, problem: Problem, motion: Any, recorder: Any, samples: ComparisonSamples
+    ) -> None:
         self.problem, self.motion, self.recorder = problem, motion, recorder
         self._samples, self.complete = samples, False
         self.stop: Stop | None = None
@@ -74,7 +76,7 @@ class Marched:
 
     @property
     def steps(self) -> int:
-        """That were done."""
+        """Number of steps done."""
         return self.motion.done
 
     @property
@@ -84,19 +86,19 @@ class Marched:
 
     @property
     def fastest(self) -> float:
-        """Bound on the largest angular frequency over these [rad/s]."""
+        """Bound on the largest angular frequency within that range [rad/s]."""
         return self.motion.fastest
 
     @property
     def has_rows(self) -> bool:
-        """Whether rows were kept."""
+        """Whether rows were recorded."""
         return self.recorder is not None
 
     def run(self) -> Run:
-        """The run; of a march without rows where it ended."""
+        """The run as a user receives it; a march without rows gives its last state alone."""
         try:
             return self._run()
-        except KeyboardInterrupt:  # all is done
+        except KeyboardInterrupt:  # the computation is complete
             return self._run()
 
     def _run(self) -> Run:
@@ -113,17 +115,17 @@ class Marched:
 
     def _state(self) -> tuple[Any, ...]:
         """u, v, impulse and sums at the end."""
-        of, (u, v, *sums) = self.problem.dynamics, self.motion.point.shown
-        sites, walls = of.sites, of.wall_count
+        dyn, (u, v, *sums) = self.problem.dynamics, self.motion.point.output
+        sites, walls = dyn.sites, dyn.wall_count
         impulse = v[sites : sites + walls] if walls else None
         return *(np.ascontiguousarray(x[:sites]) for x in (u, v)), impulse, *(sums or [None])
 
-    def back(self, last: Any) -> None:
-        """Let it end with its last row: time, step and state, if known."""
+    def end_at_last_row(self, last: Any) -> None:
+        """Let the run end with its last row, given as time, step and state, or None."""
         self.stop = Stop(*last, words=None) if last else None
 
     def end(self) -> None:
-        """Record where it ended."""
+        """Record the state in which the run ends."""
         if self.stop is not None:
             self.recorder.end(self.stop.t, self.stop.state)
         else:
@@ -133,39 +135,42 @@ class Marched:
 def march(
     problem: Problem, steps: int, allowed: float = 1.0, instants: int = 0, start: Any = None,
     observers: Sequence[Observer] = (),
-) -> Marched:  # fmt: skip
-    """Advance a scene with one step, which stays below `allowed` of the stability limit.
+) -> MarchResult:  # fmt: skip
+    """Advance a scene with a constant step below a fraction of the stability limit.
 
     Parameters
     ----------
     problem : Problem
     steps : int
+        Number of steps of the whole run.
     allowed : float, optional
+        Admissible fraction of the stability limit.
     instants : int, optional
-        Evenly spaced ones, a divisor of the steps, at which u and v are kept for comparison.
+        Number of evenly spaced instants, a divisor of `steps`, at which u and v are stored for
+        comparison.
     start : Start, optional
-        Where a run that was broken off goes on.
+        Where an interrupted run continues.
     observers : sequence of Observer, optional
-        Others that want states.
+        Further observers of the states.
 
     Returns
     -------
-    Marched
-        Not complete after Ctrl-C, or where an observer of `problem.observe` ended it.
+    MarchResult
+        Incomplete after Ctrl-C, or where an observer of `problem.observe` ended the run.
 
     Raises
     ------
     LockingError, StabilityError, ContactError, RecordError
-        Why it could not go on; with `.run`, the part done, where rows are kept.
+        The march cannot continue; `.run` is the part that was done, where rows are recorded.
     """
     dt = problem.t_end / steps if steps else 0.0
     motion = motion_of(problem, dt, allowed, start and start.point)
     if start is None and steps and problem.choice == "dt" and problem.record.path is not None:
         motion.refuse_start()  # before there is a file
     recorder = Recorder(problem, motion, steps, start and start.count) if problem.rows else None
-    samples = Samples(problem.scene.shape, steps, instants)
-    users = [Watched(*pair, problem, motion, steps) for pair in problem.observe]
-    reached = Marched(problem, motion, recorder, samples)
+    samples = ComparisonSamples(problem.scene.shape, steps, instants)
+    users = [UserObserver(*pair, problem, motion, steps) for pair in problem.observe]
+    reached = MarchResult(problem, motion, recorder, samples)
     failure: Any = None
     try:
         _go(reached, steps, users, [samples, *observers])
@@ -173,12 +178,12 @@ def march(
         return reached
     except KeyboardInterrupt:
         if reached.complete and problem.choice == "dt":
-            return reached  # all is done
+            return reached  # the computation is complete
         reached.complete = False
-    except (*WRONG, RecordError) as error:
+    except (*RUN_ERRORS, RecordError) as error:
         failure = error
     if recorder is not None:
-        failure = _break_off(reached, failure)
+        failure = _close_incomplete(reached, failure)
     motion.release()
     if failure is None:
         return reached
@@ -187,8 +192,8 @@ def march(
     raise failure
 
 
-def _go(reached: Marched, steps: int, users: Any, others: Any) -> None:
-    """Do all steps, or those up to where an observer ends the run."""
+def _go(reached: MarchResult, steps: int, users: Any, others: Any) -> None:
+    """Do all steps, or those until an observer ends the run."""
     problem, motion, recorder = reached.problem, reached.motion, reached.recorder
     largest = max(FEWEST, BLOCK // (problem.dynamics.cost * problem.method.stages))
     room = max(1, ROOM // math.prod(problem.scene.shape))
@@ -196,24 +201,24 @@ def _go(reached: Marched, steps: int, users: Any, others: Any) -> None:
     observers = [*others, *users, *([recorder] if recorder else [])]
     seconds, since = recorder and problem.record.checkpoint, time.monotonic()
     if seconds is not None:
-        recorder.keep_state(motion)
+        recorder.save_checkpoint(motion)
     with progress(steps, "step", motion.done) if steps > most else nullcontext() as bar:
         while not reached.complete and reached.stop is None:
             _attempt(motion, min(steps - motion.done, most), observers, is_given)
             motion.accept()
-            _serve(reached, users, others)
+            _notify_observers(reached, users, others)
             if bar is not None:
                 bar.update(motion.done - bar.n)
             most = min(largest, room)
             reached.complete = reached.stop is None and motion.done == steps
             late = seconds is not None and time.monotonic() - since > seconds
             if reached.stop is None and (late or (seconds is not None and reached.complete)):
-                recorder.keep_state(motion)
+                recorder.save_checkpoint(motion)
                 since = time.monotonic()
 
 
 def _attempt(motion: Any, steps: int, observers: Any, is_given: bool) -> None:
-    """Do at most so many steps, which stand; `is_given` says whether a user gave their length."""
+    """Do at most so many steps that are accepted; `is_given`: the user gave the step length."""
     steps = min(steps, motion.most)
     while True:
         end = motion.done + steps
@@ -230,8 +235,8 @@ def _attempt(motion: Any, steps: int, observers: Any, is_given: bool) -> None:
         steps = max(1, min(steps // 2, motion.most))
 
 
-def _serve(reached: Marched, users: Any, others: Any) -> None:
-    """Let observers take what stands."""
+def _notify_observers(reached: MarchResult, users: Any, others: Any) -> None:
+    """Let the observers take the accepted states."""
     motion, recorder = reached.motion, reached.recorder
     for one in others:
         one.take(motion)
@@ -250,29 +255,29 @@ def _serve(reached: Marched, users: Any, others: Any) -> None:
             reached.end()
 
 
-def _break_off(reached: Marched, failure: Any) -> Any:
-    """Keep what a march that did not end well has reached; what it failed by."""
+def _close_incomplete(reached: MarchResult, failure: Any) -> Any:
+    """Record what an incomplete march has reached; returns the error it failed by, or None."""
     motion, recorder = reached.motion, reached.recorder
     try:
         if isinstance(failure, RecordError):
             raise failure
         motion.restore()
         if reached.stop is None:
-            _catch_up(motion, recorder)
-            recorder.keep_state(motion)
+            _record_due(motion, recorder)
+            recorder.save_checkpoint(motion)
         else:
             recorder.take(motion, reached.stop.t)
         reached.end()
-    except WRONG:  # what is due is what failed
-        reached.back(recorder.last())
+    except RUN_ERRORS:  # the state that is due cannot be computed
+        reached.end_at_last_row(recorder.last())
     except RecordError as error:
-        reached.back(recorder.last())
+        reached.end_at_last_row(recorder.last())
         return error
     return failure
 
 
-def _catch_up(motion: Any, recorder: Recorder) -> None:
-    """Record what stands and is due."""
-    if motion.done == 0:  # the first attempt may not have got so far
+def _record_due(motion: Any, recorder: Recorder) -> None:
+    """Record the accepted states that are due."""
+    if motion.done == 0:  # no attempt was accepted yet
         motion.attempt(motion.done, recorder.wanted(motion.done))
     recorder.take(motion)

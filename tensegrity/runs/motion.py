@@ -1,10 +1,9 @@
-"""A scene on its way, by attempts: so many steps in one call of its compiled loop.
+"""The motion of a scene, advanced by attempts: a number of steps in one call of the compiled loop.
 
-The smallest and largest elongation that an attempt met are known at no cost.  So a spring that
-reached an end of its domain, a stiffness beyond the stability limit, or a site that may have
-touched what no list says, is noticed before a wrong number is seen; what was reached before still
-stands then, and the attempt is made again with fewer steps, at last with the one that says where
-and when.
+The loop notes the smallest and largest elongation of an attempt at no cost.  A spring that reached
+an end of its domain, a stiffness beyond the stability limit, or a contact that may have formed
+outside the list is thus detected before a state is used.  The attempt is then rejected and repeated
+with fewer steps, finally with the single one that shows where and when the error occurs.
 """
 
 from __future__ import annotations
@@ -17,61 +16,61 @@ import numpy as np
 from tensegrity.engine.march import STOPPED, Wanted
 from tensegrity.engine.methods import Corrected, Splitting
 from tensegrity.errors import LockingError, StabilityError
-from tensegrity.runs.problem import MOST_STEPS, Guard
+from tensegrity.runs.problem import MOST_STEPS, StabilityGuard
 from tensegrity.scenes.clearance import SAFETY_FACTOR
 from tensegrity.typing import Array
 
-SPARE = 4  # prepared loops that a scene keeps for each method: one for each thread at work
-LOOKS = 16  # states of an attempt by which contacts are looked for
-ROOM = 1_000_000  # numbers in u of these, at most
-LOOKED = 4_000_000  # numbers in u at all steps of an attempt that is looked at after each
-LARGEST = 200_000  # numbers in u of a scene that keeps them
+SPARE = 4  # prepared loops cached with a scene for each method: one for each thread
+SAMPLES = 16  # states of an attempt in which contacts are searched
+ROOM = 1_000_000  # most numbers in u of these
+MOST_RESAMPLED = 4_000_000  # most numbers in u of an attempt whose every step is examined
+LARGEST = 200_000  # most numbers in u of a scene whose loops are cached
 
 
-class Point(NamedTuple):
-    """What a motion has reached, in arrays that are never changed; lanes stand last.
+class MotionState(NamedTuple):
+    """A state that a motion has reached, in arrays that never change; a batch is the last axis.
 
     Attributes
     ----------
     done : int
-        Steps.
+        Number of steps done.
     u, v : ndarray
-        Rows of the loop, before the closing kick.
-    shown : tuple of ndarray
-        Rows of u and v as the state there; and, where time counts, work and loss [J], (2,).
-    met : ndarray, (springs, 2)
+        Rows of the loop [m, m/s], v before the closing kick.
+    output : tuple of ndarray
+        Rows of u and v of the output state; for driven scenes also work and loss [J], (2,).
+    elongation_range : ndarray, (springs, 2)
         Smallest and largest elongation so far [m], 0 included.
     sums : ndarray, or None
-        Of the loop, where time counts; see `engine.driven`.
+        Sums of the loop of a driven scene; see `engine.driven`.
     """
 
     done: int
     u: Array
     v: Array
-    shown: tuple[Array, ...]
+    output: tuple[Array, ...]
     elongation_range: Array
     sums: Any = None
 
 
 class Motion:
-    """Of one scene with one step.
+    """The motion of one scene with a constant step.
 
     Parameters
     ----------
     problem : Problem
     dt : float
-        [s]
+        Step [s].
     allowed : float
-        Of the stability limit.
-    start : Point, optional
-        Where a run that was broken off goes on.
+        Admissible fraction of the stability limit.
+    start : MotionState, optional
+        State from which an interrupted run continues.
 
     Attributes
     ----------
-    point : Point
-        What was reached.
-    reached : Point
-        By the last attempt, to be accepted.
+    point : MotionState
+        The accepted state.
+    reached : MotionState
+        The result of the last attempt, to be accepted.
     """
 
     _at_once = MOST_STEPS
@@ -79,33 +78,36 @@ class Motion:
     def __init__(self, problem: Any, dt: float, allowed: float, start: Any = None) -> None:
         self.problem, self.dt, self.allowed = problem, dt, allowed
         self.dynamics, self._fastest, self._most = problem.dynamics, 0.0, MOST_STEPS
-        self._found = 0  # what the loop said of the last attempt
-        self._unseen = 0  # steps since contacts were looked for
+        self._loop_status = 0  # returned by the loop in the last attempt
+        self._unchecked = 0  # steps since contacts were searched
         self._sites = problem.dynamics.sites
-        u = problem.state.u if start is None else start.shown[0][: self._sites]
-        self._listed, self._guard, self._bound = self._prepared(problem.moved.listed(u))
+        u = problem.state.u if start is None else start.output[0][: self._sites]
+        self._listed, self._guard, self._bound = self._prepared(problem.loop_dynamics.listed(u))
         self._short: Any = None
-        self.point = self._beginning()
+        self.point = self._initial_state()
         if start is not None:
             known = start.elongation_range.shape == self.point.elongation_range.shape
             elongation_range = start.elongation_range if known else self.point.elongation_range
             self.point = (start if start.done else self.point)._replace(
                 elongation_range=elongation_range
             )
-        near = problem.moved.clearance
-        self._monitor = near and near.monitor(self.point.shown[0][: self._sites])
-        self._samples_do = not problem.moved.follows or near.may_stay_valid(
+        near = problem.loop_dynamics.clearance
+        self._monitor = near and near.monitor(self.point.output[0][: self._sites])
+        self._samples_do = not problem.loop_dynamics.follows or near.may_stay_valid(
             problem.state.v, problem.t_end
         )
         self.restore()
 
-    def _prepared(self, listed: Any) -> tuple[Any, Guard, Any]:
-        """The contacts that are listed, with no range of theirs known to be allowed, and a loop
-        of them."""
-        return listed, Guard(self.problem, listed, self.dt, self.allowed), self._bind(listed)
+    def _prepared(self, listed: Any) -> tuple[Any, StabilityGuard, Any]:
+        """Listed contacts, a stability guard without admissible ranges, and a loop for them."""
+        return (
+            listed,
+            StabilityGuard(self.problem, listed, self.dt, self.allowed),
+            self._bind(listed),
+        )
 
     def _bind(self, listed: Any) -> Any:
-        """A loop of these contacts: one that was prepared before, if nobody uses it."""
+        """A loop for these contacts: a cached one, if no other run uses it."""
         method, bind = self.problem.method, self.problem.bind
         try:
             bound = listed.prepared[method].pop() if bind is None else None
@@ -118,7 +120,7 @@ class Motion:
         return bound
 
     def release(self) -> None:
-        """Leave the loop to the next run."""
+        """Return the loop to the cache for the next run."""
         bound, self._bound = self._bound, None
         if bound is None or self.problem.bind is not None or bound.u.size > LARGEST:
             return
@@ -126,17 +128,17 @@ class Motion:
         if len(spare) < SPARE:
             spare.append(bound)
 
-    def _beginning(self) -> Point:
+    def _initial_state(self) -> MotionState:
         u, v = self._listed.arrays(self.problem.state)
-        return Point(0, u, v, (u, v), np.zeros((len(self._listed.springs), 2)))
+        return MotionState(0, u, v, (u, v), np.zeros((len(self._listed.springs), 2)))
 
     def restore(self) -> None:
-        """Go back to what was reached."""
+        """Return to the accepted state."""
         if self._bound is not None:
             self._bound.u[...], self._bound.v[...] = self.point.u, self.point.v
 
     def refuse_start(self) -> None:
-        """Refuse a step that is not stable as the run begins."""
+        """Refuse a step that is unstable in the initial state."""
         limit = self.problem.largest_step(self.first_frequency())
         if self.dt > limit:
             raise StabilityError(
@@ -147,19 +149,28 @@ class Motion:
     def first_frequency(self) -> float:
         """Bound on the angular frequency at the start [rad/s]; 0 where a step like this one is
         known to be stable."""
-        present = self._listed.ranges_at(self.point.shown[0][: self._sites])
+        present = self._listed.ranges_at(self.point.output[0][: self._sites])
         return 0.0 if self._guard.is_known(present) else self._listed.frequency(present)
 
     # attempts
 
     def attempt(self, end: int, wanted: Any) -> bool:
-        """Go on to step `end` with the states that are `Wanted`; whether all is sound, to be
-        accepted.
+        """Advance to step `end` and store the requested states.
+
+        Parameters
+        ----------
+        end : int
+        wanted : sequence of Wanted
+
+        Returns
+        -------
+        bool
+            Whether the attempt may be accepted.
 
         Raises
         ------
         ContactError
-            Something unlisted touches in a single step.
+            A contact outside the list forms in a single step.
         """
         if end == self.point.done:
             self.reached = self.point
@@ -169,28 +180,28 @@ class Motion:
         steps, bound = end - self.point.done, self._bound
         bound.forget_range()
         if self._monitor is not None:
-            wanted = [one.with_travel() for one in self._with_looks(end, wanted)]
+            wanted = [one.with_travel() for one in self._with_contact_samples(end, wanted)]
         finite = self._go(end, wanted)
         elongation_range = bound.range
-        self._range_met = self._range(elongation_range, finite)
-        if not (finite and self._allows(self._range_met, end)):
+        self._attempt_range = self._range(elongation_range, finite)
+        if not (finite and self._allows(self._attempt_range, end)):
             return False
         if self._monitor is not None and not self._is_clear(steps, end, wanted):
             return False
-        self.reached = self._point(end, widened(self.point.elongation_range, elongation_range))
+        self.reached = self._point(end, union_of(self.point.elongation_range, elongation_range))
         return True
 
     def accept(self) -> None:
-        """Go on from what the last attempt reached."""
-        self._unseen = self.reached.done - self.point.done
+        """Accept the result of the last attempt."""
+        self._unchecked = self.reached.done - self.point.done
         self.point = self.reached
 
     @property
     def most(self) -> int:
-        """Steps that an attempt should do at most."""
-        if self._monitor is not None and self._unseen:
-            steps, travel, u = self._unseen, self._bound.travel, self.point.u[: self._sites]
-            self._unseen = 0
+        """Largest number of steps of the next attempt."""
+        if self._monitor is not None and self._unchecked:
+            steps, travel, u = self._unchecked, self._bound.travel, self.point.u[: self._sites]
+            self._unchecked = 0
             if self._monitor.fraction_used(travel) < 1:
                 self._monitor.accept(u, travel)
             elif steps > 1:
@@ -201,47 +212,47 @@ class Motion:
         return min(self._most, self._at_once)
 
     def _go(self, end: int, wanted: Any) -> bool:
-        """Advance the loop; whether that is finite."""
-        self._found = self._bound.go(self.point.done, end, wanted)
-        return not self._found
+        """Advance the loop; whether the result is finite."""
+        self._loop_status = self._bound.go(self.point.done, end, wanted)
+        return not self._loop_status
 
-    def _point(self, end: int, elongation_range: Array) -> Point:
+    def _point(self, end: int, elongation_range: Array) -> MotionState:
         bound = self._bound
-        return Point(
+        return MotionState(
             end,
             bound.u.copy(),
             bound.v.copy(),
-            tuple(x.copy() for x in bound.shown),
+            tuple(x.copy() for x in bound.output),
             elongation_range,
         )
 
     def _range(self, elongation_range: Array, finite: bool) -> Array:
-        """Elongations to be allowed: a method that evaluates forces elsewhere ends at others."""
+        """Range to be checked; methods that evaluate forces elsewhere add that of the end state."""
         if not finite or isinstance(self.problem.method, (Splitting, Corrected)):
             return elongation_range
-        return widened(
-            elongation_range, self._listed.ranges_at(self._bound.shown[0][: self._sites])
+        return union_of(
+            elongation_range, self._listed.ranges_at(self._bound.output[0][: self._sites])
         )
 
     def _allows(self, elongation_range: Array, end: int) -> bool:
         return self._guard.is_inside(elongation_range) and self._guard.allows(elongation_range)
 
     def _is_clear(self, steps: int, end: int, wanted: Any) -> bool:
-        """Whether no unlisted contact can have formed, as the way travelled says, or states on the
-        way, or at last those after all steps."""
+        """Whether no contact outside the list can have formed, by the distance travelled, or by the
+        states sampled, or by those after every step."""
         share = self._monitor.fraction_used(self._bound.travel)
         if share < 1:
             return True
         if steps == 1:
             self._monitor.verify(self._bound.u[: self._sites], end * self.dt)
             return True
-        if self._samples_do and (self._keeps(end, wanted) or self._keeps_each(end)):
+        if self._samples_do and (self._samples_clear(end, wanted) or self._each_step_clear(end)):
             return True
         self._most = max(1, min(steps // 2, int(SAFETY_FACTOR * steps / share)))
         return False
 
-    def _keeps(self, end: int, wanted: Any, each: bool = False) -> bool:
-        """Whether that which has most states on the way says that nothing unlisted touched."""
+    def _samples_clear(self, end: int, wanted: Any, each: bool = False) -> bool:
+        """Whether the longest list of sampled states excludes contacts outside the list."""
         found = max(
             (one for one in wanted if one.travel is not None),
             key=lambda one: len(one.at),
@@ -249,7 +260,7 @@ class Motion:
         )
         if found is None or not len(found.at):
             return False
-        first, last = (x.shown[0][None, : self._sites] for x in (self.point, self._bound))
+        first, last = (x.output[0][None, : self._sites] for x in (self.point, self._bound))
         rows, travel = [first, found.u], found.travel
         if found.at[-1] < end:
             rows, travel = [*rows, last], np.append(travel, self._bound.travel)
@@ -257,32 +268,33 @@ class Motion:
             np.concatenate(rows), np.diff(travel, prepend=0.0), each
         )
 
-    def _with_looks(self, end: int, wanted: Any) -> Any:
-        """What is wanted, and some states on the way where nobody else wants as many."""
+    def _with_contact_samples(self, end: int, wanted: Any) -> Any:
+        """The requested states, and samples to search for contacts unless as many are requested."""
         done, states = self.point.done, [len(one.at) for one in wanted if one.v is not None]
-        large = LOOKS * math.prod(self._listed.shape) > ROOM
-        if large or not self._samples_do or end - done <= LOOKS or max(states, default=0) >= LOOKS:
+        large = SAMPLES * math.prod(self._listed.shape) > ROOM
+        enough = end - done <= SAMPLES or max(states, default=0) >= SAMPLES
+        if large or enough or not self._samples_do:
             return wanted
-        at = done + (end - done) * np.arange(1, LOOKS + 1) // LOOKS
-        return [*wanted, Wanted(at, *np.empty((2, LOOKS, *self._listed.shape)))]
+        at = done + (end - done) * np.arange(1, SAMPLES + 1) // SAMPLES
+        return [*wanted, Wanted(at, *np.empty((2, SAMPLES, *self._listed.shape)))]
 
-    def _keeps_each(self, end: int) -> bool:
-        """The same by all states on the way, once more, which is not taken apart."""
+    def _each_step_clear(self, end: int) -> bool:
+        """The same by the states after every step, for which the attempt is repeated."""
         done, shape = self.point.done, self._listed.shape
-        if (end - done) * math.prod(shape) > LOOKED:
+        if (end - done) * math.prod(shape) > MOST_RESAMPLED:
             return False
         rows = np.empty((2, end - done, *shape))
         every = Wanted(done + 1 + np.arange(end - done), *rows).with_travel()
         self.restore()
         self._bound.forget_range()
         self._go(end, [every])
-        return self._keeps(end, [every], each=True)
+        return self._samples_clear(end, [every], each=True)
 
     def _list_anew(self) -> None:
-        """Go on with the contacts that may form from here on."""
+        """Renew the list of contacts that may form."""
         if self._monitor is None or not self._monitor.needs_new_list():
             return
-        listed = self.problem.moved.listed(self._monitor.at)
+        listed = self.problem.loop_dynamics.listed(self._monitor.at)
         if listed is self._listed:
             return
         elongation_range, fastest = np.zeros((len(listed.springs), 2)), self.fastest
@@ -294,26 +306,57 @@ class Motion:
         self._short = None
         self.restore()
 
-    # what was reached
+    # accepted state
 
     @property
     def fastest(self) -> float:
-        """Bound on the largest angular frequency over all elongations met [rad/s]."""
+        """Bound on the largest angular frequency over all elongations reached [rad/s]."""
         within = self._listed.stiffness_bounds(self.point.elongation_range)
         return max(self._fastest, self._listed.spring_frequency_bound(within))
 
     @property
     def done(self) -> int:
-        """Steps."""
+        """Number of steps done."""
         return self.point.done
 
     def energies(self, t: Array, u: Array, v: Array) -> Array:
-        """Total energies of rows [J]."""
+        """Total energies of states.
+
+        Parameters
+        ----------
+        t : ndarray, (rows,)
+            Instants [s].
+        u, v : ndarray, (rows, *shape)
+            [m], [m/s]
+
+        Returns
+        -------
+        ndarray, (rows,)
+            [J]
+        """
         return self.dynamics.energies(u, v)
 
     def between(self, step: int, part: float, u: Array, v: Array, impulse: Any, sums: Any) -> None:
-        """From the state after some steps go on by `part` [s], a shorter step of the method, in
-        place; see `Wanted` for the arrays."""
+        """Advance an output state in place by one shorter step of the method.
+
+        Parameters
+        ----------
+        step : int
+            Number of steps after which the state is reached.
+        part : float
+            Length of the shorter step [s].
+        u, v : ndarray, shape of the scene
+            State [m, m/s].
+        impulse : ndarray, (walls, dim), or None
+            Impulses received by walls [N s].
+        sums : ndarray, (2,), or None
+            Work and loss [J].
+
+        Raises
+        ------
+        LockingError, StabilityError
+            The shorter step fails.
+        """
         bound, sites = self._shorter(part), self._sites
         walls = slice(sites, sites + self.dynamics.wall_count)
         for array, rows in ((bound.u, u), (bound.v, v)):
@@ -325,8 +368,8 @@ class Motion:
         bound.advance(1)
         elongation_range = bound.range
         if not (np.isfinite(bound.u).all() and self._guard.is_inside(elongation_range)):
-            self._range_met, shown = elongation_range, (bound.u, bound.v)
-            raise self._explained(step * self.dt + part, elongation_range, shown)
+            self._attempt_range, output = elongation_range, (bound.u, bound.v)
+            raise self._diagnosed(step * self.dt + part, elongation_range, output)
         u[...], v[...] = bound.u[:sites], bound.v[:sites]
         if impulse is not None:
             impulse[...] = bound.v[walls]
@@ -341,22 +384,22 @@ class Motion:
         self._short.set_step(part)
         return self._short
 
-    # what went wrong
+    # errors
 
     def error(self) -> LockingError | StabilityError:
-        """Why an attempt at a single step failed."""
-        if self._found == STOPPED:
+        """The error by which an attempt of a single step failed."""
+        if self._loop_status == STOPPED:
             return self._bound.why_stopped()
         t = (self.point.done + 1) * self.dt
-        return self._explained(t, self._range_met, self._bound.shown)
+        return self._diagnosed(t, self._attempt_range, self._bound.output)
 
-    def _explained(
-        self, t: float, elongation_range: Array, shown: Any
+    def _diagnosed(
+        self, t: float, elongation_range: Array, output: Any
     ) -> LockingError | StabilityError:
-        """What went wrong in the step that ended at t, with these rows."""
-        listed, u = self._listed, shown[0][: self._sites]
+        """The error of the step that ended at t [s] in a state with these rows."""
+        listed, u = self._listed, output[0][: self._sites]
         if not np.isfinite(u).all():
-            u, v = (x[: self._sites] for x in self.point.shown[:2])
+            u, v = (x[: self._sites] for x in self.point.output[:2])
             u = u + self.dt * v
         low, high = self._guard.domains.T
         for row, side in np.argwhere(
@@ -376,7 +419,8 @@ class Motion:
         return self._too_coarse(t, u, elongation_range)
 
     def _barrier(self, spring: Any, side: int) -> Any:
-        """The energy at the end of a spring's domain, if the scene has less, and what it has."""
+        """Energy at the end of a spring's domain and that of the scene [J], if the latter is less;
+        otherwise None."""
         barrier = float(spring.derivative(0, spring.reach[side], closed=True))
         given = self.dynamics.available_energy(self.problem.state)
         return (barrier, given) if given < barrier else None
@@ -390,8 +434,8 @@ class Motion:
         )
 
 
-def widened(ranges: Array, others: Array) -> Array:
-    """The least ranges (springs, 2) that hold both."""
+def union_of(ranges: Array, others: Array) -> Array:
+    """The smallest ranges, (springs, 2), that contain both."""
     found = np.empty(ranges.shape)
     np.minimum(ranges[:, 0], others[:, 0], out=found[:, 0])
     np.maximum(ranges[:, 1], others[:, 1], out=found[:, 1])

@@ -1,5 +1,5 @@
-"""What is to be run, and how large a step may be: elongations that springs can reach, and how stiff
-they are there."""
+"""The problem that a run solves, and bounds on its step: elongations that the springs can reach,
+and their stiffness there."""
 
 from __future__ import annotations
 
@@ -20,20 +20,22 @@ if TYPE_CHECKING:
     from tensegrity.typing import Array, Indices
 
 
-ENERGIES = 8  # to a factor of two between which nothing is asked again
-FEWEST, REMEMBERED = 0.5, 4096  # share of the energy where a tolerance decides; answers kept
+ENERGIES = 8  # energies per factor of two for which bounds are computed
+ENERGY_FRACTION = 0.5  # of the energy, in one bond, for the first step where a tolerance decides
+CACHED = 4096  # numbers in cached ranges of a scene
 
 
 class AprioriBounds:
-    """What is known of a run before it begins, whatever its method and step.
+    """Bounds on elongation, stiffness and frequency before a run, for any method and step.
 
     Parameters
     ----------
     dynamics : Dynamics
-        Of the scene.
+        Dynamics of the scene.
     state : State
+        Initial state.
     energy : float, optional
-        That of the state [J], if it is known.
+        Energy of the state [J], if it is known.
     """
 
     def __init__(self, dynamics: Dynamics, state: State, energy: float | None = None) -> None:
@@ -41,7 +43,7 @@ class AprioriBounds:
         self._known: tuple[Dynamics, float] | None = None
 
     def _nearest(self) -> tuple[Dynamics, float]:
-        """That with contacts that may well form, and the energy that a spring could get."""
+        """The dynamics with contacts that may form, and the energy a spring can receive [J]."""
         if self._known is None:
             found = self._dynamics.nearest(self._state.u)
             given = self._given if found is self._dynamics else None
@@ -49,25 +51,25 @@ class AprioriBounds:
         return self._known
 
     @cached_property
-    def expected(self) -> Reach:
-        """What springs can reach with all the energy."""
-        return reach(*self._nearest())  # not rounded, which would depend on the units
+    def expected(self) -> StiffnessBounds:
+        """Bounds if a spring receives all the energy."""
+        return bounds_at_energy(*self._nearest())  # not rounded, which would depend on the units
 
     @cached_property
     def first_frequency(self) -> float:
-        """Angular frequency [rad/s] were half of the energy to meet in one bond."""
+        """Bound on the angular frequency [rad/s] if one bond receives half of the energy."""
         found, energy = self._nearest()
-        return reach(found, rounded(FEWEST * energy)).frequency
+        return bounds_at_energy(found, rounded(ENERGY_FRACTION * energy)).frequency
 
     @cached_property
     def near(self) -> tuple[Indices, Indices]:
-        """What is near at the start and has to be watched."""
+        """Pairs of sites that are close at the start, whose separation has to be monitored."""
         return self._dynamics.clearance.near_contacts(self._state.u)
 
 
-class Reach(NamedTuple):
-    """Elongations that springs of a scene can come to, (springs, 2) [m], how stiff each is at
-    most there [N/m], and the angular frequency that this bounds [rad/s]."""
+class StiffnessBounds(NamedTuple):
+    """Elongations that the springs of a scene can reach, (springs, 2) [m], the largest stiffness of
+    each there [N/m], and the resulting bound on the angular frequency [rad/s]."""
 
     ranges: Array
     stiffness: Array
@@ -75,43 +77,44 @@ class Reach(NamedTuple):
 
 
 def rounded(energy: float) -> float:
-    """An energy [J], or slightly more, so that what it makes of others nearby is known."""
+    """An energy [J] rounded up slightly, so that bounds computed for nearby energies are reused."""
     if not 0 < energy < math.inf:
         return energy
     return 2.0 ** (math.ceil(ENERGIES * math.log2(energy)) / ENERGIES)
 
 
-def reach(of: Dynamics, energy: float) -> Reach:
-    """What springs can reach with an energy [J]; computed once."""
-    known = of.reached
+def bounds_at_energy(dyn: Dynamics, energy: float) -> StiffnessBounds:
+    """Bounds if each spring receives an energy [J]; cached with the dynamics."""
+    known = dyn.reached
     found = known.get(energy)
     if found is None:
-        ranges = within(of, energy)
-        stiffness = of.stiffness_bounds(ranges)
-        found = Reach(ranges, stiffness, of.spring_frequency_bound(stiffness))
-        if len(known) * len(ranges) > REMEMBERED:
+        ranges = reachable_ranges(dyn, energy)
+        stiffness = dyn.stiffness_bounds(ranges)
+        found = StiffnessBounds(ranges, stiffness, dyn.spring_frequency_bound(stiffness))
+        if len(known) * len(ranges) > CACHED:
             known.clear()
         known[energy] = found
     return found
 
 
-def within(of: Dynamics, energy: float) -> Array:
-    """Elongations each spring of a scene can reach if it gets an energy [J].
+def reachable_ranges(dyn: Dynamics, energy: float) -> Array:
+    """Elongations that each spring of a scene can reach with an energy [J].
 
-    Where that is the end of its domain, or where the sites of a bond come to the same place, the
-    stiffness has no bound: half the way is returned, and the run itself has to watch.
+    Where this includes the end of its domain, or the coincidence of the two sites of a bond, the
+    stiffness is unbounded: half of that distance is returned, and the run is monitored.
 
     Returns
     -------
     ndarray, (springs, 2)
+        Smallest and largest elongation [m].
     """
-    springs = of.springs
+    springs = dyn.springs
     ranges, locks = springs.reachable(energy)
     if locks.any():
         half = springs.domains[locks] / 2
         ranges[locks, 0] = np.maximum(ranges[locks, 0], half[:, 0])
         ranges[locks, 1] = np.minimum(ranges[locks, 1], half[:, 1])
-    np.maximum(ranges[:, 0], of.zero_length_elongation / 2, out=ranges[:, 0])
+    np.maximum(ranges[:, 0], dyn.zero_length_elongation / 2, out=ranges[:, 0])
     return ranges
 
 
@@ -120,13 +123,26 @@ MOST_STEPS = 10**12
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """What is to be run, the step apart, of which `given` says what a user asked for [s].
+    """All that defines a run except its step.
 
-    `surrogate` is the scene with springs that are fitted to those of `scene`: it is moved, while
-    checks and recorded energies are those of `scene`.  `choice` says what chose the step: "dt",
-    "tol" or "default".  Of a trial `rows` may be left out.  The `a_priori` is that of the scene and
-    the state.  `observe` are pairs of a user's function and a record that says when it is called,
-    and `bind` is what binds arrays u, v to a method and a step [s], if that is not the scene.
+    Attributes
+    ----------
+    scene, state, t_end, method, record
+        The arguments of `simulate`.
+    surrogate : Scene, optional
+        The scene with polynomials fitted to its springs: it is advanced, while checks and recorded
+        energies are those of `scene`.
+    choice : {"dt", "tol", "default"}
+        How the step is chosen.
+    rows : bool
+        Whether rows are recorded; a trial run may go without.
+    a_priori : AprioriBounds
+    given : float, optional
+        The step that the user gave [s].
+    observe : tuple of (callable, Record)
+        Functions of a user, and the instants at which they are called.
+    bind : callable (u, v, method, dt) -> Bound, optional
+        Prepares the loop, if it is not that of the scene.
     """
 
     scene: Any
@@ -148,41 +164,41 @@ class Problem:
 
     @property
     def dynamics(self):
-        """That of the scene."""
+        """Dynamics of the scene."""
         return dynamics(self.scene)
 
     @property
-    def moved(self):
-        """That of what the loop advances."""
+    def loop_dynamics(self):
+        """Dynamics of the scene that the loop advances: the surrogate, if there is one."""
         return dynamics(self.scene if self.surrogate is None else self.surrogate)
 
     @property
     def is_forced(self):
-        """Whether time counts."""
+        """Whether the scene is driven, damped or tuned."""
         return self.dynamics.is_driven
 
     @property
     def force_model(self):
-        """What the tensions of the springs are computed by."""
-        return self.moved.springs.force_model
+        """How the tensions of the springs are computed."""
+        return self.loop_dynamics.springs.force_model
 
     def largest_step(self, omega):
         """Stability limit [s] at an angular frequency [rad/s]; inf where it is 0."""
         return self.method.stability_limit / omega if omega > 0 else math.inf
 
     def step_words(self, dt):
-        """A step as it was given, and what it became to divide the time evenly."""
+        """Text for messages: the given step, and the step that divides the time evenly."""
         if self.given is None or math.isclose(self.given, dt, rel_tol=1e-5):
             return f"dt {dt:.6g} s"
         return f"dt {self.given:.6g} s, that is steps of {dt:.6g} s,"
 
     def natural_step(self, omega):
-        """The step [s] that fractions are taken of, at an angular frequency [rad/s]."""
+        """The step [s] of which default steps are a fraction, at an angular frequency [rad/s]."""
         return self.method.scale / omega if omega > 0 else math.inf
 
 
-def count(problem, dt):
-    """Number of steps, the largest not above dt; refused where no run could end."""
+def step_count(problem, dt):
+    """Number of equal steps that are the largest not above dt [s]; refused above `MOST_STEPS`."""
     steps = problem.t_end / dt * (1 - 1e-12) if dt > 0 else math.inf
     if steps > MOST_STEPS:
         raise StabilityError(
@@ -192,38 +208,38 @@ def count(problem, dt):
     return math.ceil(steps)
 
 
-KNOWN = 4  # ranges whose stiffness a scene remembers
+KNOWN = 4  # ranges whose stiffness is cached with a scene
 
 
-class Guard:
-    """Says of elongations that a run met whether its step is below the stability limit there.
+class StabilityGuard:
+    """Checks whether the step of a run is stable at the elongations that it reached.
 
     Parameters
     ----------
     problem : Problem
     dynamics : Dynamics
-        Of what is moved, with the contacts that are listed.
+        Dynamics of the scene that is advanced, with the listed contacts.
     dt : float
-        [s]
+        Step [s].
     allowed : float
-        Share of the stability limit.
+        Admissible fraction of the stability limit.
 
     Attributes
     ----------
     domains : ndarray, (springs, 2)
-        Elongations that the springs can follow [m].
+        Elongations at which the springs are defined [m].
     limit : float
-        Stability limit within the ranges that were looked at last [s].
+        Stability limit within the ranges checked last [s].
     """
 
     def __init__(self, problem, dynamics, dt, allowed) -> None:
         self._problem, self._dynamics, self._dt, self._allowed = problem, dynamics, dt, allowed
         self.domains, self.limit = dynamics.springs.reach, math.inf
-        self._safe = None  # ranges of elongation known to be allowed
+        self._admissible = None  # ranges of elongation known to be allowed
         self._stiffness = None  # bound of each spring's within them [N/m]
 
     def is_inside(self, elongation_range):
-        """Whether elongations, (springs, 2), are within the domains."""
+        """Whether elongations, (springs, 2) [m], are within the domains."""
         if len(elongation_range) == 1:
             ((low, high),), ((lowest, highest),) = elongation_range.tolist(), self.domains.tolist()
             return not (low <= lowest or high >= highest)
@@ -234,21 +250,21 @@ class Guard:
 
     def allows(self, elongation_range):
         """Whether the step is stable at elongations within the domains."""
-        if self._safe is None:
-            self._safe = np.zeros(self.domains.shape)
-        if _are_within(elongation_range, self._safe) or self.is_known(elongation_range):
+        if self._admissible is None:
+            self._admissible = np.zeros(self.domains.shape)
+        if _are_within(elongation_range, self._admissible) or self.is_known(elongation_range):
             return True
         if self._stiffness is None:
-            if self._expects():
+            if self._adopts_a_priori():
                 return self.allows(elongation_range)
-            self._stiffness = self._dynamics.stiffness_bounds(self._safe)
+            self._stiffness = self._dynamics.stiffness_bounds(self._admissible)
         below, above = (
-            elongation_range[:, 0] < self._safe[:, 0],
-            elongation_range[:, 1] > self._safe[:, 1],
+            elongation_range[:, 0] < self._admissible[:, 0],
+            elongation_range[:, 1] > self._admissible[:, 1],
         )
         grown, (low, high) = np.flatnonzero(below | above), self.domains.T
-        for margin in (0.1, 0.01, 0.0):  # wider than met, so as not to ask again soon
-            wider = self._safe.copy()
+        for margin in (0.1, 0.01, 0.0):  # wider than reached, so that checks are rare
+            wider = self._admissible.copy()
             wider[below, 0] = _towards(low[below], elongation_range[below, 0], margin)
             wider[above, 1] = _towards(high[above], elongation_range[above, 1], margin)
             stiffness = self._stiffness.copy()
@@ -256,24 +272,24 @@ class Guard:
             omega = self._dynamics.spring_frequency_bound(stiffness)
             self.limit = self._problem.largest_step(omega)
             if self._dt <= self._allowed * self.limit:
-                self._safe, self._stiffness = wider, stiffness
+                self._admissible, self._stiffness = wider, stiffness
                 self._dynamics.ranges.append((wider, stiffness, omega))
                 del self._dynamics.ranges[:-KNOWN]
                 return True
         return False
 
     def is_known(self, elongation_range):
-        """Whether another run of the scene met as much, which a step like this one can take."""
+        """Whether another run of the scene found this step stable over a range that contains it."""
         least = self._dt / self._allowed
         for ranges, stiffness, omega in self._dynamics.ranges:
             limit = self._problem.largest_step(omega)
             if least <= limit and _are_within(elongation_range, ranges):
-                self._safe, self._stiffness, self.limit = ranges, stiffness, limit
+                self._admissible, self._stiffness, self.limit = ranges, stiffness, limit
                 return True
         return False
 
-    def _expects(self):
-        """Whether the ranges that chose the step are allowed: then nothing is asked within."""
+    def _adopts_a_priori(self):
+        """Whether the step is stable within the a-priori ranges; these are admissible then."""
         problem = self._problem
         if problem.choice != "default" or self._dynamics is not problem.dynamics:
             return False
@@ -281,12 +297,12 @@ class Guard:
         limit = problem.largest_step(omega)
         if self._dt > self._allowed * limit:
             return False
-        self._safe, self._stiffness, self.limit = ranges, stiffness, limit
+        self._admissible, self._stiffness, self.limit = ranges, stiffness, limit
         return True
 
 
 def _are_within(elongation_range, ranges):
-    """Whether elongations are within ranges, which is cheap to say of a single spring."""
+    """Whether elongations are within ranges; a single spring is compared without NumPy."""
     if len(elongation_range) == 1:
         ((low, high),), ((lowest, highest),) = elongation_range.tolist(), ranges.tolist()
         return lowest <= low and high <= highest
@@ -297,6 +313,6 @@ def _are_within(elongation_range, ranges):
 
 
 def _towards(end, elongation_range, margin):
-    """An elongation beyond the one met by a margin, short of the end of the domain."""
+    """An elongation beyond the given one by a margin, short of the end of the domain."""
     room = np.where(np.isfinite(end), end - elongation_range, 10 * elongation_range)
     return elongation_range + margin * room

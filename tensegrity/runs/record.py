@@ -1,7 +1,7 @@
-"""What is wanted of a run: the instants of a `Record`, and observers, which get states at these.
+"""Output of a run: the instants of a `Record`, and observers, which receive the states there.
 
-Before each attempt an observer says which states it wants of it and gives room for them; it takes
-them once the attempt stands.
+Before each attempt an observer requests states and provides arrays for them; it takes these once
+the attempt is accepted.
 """
 
 from __future__ import annotations
@@ -29,54 +29,65 @@ if TYPE_CHECKING:
 
     from tensegrity.typing import Array, Indices
 
-    Watching: TypeAlias = Callable[[float, Array, Array], Any]
+    ObserverFunction: TypeAlias = Callable[[float, Array, Array], Any]
     Observe: TypeAlias = (
-        Watching | tuple[Watching, "Record"] | Sequence[Watching | tuple[Watching, "Record"]]
+        ObserverFunction
+        | tuple[ObserverFunction, "Record"]
+        | Sequence[ObserverFunction | tuple[ObserverFunction, "Record"]]
     )
 
 
-INSTANTS = 500  # kept by default
-SMALL = 4_000_000  # bytes that are not asked for
-PER_INSTANT = 48  # bytes of memory for the numbers of the recorded steps, at most
-ROUND_OFF = 16 * np.finfo(float).eps  # relative: an instant so near to a step's end is that
+INSTANTS = 500  # recorded by default
+SMALL = 4_000_000  # bytes for which free memory is not checked
+PER_INSTANT = 48  # most bytes of memory for the numbers of one recorded instant
+ROUND_OFF = 16 * np.finfo(float).eps  # relative: an instant this close to the end of a step is it
 
 
 @dataclass(frozen=True)
 class Record:
     """What to record during a run.
 
-    Of `every`, `times` and `interval` at most one is given; by default about 500 instants are
-    kept, whatever the number of steps.  What is recorded changes no bit of the run itself.
+    At most one of `every`, `times` and `interval` is given; by default about 500 instants are
+    recorded, whatever the number of steps.  The record changes no bit of the run itself.
 
     Parameters
     ----------
     every : int, optional
-        Keep every k-th step; the first and the last are always kept.
+        Record every k-th step; the first and the last are always recorded.
     times : sequence of float, optional
-        Keep these instants [s], increasing, from 0 to the end of the run.  Where one falls inside
-        a step, a copy of the state before does a shorter step of the same method to it: the
-        values are of the method's order, like those at its steps.
+        Record these instants [s], increasing, from 0 to the end of the run.  For an instant inside
+        a step, a copy of the state before it is advanced by a shorter step of the same method:
+        the values are of the method's order, like those at its steps.
     interval : float, optional
-        Keep 0, this [s], twice this and so on, and the end of the run; as `times`.
+        Record at 0, at the multiples of this interval [s] and at the end of the run; as `times`.
     sites : sequence of int, optional
-        Sites to keep, in that order; by default all.
+        Sites to record, in this order; by default all.
     path : str or path, optional
-        A new .npy file for the rows, which then need no memory but 48 bytes each for their
-        numbers.  It is whole after every row, also if the process is killed:
-        numpy.load(path, mmap_mode="r") gives a structured array with fields t, energy, u, v; and
-        work, loss of scenes that are driven, damped or tuned.  Another run of the same path is
+        A new .npy file for the rows, which then take no memory except 48 bytes per instant.  The
+        file is valid after every row, even if the process is killed:
+        numpy.load(path, mmap_mode="r") gives a structured array with fields t, energy, u, v, and
+        work, loss of scenes that are driven, damped or tuned.  Another run with the same path is
         refused before it writes.
     checkpoint : float, optional
-        With a path: after so many seconds of computing, and when a run ends, also by an error or
-        by Ctrl-C, its whole state is kept in a file beside the rows, named as they with
-        .state.npz added, for `resume`.  0 keeps it after every block of steps.  With a `tol`
-        forces are exact then.
+        With a path: interval of computing time [s] after which the whole state is saved for
+        `resume`, to a file named like that of the rows with .state.npz added; also saved when the
+        run ends, be it by an error or by Ctrl-C.  0 saves it after every block of steps.  With a
+        `tol`, no forces are fitted then.
 
     Raises
     ------
     TensegrityError
-        Two ways to say when; no whole number, no increasing times, no path; what a scene does not
-        have or a run does not reach is refused when it begins.
+        More than one of `every`, `times` and `interval`; a number, time or path that is invalid.
+        Sites that the scene does not have and times after the end are refused when a run begins.
+
+    Examples
+    --------
+    >>> from tensegrity import Chain, PowerLaw, Record, simulate
+    >>> chain = Chain(PowerLaw(1.0, 1.5), sites=5)
+    >>> record = Record(interval=2.0, sites=[0, 4])
+    >>> run = simulate(chain, chain.at_rest({0: 1.0}), 6.0, record=record)
+    >>> print(run.t, run.u.shape)
+    [0. 2. 4. 6.] (4, 2)
     """
 
     every: int | None = None
@@ -102,10 +113,10 @@ class Record:
             object.__setattr__(self, "interval", interval)
         if self.sites is not None:
             sites = check.sequence("sites", self.sites, "site numbers")
-            kept = tuple(check.whole("site", s, least=0) for s in sites)
-            if not kept:
+            numbers = tuple(check.whole("site", s, least=0) for s in sites)
+            if not numbers:
                 raise TensegrityError("sites is empty: nothing to record")
-            object.__setattr__(self, "sites", kept)
+            object.__setattr__(self, "sites", numbers)
         if self.path is not None:
             object.__setattr__(self, "path", check.path("path", self.path))
         if self.checkpoint is not None:
@@ -116,34 +127,34 @@ class Record:
 
     @property
     def is_plain(self) -> bool:
-        """Whether rows are at steps, and in memory."""
+        """Whether rows are taken at steps only, and held in memory."""
         return self.path is None and self.times is None and self.interval is None
 
     @property
     def instants(self) -> Record:
-        """The same instants of all sites, in memory."""
+        """A record of all sites in memory at the same instants."""
         return Record(every=self.every, times=self.times, interval=self.interval)
 
     @property
-    def state_path(self) -> Path | None:
-        """The file of the whole state, or None."""
-        return None if self.checkpoint is None else beside(self.path)  # type: ignore[arg-type]
+    def checkpoint_path(self) -> Path | None:
+        """Path of the checkpoint file, or None where no checkpoint is requested."""
+        return None if self.checkpoint is None else checkpoint_path(self.path)  # type: ignore[arg-type]
 
     def check(self, sites: int, t_end: float = math.inf) -> None:
-        """Refuse sites that a scene does not have, instants that a run does not reach, and a path
-        that cannot be a new file."""
+        """Refuse sites that a scene does not have, times after the end of the run, and a path where
+        no new file can be made."""
         self.columns(sites)
         if self.times is not None and self.times[-1] > t_end * (1 + ROUND_OFF):
             late = next(t for t in self.times if t > t_end * (1 + ROUND_OFF))
             raise TensegrityError(f"time {late:.17g} s to record is after the end, {t_end:.17g} s")
-        for path in (self.path, self.state_path):
+        for path in (self.path, self.checkpoint_path):
             if path is not None and path.exists():
                 raise TensegrityError(f"record path {path} exists; delete it or choose another")
         if self.path is not None and not self.path.parent.is_dir():
             raise TensegrityError(f"record path {self.path}: there is no folder {self.path.parent}")
 
     def columns(self, sites: int) -> Any:
-        """Numbers of the recorded sites of a scene, or a slice of all."""
+        """Indices of the recorded sites, or a slice of all; refuses sites that do not exist."""
         if self.sites is None:
             return slice(None)
         if max(self.sites) >= sites:
@@ -151,8 +162,21 @@ class Record:
         return list(self.sites)
 
     def check_room(self, total: int, t_end: float, shape: tuple[int, ...]) -> None:
-        """Refuse rows in memory, of a run of at least `total` steps of a scene of that shape, for
-        which there is no room."""
+        """Refuse a record that does not fit into memory.
+
+        Parameters
+        ----------
+        total : int
+            Least number of steps of the run.
+        t_end : float
+            Duration [s].
+        shape : tuple of int
+            Of u, (sites,) or (sites, dim).
+
+        Raises
+        ------
+        TensegrityError
+        """
         if self.path is not None:
             return
         count: float = total // (self.every or max(1, -(-total // INSTANTS)))
@@ -161,21 +185,21 @@ class Record:
         elif self.interval is not None:
             count = t_end / self.interval
         sites = shape[0] if self.sites is None else len(self.sites)
-        need_memory(8 * count * (2 + 2 * sites * math.prod(shape[1:])))
+        require_memory(8 * count * (2 + 2 * sites * math.prod(shape[1:])))
 
-    def plan(self, total: int, t_end: float) -> Plan:
-        """The instants of a run of `total` steps to `t_end`."""
+    def plan(self, total: int, t_end: float) -> OutputTimes:
+        """The output times of a run of `total` steps to `t_end` [s]."""
         if self.times is None and self.interval is None:
             return _evenly(self.every or max(1, -(-total // INSTANTS)), total, t_end)
         t = np.array([]) if self.times is None else np.array(self.times)
         if self.interval is not None:
             count = t_end / self.interval * (1 + ROUND_OFF)
-            need_memory(PER_INSTANT * (count + 2))
+            require_memory(PER_INSTANT * (count + 2))
             t = self.interval * np.arange(math.floor(count) + 1)
             t[-1] = t_end if t_end - t[-1] <= ROUND_OFF * t_end else t[-1]
             t = t if t[-1] == t_end else np.append(t, t_end)
         if not total:
-            return Plan(
+            return OutputTimes(
                 np.zeros(len(t), dtype=int), np.zeros(len(t)), t, np.zeros(len(t), dtype=int)
             )
         dt = t_end / total
@@ -183,22 +207,22 @@ class Record:
         there = np.abs(t - nearest * dt) <= ROUND_OFF * t
         whole = np.where(there, nearest, np.floor(t / dt))
         part = np.where(there, 0.0, t - whole * dt)
-        return Plan(whole.astype(int), part, t, whole.astype(int) + (part > 0))
+        return OutputTimes(whole.astype(int), part, t, whole.astype(int) + (part > 0))
 
 
-class Plan(NamedTuple):
-    """The instants to record, in the steps of a run.
+class OutputTimes(NamedTuple):
+    """The instants to record, in terms of the steps of a run.
 
     Attributes
     ----------
     step : ndarray of int, (instants,)
-        Steps done at each, or before it.
+        Number of whole steps up to each instant.
     part : ndarray, (instants,)
-        Time from there to the instant [s].
+        Time from the end of that step to the instant [s].
     t : ndarray, (instants,)
-        [s]
+        Instants [s].
     due : ndarray of int, (instants,)
-        Steps that have to be done for each.
+        Number of steps after which each can be recorded.
     """
 
     step: Indices
@@ -207,22 +231,34 @@ class Plan(NamedTuple):
     due: Indices
 
 
-@lru_cache(maxsize=64)  # of runs that are compared with each other, and again
-def _evenly(every: int, total: int, t_end: float) -> Plan:
-    """Every so many steps, and the last one."""
-    need_memory(PER_INSTANT * (total // every + 2))
+@lru_cache(maxsize=64)  # trial runs with the same steps share them
+def _evenly(every: int, total: int, t_end: float) -> OutputTimes:
+    """Output after every so many steps, and after the last one."""
+    require_memory(PER_INSTANT * (total // every + 2))
     step = np.arange(0, total + every, every) if total else np.zeros(1, dtype=int)
     step[-1] = total
-    return Plan(step, np.zeros(len(step)), step * (t_end / (total or 1)), step)
+    return OutputTimes(step, np.zeros(len(step)), step * (t_end / (total or 1)), step)
 
 
-def need_memory(size):
-    """Refuse a record of more bytes than there is memory for."""
+def require_memory(size):
+    """Refuse a record of more bytes than there is free memory."""
     if size > SMALL:
-        refuse_more(size, check.free_memory(), "memory")
+        refuse_oversize(size, check.free_memory(), "memory")
 
 
-def refuse_more(size, room, what):
+def refuse_oversize(size, room, what):
+    """Refuse a record of more than the free memory or disk space.
+
+    Parameters
+    ----------
+    size, room : float
+        Of the record, and free [bytes].
+    what : {"memory", "disk space"}
+
+    Raises
+    ------
+    TensegrityError
+    """
     if size > room:
         raise TensegrityError(
             f"record of {size / 1e9:.3g} GB exceeds the {room / 1e9:.3g} GB of {what}: keep fewer "
@@ -230,14 +266,14 @@ def refuse_more(size, room, what):
         )
 
 
-def beside(path: str | os.PathLike[str]) -> Path:
-    """The file of the whole state beside that of the rows."""
+def checkpoint_path(path: str | os.PathLike[str]) -> Path:
+    """Path of the checkpoint file that belongs to a file of rows."""
     path = Path(path)
     return path.with_name(path.name + ".state.npz")
 
 
 def _increasing(times):
-    """Instants as a tuple of floats, from 0 on."""
+    """Instants as a tuple of increasing floats, not below 0."""
     times = check.sequence("times", times, "instants")
     times = tuple(check.number("time to record", t, least=0, unit="s") for t in times)
     if not times:
@@ -250,8 +286,8 @@ def _increasing(times):
     return times
 
 
-class Instants:
-    """States at the instants of a record.
+class OutputStates:
+    """Observer that receives the states at the instants of a record.
 
     Parameters
     ----------
@@ -259,37 +295,37 @@ class Instants:
     problem : Problem
     motion : Motion
     steps : int
-        Of the whole run.
+        Number of steps of the whole run.
 
     Attributes
     ----------
     count : int
-        Instants that were taken.
+        Number of instants taken so far.
     """
 
     count: int = 0
 
     def __init__(self, record: Record, problem: Any, motion: Any, steps: int) -> None:
-        self._plan, self._of = record.plan(steps, problem.t_end), problem.dynamics
-        self._shapes = [x.shape for x in motion.point.shown]
+        self._plan, self._dynamics = record.plan(steps, problem.t_end), problem.dynamics
+        self._shapes = [x.shape for x in motion.point.output]
         self._is_dense = not record.is_plain and len(self._plan.step) > 1
         self._states = Wanted(self._plan.step[:0], np.empty(0))
 
     def wanted(self, end: int) -> Sequence[Wanted]:
-        """States of an attempt to go on to step `end`."""
+        """States that are due in an attempt to advance to step `end`."""
         first = self.count
         stop = int(self._plan.due.searchsorted(end, side="right"))
         at, here = self._plan.step[first:stop], slice(first, stop)
-        if self._is_dense:  # several in a step take one state
+        if self._is_dense:  # several instants within a step need one state
             at = np.unique(at)
             here = slice(0, len(at))
         self._states = Wanted(at, *self._room(here))
         return [self._states] if stop > first else ()
 
     def _room(self, here: slice) -> tuple[Any, ...]:
-        """Arrays u, v, impulse, sums for the states of some instants."""
-        count, walls, sums = here.stop - here.start, self._of.wall_count, self._shapes[2:]
-        shape = self._of.shape
+        """Empty arrays u, v, impulse and sums for the states of some instants."""
+        count, walls, sums = here.stop - here.start, self._dynamics.wall_count, self._shapes[2:]
+        shape = self._dynamics.shape
         return (
             np.empty((count, *shape)), np.empty((count, *shape)),
             np.empty((count, walls, *shape[1:])) if walls else None,
@@ -297,15 +333,15 @@ class Instants:
         )  # fmt: skip
 
     def due(self, motion: Any) -> range:
-        """Numbers of the instants whose states stand and were not taken."""
+        """Numbers of the instants whose states are accepted and not yet taken."""
         return range(self.count, int(self._plan.due.searchsorted(motion.done, side="right")))
 
     def time(self, k: int) -> float:
-        """Of an instant [s]."""
+        """Time of the instant number k [s]."""
         return float(self._plan.t[k])
 
     def state(self, motion: Any, k: int) -> tuple[Any, ...]:
-        """Copies of u, v, impulse and sums at an instant."""
+        """Copies of u, v, impulse and sums at the instant number k."""
         here = int(self._states.at.searchsorted(self._plan.step[k]))
         arrays = tuple(None if x is None else x[here].copy() for x in self._states[1:5])
         if self._plan.part[k] > 0:
@@ -313,13 +349,10 @@ class Instants:
         return arrays
 
 
-class Samples:
-    """u and v at evenly spaced instants, for comparison with other runs.
+class ComparisonSamples:
+    """Observer that stores u and v at evenly spaced instants, to compare trial runs.
 
-    Attributes
-    ----------
-    rows : ndarray, (2, instants so far, *shape of the scene)
-        u and v.
+    `rows`, (2, instants so far, *shape of the scene), are u [m] and v [m/s].
     """
 
     def __init__(self, shape: tuple[int, ...], steps: int, instants: int) -> None:
@@ -331,32 +364,32 @@ class Samples:
         return self._all[:, : self._count]
 
     def wanted(self, end: int) -> Sequence[Wanted]:
-        """As of `Instants`."""
+        """States that are due in an attempt to advance to step `end`."""
         self._stop = int(self._at.searchsorted(end, side="right"))
         here = slice(self._count, self._stop)
         return [Wanted(self._at[here], *self._all[:, here])] if here.stop > here.start else ()
 
     def take(self, motion: Any) -> None:
-        """Count what was got."""
+        """Accept the states of the last attempt."""
         self._count = self._stop
 
 
-class Watched(Instants):
-    """A function of a user that is called with the states at some instants.
+class UserObserver(OutputStates):
+    """Observer that calls a user's function with the states at some instants.
 
     Parameters
     ----------
     function : callable (t, u, v)
     record : Record
-        When.
+        The instants.
     """
 
-    def __init__(self, function: Watching, record: Record, *rest: Any) -> None:
+    def __init__(self, function: ObserverFunction, record: Record, *rest: Any) -> None:
         super().__init__(record, *rest)
         self.function = function
 
     def ends(self, motion: Any, k: int) -> str | None:
-        """Tell the function of an instant; why the run ends there, if it does."""
+        """Call the function at the instant number k; the reason why the run ends there, or None."""
         self.last = self.state(motion, k)
         for array in self.last[:2]:
             array.flags.writeable = False
@@ -370,17 +403,30 @@ class Watched(Instants):
             return f"{name} raised {check.shown(error)} at t = {t:.6g} s"
 
     def step(self, k: int) -> int:
-        """Steps done before an instant."""
+        """Number of whole steps up to the instant number k."""
         return int(self._plan.step[k])
 
 
-def watching(observe: Any, record: Record, scene: Any, t_end: float) -> list[Any]:
-    """Pairs of a function and when it is called, of what a user gave as `observe`.
+def user_observers(observe: Any, record: Record, scene: Any, t_end: float) -> list[Any]:
+    """Pairs of a function and its record, from the argument `observe` of `simulate`.
+
+    Parameters
+    ----------
+    observe : callable, (callable, Record), a sequence of these, or None
+    record : Record
+        Instants of functions that have no record of their own.
+    scene : Scene
+    t_end : float
+        Duration of the run [s].
+
+    Returns
+    -------
+    list of (callable, Record)
 
     Raises
     ------
     TensegrityError
-        No function, no record, or one of more than instants.
+        Not a function, not a record, or a record that says more than instants.
     """
     if observe is None:
         return []
@@ -399,7 +445,7 @@ def watching(observe: Any, record: Record, scene: Any, t_end: float) -> list[Any
             for name in ("sites", "path", "checkpoint"):
                 if getattr(when, name) is not None:
                     raise TensegrityError(
-                        f"{name} of an observer's record: it says when, every site is observed"
+                        f"{name} in an observer's record: it gives instants only, of all sites"
                     )
             when.check(scene.sites, t_end)
         found.append((function, record.instants if when is None else when))

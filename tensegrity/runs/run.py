@@ -1,4 +1,4 @@
-"""What `simulate` returns: recorded rows, the last state, and how they were made."""
+"""The result of `simulate`: recorded rows, the final state, and how they were computed."""
 
 from __future__ import annotations
 
@@ -58,16 +58,16 @@ def energy_density(run: Any, ax: Axes | None = None) -> Axes:
     return drawn
 
 
-SHOWN = 300  # instants in a notebook's picture
+SHOWN = 300  # most instants in the picture of a notebook
 
 
 def unchecked_replace(one: Frozen, **values: Any) -> Frozen:
-    """The same frozen dataclass with other values, which are known to be right."""
+    """A copy of a frozen dataclass with other values, which are known to be valid."""
     return unchecked(type(one), one.__dict__, **values)
 
 
 def unchecked(kind: type[Frozen], *given: dict[str, Any], **values: Any) -> Frozen:
-    """A frozen dataclass of values that are known to be right, or else its defaults."""
+    """A frozen dataclass built without its checks, from values that are known to be valid."""
     made = object.__new__(kind)
     for some in given:
         made.__dict__.update(some)
@@ -91,32 +91,45 @@ class Run:
         State at the last instant reached.
     method : str
     dt : float
-        Step [s]: the largest not above the one asked for that divides the time evenly.
+        Step [s]: the largest one not above the requested step that divides the time evenly.
     steps : int
-        Steps done.
+        Number of steps done.
+    sites : tuple of int
+        Numbers of the recorded sites.
     complete : bool
-        False if the run was interrupted or failed; what it had recorded is kept.
+        False if the run was interrupted or failed; the rows recorded until then remain.
     error_estimate : float or None
-        Estimated max(|du|/max|u|, |dv|/max|v|), where a tolerance was asked for.
+        Estimated max(|du|/max|u|, |dv|/max|v|), where a tolerance was requested.
     force_model : str
-        What the tensions were computed by: "exact", or the polynomials that a tolerance allowed.
-        Recorded energies are exact anyhow.
-    met : ndarray, (runs of equal springs, 2)
-        Smallest and largest elongation met at any stage [m], 0 included.
+        How the tensions were computed: "exact", or by polynomials fitted within the tolerance.
+        Recorded energies are exact in either case.
+    elongation_range : ndarray, (runs of equal springs, 2)
+        Smallest and largest elongation at any stage [m], 0 included.
     fastest : float or None
-        Bound on the largest angular frequency over the elongations met [rad/s], where contacts
-        are followed; `elongation_range` is then that of the springs listed last.
+        Bound on the largest angular frequency over these elongations [rad/s], where contacts are
+        detected during the run; `elongation_range` then holds the springs of the last contact list.
     wall_time : float
         [s], all trial runs included.
     impulse : ndarray, (T, walls, dim), or None
-        What each wall received since the start [N s], where the scene has walls.
+        Impulse that each wall received since the start [N s], where the scene has walls.
     work : ndarray, (T,), or None
-        Done on the scene since the start by what drives its sites or changes its springs [J],
+        Work done on the scene since the start by drives and by the change of its springs [J],
         where the scene is driven, damped or tuned.
     loss : ndarray, (T,), or None
-        Taken by dashpots since the start [J], likewise.  Energy - work + loss is constant.
+        Energy dissipated by dashpots since the start [J], where there is `work`.  Energy - work
+        + loss is constant.
     stopped : str or None
         Which observer ended the run, and when.
+
+    Examples
+    --------
+    >>> from tensegrity import Chain, PowerLaw, simulate
+    >>> chain = Chain(PowerLaw(1.0, 1.5), sites=5)
+    >>> run = simulate(chain, chain.at_rest({0: 1.0}), 6.0, dt=0.01)
+    >>> run.t.shape, run.u.shape, run.steps
+    ((301,), (301, 5), 600)
+    >>> run.energy_error < 1e-4
+    True
     """
 
     scene: Any = field(repr=False)
@@ -144,28 +157,28 @@ class Run:
 
     @property
     def energy_error(self) -> float:
-        """Largest relative deviation of the total energy from its first value.
+        """Largest relative deviation of the total energy from its initial value.
 
-        Where there is work and loss, that of the energy less work and plus loss, over the largest
-        of these and the energy; unless all are 0.
+        Where there are work and loss, the deviation of energy - work + loss, relative to the
+        largest of the three; absolute [J] where this scale is 0.
         """
         if not len(self.energy):
             return 0.0
-        kept, size = self.energy, abs(self.energy[0])
+        conserved, size = self.energy, abs(self.energy[0])
         if self.work is not None and self.loss is not None:
-            kept = self.energy - self.work + self.loss
+            conserved = self.energy - self.work + self.loss
             size = max(np.max(np.abs(x)) for x in (self.energy, self.work, self.loss))
-        deviation = np.max(np.abs(kept - kept[0]))
+        deviation = np.max(np.abs(conserved - conserved[0]))
         return float(deviation / size) if size else float(deviation)
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Write all of the run to one .npz file, whole or not at all, without pickle.
+        """Write the run to one .npz file, completely or not at all, without pickle.
 
         Parameters
         ----------
         path : str or path
-            A file that is there is replaced.  The scene is kept as the numbers it is built from;
-            one that is made of a user's own energy as what it prints.
+            An existing file is replaced.  The scene is stored as the numbers it is built from, or,
+            where its springs are made of a user's own energy, as its printed form only.
 
         Raises
         ------
@@ -179,7 +192,7 @@ class Run:
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> Self:
-        """The run that was saved to a file; nothing in it is evaluated or unpickled.
+        """Read the run that `save` wrote to a file; nothing in it is evaluated or unpickled.
 
         Parameters
         ----------
@@ -188,22 +201,22 @@ class Run:
         Returns
         -------
         Run
-            With its scene, or, where that was kept as what it prints, one that prints so and
-            raises a TensegrityError when it is asked for more.
+            With its scene, or, where only the printed form was stored, with a placeholder that
+            prints the same and raises a TensegrityError on any other use.
 
         Raises
         ------
         TensegrityError
-            If there is no such file, or it is damaged or something else, or its scene is of a
-            package that was not imported, such as `granular`.
+            If there is no such file, or it is damaged or not a run, or its scene is of a package
+            that was not imported, such as `granular`.
         """
         return archive.read(path, "run", lambda data: _of_file(data)._fitting())
 
     def _fitting(self) -> Self:
-        """The run of a file, if its parts fit each other."""
+        """This run, once its parts are found consistent with each other."""
         check.kind("final", self.final, State)
         shape = self.final.u.shape
-        if not isinstance(self.scene, archive.Printed):
+        if not isinstance(self.scene, archive.PrintedScene):
             check.kind("scene", self.scene, Ensemble if self._batch else Scene)
             if self.scene.shape != shape:
                 raise TensegrityError(f"final has shape {shape}, the scene {self.scene.shape}")
@@ -357,11 +370,10 @@ class Run:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RunBatch(Run):
-    """Runs of all scenes of an `Ensemble`, with one step; `len` is their number, `[k]` the run of a
-    scene.
+    """Runs of all scenes of an `Ensemble` with one common step.
 
-    Attributes are those of `Run`.  The last axis of u, v, impulse and `final` counts scenes, and so
-    does that of energy, work and loss, (T, scenes).
+    `len` is the number of scenes and `[k]` the run of scene k.  The attributes are those of `Run`;
+    the last axis of u, v, impulse, `final`, energy, work and loss counts the scenes.
     """
 
     _batch = 1
@@ -372,7 +384,7 @@ class RunBatch(Run):
     def __getitem__(self, number: int) -> Run:
         """The run of one scene, by its number from 0.
 
-        Its `elongation_range` is that of its springs in all scenes that have them.
+        Its `elongation_range` covers all scenes that have the same springs.
         """
         k = range(len(self))[number]
         values = {field.name: getattr(self, field.name) for field in fields(self)}
@@ -394,11 +406,11 @@ class RunBatch(Run):
 
     @property
     def energy_error(self) -> float:
-        """The largest of any scene."""
+        """The largest `energy_error` of all scenes."""
         return max(run.energy_error for run in self)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Refused: plot one of them."""
+        """Refuse to draw several runs at once: plot one of them, such as `run[0].plot()`."""
         raise TensegrityError(f"{len(self)} runs in one: plot one of them, such as run[0].plot()")
 
     def __str__(self) -> str:
@@ -408,5 +420,5 @@ class RunBatch(Run):
 
 
 def _of_file(data: dict[str, Any]) -> Run:
-    """The run, or the runs of an ensemble, that a file holds."""
+    """The run, or the batch of runs, stored in a file."""
     return (RunBatch if np.ndim(data["energy"]) == 2 else Run)(**data)

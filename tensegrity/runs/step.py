@@ -1,5 +1,5 @@
-"""The step of a run: given, or expected from the stiffness in reach; what differences of runs with
-different steps say of their errors; and scenes at rest, whose motion is round-off."""
+"""The step of a run, given or chosen from a bound of the stiffness; the error estimator, which
+compares runs with different steps; and scenes at rest, whose motion is round-off."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from tensegrity.errors import (
     TensegrityError,
 )
 from tensegrity.runs.march import march
-from tensegrity.runs.problem import count
+from tensegrity.runs.problem import step_count
 from tensegrity.runs.run import unchecked_replace
 from tensegrity.scenes.forcing import time_signals
 from tensegrity.scenes.signals import largest_frequency
@@ -30,46 +30,50 @@ from tensegrity.springs.power_law import PowerLaw
 
 EPSILON = sys.float_info.epsilon
 COARSE = 1e-4  # usual error of the first run
-SLOWER = 0.5  # order that is trusted less than a method has
-LEAST_ORDER = 0.5  # that is reckoned with
-FIRST_ORDER = 4.0  # least by which errors of the two coarsest runs are taken to fall from there
-TIGHT = 1e-10  # tolerances so far below the errors of first runs that these have to be told apart
-LEAST_FACTOR, FASTEST = 1.25, 8.0  # of the steps from one run to the next
-SURE, DOUBT = 2.0, 3.0  # a run so many times finer than the one before it has an error that the
-# order foretells less well where contacts open: estimates are so many times larger
-GROWN, UNEQUAL = 250.0, 1 / 3  # times which round-off was seen to grow in rows of 20 to 40 like
-# masses, and by which power of their ratio more
-FAR, NEARER = 0.4, 0.45  # share of the steps below which a run tells of an error so uncertainly
-# that another is done, with at least so much
+SLOWER = 0.5  # by how much less than the order of a method is trusted
+LEAST_ORDER = 0.5  # least order that is assumed
+FIRST_ORDER = 4.0  # least order assumed between the two coarsest runs
+TIGHT = 1e-10  # tolerances this far below the error of the first run take a finer second one
+LEAST_FACTOR, LARGEST_FACTOR = 1.25, 8.0  # of the number of steps from one run to the next
+# Where contacts are lost, the order predicts the error of a run less well that is more than
+# WIDE_FACTOR times finer than the one before it: its estimate is multiplied by SAFETY_FACTOR.
+WIDE_FACTOR, SAFETY_FACTOR = 2.0, 3.0
+# Growth of round-off observed in rows of 20 to 40 equal masses, and the power of the mass ratio by
+# which it is larger for unequal ones.
+GROWN, UNEQUAL = 250.0, 1 / 3
+# A run with fewer than the first fraction of the finest run's steps gives an uncertain estimate:
+# another run follows, with at least the second fraction.
+COARSE_FRACTION, CLOSER_FRACTION = 0.4, 0.45
 
 
 class ErrorEstimator:
-    """How far the order of a method is trusted.
+    """Richardson extrapolation of the error from runs with different steps.
 
-    On smooth scenes to half less than it has, once it was seen.  Where contacts open, the errors
-    of an event vary with its place within a step, and may by luck be small in one run: the worst
-    of two runs counts, and no more than the order that openings leave.
+    On smooth scenes the observed order is trusted up to 1/2 below that of the method.  Where
+    contacts are lost, the error of an event varies with its place within a step and may be small
+    by chance in one run: the larger of two estimates counts, with no more than the order that is
+    attainable at kinks.
 
     Parameters
     ----------
     problem : Problem
-    met : ndarray, (springs, 2)
-        Elongations that a run met [m].
+    elongation_range : ndarray, (springs, 2)
+        Smallest and largest elongations in a run [m].
     tol : float
     """
 
     def __init__(self, problem, elongation_range, tol):
         self._problem, self._tol = problem, tol
-        self._look(elongation_range)
+        self._set_order(elongation_range)
 
-    def see(self, elongation_range):
-        """Contacts may open in this run that did not in the coarser ones."""
+    def update(self, elongation_range):
+        """Take account of contacts that were lost in this run and not in the coarser ones."""
         if may_open(self._problem.dynamics):
-            self._look(elongation_range)
+            self._set_order(elongation_range)
 
-    def _look(self, elongation_range):
+    def _set_order(self, elongation_range):
         refuse_jumps(self._problem, elongation_range, self._tol)
-        left, order = order_left(self._problem, elongation_range), self._problem.method.order
+        left, order = attainable_order(self._problem, elongation_range), self._problem.method.order
         self.opens, self.order = left < math.inf, min(left, order - SLOWER)
         self.accept, self._aim = (0.45, 0.2) if self.opens else (0.8, 0.25)
         self.first = first_factor(self._tol, self.opens)
@@ -79,34 +83,34 @@ class ErrorEstimator:
 
         Parameters
         ----------
-        gaps : list of (share of its steps, difference from it), the coarsest first
+        gaps : list of (fraction of its number of steps, difference from it), the coarsest first
         """
         if len(gaps) == 1:
-            share, gap = gaps[0]
-            return gap / max(share ** (-self.order / 2) - 1, 1.0) if not self.opens else gap
+            fraction, gap = gaps[0]
+            return gap / max(fraction ** (-self.order / 2) - 1, 1.0) if not self.opens else gap
         order = self._estimated(gaps)
-        errors = [gap / (1 - share**order) * share**order for share, gap in gaps[-2:]]
-        return max(errors) * _doubt(1 / gaps[-1][0]) if self.opens else errors[-1]
+        errors = [gap / (1 - fraction**order) * fraction**order for fraction, gap in gaps[-2:]]
+        return max(errors) * _safety_factor(1 / gaps[-1][0]) if self.opens else errors[-1]
 
-    def rounded(self, run, gap):
-        """What round-off adds: a walk at random of the last digits in all stages of the finest run.
+    def round_off(self, run, gap):
+        """Contribution of round-off: a random walk of the last digit over all stages of the run.
 
-        Where contacts open it grows as neighbouring motions part, more so beside light masses: a
-        run of so many steps that it may pass the tolerance then has to agree with the one before.
+        Where contacts are lost it grows as neighbouring motions diverge, more so for light masses.
+        If it may then exceed the tolerance, the difference from the run before counts instead.
         """
         walk = EPSILON * math.sqrt(run.steps * self._problem.method.stages)
         return gap / 2 if self.opens and self._grown * walk > self._tol else walk
 
     @cached_property
     def _grown(self):
-        """Times which round-off grows where contacts open."""
+        """Factor by which round-off grows where contacts are lost."""
         mobility = np.asarray(self._problem.dynamics.inverse_mass)
         mobility = mobility[mobility > 0]  # held sites have none
         unequal = float(mobility.max() / mobility.min()) if mobility.size else 1.0
         return GROWN * unequal**UNEQUAL
 
     def _estimated(self, gaps):
-        """Order by which errors fell, not more than what is trusted."""
+        """Observed order of convergence, limited to what is trusted."""
         (wide, above), (narrow, below) = gaps[-2:]
         if not below:
             return self.order
@@ -115,166 +119,229 @@ class ErrorEstimator:
         return min(max(fell - SLOWER, least), self.order)
 
     def factor(self, gaps):
-        """By how much finer the next run should be, or, where that is below 1, how much coarser
-        than the finest."""
+        """Number of steps of the next run over that of the finest; below 1 for a coarser run."""
         order = max(self.order if self.opens else self._problem.method.order, FIRST_ORDER)
-        share, gap = gaps[-1]
-        estimate = gap / (share**-order - 1)
+        fraction, gap = gaps[-1]
+        estimate = gap / (fraction**-order - 1)
         if len(gaps) > 1:
             order, estimate = self._estimated(gaps), self.estimate(gaps)
         needed = (estimate / (self._aim * self._tol)) ** (1 / order)
         if self.opens:
-            return min(max(needed * _doubt(needed) ** (1 / order), LEAST_FACTOR), FASTEST)
-        if len(gaps) > 1 and share < FAR:  # errors may have fallen faster
-            return max(math.sqrt(share), NEARER)
-        return min(max(needed, LEAST_FACTOR), FASTEST)
+            return min(
+                max(needed * _safety_factor(needed) ** (1 / order), LEAST_FACTOR), LARGEST_FACTOR
+            )
+        if len(gaps) > 1 and fraction < COARSE_FRACTION:  # errors may have fallen faster
+            return max(math.sqrt(fraction), CLOSER_FRACTION)
+        return min(max(needed, LEAST_FACTOR), LARGEST_FACTOR)
 
 
-def _doubt(factor):
-    """By what to multiply the estimate of a run where contacts open, so many times finer than the
+def _safety_factor(factor):
+    """Safety factor of an estimate where contacts are lost, for a run `factor` times finer than the
     one before it."""
-    return DOUBT if factor > SURE else 1.0
+    return SAFETY_FACTOR if factor > WIDE_FACTOR else 1.0
 
 
 def first_factor(tol, opens):
-    """By how much finer the second run is than the first."""
+    """Number of steps of the second run over that of the first."""
     if opens and tol < COARSE:
         return 2.0
     return 2.5 if tol < TIGHT else 1.5
 
 
-def order_left(problem, elongation_range):
-    """Order that contacts which opened leave to a method, by the springs that it met them with,
-    and corners of drives.
+def attainable_order(problem, elongation_range):
+    """Order that a method attains in spite of kinks of the forces, within a range of elongations,
+    and of the drives.
 
-    A force that grows like overlap^n leaves n + 1, or n + 3 where that is corrected.
+    A force that grows like overlap^n from a kink limits the order to n + 1, or to n + 3 where the
+    method corrects it.
     """
-    of = problem.dynamics
-    driven = time_signals(problem.scene) if of.is_driven else ()
+    dyn = problem.dynamics
+    driven = time_signals(problem.scene) if dyn.is_driven else ()
     order = min((signal.order_limit for signal in driven), default=math.inf)
     corrects = isinstance(problem.method, Corrected)
-    for exponent in exponents_within(of, elongation_range):
+    for exponent in exponents_within(dyn, elongation_range):
         treated = corrects and is_treated(exponent)
         order = min(order, exponent + (TREATED if treated else 1))
     return order
 
 
-def exponents_within(of, elongation_range):
-    """Exponents of the corners of forces between elongations met, or as near as round-off is."""
-    if of.follows:
-        return {corner[2] for _, corner in kinks_met(of, elongation_range)}
-    near = [TAUT * (spring.length or 0.0) for spring in of.springs.different]
-    return of.springs.exponents_within(elongation_range + np.multiply.outer(near, (-1.0, 1.0)))
+def exponents_within(dyn, elongation_range):
+    """Exponents of the kinks of forces within a range of elongations, widened by round-off."""
+    if dyn.follows:
+        return {kink[2] for _, kink in kinks_in(dyn, elongation_range)}
+    near = [TAUT * (spring.length or 0.0) for spring in dyn.springs.different]
+    return dyn.springs.exponents_within(elongation_range + np.multiply.outer(near, (-1.0, 1.0)))
 
 
-def may_open(of):
-    """Whether the force of any contact has a corner."""
-    return of.follows or of.springs.has_kinks
+def may_open(dyn):
+    """Whether any force has a kink, such as the loss of a contact."""
+    return dyn.follows or dyn.springs.has_kinks
 
 
-def may_jump(of):
-    """Whether the force, or the energy, of any contact jumps."""
-    return of.follows or of.springs.jumps
+def may_jump(dyn):
+    """Whether the force or the energy of any spring may jump."""
+    return dyn.follows or dyn.springs.jumps
 
 
-def kinks_met(of, elongation_range):
-    """Springs, and corners of their forces between elongations met."""
-    if not of.follows:
-        return of.springs.kinks_within(elongation_range)
-    given = of.law.given
+def kinks_in(dyn, elongation_range):
+    """Pairs of a spring and a kink of its force within a range of elongations."""
+    if not dyn.follows:
+        return dyn.springs.kinks_within(elongation_range)
+    given = dyn.law.given
     spring = given if isinstance(given, Potential) else PowerLaw(1.0, 1.0)
-    return [(spring, corner) for corner in spring.openings]
+    return [(spring, kink) for kink in spring.openings]
 
 
 def refuse_jumps(problem, elongation_range, tol):
-    """Refuse a tolerance where a force, or an energy, jumps between elongations met."""
-    corners = kinks_met(problem.dynamics, elongation_range) if may_jump(problem.dynamics) else ()
-    for spring, (place, jump, exponent, _) in corners:
+    """Refuse a tolerance where a force or an energy jumps within a range of elongations.
+
+    Parameters
+    ----------
+    problem : Problem
+    elongation_range : ndarray, (springs, 2)
+        [m]
+    tol : float
+
+    Raises
+    ------
+    TensegrityError
+    """
+    kinks = kinks_in(problem.dynamics, elongation_range) if may_jump(problem.dynamics) else ()
+    for spring, (place, jump, exponent, _) in kinks:
         if exponent > 0:
             continue
         strain = f" (strain {place / spring.length:g})" if spring.length else ""
         what = f"tension of {check.shown(spring)} jumps by {jump:g} N"
-        why = "the error of fixed steps falls like the step there: give dt=, or a law that rises"
+        why = "the error of fixed steps is of first order there: give dt=, or a law that rises"
         if exponent < 0:
             what = f"energy of {check.shown(spring)} jumps by {jump:g} J"
-            why = "no step meets a force without a bound: give a law that rises"
+            why = "steps cannot resolve an unbounded force: give a law that rises"
         raise TensegrityError(
             f"tol {tol:g}: the {what} at the elongation {place:g} m{strain}; {why} over a range"
         )
 
 
-MARGIN = 2.0  # a default step may be this much larger, at the stiffness met, than meant
+MARGIN = 2.0  # a default step may exceed the intended fraction, at the stiffness reached, by this
 REFINEMENTS, MOST_REFINEMENTS = 8, 14  # how often a step chosen here is refined
-DRIVEN, MOST_DRIVEN = 3, 6  # as often, of scenes whose energy is no bound on what springs reach
+DRIVEN, MOST_DRIVEN = 3, 6  # the same for scenes whose energy does not bound the elongations
 CHECKPOINTS = 17  # least number of steps that are chosen here
 
 
 def fixed_step(problem, dt):
     """Run with a given step."""
-    return march(problem, count(problem, dt)).run()
+    return march(problem, step_count(problem, dt)).run()
 
 
 def default_step(problem):
-    """Run with a step from the expected frequencies.
+    """Run with a step chosen from the expected frequencies.
 
-    What the state at the start cannot tell, the run does: whether contacts opened, and how far
-    loads drove them.  Where that asks for a finer step, it is run again.
+    Only the run itself shows whether contacts were lost and how far loads drove the springs.  Where
+    this requires a finer step, the run is repeated.
     """
     fraction = _fraction(problem, problem.dynamics.ranges_at(problem.state.u))
     alone = unchecked_replace(problem, observe=(), rows=not problem.observe)
-    found = settled(alone, refined(alone, expected_steps(problem, fraction), MARGIN * fraction))
+    found = with_adequate_step(
+        alone, refined(alone, expected_steps(problem, fraction), MARGIN * fraction)
+    )
     if problem.observe and found.complete:
         return march(problem, found.steps).run()
     return found.run()
 
 
 def _fraction(problem, elongation_range):
-    """What a default step is of the natural one where springs meet these elongations."""
+    """The default step as a fraction of the natural one, for springs within these elongations."""
     return problem.method.fraction(exponents_within(problem.dynamics, elongation_range))
 
 
-def settled(problem, found):
-    """A march with an expected step, or another where it met what asks for a finer one."""
-    of = problem.dynamics
+def with_adequate_step(problem, found):
+    """Result of a march with the expected step, or of a finer one if it turned out too large."""
+    dyn = problem.dynamics
     if not (found.complete and found.steps):
         return found
-    if not (of.is_loaded or exponents_within(of, found.elongation_range)):
+    if not (dyn.is_loaded or exponents_within(dyn, found.elongation_range)):
         return found
     fraction = _fraction(problem, found.elongation_range)
-    omega = found.fastest if of.follows else of.frequency(found.elongation_range)
-    steps = count(problem, fraction * problem.natural_step(omega))
+    omega = found.fastest if dyn.follows else dyn.frequency(found.elongation_range)
+    steps = step_count(problem, fraction * problem.natural_step(omega))
     return found if steps <= found.steps else refined(problem, steps, MARGIN * fraction)
 
 
 def expected_steps(problem, fraction):
-    """Steps that keep dt below a fraction of the stability limit, were all the energy of the scene
-    to meet in one bond."""
+    """Number of steps that keeps dt below a fraction of the stability limit even if all the energy
+    of the scene were stored in one bond."""
     if not problem.t_end:
         return 0
     return steps_at(problem, fraction, problem.a_priori.expected.frequency, CHECKPOINTS)
 
 
 def steps_at(problem, fraction, omega, least):
-    """Steps that are a fraction of the natural one at an angular frequency [rad/s], or at that of
-    what drives the scene; at least so many."""
+    """Number of steps for a given fraction of the natural step.
+
+    Parameters
+    ----------
+    problem : Problem
+    fraction : float
+    omega : float
+        Angular frequency [rad/s]; that of the drives counts where it is larger.
+    least : int
+        Least number of steps.
+
+    Returns
+    -------
+    int
+    """
     if problem.dynamics.is_driven:
         omega = max(omega, largest_frequency(time_signals(problem.scene), problem.t_end))
-    return max(count(problem, fraction * problem.natural_step(omega)), least)
+    return max(step_count(problem, fraction * problem.natural_step(omega)), least)
 
 
 def resumed(problem, steps, allowed, start):
-    """Go on with a run that was broken off, from a `book.Start`."""
+    """Continue an interrupted run.
+
+    Parameters
+    ----------
+    problem : Problem
+    steps : int
+        Number of steps of the whole run.
+    allowed : float
+        Fraction of the stability limit.
+    start : march.Start
+
+    Returns
+    -------
+    Run
+    """
     if problem.choice == "dt":
         return march(problem, steps, allowed, start=start).run()
     found = refined(problem, steps, allowed, start=start)
-    return (settled(problem, found) if problem.choice == "default" else found).run()
+    return (with_adequate_step(problem, found) if problem.choice == "default" else found).run()
 
 
 def refined(problem, steps, allowed, instants=0, start=None):
-    """March with a step chosen here: refine it where the run met a larger stiffness than expected.
+    """March, and refine the step where the stiffness turns out larger than expected.
 
-    Returns what `march` returns; a spring that still reaches the end of its domain after
-    `REFINEMENTS` refinements does so whatever the step; a step that is too coarse is refined on.
+    A spring that still reaches the end of its domain after `REFINEMENTS` refinements does so with
+    any step; a step that is too large is refined further.
+
+    Parameters
+    ----------
+    problem : Problem
+    steps : int
+    allowed : float
+        Fraction of the stability limit.
+    instants : int, optional
+        Evenly spaced instants at which u and v are stored for comparison.
+    start : march.Start, optional
+        State from which an interrupted run continues.
+
+    Returns
+    -------
+    MarchResult
+
+    Raises
+    ------
+    LockingError, StabilityError, ContactError
+        No refinement helps.
     """
     least, most = (REFINEMENTS, MOST_REFINEMENTS)
     if problem.dynamics.is_driven:
@@ -288,49 +355,66 @@ def refined(problem, steps, allowed, instants=0, start=None):
                 ranged
                 or isinstance(error, ContactError)
                 or (number >= least and isinstance(error, LockingError))
-            ):  # another range helps, or nothing: another step does not
+            ):  # another step does not help
                 if ranged or problem.rows:
                     raise
                 break
             known = getattr(error, "largest", math.inf)
-            steps, start = max(2 * steps, count(problem, known)), None
+            steps, start = max(2 * steps, step_count(problem, known)), None
     return march(unchecked_replace(problem, rows=True), steps, 1.0, instants)
 
 
-FAINT = 1e-6  # of a length: motion in the first steps of what may be at rest
-REST = 64 * EPSILON  # of a length, by which a place may be off its equilibrium
+FAINT = 1e-6  # largest motion over a length in the first steps of a scene that may be at rest
+REST = 64 * EPSILON  # distance from the equilibrium over a length that counts as round-off
 
 
-def rests(problem, seen):
-    """The length [m] beside which a scene is in equilibrium to round-off: the shortest bond; None
-    where forces, or time, will move it.
+def length_at_rest(problem, seen):
+    """The length of the shortest bond [m] if the scene is in equilibrium to round-off relative to
+    it; None where forces or drives will move the scene.
 
     Parameters
     ----------
     problem : Problem
     seen : ndarray, (instants + 1, *shape)
-        Displacements of a run [m], of which the first ones tell whether it is worth a look.
+        Displacements of a run [m]; the first ones decide whether the forces are examined.
     """
-    of, u = problem.dynamics.listed(problem.state.u), problem.state.u
-    if of.is_driven or np.count_nonzero(problem.state.v):
+    dyn, u = problem.dynamics.listed(problem.state.u), problem.state.u
+    if dyn.is_driven or np.count_nonzero(problem.state.v):
         return None
-    given = of.spring_lengths
-    lengths = [s.length for s in of.springs.different] if given is None else np.ravel(given)
+    given = dyn.spring_lengths
+    lengths = [s.length for s in dyn.springs.different] if given is None else np.ravel(given)
     length = min((x for x in lengths if x), default=0.0)
     if np.max(np.abs(seen[1] - u)) > FAINT * length:
         return None
-    stiffness = of.stiffness_bounds(of.ranges_at(u))
-    pull = np.max(np.abs(of.forces(u)), initial=0.0)
-    return length if pull <= REST * np.max(stiffness, initial=0.0) * length else None
+    stiffness = dyn.stiffness_bounds(dyn.ranges_at(u))
+    largest_force = np.max(np.abs(dyn.forces(u)), initial=0.0)
+    return length if largest_force <= REST * np.max(stiffness, initial=0.0) * length else None
 
 
-def resting(problem, length, tol):
-    """The run of a scene at rest, whose motion is round-off, and tells nothing of an error."""
+def run_at_rest(problem, length, tol):
+    """The run of a scene at rest, whose motion is round-off and gives no error estimate.
+
+    Parameters
+    ----------
+    problem : Problem
+    length : float
+        From `length_at_rest` [m].
+    tol : float
+
+    Returns
+    -------
+    Run
+
+    Raises
+    ------
+    TensegrityError
+        Round-off moves the scene farther than the tolerance.
+    """
     run = default_step(problem)
     moved = float(np.max(np.abs(run.u - run.u[0]))) / length
     if moved > tol:
         raise TensegrityError(
-            f"tol {tol:g}: the scene is at rest, and leaves it by round-off alone, as far as "
-            f"{moved:.1e} of its shortest bond"
+            f"tol {tol:g}: the scene is at rest and moves by round-off alone, by {moved:.1e} of "
+            "its shortest bond"
         )
     return unchecked_replace(run, error_estimate=moved if run.complete else None)

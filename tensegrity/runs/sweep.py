@@ -1,9 +1,9 @@
-"""The same function of many cases, here or on the workers of any `concurrent.futures.Executor`.
+"""One function applied to many cases, in this process or on the workers of any
+`concurrent.futures.Executor`.
 
-A case that raises is kept with its error and the rest goes on, except without a C compiler, which
-no case would have.  A worker that dies takes its case
-along: that case is repeated once, by itself where a pool of processes broke, and kept as failed
-if it is lost again.
+A case that raises an error becomes a failed case and the others continue; only a missing C
+compiler, which concerns all cases, ends the sweep.  The case of a worker that dies is repeated
+once, alone where a pool of processes broke, and counts as failed if its worker dies again.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from tensegrity.errors import CompilerError, TensegrityError
 from tensegrity.notebook import progress
 from tensegrity.runs import archive
 
-AHEAD = 1024  # cases handed to an executor at a time
-NAMED = 1000  # characters of a case that a checkpoint keeps, to tell it from others
-WRITING = 0.1  # share of the time that a checkpoint may take
+AHEAD = 1024  # cases submitted to an executor at a time
+NAMED = 1000  # characters of a case that a checkpoint stores to identify it
+WRITING = 0.1  # fraction of the time that writing checkpoints may take
 
 
 @dataclass(frozen=True)
@@ -36,11 +36,11 @@ class Failed:
     Attributes
     ----------
     number : int
-        Of the case, from 0.
+        Number of the case, from 0.
     error : str
-        Name and message of what it raised, or by which its worker was lost.
+        Name and message of the error that the case raised or by which its worker was lost.
     lost : bool
-        Whether its worker was.
+        Whether the worker was lost.
     """
 
     number: int
@@ -57,45 +57,48 @@ def sweep(
     executor: Executor | None = None,
     checkpoint: str | os.PathLike[str] | None = None,
 ) -> list[Any]:
-    """Results of a function for each of many cases, in their order.
+    """Apply a function to each of many cases.
 
     Parameters
     ----------
     function : callable
-        Of one case.  For a pool of processes it has to be one that other processes can import.
+        A function of one case.  For a pool of processes it must be importable by other processes.
     cases : iterable
     executor : concurrent.futures.Executor, optional
-        Whose workers compute the cases: a pool of processes or threads,
+        Its workers compute the cases: a pool of processes or threads,
         `dask.distributed.Client.get_executor()`, `mpi4py.futures.MPIPoolExecutor`.  By default
-        they are computed here, one after the other.
+        the cases are computed one after the other in this process.
     checkpoint : str or path, optional
-        File in which results are kept as they come, written beside and renamed; with it the same
-        call goes on where it was broken off, also with more cases behind or some left out there.
-        Results must be numbers, text, None, arrays, or sequences and dicts of these; sequences
-        come back as tuples.
+        File to which results are saved as they are obtained, replaced as a whole each time.  The
+        same call with this file continues an interrupted sweep, also with cases appended to the
+        list or removed from its end.  Results must be numbers, text, None, arrays, or sequences
+        and dicts of these; sequences are returned as tuples.
 
     Returns
     -------
     list
-        One for each case; a `Failed` where it raised, or its worker died twice.
+        The result of each case in order; a `Failed` where the case raised an error, or its worker
+        died twice.
 
     Raises
     ------
     TensegrityError
-        A function that cannot be called or sent; no executor; a checkpoint of other cases.
+        A function that cannot be called or sent to other processes; not an executor; a checkpoint
+        of other cases.
     CompilerError
-        A case that steps in time found no C compiler.
+        A case that integrates in time found no C compiler.
 
     Examples
     --------
+    >>> from tensegrity import sweep
     >>> sweep(abs, [-1, 2, "x"])
     [1, 2, Failed(number=2, error="TypeError: bad operand type for abs(): 'str'", lost=False)]
     """
     if not callable(function):
         raise TensegrityError(f"function {check.shown(function)} cannot be called")
     cases = check.sequence("cases", cases, "cases")
-    ledger = _Ledger(checkpoint, function, cases)
-    left = [k for k in range(len(cases)) if k not in ledger.results]
+    results_so_far = _Checkpoint(checkpoint, function, cases)
+    left = [k for k in range(len(cases)) if k not in results_so_far.results]
     with (
         WorkerPool(executor) as workers,
         progress(len(cases), "case", len(cases) - len(left)) as bar,
@@ -103,15 +106,17 @@ def sweep(
         try:
             for number, result in workers.outcomes(function, [cases[k] for k in left]):
                 k = left[number]
-                ledger.add(k, replace(result, number=k) if isinstance(result, Failed) else result)
+                results_so_far.add(
+                    k, replace(result, number=k) if isinstance(result, Failed) else result
+                )
                 bar.update()
         finally:
-            ledger.write()
-    return [ledger.results[k] for k in range(len(cases))]
+            results_so_far.write()
+    return [results_so_far.results[k] for k in range(len(cases))]
 
 
-class _Ledger:
-    """Results so far, in memory and in a file."""
+class _Checkpoint:
+    """Results obtained so far, in memory and in a file."""
 
     def __init__(self, path: Any, function: Any, cases: Sequence[Any]) -> None:
         self._path = None if path is None else check.path("checkpoint", path)
@@ -126,15 +131,15 @@ class _Ledger:
         except TypeError as error:  # such as complex numbers
             raise TensegrityError(f"cases that no checkpoint can name: {error}") from error
         if self._path.exists():
-            of, known, self.results = archive.read(self._path, "sweep", _parts)
+            of, known, self.results = archive.read(self._path, "sweep", _checkpoint_contents)
             require_same(self._path, "sweep", of, self._of)
             for k, (old, new) in enumerate(zip(known, self._cases, strict=False)):
                 if old[0] != new[0]:
-                    raise _other(self._path, "sweep", f"case {k}", old[1], new[1])
+                    raise _mismatch(self._path, "sweep", f"case {k}", old[1], new[1])
             self._cases = max(known, self._cases, key=len)
 
     def add(self, number: int, result: Any) -> None:
-        """Keep a result; write where that does not take much of the time."""
+        """Store a result, and write the file unless writing takes too large a fraction of time."""
         if self._path is not None and not _is_storable(result):
             raise TensegrityError(
                 f"the result of case {number} is {check.shown(result)}, which no checkpoint holds"
@@ -144,20 +149,22 @@ class _Ledger:
             self.write()
 
     def write(self) -> None:
-        """Write what is new."""
+        """Write the file if there are new results."""
         if self._path is None or not self._fresh:
             return
         began = time.monotonic()
         numbers = sorted(self.results)
         results = [self.results[k] for k in numbers]
         known = {"of": self._of, "cases": self._cases}
-        keep(self._path, "sweep", known | {"numbers": numbers, "results": results})
+        write_checkpoint(self._path, "sweep", known | {"numbers": numbers, "results": results})
         self._fresh = False
         self._due = time.monotonic() + (time.monotonic() - began) / WRITING
 
 
-def _parts(data: dict[str, Any]) -> tuple[dict[str, Any], list[tuple[str, str]], dict[int, Any]]:
-    """What a checkpoint holds: of what, its cases, and results by their numbers."""
+def _checkpoint_contents(
+    data: dict[str, Any],
+) -> tuple[dict[str, Any], list[tuple[str, str]], dict[int, Any]]:
+    """The contents of a checkpoint: the name of the function, the cases, and results by number."""
     check.kind("of", data["of"], dict)
     cases = [(str(known), str(text)) for known, text in data["cases"]]
     numbers = [check.whole("number", k, least=0, below=len(cases)) for k in data["numbers"]]
@@ -173,8 +180,22 @@ def _is_storable(result: Any) -> bool:
     return not trial.opaque
 
 
-def keep(path: Path, kind: str, data: dict[str, Any]) -> None:
-    """Write a checkpoint beside and rename it."""
+def write_checkpoint(path: Path, kind: str, data: dict[str, Any]) -> None:
+    """Write a checkpoint to a temporary file and rename it.
+
+    Parameters
+    ----------
+    path : Path
+    kind : str
+        "sweep" or "search".
+    data : dict
+        Contents that `archive.write` accepts.
+
+    Raises
+    ------
+    TensegrityError
+        The file cannot be written.
+    """
     try:
         archive.write(path, kind, data)
     except OSError as error:
@@ -182,13 +203,27 @@ def keep(path: Path, kind: str, data: dict[str, Any]) -> None:
 
 
 def require_same(path: Path, kind: str, there: dict[str, Any], here: dict[str, Any]) -> None:
-    """Refuse the checkpoint of something else, naming the difference."""
+    """Refuse a checkpoint that belongs to another computation, naming the difference.
+
+    Parameters
+    ----------
+    path : Path
+    kind : str
+        "sweep" or "search".
+    there, here : dict
+        Descriptions of the stored and of the present computation.
+
+    Raises
+    ------
+    TensegrityError
+        An entry differs.
+    """
     for name, value in here.items():
         if there.get(name) != value:
-            raise _other(path, kind, name, check.text(there.get(name)), check.text(value))
+            raise _mismatch(path, kind, name, check.text(there.get(name)), check.text(value))
 
 
-def _other(path: Path, kind: str, name: str, was: str, now: str) -> TensegrityError:
+def _mismatch(path: Path, kind: str, name: str, was: str, now: str) -> TensegrityError:
     was, now = check.differing(was, now)
     return TensegrityError(
         f"checkpoint {path} is of another {kind}: its {name} is {was}, here {now}"
@@ -196,7 +231,7 @@ def _other(path: Path, kind: str, name: str, was: str, now: str) -> TensegrityEr
 
 
 class WorkerPool:
-    """Workers of an executor, or this process alone, that outlive the death of one of them."""
+    """Workers of an executor, or this process alone; the pool survives the death of a worker."""
 
     def __init__(self, executor: Executor | None) -> None:
         if executor is not None and not isinstance(executor, Executor):
@@ -207,7 +242,7 @@ class WorkerPool:
 
     @property
     def is_remote(self) -> bool:
-        """Whether others than this thread compute."""
+        """Whether the cases are computed by an executor instead of this thread."""
         return self._executor is not None
 
     def __enter__(self) -> WorkerPool:
@@ -222,7 +257,7 @@ class WorkerPool:
     def outcomes(
         self, function: Callable[[Any], Any], cases: Sequence[Any]
     ) -> Iterator[tuple[int, Any]]:
-        """(number, result or Failed) of each case, in the order in which they are done."""
+        """(number, result or Failed) of each case, in the order of completion."""
         if self._executor is None:
             for number, case in enumerate(cases):
                 yield number, _unwrapped(number, _attempt(function, case))
@@ -230,7 +265,7 @@ class WorkerPool:
         self._require_sendable(function)
         ahead = AHEAD
         if isinstance(self._executor, ProcessPoolExecutor):
-            ahead = 2 * (os.cpu_count() or 1) + 2  # all of them are lost with one process
+            ahead = 2 * (os.cpu_count() or 1) + 2  # if one process dies, all of these are lost
         waiting, running = iter(range(len(cases))), dict[Future[Any], int]()
         try:
             while True:
@@ -238,7 +273,7 @@ class WorkerPool:
                 while len(running) < ahead and (number := next(waiting, None)) is not None:
                     try:
                         running[self._executor.submit(_attempt, function, cases[number])] = number
-                    except RuntimeError:  # it broke, or was shut down
+                    except RuntimeError:  # the executor broke, or was shut down
                         lost.append(number)
                         break
                 done = wait(running, return_when=FIRST_COMPLETED).done if running else set()
@@ -249,18 +284,18 @@ class WorkerPool:
                         yield number, _unwrapped(number, future.result())
                     elif isinstance(error, CompilerError):
                         raise error
-                    else:  # not of the function, which is caught: of its worker
+                    else:  # an error of the worker; those of the function are caught in `_attempt`
                         lost.append(number)
                 for number in lost:
-                    yield number, self._once_more(number, function, cases[number])
+                    yield number, self._retried(number, function, cases[number])
                 if not (running or done or lost):
                     return
         finally:
             for future in running:
                 future.cancel()
 
-    def _once_more(self, number: int, function: Callable[[Any], Any], case: Any) -> Any:
-        """The result of a case that was lost; a pool that broke is replaced."""
+    def _retried(self, number: int, function: Callable[[Any], Any], case: Any) -> Any:
+        """The result of a lost case, computed again; a broken pool is replaced."""
         try:
             if isinstance(self._executor, ProcessPoolExecutor):
                 with ProcessPoolExecutor(1) as alone:
@@ -293,7 +328,7 @@ class WorkerPool:
 
 
 def _attempt(function: Callable[[Any], Any], case: Any) -> tuple[bool, Any]:
-    """Whether a case has a result, and it, or its error in words."""
+    """(True, result) of a case, or (False, message of its error)."""
     try:
         return True, function(case)
     except CompilerError:

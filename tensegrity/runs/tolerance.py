@@ -1,5 +1,5 @@
-"""Runs to a tolerance: trials with different steps, compared at the same instants, until their
-differences say that it is met; and springs fitted to what a tolerance allows."""
+"""Runs to a tolerance: trial runs with different steps, compared at the same instants until their
+differences show that it is met; and polynomials fitted to the springs within the tolerance."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from tensegrity.engine.codegen import cost
 from tensegrity.errors import LockingError, RangeError, StabilityError, TensegrityError
 from tensegrity.notebook import one_bar
-from tensegrity.runs.march import Marched, march
+from tensegrity.runs.march import MarchResult, march
 from tensegrity.runs.problem import Problem
 from tensegrity.runs.record import Record
 from tensegrity.runs.run import unchecked_replace
@@ -20,11 +20,11 @@ from tensegrity.runs.step import (
     CHECKPOINTS,
     COARSE,
     ErrorEstimator,
+    length_at_rest,
     may_jump,
     refined,
     refuse_jumps,
-    resting,
-    rests,
+    run_at_rest,
     steps_at,
 )
 from tensegrity.springs.polynomial import DEGREES, Polynomial, PolynomialLaw
@@ -32,26 +32,26 @@ from tensegrity.typing import Array
 
 
 class Trial:
-    """One of the runs that are compared.
+    """A trial run, one level of refinement.
 
     Attributes
     ----------
-    march : Marched
+    march : MarchResult
     instants : int
-        Evenly spaced ones, besides the first, which all trials have in common.
+        Number of evenly spaced instants after the first; the same for all trial runs.
     steps : int
-        That were done.
+        Number of steps done.
     complete : bool
-        Whether it was not interrupted.
-    met : ndarray, (springs, 2)
+        Whether the run was not interrupted.
+    elongation_range : ndarray, (springs, 2)
         Smallest and largest elongation of each spring [m].
     samples : ndarray, (2, instants + 1, *shape)
-        u and v at the instants.
-    fineness : float
-        Steps from one instant to the next.
+        u [m] and v [m/s] at the instants.
+    refinement : float
+        Number of steps from one instant to the next.
     """
 
-    def __init__(self, march: Marched, instants: int) -> None:
+    def __init__(self, march: MarchResult, instants: int) -> None:
         self.march, self.instants, self.run = march, instants, march.run
         self.steps, self.complete, self.elongation_range = (
             march.steps,
@@ -62,7 +62,19 @@ class Trial:
 
     @classmethod
     def of(cls, problem: Problem, steps: int, instants: int) -> Self:
-        """With so many steps from one instant to the next, or more where those are too coarse."""
+        """Do a trial run.
+
+        Parameters
+        ----------
+        problem : Problem
+        steps : int
+            Steps from one instant to the next; more are taken where the stability requires it.
+        instants : int
+
+        Returns
+        -------
+        Trial
+        """
         return cls(refined(problem, steps * instants, 1.0, instants), instants)
 
     @cached_property
@@ -70,14 +82,14 @@ class Trial:
         return _largest(self.samples)
 
     def gap(self, finer: Trial) -> float:
-        """Largest difference from a finer one in u and in v, over the largest value there."""
+        """Largest difference from a finer trial run in u and in v, over the largest value there."""
         gaps = _largest(self.samples - finer.samples)
         return float(np.divide(gaps, finer._sizes, out=gaps, where=finer._sizes > 0).max())
 
 
 def trial_of(problem: Problem, rows: bool = False) -> Problem:
-    """A problem whose run is a trial, with rows only where they cost nothing more: it may turn out
-    to be the answer."""
+    """The problem of a trial run; it records rows, at no extra cost, where it may turn out to be
+    the final run."""
     record = problem.record
     if not record.is_plain:
         record = Record(sites=record.sites)
@@ -86,54 +98,56 @@ def trial_of(problem: Problem, rows: bool = False) -> Problem:
 
 
 def _largest(samples: Array) -> Array:
-    """Largest sizes of u and of v."""
+    """Largest absolute values of u and of v."""
     return np.abs(samples).reshape(2, -1).max(axis=1)
 
 
-FORCE_SHARE = 0.1  # of a tolerance that fitted forces may take up
-FIRST_ERROR, LEAST_ERROR = 1e-3, 1e-13  # of a fit over the tolerance, and of any fit
-FITS = 4  # attempts
-WORTH = 0.005  # seconds that fitted forces must save
-PER_FIT = 0.004  # seconds
+FORCE_FRACTION = 0.1  # of a tolerance that the error of fitted forces may take
+FIRST_ERROR, LEAST_ERROR = 1e-3, 1e-13  # of the first fit over the tolerance, and of any fit
+FITS = 4  # attempts to fit
+WORTH = 0.005  # least time that fitted forces must save [s]
+PER_FIT = 0.004  # time that a fit takes [s]
 
 
 def with_polynomials(problem, coarse, tol, margin):
-    """The problem with fitted forces, where they are good enough.
+    """The problem with fitted forces, if they are accurate enough.
 
     Parameters
     ----------
     problem : Problem
     coarse : Trial
-        With the exact forces.
-    tol, margin : float
+        A trial run with the exact forces.
+    tol : float
+    margin : float
+        By which fraction of the elongations reached the range of a fit is wider on either side.
 
     Returns
     -------
-    None, or problem, the same coarse run with fitted forces, and the largest difference that they
-    make there
+    (Problem, Trial, float), or None
+        The problem, the coarse run with fitted forces, and its largest relative difference.
 
     Raises
     ------
     RangeError
-        If that run leaves the range.
+        That run leaves the range of a fit.
     """
-    of = problem.dynamics
-    springs = of.springs.different
+    dyn = problem.dynamics
+    springs = dyn.springs.different
     ranges = [
-        _widened(spring, *elongation_range, margin)
+        _with_margin(spring, *elongation_range, margin)
         for spring, elongation_range in zip(springs, coarse.elongation_range, strict=True)
     ]
     error, least = max(FIRST_ERROR * tol, LEAST_ERROR), 0.0
     for _ in range(FITS):
         try:
             fits = [Polynomial(s, *r, error) for s, r in zip(springs, ranges, strict=True)]
-            fitted = unchecked_replace(problem, surrogate=of.with_springs(fits))
+            fitted = unchecked_replace(problem, surrogate=dyn.with_springs(fits))
             there = march(trial_of(fitted), coarse.steps, 1.0, coarse.instants)
         except RangeError:
             raise
         except (LockingError, StabilityError):
             return None
-        except TensegrityError:  # not that good: see whether a worse one is good enough
+        except TensegrityError:  # no fit is that accurate: try a larger error
             least = error
             error *= 10
             continue
@@ -141,74 +155,101 @@ def with_polynomials(problem, coarse, tol, margin):
         if not there.complete:
             return fitted, found, 0.0
         gap = coarse.gap(found)
-        if gap <= FORCE_SHARE * tol:
+        if gap <= FORCE_FRACTION * tol:
             return fitted, found, gap
-        error *= FORCE_SHARE * tol / gap / 3
+        error *= FORCE_FRACTION * tol / gap / 3
         if error <= least:
             return None
     return None
 
 
 def may_fit(problem, steps, tol):
-    """Whether fitted forces are worth a try, after a first run with so many steps."""
+    """Whether fitted forces are likely to save time.
+
+    Parameters
+    ----------
+    problem : Problem
+    steps : int
+        Number of steps of the first run.
+    tol : float
+
+    Returns
+    -------
+    bool
+    """
     if problem.record.checkpoint is not None:
-        return False  # a state that is kept has to say what the forces are
+        return False  # the fits are not part of a checkpoint
     if problem.dynamics.follows or problem.dynamics.is_driven:
         return False
-    return saved(problem, steps, tol) >= WORTH
+    return seconds_saved(problem, steps, tol) >= WORTH
 
 
-def saved(problem, steps, tol):
-    """Seconds that fitted forces save, roughly, in all runs that a tolerance takes."""
-    of, order = problem.dynamics, problem.method.order
-    if of.saving is None:
-        springs, group = of.springs.different, of.springs.group
+def seconds_saved(problem, steps, tol):
+    """Estimate of the time that fitted forces save in all trial runs for a tolerance.
+
+    Parameters
+    ----------
+    problem : Problem
+    steps : int
+        Number of steps of the first run.
+    tol : float
+
+    Returns
+    -------
+    float
+        [s]
+    """
+    dyn, order = problem.dynamics, problem.method.order
+    if dyn.saving is None:
+        springs, group = dyn.springs.different, dyn.springs.group
         fitted = cost(PolynomialLaw(DEGREES[len(DEGREES) // 2]))
         gains = [max(cost(spring.law) - fitted, 0.0) for spring in springs]
-        often = math.prod(of.batch) if group.ndim == 1 else 1  # of scenes that have them in common
-        of.saving = often * float(np.dot(gains, np.bincount(group.ravel())))
-    steps *= max((COARSE / tol) ** (1 / order), 1.0)  # to those of the last run, as a rule
+        often = math.prod(dyn.batch) if group.ndim == 1 else 1  # scenes with common springs
+        dyn.saving = often * float(np.dot(gains, np.bincount(group.ravel())))
+    steps *= max((COARSE / tol) ** (1 / order), 1.0)  # usually those of the last run
     calls = steps * problem.method.stages
-    return calls * of.saving - PER_FIT * len(of.springs)
+    return calls * dyn.saving - PER_FIT * len(dyn.springs)
 
 
-def _widened(spring, low, high, margin):
-    """A range somewhat wider than the one met, inside the spring's reach."""
+def _with_margin(spring, low, high, margin):
+    """A range of elongations wider by a margin, within the domain of the spring [m]."""
     room = margin * (high - low)
     low, high = low - room, high + room
     return max(low, spring.reach[0]), min(high, spring.reach[1])
 
 
 TRIAL = 0.85  # first step over the stability limit where a tolerance decides
-AT_FIRST = 13  # of a smooth run that is compared with others, at 7 instants then
-DENSE = 2  # first steps between two instants at which runs are compared, where nothing opens
-FEWEST, MOST_KEPT = 16, 2_000_000  # instants; numbers in each of u and v of a run at them
-KEPT = 3  # runs that are compared with the last one, and it
-SECOND = 1e-6  # tolerances that the second run does not meet, as a rule
-ROUND_OFF = 1e-14  # differences below this say nothing
-MARGINS = (0.05, 0.5)  # over the range met, on either side, by which a fit is wider
-STUCK = 4  # refinements in a row that bring nothing: round-off is reached
+AT_FIRST = 13  # least steps of the first run where forces are smooth; compared at 7 instants
+DENSE = 2  # first steps between two instants of comparison where forces are smooth
+FEWEST, MOST_COMPARED = 16, 2_000_000  # least instants; most numbers in u of a run at them
+COMPARED = 3  # most runs that are compared, the finest included
+SECOND = 1e-6  # tolerances below this are rarely met by the second run
+ROUND_OFF = 1e-14  # relative differences below this are round-off
+MARGINS = (0.05, 0.5)  # fractions by which the range of a fit is wider on either side
+STAGNANT = 4  # successive refinements without gain after which round-off is reached
 
 
 @one_bar("step")
 def to_tolerance(problem, tol):
-    """The run whose step is refined until runs with different steps say that a tolerance is met.
+    """Run, with a step refined until runs with different steps show that a tolerance is met.
 
-    All runs have steps of which a whole number goes between the same instants, at which they are
-    compared: those of the first run's steps, at the stability limit, or every second.
+    All trial runs have a whole number of steps between the same instants, at which they are
+    compared: after every step of the first run, near the stability limit, or every second one.
     """
     if not problem.t_end:
         return march(problem, 0).run()
     if may_jump(problem.dynamics):
         refuse_jumps(problem, problem.dynamics.ranges_at(problem.state.u), tol)
-    apart, fewest = (DENSE, AT_FIRST) if problem.dynamics.smooth else (1, CHECKPOINTS)
+    steps_per_instant, fewest = (DENSE, AT_FIRST) if problem.dynamics.smooth else (1, CHECKPOINTS)
     least = steps_at(problem, TRIAL, problem.a_priori.first_frequency, fewest)
-    instants = min(math.ceil(least / apart), max(FEWEST, MOST_KEPT // problem.state.u.size))
+    instants = min(
+        math.ceil(least / steps_per_instant), max(FEWEST, MOST_COMPARED // problem.state.u.size)
+    )
     refinement = math.ceil(least / instants)
     problem.record.check_room(refinement * instants, problem.t_end, problem.scene.shape)
     first = Trial.of(trial_of(problem), refinement, instants)
-    if first.complete and (length := rests(problem, first.samples[0])):
-        return resting(problem, length, tol)
+    if first.complete and (length := length_at_rest(problem, first.samples[0])):
+        return run_at_rest(problem, length, tol)
     if first.complete and may_fit(problem, refinement * instants, tol):
         for margin in MARGINS:
             try:
@@ -216,57 +257,99 @@ def to_tolerance(problem, tol):
                 if fitted is None:
                     break
                 return converged(*fitted, tol)
-            except RangeError:  # finer runs reach farther than the coarse one
+            except RangeError:  # a finer run leaves the range of the fit
                 continue
     return converged(problem, first, 0.0, tol)
 
 
 def converged(problem, first, error, tol):
-    """Refine from a first run on; `error` is what fitted forces add.
+    """Refine from a first trial run until the error estimate is within the tolerance.
 
-    The error of a run is its largest difference from a finer one.  That of the finest follows
-    by the order that errors of coarser runs fall with, as far as it is to be trusted: see
-    `ErrorEstimator`.  Where that of far coarser ones tells too little, another one between them and
-    it tells more.
+    The error of a run is its largest difference from a finer one; that of the finest run follows
+    by extrapolation, see `ErrorEstimator`.  Where much coarser runs leave it uncertain, a run
+    between them and the finest is added.
+
+    Parameters
+    ----------
+    problem : Problem
+    first : Trial
+    error : float
+        Contribution of fitted forces to the error.
+    tol : float
+
+    Returns
+    -------
+    Run
+
+    Raises
+    ------
+    TensegrityError
+        Round-off is reached before the tolerance.
     """
     estimator = ErrorEstimator(problem, first.elongation_range, tol)
-    trials, stuck = [first], 0
+    trials, stagnant = [first], 0
     factor, smallest = estimator.first, math.inf
     while trials[-1].complete:
         found = next_trial(problem, trials, factor, tol)
         if not found.complete:
             return found.run()
-        estimator.see(found.elongation_range)
-        if found.refinement in [r.refinement for r in trials]:  # what is between had to be finer
+        estimator.update(found.elongation_range)
+        if found.refinement in [r.refinement for r in trials]:  # stability required a finer step
             factor = estimator.first
             continue
-        trials = sorted([*trials, found], key=lambda r: r.refinement)[-KEPT:]
+        trials = sorted([*trials, found], key=lambda r: r.refinement)[-COMPARED:]
         gaps = [(r.refinement / trials[-1].refinement, r.gap(trials[-1])) for r in trials[:-1]]
-        estimate = estimator.estimate(gaps) + estimator.rounded(trials[-1], gaps[-1][1])
+        estimate = estimator.estimate(gaps) + estimator.round_off(trials[-1], gaps[-1][1])
         if estimate <= estimator.accept * tol or gaps[-1][1] < ROUND_OFF:
-            return answer(problem, trials[-1], estimate + error)
-        stuck = stuck + 1 if gaps[-1][1] > smallest / 2 else 0
+            return accepted_run(problem, trials[-1], estimate + error)
+        stagnant = stagnant + 1 if gaps[-1][1] > smallest / 2 else 0
         smallest = min(smallest, gaps[-1][1])
-        if stuck == STUCK:
+        if stagnant == STAGNANT:
             raise TensegrityError(
-                f"tol {tol:g} is below {max(smallest, tol):.1e}, the difference of two runs that "
-                f"{trials[-1].steps} steps, and fewer, do not make smaller"
+                f"tol {tol:g} is below {max(smallest, tol):.1e}: up to {trials[-1].steps} steps do "
+                "not make smaller the difference of two runs, which is round-off"
             )
         factor = estimator.factor(gaps)
-        factor = min(factor, 2.0) if stuck else factor
+        factor = min(factor, 2.0) if stagnant else factor
     return trials[-1].run()  # interrupted
 
 
 def next_trial(problem, trials, factor, tol):
-    """One that is finer than the finest by a factor."""
+    """The next trial run.
+
+    Parameters
+    ----------
+    problem : Problem
+    trials : list of Trial
+        The runs so far, the finest last.
+    factor : float
+        Number of steps over that of the finest.
+    tol : float
+
+    Returns
+    -------
+    Trial
+    """
     finest = trials[-1].refinement
     refinement = max(math.ceil(finest * factor), int(finest) + 1 if factor > 1 else 1)
-    likely = factor > 1 and (len(trials) > 1 or tol > SECOND)
-    return Trial.of(trial_of(problem, likely), refinement, trials[0].instants)
+    keeps_rows = factor > 1 and (len(trials) > 1 or tol > SECOND)
+    return Trial.of(trial_of(problem, keeps_rows), refinement, trials[0].instants)
 
 
-def answer(problem, trial, estimate):
-    """The run that meets a tolerance, with the rows that were asked for."""
+def accepted_run(problem, trial, estimate):
+    """The run that meets the tolerance, with the requested rows.
+
+    Parameters
+    ----------
+    problem : Problem
+    trial : Trial
+    estimate : float
+        Its estimated error.
+
+    Returns
+    -------
+    Run
+    """
     found = trial.march
     if not (problem.record.is_plain and found.has_rows and not problem.observe):
         found = march(problem, trial.steps)

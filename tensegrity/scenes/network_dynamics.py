@@ -171,7 +171,7 @@ class NetworkDynamics(Dynamics):
     def elongations(self, u: ArrayLike) -> Array:
         """Elongation of each bond [m], and gap of each wall contact; (..., springs)."""
         u = check.rows("displacements", u, self.shape, are_finite=False)
-        return forces.stretch(self.contact_bonds, u)
+        return forces.bond_elongations(self.contact_bonds, u)
 
     def evaluate(self, name: str, u: ArrayLike) -> Array:
         """Energy [J] or tension [N] of each bond and wall contact; (..., springs)."""

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from tensegrity import check
-from tensegrity.engine.law import in_pieces
+from tensegrity.engine.law import is_piecewise
 from tensegrity.errors import TensegrityError
 from tensegrity.once import once
 from tensegrity.readonly import fixed
@@ -33,7 +33,7 @@ class Expression:
         self.name, self.expression = name, expression
         _functions(expression)  # refuses what cannot be translated
         self.span = -np.inf, np.inf
-        self.order_limit = KINK_ORDER if in_pieces(expression) else np.inf
+        self.order_limit = KINK_ORDER if is_piecewise(expression) else np.inf
 
     def __call__(self, t: Array, order: int = 0) -> Array:
         """Values, or rates for order 1; of the shape of t."""

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from tensegrity.engine.bonds import Contacts
-from tensegrity.engine.compiled import evaluated, single
-from tensegrity.engine.energies import Energies, Search, Ways
+from tensegrity.engine.compiled import evaluated, loop_of_law
+from tensegrity.engine.energies import Energies, Search, SearchPoints
 from tensegrity.errors import StabilityError, TensegrityError
 from tensegrity.readonly import fixed
 from tensegrity.springs.potential import Potential
@@ -23,7 +23,7 @@ ORDERS = ("energy", "tension", "stiffness")
 NEAR_END = np.logspace(-16, 0, 321)  # shares of a range at which a search looks
 SEARCH_FRACTIONS = np.concatenate([NEAR_END, np.linspace(0, 1, 201)])
 REFINEMENTS = [np.arange(1, 65) / 64] * 4
-WAYS = Ways(
+WAYS = SearchPoints(
     [np.sort(np.concatenate([NEAR_END, 1 - NEAR_END[:-1]])), *REFINEMENTS],
     np.ldexp(1.0, np.arange(-1000, 1001, 4)),  # where the range has no end
     [2.0 ** (np.arange(-324, 1) / 6), *REFINEMENTS],  # a narrow barrier may stand before it
@@ -189,7 +189,7 @@ class Springs:
         """
         found = []
         for one, columns in self._groups:
-            loop = single(one.law)
+            loop = loop_of_law(one.law)
             if loop is None or "energy" not in one.law.compiled:
                 return None
             found.append((loop, one.values, self.reach[one.rows].T, columns))
@@ -293,7 +293,7 @@ class Springs:
         if not self.different or not np.array_equal(self.reach, self.domains):
             return {}
         laws, law, parameters = self.table
-        loops, kinds = [single(one) for one in laws], {type(one) for one in self.different}
+        loops, kinds = [loop_of_law(one) for one in laws], {type(one) for one in self.different}
         names = [
             name
             for name in ORDERS

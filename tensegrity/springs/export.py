@@ -1,7 +1,7 @@
-"""Springs for other programs: `to_c` writes a potential as C that stands alone.
+"""Springs for other programs: `to_c` writes a potential as a self-contained C file.
 
-The text is what CasADi generates from the law, the same that runs here are compiled from, with the
-numbers of one spring beside it.  It is plain C99 that needs the C library's mathematics only.
+The text is what CasADi generates from the law, as for the compiled loops of this package, with the
+parameters of one spring.  It is C99 and needs only the mathematical functions of the C library.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ def to_c(potential: Any, path: str | PathLike[str]) -> Path:
 
 
 def _text(potential: Any, name: str) -> str:
-    """What `to_c` writes, with names that begin with `name`."""
+    """The C text that `to_c` writes, with names that begin with `name`."""
     import casadi as ca
 
     law, (low, high) = potential.law, potential.reach
@@ -102,7 +102,7 @@ def _text(potential: Any, name: str) -> str:
 
 
 def _identifier(stem: str) -> str:
-    """A file's name as the beginning of names in C."""
+    """The stem of a file's name as a prefix of names in C."""
     words = re.sub(r"[^0-9A-Za-z]+", "_", stem).strip("_")  # CasADi refuses two _ in a row
     return words if words[:1].isalpha() else f"spring_{words}".rstrip("_")
 
@@ -114,5 +114,5 @@ def _number(value: float) -> str:
 
 
 def _comment(text: str) -> str:
-    """Text that neither ends a comment of C nor begins another."""
+    """Text without the marks that end or begin a comment in C."""
     return " ".join(text.split()).replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?")

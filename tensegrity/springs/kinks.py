@@ -14,7 +14,7 @@ from fractions import Fraction
 from itertools import pairwise
 from typing import Any
 
-from tensegrity.engine.law import in_pieces
+from tensegrity.engine.law import is_piecewise
 from tensegrity.once import once
 
 DIGITS = 400
@@ -57,7 +57,7 @@ def kinks(
         0 is a jump of the force, of -1 of the energy.  `UNKNOWN` where the pieces cannot be told
         apart.
     """
-    if not in_pieces(energy := _exact(energy, elongation)):
+    if not is_piecewise(energy := _exact(energy, elongation)):
         return ()
     import mpmath
 
@@ -210,7 +210,7 @@ def _innermost(energy: Any) -> Any:
     import sympy as sp
 
     these = energy.atoms(sp.Max, sp.Min, sp.Abs, sp.Heaviside, sp.Piecewise, sp.sign)
-    inner = (x for x in these if not any(in_pieces(argument) for argument in x.args))
+    inner = (x for x in these if not any(is_piecewise(argument) for argument in x.args))
     return min(inner, key=str, default=None)
 
 

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from tensegrity import check
-from tensegrity.engine.compiled import evaluated, single
+from tensegrity.engine.compiled import evaluated, loop_of_law
 from tensegrity.engine.law import Law
 from tensegrity.errors import LockingError, ResolutionError, TensegrityError
 from tensegrity.springs.potential import Potential
@@ -123,7 +123,7 @@ class Tuned:
 
     def energies(self, t: Array, r: Array) -> Array:
         """Energies at elongations r (t.size, bonds) [m], each row at an instant; of its shape."""
-        loop, r = single(self.law), np.ascontiguousarray(r)
+        loop, r = loop_of_law(self.law), np.ascontiguousarray(r)
         out, parameters = np.empty_like(r), np.ascontiguousarray(self.at(t))
         for p, row, found in zip(parameters, r, out, strict=True):
             loop.library.values(0, r.shape[-1], *(x.ctypes.data for x in (p, row, found)))

@@ -1,10 +1,10 @@
-"""Long chains and large networks in pieces, on a pool of threads.
+"""Domain decomposition: long chains and large networks in parts, on a pool of threads.
 
-A stage carries what is wrong at the cut ends of a piece of a chain one site further, so a halo as
-wide as the stages of a few steps keeps the piece itself right.  Pieces and halos begin and end
-where the whole chain's loop begins a block, so every bond is computed by the same instructions on
-the same numbers.  A piece of a network does again what its sites take from the contacts before
-it.  So the result equals that of one loop bit for bit, whatever the number of threads.
+Each stage propagates the error at the cut ends of a part of a chain by one site, so a halo as wide
+as the stages of a few steps keeps the part itself correct.  Parts and halos begin and end where the
+loop of the whole chain begins a block, so every bond is computed by the same instructions on the
+same numbers.  A part of a network computes again the forces on its sites by contacts that belong to
+earlier parts.  The result therefore equals that of one loop to the bit, for any number of threads.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ from tensegrity.engine.march import STEPS
 from tensegrity.errors import TensegrityError
 
 HALO = 4 * BLOCK
-PIECE = 512 * BLOCK  # bonds: what two arrays of them take fits the cache of one processor
-LONG = 2 * PIECE  # bonds from which pieces are worth it
-MANY = 20_000  # contacts of a network from which they are
+PIECE = 512 * BLOCK  # bonds of a part: two arrays of them fit into the cache of one processor
+LONG = 2 * PIECE  # least entries of a chain that is divided
+MANY = 20_000  # least contacts of a network that is divided
 
 
 def threads() -> int:
-    """Threads used for large scenes: $TENSEGRITY_THREADS, or one per processor we may use.
+    """Threads used for large scenes: $TENSEGRITY_THREADS, or one per available processor.
 
-    More than that would only get in each other's way: fewer are taken, with a warning.
+    A larger number than that of processors is reduced to it, with a warning.
     """
     given, most = os.environ.get("TENSEGRITY_THREADS", "").strip(), processors()
     if not given:
@@ -68,14 +68,14 @@ def _pool(count):
     return ThreadPoolExecutor(count, thread_name_prefix="tensegrity")
 
 
-_alone = Lock()  # who has it has all threads at once
+_pool_lock = Lock()  # its holder uses all threads of the pool
 
 
 def _forget_threads():
-    """Threads do not come along into a forked process, nor do those that hold a lock."""
-    global _alone
+    """Renew pool and lock in a forked process, which has no other threads."""
+    global _pool_lock
     _pool.cache_clear()
-    _alone = Lock()
+    _pool_lock = Lock()
 
 
 if hasattr(os, "register_at_fork"):
@@ -85,8 +85,8 @@ if hasattr(os, "register_at_fork"):
 class Threaded(Bound):
     """A scene advanced in place on several threads.
 
-    What `march.c` calls to advance is a function of Python, which hands out the work.  It is called
-    on a thread of its own: Ctrl-C, which comes to the main one, must not end it half done.
+    `march.c` advances it by calling a function of Python, which distributes the work.  This runs on
+    a thread of its own, so that Ctrl-C, which the main thread receives, does not interrupt it.
     """
 
     def _take_threads(self, count):
@@ -95,7 +95,23 @@ class Threaded(Bound):
         self._march = self._marched(self._called)
 
     def go(self, done, end, wanted=()):
-        """As `Bound.go`."""
+        """Advance and store states; see `Bound.go`.
+
+        Parameters
+        ----------
+        done, end : int
+        wanted : sequence of Wanted, optional
+
+        Returns
+        -------
+        int
+            See `march.go`.
+
+        Raises
+        ------
+        Exception
+            The error of a worker thread.
+        """
         found = []
         worker = Thread(target=lambda: found.append(super(Threaded, self).go(done, end, wanted)))
         worker.start()
@@ -113,14 +129,14 @@ class Threaded(Bound):
     def _called_by_march(self, scene, method, steps, opened):
         try:
             self.advance_open(steps, bool(opened))
-        except BaseException as error:  # which C cannot hand on
+        except BaseException as error:  # an exception cannot pass through C
             self._failure = error
             return 1
         return 0
 
 
-class BoundPieces(Threaded):
-    """A chain advanced in place, piece by piece.
+class ThreadedChain(Threaded):
+    """A chain advanced in place, in parts.
 
     Parameters
     ----------
@@ -131,7 +147,7 @@ class BoundPieces(Threaded):
     dt : float
         [s]
     count : int
-        Threads.
+        Number of threads.
     """
 
     def __init__(self, loop, u, v, bonds, method, dt, count) -> None:
@@ -140,46 +156,46 @@ class BoundPieces(Threaded):
         pieces = count * -(-total // (count * PIECE))
         ends = [start_of_block(bonds.runs.first, total * k // pieces) for k in range(pieces)]
         self._parts = [
-            _Piece(loop, u, v, bonds, method, dt, start, stop)
+            _Subdomain(loop, u, v, bonds, method, dt, start, stop)
             for start, stop in zip(ends, [*ends[1:], total], strict=True)
         ]
         super().__init__(loop, u, v, bonds, method, dt)
         self._take_threads(count)
 
     def set_step(self, dt):
-        """As `Bound.set_step`."""
+        """Change the length of the steps [s]."""
         super().set_step(dt)
         for piece in self._parts:
             piece.loop.set_step(dt)
 
     def forget_range(self):
-        """Start anew to record elongations."""
+        """Reset the elongation range."""
         super().forget_range()
         for piece in self._parts:
             piece.loop.forget_range()
 
     @property
     def range(self):
-        """Smallest and largest elongation of each different spring since `forget_range`."""
+        """Smallest and largest elongation of each different spring; see `Bound.range`."""
         each = np.array([super().range, *(piece.loop.range for piece in self._parts)])
         return np.stack([each[..., 0].min(axis=0), each[..., 1].max(axis=0)], axis=1)
 
     def advance_open(self, steps, opened):
-        """As `Bound.advance_open`."""
+        """Advance without the closing kick; see `Bound.advance_open`."""
         done = 0
         while done < steps:
             part = min(self._together, steps - done)
-            advance = partial(_Piece.advance, steps=part, opened=done > 0 or opened)
-            for work in (advance, _Piece.give):  # all take before any gives
+            advance = partial(_Subdomain.advance, steps=part, opened=done > 0 or opened)
+            for work in (advance, _Subdomain.give):  # all read before any writes
                 list(self._pool.map(work, self._parts))
             done += part
 
 
-class BoundParts(Threaded):
-    """A network advanced in place, a piece on each thread.
+class ThreadedNetwork(Threaded):
+    """A network advanced in place, one part on each thread.
 
-    The threads wait for each other in every stage, so all must run at once: one network has the
-    pool, and another that comes meanwhile is advanced as one piece, with the same result.
+    The threads wait for each other in every stage, so all must run at the same time: one network
+    uses the pool, and any other is advanced undivided meanwhile, with the same result.
     """
 
     def __init__(self, loop, u, v, bonds, method, dt, count) -> None:
@@ -187,30 +203,30 @@ class BoundParts(Threaded):
         self._take_threads(count)
 
     def advance_open(self, steps, opened):
-        """As `Bound.advance_open`."""
-        if not _alone.acquire(blocking=False):
+        """Advance without the closing kick; see `Bound.advance_open`."""
+        if not _pool_lock.acquire(blocking=False):
             super().advance_open(steps, opened)
             return
-        begin, turns, complete = Event(), [], []
+        begin, jobs, complete = Event(), [], []
 
-        def turn(number):
+        def advance_part(number):
             begin.wait()
-            if complete:  # else the others will not come
+            if complete:  # otherwise other threads are missing
                 piece = ctypes.addressof(self._pieces[number])
                 self._loop.library.advance_together(piece, steps, opened)
 
         try:
-            turns += [self._pool.submit(turn, k) for k in range(self._count)]
+            jobs += [self._pool.submit(advance_part, k) for k in range(self._count)]
             complete.append(True)
         finally:
             begin.set()
-            wait(turns)
-            _alone.release()
-        for one in turns:
+            wait(jobs)
+            _pool_lock.release()
+        for one in jobs:
             one.result()
 
 
-class _Piece:
+class _Subdomain:
     """Bonds from `start` to `stop` of a chain, with a halo on either side."""
 
     def __init__(self, loop, u, v, bonds, method, dt, start, stop) -> None:
@@ -232,21 +248,33 @@ class _Piece:
         self._inner = slice(start - low, self._mine.stop - low)
 
     def advance(self, steps, opened):
-        """Take what the neighbours gave, and do some steps."""
+        """Read the state of the chain, and advance some steps."""
         for local, whole in zip(self._local, self._globals, strict=True):
             local[:] = whole[self._sites]
         self.loop.advance_open(steps, opened)
 
     def give(self):
-        """Hand out the part that is right."""
+        """Write back the state without the halo."""
         for local, whole in zip(self._local, self._globals, strict=True):
             whole[self._mine] = local[self._inner]
 
 
 def start_of_block(first, bond, down=False):
-    """The bond near `bond`, not above it if `down` and else not below, where a block begins.
+    """The nearest bond on one side at which a block of the loop begins.
 
-    In a segment the loop begins with what is left over of its whole blocks.
+    In a run the loop begins with an incomplete block, if its length is no multiple of a block.
+
+    Parameters
+    ----------
+    first : ndarray of int, (runs + 1,)
+        First bond of each run.
+    bond : int
+    down : bool, optional
+        Whether the result must not be above `bond`; otherwise it is not below.
+
+    Returns
+    -------
+    int
     """
     if bond >= first[-1]:
         return int(first[-1])
