@@ -325,7 +325,7 @@ def test_polynomial_and_exact_waves_agree_within_the_tolerance():
     run = simulate(chain, state, 90.0, tol=1e-8)
     assert fitted_degree(run) > 5
     exact = simulate(chain, state, 90.0, dt=run.dt, method=run.method)
-    assert exact.force == "exact"
+    assert exact.force_model == "exact"
     assert error_of(run, exact.final.u, exact.final.v) < 1e-8
     front = [np.argmax(chain.elongation(one.final.u)) for one in (run, exact)]
     assert front[0] == front[1] > 80
