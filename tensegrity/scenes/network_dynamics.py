@@ -259,10 +259,8 @@ class NetworkDynamics(Dynamics):
         coincide."""
         if not len(self.scene.springs):
             return ""
-        apart = ranges[:, 0] - self.zero_length_elongation
-        if np.any(apart <= 0):
-            return (
-                f"{self.where_extreme(int(np.argmin(apart)), u, 0)}, which came to the same place"
-            )
+        separation = ranges[:, 0] - self.zero_length_elongation
+        if np.any(separation <= 0):
+            return f"{self.where_extreme(int(np.argmin(separation)), u, 0)}, which coincide"
         spring = int(np.nanargmax(np.max(np.abs(ranges), axis=1)))
         return self.where_extreme(spring, u, int(ranges[spring, 1] > -ranges[spring, 0]))
