@@ -187,5 +187,6 @@ def _refuse_jump(signal: Any, t_end: float) -> None:
     if largest > 0 and left.max() > max(JUMP * largest, 1e-9 * scale):
         at = low[-1][int(left.argmax())]
         raise TensegrityError(
-            f"{signal.name} {signal} jumps by {left.max():.6g} at t = {at:.6g} s: a drive cannot jump"
+            f"{signal.name} {signal} jumps by {left.max():.6g} at t = {at:.6g} s: a drive must be "
+            "continuous"
         )
