@@ -75,7 +75,7 @@ class Drive:
     signals: tuple[Any, ...] = field(init=False, repr=False)  # per coordinate; None if free
     prescribes: bool = field(init=False, repr=False)
 
-    if TYPE_CHECKING:  # accepts convertible values
+    if TYPE_CHECKING:  # what converts is taken
 
         def __init__(
             self,
@@ -144,7 +144,7 @@ class Damping:
     bond: Array = 0.0  # type: ignore[assignment]
     ground: Array = 0.0  # type: ignore[assignment]
 
-    if TYPE_CHECKING:  # accepts convertible values; the attributes are arrays
+    if TYPE_CHECKING:  # what converts is taken, arrays are kept
 
         def __init__(self, bond: ArrayLike = 0.0, ground: ArrayLike = 0.0) -> None: ...
 

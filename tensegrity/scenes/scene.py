@@ -53,7 +53,7 @@ class State:
     u: Array
     v: Array
 
-    if TYPE_CHECKING:  # accepts convertible values; the attributes are arrays
+    if TYPE_CHECKING:  # what converts is taken, arrays are kept
 
         def __init__(self, u: ArrayLike, v: ArrayLike) -> None: ...
 

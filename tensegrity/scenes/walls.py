@@ -52,7 +52,7 @@ class Wall(ReadOnly):
     normal: Array
     extent: Array | None = None
 
-    if TYPE_CHECKING:  # accepts convertible values; the attributes are arrays
+    if TYPE_CHECKING:  # what converts is taken, arrays are kept
 
         def __init__(
             self, point: ArrayLike, normal: ArrayLike, extent: ArrayLike | None = None

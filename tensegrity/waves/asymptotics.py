@@ -29,7 +29,7 @@ FASTEST = 1e100  # largest speed ratio; its square is finite
 
 
 def sound_speed(spring: Potential, mass: float = 1.0) -> float:
-    """Sound speed sqrt(V''(0)/m) of a chain [sites/s]; 0 in a sonic vacuum."""
+    """sqrt(V''(0)/m), in sites per second; 0 in a sonic vacuum."""
     check.kind("spring", spring, Potential)
     mass = check.number("mass", mass, above=0, unit="kg")
     stiffness = float(spring.stiffness(0.0))
@@ -85,7 +85,7 @@ def tent(spring: Potential, x: ArrayLike) -> Array:
 
 
 def _sound_speed_squared() -> tuple[list[Any], tuple[Any, ...]]:
-    """Square of the sound speed [sites^2/s^2] in terms of stiffness and mass."""
+    """Square of the speed in sites in terms of stiffness and mass."""
     from derivations import waves as form
 
     squared = form.sound_speed().subs(form.spacing, 1) ** 2

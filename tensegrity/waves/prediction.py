@@ -235,8 +235,8 @@ def predict(potential: Potential, mass: float = 1.0) -> Prediction:
     check.kind("potential", potential, Potential)
     mass = check.number("mass", mass, above=0, unit="kg")
     families, absent = [], {}
-    nonlinear_part(potential)  # refuses a spring with a force at r = 0
-    sound = sound_speed(potential, mass)  # refuses a negative stiffness
+    nonlinear_part(potential)  # refuses a spring that is not at rest
+    sound = sound_speed(potential, mass)  # refuses one that does not return to it
     for name, sign in SIGNS.items():
         try:
             first = Family(potential, sign)
