@@ -235,7 +235,7 @@ def predict(potential: Potential, mass: float = 1.0) -> Prediction:
     check.kind("potential", potential, Potential)
     mass = check.number("mass", mass, above=0, unit="kg")
     families, absent = [], {}
-    nonlinear_part(potential)  # refuses a spring that is not at rest
+    nonlinear_part(potential)  # says where the spring is not at rest
     sound = sound_speed(potential, mass)  # refuses one that does not return to it
     for name, sign in SIGNS.items():
         try:
@@ -255,7 +255,7 @@ def _predicted(side: Family, mass: float) -> PredictedFamily:
     why = [_describe_start(side, from_rest)]
     holds = [] if math.isinf(part.ceiling) else [
         Hypothesis(
-            "V''(r*) > 0 where 2V/r^2 is largest, or V'' = 0 from there on", side.top_stiffness,
+            "V''(r*) > 0 where 2V/r^2 is largest, or V'' = 0 beyond it", side.top_stiffness,
             side.ends_in_plateau or _is_constant_beyond(side),
         )
     ]  # fmt: skip

@@ -29,7 +29,7 @@ from tensegrity.waves.family import STROKE, Family, refined
 from tensegrity.waves.multidomain import Integrals, may_cross_kink, multidomain_wave
 from tensegrity.waves.travelling import NoWaveError, Series
 
-LEAST_LEVEL = 1e-8  # smallest level of a width, over the peak
+LEAST_LEVEL = 1e-8  # of the crest, at which a width is asked for
 PLOTTED = 1e-3  # of the crest, where a notebook's picture ends
 
 

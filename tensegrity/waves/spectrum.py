@@ -28,9 +28,9 @@ from tensegrity.scenes.scene import SMALLEST_MASS, Scene, State
 from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array
 
-BOUND = 1e-6  # shift of the eigenvalue search below zero, over the largest stiffness over mass
-AT_REST = 1e-6  # largest unbalanced force of an equilibrium, over the forces on a site
-MOVED = 1e-9  # largest unbalanced force, over the largest stiffness times a length
+BOUND = 1e-6  # of the largest stiffness over mass: how far below zero the search starts
+AT_REST = 1e-6  # force left on a site of an equilibrium, over those that meet there
+MOVED = 1e-9  # the same over the largest stiffness times a length
 
 
 @dataclass(frozen=True, eq=False)
