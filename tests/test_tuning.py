@@ -291,7 +291,7 @@ def test_what_cannot_be_tuned_is_refused():
         with pytest.raises(TensegrityError, match=text):
             Chain(springs, 4, tune=tune)
 
-    refused("'colour' is no argument", {"colour": T})
+    refused("'colour' is not an argument", {"colour": T})
     refused("tune begins at prestrain 0.03, the spring has 0.02", {"prestrain": 0.03 + T})
     refused("depends on x", {"prestrain": sp.Symbol("x")})
     refused("tune .* must be a dict", [("prestrain", T)])

@@ -312,7 +312,7 @@ def _describe_start(side: Family, from_rest: bool) -> str:
         term = terms.get(power, f"a nonlinear force proportional to |r|^{power:g}")
         return f"{term} stiffens the spring on this side, so waves start from zero amplitude"
     level = "its value at rest" if side.rising_part.floor == 0 else "that of the preceding front"
-    return f"2V/r^2 exceeds {level} only for |r| > {side.rising_part.start:.6g} m: a threshold"
+    return f"2V/r^2 exceeds {level} only beyond |r| = {side.rising_part.start:.6g} m: a threshold"
 
 
 def _first_crest(side: Family) -> float:
