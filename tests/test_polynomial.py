@@ -209,7 +209,7 @@ def test_a_prism_that_softens_to_its_limit_point_is_fitted_over_it():
 
 
 def test_docstring_example_prints_what_it_says():
-    assert doctest.testmod(polynomial) == (0, 3)
+    assert doctest.testmod(polynomial) == (0, 5)
 
 
 # --- runs ------------------------------------------------------------------------------------
@@ -325,7 +325,7 @@ def test_polynomial_and_exact_waves_agree_within_the_tolerance():
     run = simulate(chain, state, 90.0, tol=1e-8)
     assert fitted_degree(run) > 5
     exact = simulate(chain, state, 90.0, dt=run.dt, method=run.method)
-    assert exact.force == "exact"
+    assert exact.force_model == "exact"
     assert error_of(run, exact.final.u, exact.final.v) < 1e-8
     front = [np.argmax(chain.elongation(one.final.u)) for one in (run, exact)]
     assert front[0] == front[1] > 80

@@ -121,7 +121,11 @@ def test_bad_input_says_what_and_why():
             simulate_tuned(chain, state, 10.0, spring_at, dt=dt, **how)
 
     refused(TensegrityError, "tune begins with", lambda t: drawn_in(t + 5))
-    refused(TensegrityError, "another law", lambda t: drawn_in(0.0) if t < 5 else stiffening(t))
+    refused(
+        TensegrityError,
+        "all have the same law",
+        lambda t: drawn_in(0.0) if t < 5 else stiffening(t),
+    )
     refused(TensegrityError, "not a Potential", lambda t: drawn_in(0.0) if t < 5 else t)
     taller = Prism(1.0, 0.9, 0.02, 1.0).potential()
     refused(ResolutionError, "too abruptly", lambda t: drawn_in(0.0) if t < 5 else taller)

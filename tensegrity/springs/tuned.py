@@ -129,7 +129,7 @@ class Tuned:
         return tuple(np.flatnonzero(self._moves[:-2]).tolist())
 
     def energies(self, t: Array, r: Array) -> Array:
-        """Energies [J] at elongations r (t.size, bonds) [m], with one time per row; shape of r."""
+        """Energies at elongations r (t.size, bonds) [m], each row at an instant; of its shape."""
         loop, r = single(self.law), np.ascontiguousarray(r)
         out, parameters = np.empty_like(r), np.ascontiguousarray(self.at(t))
         for p, row, found in zip(parameters, r, out, strict=True):
