@@ -159,7 +159,7 @@ def test_a_jump_of_the_stiffness_is_not_taken_for_a_polynomial():
         ({"energy": 1e-6}, "below energy 0.0001974"),
         ({"energy": 20.0}, "above energy"),
         ({"amplitude": 1e-3}, "below peak 0.0136"),
-        ({"amplitude": 5e-324}, "crest 4.94066e-324 m must be at least"),
+        ({"amplitude": 5e-324}, "peak 4.94066e-324 m must be at least"),
         ({"speed_ratio": 1 + 1e-9}, "below speed 0.5502"),
         ({"speed_ratio": 20.0}, "above speed 2.8689"),
     ],

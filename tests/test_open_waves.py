@@ -75,7 +75,7 @@ def test_a_wave_beyond_a_corner_of_the_force_runs_unchanged(spring):
 @pytest.mark.parametrize(
     ("asked", "words"),
     [
-        ({"amplitude": 1.4}, r"crest 1\.4 m must be below 1\.33333 m in size, where 2V/r\^2 is"),
+        ({"amplitude": 1.4}, r"peak 1\.4 m must be below 1\.33333 m in size, where 2V/r\^2 is"),
         ({"speed": 0.87}, r"speed 0\.87 sites/s must be below speed 0\.866025 sites/s"),
         (
             {"speed": 0.5**0.5},

@@ -281,7 +281,7 @@ def test_launch_refuses_what_does_not_fit():
         (PowerLaw(1.0, 1.5), {"speed_ratio": 1.1}, "sonic vacuum"),
         (PowerLaw(1.0, 40.0), {"amplitude": 1.0}, "does not resist"),
         (PowerLaw(1.0, 40.0), {"amplitude": -1e-8}, "its energy would be 0 to round-off"),
-        (PRISM, {"amplitude": -5e-324}, "its speed would be that of sound to round-off"),
+        (PRISM, {"amplitude": -5e-324}, "the speed is the sound speed to round-off"),
         (Potential(sp.exp(-R), R), {"speed": 1.1}, "tension -1 N at r = 0 must be 0"),
         (TODA, {"speed": 1e200}, r"speed 1e\+200 sites/s gives m c\^2 = inf N/m"),
         (TODA, {"speed": 10.0, "mass": 1e308}, r"m c\^2 = inf N/m"),

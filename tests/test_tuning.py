@@ -135,7 +135,7 @@ def test_bad_input_says_what_and_why():
     refused(TensegrityError, "no splitting", method="rk4")
     refused(TensegrityError, "tune 'x' must be a dict .* or a function", spring_at="x")
     longer = Chain(series(length=1.0), 6)
-    with pytest.raises(TensegrityError, match=r"length 1\..* count from another shape"):
+    with pytest.raises(TensegrityError, match=r"length 1\..* refer to another shape"):
         simulate_tuned(longer, state, 10.0, lambda t: series(length=1.0 + 0.01 * t), dt=0.05)
 
 

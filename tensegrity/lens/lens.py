@@ -211,7 +211,7 @@ class Lens:
         return ends.peaks(np.array(self.focus), rays, within)
 
     def _attainable(self, found: ArrivalRange, delays: Array) -> Array:
-        """The delays, shifted so that the smallest is 0, if the range of prestrains permits them."""
+        """The delays, the smallest shifted to 0, if the range of prestrains permits them."""
         (low, high), delays = self.prestrains, delays - delays.min()
         longest = float(delays.max())
         if longest > (1 - SPARE) * found.span:

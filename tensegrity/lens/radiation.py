@@ -190,7 +190,7 @@ class Ends:
                 yield self.density * self.area * acceleration / (2 * np.pi * distance)
 
     def energy(self) -> float:
-        """Energy radiated until the last recorded time [J]: the work of the pressures on the ends."""
+        """Energy radiated until the last recorded time [J]: work of the pressures on the ends."""
         from scipy.interpolate import make_interp_spline
 
         t = np.linspace(0.0, self.t[-1], len(self.t) // 2)
