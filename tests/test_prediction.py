@@ -130,7 +130,7 @@ def test_each_rise_of_the_mean_stiffness_has_a_family():
     assert (slow.family, fast.family) == ("rarefaction", "rarefaction 2")
     assert fast.amplitude > second.crests[0] > first.crests[1] > slow.amplitude
     assert fast.residual <= 1e-12
-    with pytest.raises(TensegrityError, match=r"rarefaction 3: 2V/r\^2 rises .* 2 times only"):
+    with pytest.raises(TensegrityError, match=r"rarefaction 3: 2V/r\^2 exceeds .* 2 times only"):
         solitary_wave(TWICE, speed=1.09, family="rarefaction 3")
     with pytest.raises(TensegrityError, match=r"must be above speed 1\.10\d+ sites/s"):
         solitary_wave(TWICE, speed=1.09, family="rarefaction 2")
