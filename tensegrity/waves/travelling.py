@@ -315,9 +315,19 @@ def energy_is(energy):
 def initial_profile(law, grid, decay, tension, nu, power=2.0):
     """An approximate profile with rho(0) = 1, by iterating the map from a long-wave profile.
 
-    `decay` [1/site] is that of the initial profile, the long wave of a nonlinear force that is a
-    power (`power`) of the elongation; `tension` is f or a cheaper approximation of it; `nu` is used
-    if the iteration gives no positive value.
+    Parameters
+    ----------
+    law, grid : Scaled, Grid
+    decay, power : float
+        Decay [1/site] of the long wave, and the power of the elongation in the nonlinear force.
+    tension : callable
+        f, or a cheaper approximation of it.
+    nu : float
+        Value of nu if the iteration gives none above 0.
+
+    Returns
+    -------
+    Profile
     """
     half = (power - 1) / 2 if power > 1 else 0.5
     rho = np.cosh(np.minimum(half * decay * grid.x, 300)) ** (-1 / half)
