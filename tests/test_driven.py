@@ -395,7 +395,7 @@ def test_bad_input_says_what_and_why():
     refused("has 0 of displacement and force", moved(None))
     refused(r"ground damping -0\.1 N s/m must be at least 0",
             lambda: {"damping": Damping(ground=-0.1)})  # fmt: skip
-    refused("depends on w, must on t alone", moved(sp.Symbol("w") * T))
+    refused("depends on w, must depend on t alone", moved(sp.Symbol("w") * T))
     refused(r"jumps by 0\.05 at t = 1 s", moved(0.1 * sp.Heaviside(T - 1)))
     refused(r"jumps by 0\.2", {"drive": {2: Drive(force=0.1 * sp.sign(sp.sin(3 * T)))}})
     refused("displacement sqrt.* is nan at t = 1", moved(sp.sqrt(1 - T) - 1))

@@ -191,7 +191,7 @@ def test_a_tuned_network_that_locks_says_where():
 
 
 def test_what_a_network_cannot_be_tuned_by_is_refused():
-    with pytest.raises(TensegrityError, match="'colour' is no argument"):
+    with pytest.raises(TensegrityError, match="'colour' is not an argument"):
         plate(tune={"colour": T})
     with pytest.raises(TensegrityError, match="one spring for all bonds, there are 2, and no"):
         plate(spring=[CUBIC] * 19 + [series(1.0, length=1.0)], tune={"k": 1 + T})

@@ -290,7 +290,7 @@ def test_a_mean_over_an_angle_is_as_good_as_asked(tolerance):
 
 
 def test_a_host_too_slow_for_the_nodes_of_a_rim_is_refused():
-    with pytest.raises(ResolutionError, match=r"host_speed 1e-05 m/s: on the .* at most 1024"):
+    with pytest.raises(ResolutionError, match=r"host_speed 1e-05 m/s: during the .* at most 1024"):
         lens(**SMALL | {"chains": 1, "host_speed": 1e-5})
 
 

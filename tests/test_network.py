@@ -284,7 +284,7 @@ def test_a_bond_driven_to_the_end_of_its_domain_raises():
 def test_coinciding_sites_are_noticed():
     """Steps that end where two sites are at one place: no direction is left there."""
     network = Network([[0.0, 0.0], [1.0, 0.0]], [(0, 1)], series(k=2e-40))
-    with pytest.raises(StabilityError, match="sites 0 and 1, which came to the same place"):
+    with pytest.raises(StabilityError, match="sites 0 and 1, which coincide"):
         simulate(network, network.at_rest({0: (1.0, 0.0)}), 4.0, dt=2**-4)
 
 

@@ -75,9 +75,12 @@ def test_a_wave_beyond_a_corner_of_the_force_runs_unchanged(spring):
 @pytest.mark.parametrize(
     ("asked", "words"),
     [
-        ({"amplitude": 1.4}, r"crest 1\.4 m must be below 1\.33333 m in size, where 2V/r\^2 is"),
+        ({"amplitude": 1.4}, r"peak 1\.4 m must be below 1\.33333 m in size, where 2V/r\^2 is"),
         ({"speed": 0.87}, r"speed 0\.87 sites/s must be below speed 0\.866025 sites/s"),
-        ({"speed": 0.5**0.5}, r"must be above 0\.707107 sites/s, the sound speed: one as slow has"),
+        (
+            {"speed": 0.5**0.5},
+            r"must be above 0\.707107 sites/s, the sound speed: slower waves have",
+        ),
     ],
 )
 def test_what_lies_beyond_a_plateau_of_the_force_is_refused_with_its_bound(asked, words):

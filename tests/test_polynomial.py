@@ -209,7 +209,7 @@ def test_a_prism_that_softens_to_its_limit_point_is_fitted_over_it():
 
 
 def test_docstring_example_prints_what_it_says():
-    assert doctest.testmod(polynomial) == (0, 3)
+    assert doctest.testmod(polynomial) == (0, 5)
 
 
 # --- runs ------------------------------------------------------------------------------------

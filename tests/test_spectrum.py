@@ -148,7 +148,7 @@ def test_modes_about_a_compressed_state_are_those_of_its_stiffness():
     )
     u = np.zeros((20, 1))
     u[7] = 0.01
-    with pytest.raises(EquilibriumError, match=r"force of 0\.0\d+ N is left"):
+    with pytest.raises(EquilibriumError, match=r"unbalanced force 0\.0\d+ N"):
         modes(squeezed, State(u, 0 * u))
 
 

@@ -1,1 +1,1 @@
-"""An acoustic lens: chains of prisms side by side, whose prestrains bring pulses to one focus."""
+"""An acoustic lens: parallel chains of prisms whose prestrains focus their pulses at one point."""

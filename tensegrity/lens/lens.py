@@ -1,12 +1,12 @@
-"""A lens of parallel chains of prisms: each one's prestrain makes its pulse meet the others.
+"""A lens of parallel chains of prisms, focused by the prestrain of each chain.
 
-The chains stand side by side and end on a fluid; all are struck alike at t = 0.  A larger
-prestrain makes a faster chain, so the prestrains alone choose when each end sends its pulse, and
-with that where all of them meet: where the pressures of all ends are largest at the same instant.
-A ray from an end's centre tells that instant to a hundredth of the pulse only, as all of its face
-is heard, over some time; what each end radiates does.  Assumed: a linear fluid behind a baffle
-(see `radiation`) that does not act back on the chains; what that leaves out is of the size of
-`coupling`.
+The chains are parallel and end on a fluid; all are struck alike at t = 0.  A larger prestrain makes
+a chain faster, so that the prestrains alone determine when each end emits its pulse, and hence the
+focus: the point at which the pressures of all ends have their peaks at the same time.  The travel
+time along the ray from the centre of an end gives this time only to a hundredth of the pulse width,
+because the whole face radiates; the radiated pressure itself is therefore used.  Assumption: a
+linear fluid behind a baffle (see `radiation`) that does not react on the chains; the neglected
+reaction is of the order of `coupling`.
 """
 
 from __future__ import annotations
@@ -29,74 +29,77 @@ from tensegrity.runs.run import Run
 from tensegrity.scenes.scene import BYTES_PER_SITE, SMALLEST_MASS
 from tensegrity.typing import Array
 
-MARGIN = 0.5  # of sqrt(m/k): the first pulse comes so much later than the soonest of the range
-LOWEST = 1e-9  # prestrain: there is no sound in chains without
-THIN = 1e-4  # radius of an end over the way of sound in sqrt(m/k), least
-SPARE = 1e-3  # of the span of arrivals: delays must leave it free
-MISS = 1e-4  # of the narrowest pulse: a design that misses its instants by more is refused
-AFTERWARDS = 1.25  # runs go on until the last arrival times this
+MARGIN = 0.5  # delay of the first pulse after the earliest one of the range, over sqrt(m/k)
+LOWEST = 1e-9  # smallest prestrain: without prestrain the sound speed is 0
+THIN = 1e-4  # smallest radius of an end, over the acoustic path in sqrt(m/k)
+SPARE = 1e-3  # fraction of the span of arrivals that the delays must leave unused
+MISS = 1e-4  # largest error of an arrival, over the narrowest pulse
+AFTERWARDS = 1.25  # duration of runs over the last arrival
 
 
 @dataclass(frozen=True)
 class Lens:
     """Chains whose prestrains are chosen so that their pulses meet at a focus.
 
-    Made, it has run chains over the range of prestrains, chosen one for each chain, run these, and
-    corrected them by when each one's pressure peaks at the focus: some seconds.  The first pulse
-    leaves sqrt(m/k_cross)/2 later than the soonest of the range.
+    The constructor runs chains over the range of prestrains, chooses one for each chain, runs these
+    chains, and corrects the prestrains by the times at which the pressures have their peaks at the
+    focus; this takes some seconds.  The first pulse is emitted sqrt(m/k_cross)/2 later than the
+    earliest one of the range.
 
     Parameters
     ----------
     prism : Prism
-        Of all chains, but for the prestrain, which is not used.
+        The prism of all chains; its prestrain is replaced.
     sites : int, optional
-        Masses of a chain, at least 3; one prism fewer.
+        Number of masses of a chain, at least 3; it has one prism fewer.
     chains : int, optional
-        At least 1.
+        Number of chains, at least 1.
     spacing : float, optional
-        Between neighbouring chains, along x [m].  Their ends lie on y = 0, about x = 0.
+        Distance between neighbouring chains along x [m].  Their ends lie on y = 0, symmetric about
+        x = 0.
     focus : (float, float), optional
-        x and y [m], before the ends: y at least the radius of an end, sqrt(area/pi).
+        x and y of the focus [m]; y is at least the radius of an end, sqrt(area/pi).
     host_speed, host_density : float, optional
-        Speed of sound [m/s] and density [kg/m^3] of the fluid.
+        Sound speed [m/s] and density [kg/m^3] of the fluid.
     area : float, optional
-        Of each end, a circular piston [m^2]; at most spacing^2.
+        Area of each end, a circular piston [m^2]; at most spacing^2.
     velocity : float, optional
-        Of the first mass of each chain at t = 0 [m/s], > 0.
+        Initial velocity of the first mass of each chain [m/s], > 0.
     prestrains : (float, float), optional
-        Smallest and largest that may be chosen, >= 1e-9.
+        Smallest and largest admissible prestrain, >= 1e-9.
     mass : float, optional
         Of each site [kg].
 
     Attributes
     ----------
     chain_prestrains : ndarray, (chains,)
-        Chosen, in the order of `places`.
+        The chosen prestrains, in the order of `places`.
     arrivals : ndarray, (chains,)
-        When the pulse of each chain comes to its end, measured in their run: the first peak of
+        Arrival of the pulse at the end of each chain in their run: the time of the first peak of
         the last mass's acceleration [s].
     pulse_widths : ndarray, (chains,)
-        How long that acceleration stays above half its peak [s].
+        Duration for which that acceleration exceeds half its peak [s].
     focus_arrivals : ndarray, (chains,)
-        When the pressure that each end alone makes at the focus is largest [s], measured in what
-        their run radiates.  The way from all of an end's face makes that some hundredths of a
-        pulse sooner or later than arrivals + distances/host_speed, the ray from its centre.
+        Time at which the pressure of each separate end has its peak at the focus [s], computed from
+        the radiation of their run.  It differs by some hundredths of a pulse width from
+        arrivals + distances/host_speed, the arrival along the ray from the centre of the end.
     focus_time : float
-        When the pulses meet [s]: wanted of `focus_arrivals`.
+        The common time for which `focus_arrivals` were designed [s].
 
     Raises
     ------
     TensegrityError
-        Bad input; a focus inside the array; arrival not monotone in the prestrain; a range of
-        prestrains that cannot give the delays, and which can.
+        Bad input; a focus inside the array; an arrival that is not monotone in the prestrain; or a
+        range of prestrains that cannot give the delays, with one that can.
     LockingError
-        The blow makes the bars of a chain meet.
+        The impact makes the bars of a chain meet.
 
     Examples
     --------
+    >>> from tensegrity import Lens, Prism
     >>> lens = Lens(Prism(base=1.0, height=0.8, prestrain=0.01, k_cross=1.0), chains=5)
-    >>> p = lens.pressure(lens.focus, lens.focus_time)
-    >>> print(lens.focusing())
+    >>> f"pulses meet after {lens.focus_time:.2f} s, alignment {lens.focusing().alignment:.6f}"
+    'pulses meet after 34.41 s, alignment 1.000000'
     """
 
     prism: Prism
@@ -159,8 +162,8 @@ class Lens:
         if radius < THIN * way:
             raise TensegrityError(
                 f"area {self.area:g} m2: its radius {radius:.3g} m must be at least "
-                f"{THIN * way:.3g} m, {THIN:g} of the way of sound in sqrt(m/k_cross); below, "
-                "round-off is seen in pressures"
+                f"{THIN * way:.3g} m, {THIN:g} of the path of a sound wave in sqrt(m/k_cross); "
+                "below, round-off dominates the pressures"
             )
         if self.focus[1] < radius:
             raise TensegrityError(
@@ -169,13 +172,13 @@ class Lens:
             )
 
     def _choose(self) -> None:
-        """Prestrains by interpolated arrivals, corrected once by what their own run radiates."""
+        """Choose prestrains by interpolated arrivals, corrected once by the peaks of their run."""
         low, high = self.prestrains
         found = arrival_range(self._struck, low, high)
         delays = self._attainable(found, self.delays)
         first = found.prestrain(found.t[-1] + self._margin(found, delays) + delays)
         arrivals = self._struck.arrivals(first)
-        late = self._focus_peaks(first, arrivals) - arrivals.t  # travel time from the whole face
+        late = self._focus_peaks(first, arrivals) - arrivals.t  # travel times, of the whole faces
         delays = self._attainable(found, late.max() - late)
         leave = found.t[-1] + self._margin(found, delays) + delays
         missed = arrivals.t - leave
@@ -185,7 +188,7 @@ class Lens:
         miss, pulse = np.abs(peaks - wanted).max(), arrivals.width.min()
         if not miss <= MISS * pulse:
             raise TensegrityError(
-                f"prestrains {low:g} to {high:g}: peaks at the focus miss their instant by "
+                f"prestrains {low:g} to {high:g}: peaks at the focus differ from the focus time by "
                 f"{miss:.2g} s, must be within {MISS * pulse:.2g} s, {MISS:g} of the pulse: they "
                 "change too quickly with the prestrain; narrow the range"
             )
@@ -196,11 +199,11 @@ class Lens:
         self._set("focus_time", wanted)
 
     def _margin(self, found: ArrivalRange, delays: Array) -> float:
-        """How much later than the soonest of a range the first pulse leaves [s]."""
+        """Delay of the first pulse after the earliest one of the range [s]."""
         return min(MARGIN * self._unit, (found.span - float(delays.max())) / 2)
 
     def _focus_peaks(self, prestrains: Array, arrivals: Arrivals) -> Array:
-        """When what each end radiates is largest at the focus [s], (chains,)."""
+        """Time at which the pressure of each end has its peak at the focus [s]; (chains,)."""
         t_end = AFTERWARDS * float(arrivals.t.max())
         ends = _ends(self, tuple(prestrains.tolist()), t_end)
         within = arrivals.width + ends.radius / self.host_speed
@@ -208,7 +211,7 @@ class Lens:
         return ends.peaks(np.array(self.focus), rays, within)
 
     def _attainable(self, found: ArrivalRange, delays: Array) -> Array:
-        """The same delays, of which the least is 0, if a range of prestrains can give them."""
+        """The delays, the smallest shifted to 0, if the range of prestrains permits them."""
         (low, high), delays = self.prestrains, delays - delays.min()
         longest = float(delays.max())
         if longest > (1 - SPARE) * found.span:
@@ -217,7 +220,7 @@ class Lens:
                     self._struck, low, high, longest + 2 * MARGIN * self._unit
                 )
             raise TensegrityError(
-                f"focus {self.focus} m asks for delays of up to {longest:.4g} s, prestrains "
+                f"focus {self.focus} m requires delays of up to {longest:.4g} s, prestrains "
                 f"{low:g} to {high:g} give {found.span:.4g} s at most; {suffices}"
             )
         return delays
@@ -233,25 +236,26 @@ class Lens:
 
     @property
     def places(self) -> Array:
-        """x of the ends [m], (chains,)."""
+        """x of the centres of the ends [m]; (chains,)."""
         return np.asarray(self.spacing * (np.arange(self.chains) - (self.chains - 1) / 2))
 
     @property
     def distances(self) -> Array:
-        """From the centre of each end to the focus [m], (chains,)."""
+        """Distance from the centre of each end to the focus [m]; (chains,)."""
         return np.hypot(self.places - self.focus[0], self.focus[1])
 
     @property
     def delays(self) -> Array:
-        """How much later than the first each pulse has to leave its end [s], (chains,)."""
+        """Delay of each emission after the first one by ray acoustics [s]; (chains,)."""
         travel = self.distances / self.host_speed
         return np.asarray(travel.max() - travel, dtype=np.float64)
 
     @property
     def coupling(self) -> float:
-        """rho c A/(m cs) of the softest chain: how much of a pulse the fluid's reaction changes.
+        """Ratio of impedances rho c A/(m cs) of the softest chain: the order of magnitude of the
+        fluid's reaction, which is neglected.
 
-        The fluid resists an end as rho c A v at most, the chain as m cs v; it is left out.
+        The fluid resists the motion of an end by at most rho c A v, and the chain by m cs v.
         """
         speed = float(self._struck.sound_speed(self.chain_prestrains).min())
         return self.host_density * self.host_speed * self.area / (self.mass * speed)
@@ -262,20 +266,20 @@ class Lens:
         record: Record | None = None,
         prestrains: ArrayLike | None = None,
     ) -> Run:
-        """Run all chains, side by side.
+        """Run all chains as one batch.
 
         Parameters
         ----------
         t_end : float, optional
-            [s]; by default somewhat later than the last pulse leaves its chain.
+            [s]; by default 1.25 times the last arrival.
         record : Record, optional
         prestrains : float or array_like, (chains,), optional
-            Other ones than those chosen.
+            Prestrains in place of `chain_prestrains`.
 
         Returns
         -------
         Run
-            u, v (T, sites, chains); `[k]` is the run of chain k.
+            u [m] and v [m/s] of shape (T, sites, chains); `[k]` is the run of chain k.
         """
         given = self._given(prestrains)
         if t_end is None:
@@ -284,7 +288,7 @@ class Lens:
         return self._struck.run(given, t_end, Record() if record is None else record)
 
     def arrivals_of(self, prestrains: ArrayLike) -> Arrivals:
-        """Instants (.t) and widths (.width) [s], (chains,), of other prestrains than those chosen.
+        """Arrivals (.t) and pulse widths (.width) [s], (chains,), for given prestrains.
 
         Parameters
         ----------
@@ -295,33 +299,33 @@ class Lens:
     def pressure(
         self, points: ArrayLike, t: ArrayLike, prestrains: ArrayLike | None = None
     ) -> Array:
-        """Pressure in the fluid: what all ends radiate, superposed.
+        """Pressure in the fluid: the superposition of the radiation of all ends.
 
         Parameters
         ----------
         points : array_like, (..., 2)
             x, y [m], y >= 0, in the plane of the chains.
         t : array_like, (...)
-            [s]; 0 before the blow.
+            Times [s]; the pressure is 0 before the impact at t = 0.
         prestrains : float or array_like, (chains,), optional
-            Other ones than those chosen.
+            Prestrains in place of `chain_prestrains`.
 
         Returns
         -------
         ndarray, (*t.shape, *points.shape[:-1])
-            [Pa], of circular pistons by Rayleigh's integral, each to about 1e-9 of the most that
-            it could make there, the smaller of rho c max|v| and rho A max|a|/(2 pi R).
+            [Pa], of circular pistons by Rayleigh's integral; the error of each is about 1e-9 of
+            its upper bound there, the smaller of rho c max|v| and rho A max|a|/(2 pi R).
 
         Raises
         ------
         TensegrityError
             Bad input.
         ResolutionError
-            The pulse is over in less than a thousandth of sound's way across an end.
+            The pulse is shorter than a thousandth of the acoustic travel time across an end.
 
         Notes
         -----
-        Chains are run until the last instant asked for, once for several calls.
+        The chains are run until the last of the times; the run is cached for further calls.
         """
         places, instants, ends = self._checked(points, t, prestrains)
         total = np.zeros((*instants.shape, *places.shape[:-1]))
@@ -334,19 +338,41 @@ class Lens:
     def pressures(
         self, points: ArrayLike, t: ArrayLike, prestrains: ArrayLike | None = None
     ) -> Array:
-        """What each end alone contributes to `pressure` [Pa]; (chains, *shape of that)."""
+        """The contribution of each end to `pressure`.
+
+        Parameters
+        ----------
+        points, t, prestrains
+            As in `pressure`.
+
+        Returns
+        -------
+        ndarray, (chains, *t.shape, *points.shape[:-1])
+            [Pa].
+        """
         places, instants, ends = self._checked(points, t, prestrains)
         return np.stack(list(ends.as_pistons(places, instants)))
 
     def point_pressures(
         self, points: ArrayLike, t: ArrayLike, prestrains: ArrayLike | None = None
     ) -> Array:
-        """`pressures` of ends taken as points: rho A a(t - R/c)/(2 pi R), from afar [Pa]."""
+        """The far field of each end, that of a point source: rho A a(t - R/c)/(2 pi R).
+
+        Parameters
+        ----------
+        points, t, prestrains
+            As in `pressure`.
+
+        Returns
+        -------
+        ndarray, (chains, *t.shape, *points.shape[:-1])
+            [Pa].
+        """
         places, instants, ends = self._checked(points, t, prestrains)
         return np.stack(list(ends.as_points(places, instants)))
 
     def focusing(self) -> Focusing:
-        """How well it focuses: alignment, gain, largest pressure, energy.  Takes some seconds."""
+        """Alignment, gain, peak pressures and transmitted energy; this takes some seconds."""
         until = AFTERWARDS * float(self.arrivals.max())
         ends = _ends(self, tuple(self.chain_prestrains.tolist()), until)
         blows = self.chains * self.mass * self.velocity**2 / 2
@@ -355,7 +381,7 @@ class Lens:
     def _checked(
         self, points: ArrayLike, t: ArrayLike, prestrains: ArrayLike | None
     ) -> tuple[Array, Array, Ends]:
-        """Points and instants, checked, and the ends whose motion reaches to the last."""
+        """Validated points and times, and the ends with their motion up to the last time."""
         places = check.rows("points", check.floats("points", points), (2,))
         instants = check.floats("t", t)
         for name, values in (("points", places), ("t", instants)):
@@ -388,19 +414,19 @@ class Lens:
         low, high = self.chain_prestrains.min(), self.chain_prestrains.max()
         miss = np.ptp(self.focus_arrivals)
         return (
-            f"lens of {self.chains} chains of {self.sites} masses, {self.spacing:g} m apart, "
+            f"lens of {self.chains} chains of {self.sites} masses, spacing {self.spacing:g} m, "
             f"struck at {self.velocity:g} m/s\n"
             f"prestrains {low:.5f} to {high:.5f}, delays up to {self.delays.max():.4f} s\n"
-            f"pulses meet at ({x:g}, {y:g}) m after {self.focus_time:.6g} s, within {miss:.0e} s, "
-            f"pulses {self.pulse_widths.min():.3g} s wide\n"
-            f"fluid: {self.host_speed:g} m/s, {self.host_density:g} kg/m3, does not act back; "
+            f"pulses meet at ({x:g}, {y:g}) m after {self.focus_time:.6g} s, within {miss:.0e} s; "
+            f"smallest pulse width {self.pulse_widths.min():.3g} s\n"
+            f"fluid: {self.host_speed:g} m/s, {self.host_density:g} kg/m3, reaction neglected, "
             f"rho c A/(m cs) = {self.coupling:.2g}"
         )
 
 
 @lru_cache(maxsize=8)
 def _ends(lens: Lens, prestrains: tuple[float, ...], t_end: float) -> Ends:
-    """Motion of the ends of chains of these prestrains."""
+    """The ends of chains of these prestrains, with their motion until t_end [s]."""
     run = lens.run(t_end, Record(every=1, sites=(lens.sites - 1,)), prestrains)
     return Ends(
         lens.places, lens.area, lens.host_density, lens.host_speed, run.t, fixed(run.v[:, 0])

@@ -1,22 +1,23 @@
-"""Sound that ends of chains radiate into a linear fluid behind a baffle: Rayleigh's integral.
+"""Acoustic radiation of the ends of chains into a linear fluid: Rayleigh's integral.
 
-Model: each end is a rigid circular piston in an infinite rigid plane, y = 0, and moves along y;
-the fluid, linear and without loss, fills y > 0 and does not act back on the ends.  Then
+Model: each end is a rigid circular piston in an infinite rigid baffle, y = 0, and moves along y;
+the fluid is linear and lossless, fills y > 0 and does not react on the ends.  Then
 p = rho/(2 pi) int a(t - R/c)/R dS over the piston.  The integral over R, at a fixed angle about
-the point's foot on the plane, can be done, and what is left runs along the rim:
-p = rho c [v(t - y/c) where the foot is on the piston, - (1/pi) int_0^pi v(t - R/c) dtheta/dpsi
-dpsi], the plane wave and the wave of the rim.  A piston that is small against the distance and
-the pulse is a point: p = rho A a(t - R/c)/(2 pi R).
-The integral along the rim is taken by the trapezoidal rule of a period, which converges
-exponentially; its nodes lie denser where the rim is near and are doubled until an estimate of its
-error is small, however short the pulse is on sound's way across an end.
-Rayleigh, The Theory of Sound, 278; the wave of the rim: Tupholme, Mathematika 16, 209 (1969),
+the projection of the point on the baffle, is elementary, and an integral along the rim remains:
+p = rho c [v(t - y/c) if the projection is on the piston, - (1/pi) int_0^pi v(t - R/c) dtheta/dpsi
+dpsi], the plane wave and the edge wave.  A piston that is small compared with the distance and the
+length of the pulse acts as a point source: p = rho A a(t - R/c)/(2 pi R).
+The integral along the rim is computed by the trapezoidal rule for a periodic function, which
+converges exponentially; its nodes are denser where the rim is near, and their number is doubled
+until an estimate of the error is small, however short the pulse is compared with the acoustic
+travel time across an end.
+Rayleigh, The Theory of Sound, 278; the edge wave: Tupholme, Mathematika 16, 209 (1969),
 Stepanishen, J. Acoust. Soc. Am. 49, 1629 (1971).
 
-How well a lens focuses: that all pulses come to the focus at the same instant makes the pressure
-there as large as these ends can make it, the sum of what each makes alone: alignment.  It is not
-the largest pressure on the axis: a place before the focus is nearer to the ends, whose pressures
-fall like 1/R.
+Focusing: if all pulses arrive at the focus at the same time, the pressure there is the largest that
+these ends can produce, the sum of their separate peaks; `alignment` measures this.  It is not the
+largest pressure on the axis, because points in front of the focus are nearer to the ends, whose
+pressures decay like 1/R.
 """
 
 from __future__ import annotations
@@ -31,38 +32,38 @@ import numpy as np
 from tensegrity.errors import ResolutionError, TensegrityError
 from tensegrity.typing import Array
 
-TOLERANCE = 1e-9  # of the pressure that an end's fastest or steepest motion could make at most
-ROUND_OFF = 2e-15  # of velocities, and of what they change by in the last digits of instants
-FEWEST, MOST = 4, 2**18  # nodes along half a rim; per change of the velocity on sound's way
-SLOWEST = 1024  # such changes on the way from a centre to its rim, at most
-SLOW = 0.9  # ratio of two changes of an integral by which the next ones are told, at most
-CLOSE = 0.5  # near over far of a rim from which a point is close to it
-STEEPEST_MAP = 1 - 1e-10  # parameter m up to which SciPy's elliptic functions are exact
-SMALLEST = 1e-300
+TOLERANCE = 1e-9  # error over the largest pressure that the velocity or acceleration permits
+ROUND_OFF = 2e-15  # relative round-off of velocities and of times
+FEWEST, MOST = 4, 2**18  # nodes along half a rim: per change of the velocity, and in all
+SLOWEST = 1024  # largest number of such changes during the travel from a centre to its rim
+SLOW = 0.9  # largest ratio of successive changes of an integral in the error estimate
+CLOSE = 0.5  # ratio near/far above which a point counts as close to the rim
+STEEPEST_MAP = 1 - 1e-10  # parameter m up to which SciPy's elliptic functions are accurate
+SMALLEST = 1e-300  # avoids division by 0
 SELF, RADII, ANGLES = 16, 2, 3  # nodes on an end: along a radius for itself; for the others
-LOOKS = 401  # instants among which a peak is looked for
-FINE, COARSE = 0.02, 0.1  # of the pulse, between instants among which a peak is looked for
-AXIS = 0.5, 1.5  # of the way to the focus: where on the axis it is looked for
-PLACES = 81  # there
-SIMPLEX = ((0.0, 0.0), (0.5, 0.0), (0.0, 0.5))  # in steps of place and instant
+LOOKS = 401  # times among which the peak of one end is bracketed
+FINE, COARSE = 0.02, 0.1  # spacing of such times for the lens, over the width of the pulse
+AXIS = 0.5, 1.5  # range of the axis that is searched, over the distance of the focus
+PLACES = 81  # points of that range
+SIMPLEX = ((0.0, 0.0), (0.5, 0.0), (0.0, 0.5))  # initial simplex in steps of place and time
 
 
 @dataclass(frozen=True, eq=False)
 class Ends:
-    """Pistons along a line, at rest until t = 0.
+    """Circular pistons along a line, at rest until t = 0.
 
     Parameters
     ----------
     places : ndarray, (ends,)
         x of their centres [m].
     area : float
-        Of each [m^2].
+        Area of each piston [m^2].
     density, speed : float
-        Of the fluid [kg/m^3], of sound in it [m/s].
+        Density [kg/m^3] and sound speed [m/s] of the fluid.
     t : ndarray, (T,)
-        Recorded instants [s].
+        Recorded times [s].
     velocity : ndarray, (T, ends)
-        Of the pistons, into the fluid [m/s].
+        Velocities of the pistons [m/s], > 0 into the fluid.
     """
 
     places: Array
@@ -74,38 +75,38 @@ class Ends:
 
     @property
     def radius(self) -> float:
-        """Of a piston [m]."""
+        """Radius of a piston [m]."""
         return math.sqrt(self.area / math.pi)
 
     def as_pistons(self, points: Array, t: Array) -> Iterator[Array]:
-        """Pressure [Pa] that each end makes, (*t.shape, *points.shape[:-1]) at a time.
+        """Iterate over the ends' pressures [Pa], each (*t.shape, *points.shape[:-1]).
 
         Parameters
         ----------
         points : ndarray, (..., 2)
             x, y >= 0 [m].
         t : ndarray, (...)
-            [s], up to the last recorded instant.
+            Times [s], up to the last recorded one.
         """
         for place, curve in zip(self.places, self._curves(), strict=True):
             yield self._radiated(place, curve, points, t)
 
     def _radiated(self, place: float, curve: Any, points: Array, t: Array) -> Array:
-        """What a piston makes there of which `curve` is the velocity: its pressure."""
+        """Pressure [Pa] of a piston whose velocity is the spline `curve`."""
         from scipy.special import ellipj, ellipkm1
 
         times, (x, y) = t.reshape(-1, 1), points.reshape(-1, 2).T
-        off = np.abs(x - place)  # of the foot from the centre
+        off = np.abs(x - place)  # distance of the point's projection from the centre
         near, far = np.minimum(off, self.radius), np.maximum(off, self.radius)
         ratio, inside, nearest = near / far, off < self.radius, np.hypot(y, far - near)
 
         def at(distance: Array) -> Array:
             return _since_start(curve, times - distance / self.speed)
 
-        # taken off all: what is left is small and, as 1/squared has its pole at y, smooth
+        # subtracted from the integrand: the remainder is small, and smooth at the pole of 1/squared
         taken = at(np.where(ratio > CLOSE, y, nearest))
         gap = (1 - ratio) ** 2
-        # the integrand's branch points in psi are those of the nodes' map, an elliptic function
+        # the elliptic map of the nodes has the branch points of the integrand in psi
         m = np.minimum(4 * ratio / (4 * ratio + gap + (y / far) ** 2), STEEPEST_MAP)
         quarter = ellipkm1(1 - m)
 
@@ -127,31 +128,36 @@ class Ends:
         return np.asarray(whole.reshape((*t.shape, *points.shape[:-1])))
 
     def _changes(self, fastest: float, steepest: float) -> float:
-        """How often a velocity can change while sound goes from a centre to its rim, at least 1."""
+        """Number of changes of the velocity during the acoustic travel from centre to rim, >= 1."""
         way = self.radius / self.speed
         changes = max(steepest * way / max(fastest, SMALLEST), 1.0)
         if changes > SLOWEST:
             raise ResolutionError(
-                f"host_speed {self.speed:g} m/s: on the {way:.3g} s of sound's way from the centre "
-                f"of an end to its rim its velocity changes {changes:.3g} times, must be at most "
-                f"{SLOWEST}"
+                f"host_speed {self.speed:g} m/s: during the {way:.3g} s that a wave travels from "
+                f"the centre of an end to its rim the velocity changes {changes:.3g} times, must "
+                f"be at most {SLOWEST}"
             )
         return changes
 
     def peaks(self, point: Array, around: Array, within: Array) -> Array:
-        """When the pressure of each end alone is largest at a point [s]; (ends,).
+        """Times at which the pressures of the separate ends have their peaks at a point.
 
         Parameters
         ----------
         point : ndarray, (2,)
             x, y >= 0 [m].
         around, within : ndarray, (ends,)
-            The instants looked at: [s], so much on either side of each.
+            Centre and half-width of the interval of time that is searched for each end [s].
+
+        Returns
+        -------
+        ndarray, (ends,)
+            [s].
 
         Raises
         ------
         TensegrityError
-            There is none.
+            There is no peak in some interval.
         """
         from scipy.optimize import brentq
 
@@ -174,7 +180,8 @@ class Ends:
         return np.array(found)
 
     def as_points(self, points: Array, t: Array) -> Iterator[Array]:
-        """The same for ends much smaller than the distance and the pulse; inf at their centres."""
+        """Iterate over the ends' pressures [Pa] as point sources, for ends much smaller than the
+        distance and the length of the pulse; inf at their centres.  Arguments as `as_pistons`."""
         times, (x, y) = t[(...,) + (None,) * (points.ndim - 1)], np.moveaxis(points, -1, 0)
         for place, curve in zip(self.places, self._curves(), strict=True):
             distance = np.hypot(x - place, y)
@@ -183,7 +190,7 @@ class Ends:
                 yield self.density * self.area * acceleration / (2 * np.pi * distance)
 
     def energy(self) -> float:
-        """What the ends radiate until the last recorded instant [J]: the work of all pressures."""
+        """Energy radiated until the last recorded time [J]: work of the pressures on the ends."""
         from scipy.interpolate import make_interp_spline
 
         t = np.linspace(0.0, self.t[-1], len(self.t) // 2)
@@ -198,15 +205,15 @@ class Ends:
         return float(self.area * make_interp_spline(t, power, k=5).integrate(0.0, t[-1]))
 
     def _curves(self) -> list[Any]:
-        """Velocity of each end as a spline of fifth degree."""
+        """Velocity of each end as a quintic spline."""
         from scipy.interpolate import make_interp_spline
 
         return [make_interp_spline(self.t, v, k=5) for v in self.velocity.T]
 
 
 def _face(radius: float, separation: float) -> tuple[Array, Array]:
-    """Distances of nodes on a piston at a `separation` from its centre, weights of their
-    mean: Gauss's in the square of the radius, equal angles."""
+    """Nodes of a quadrature over a piston: their distances from a centre at a `separation`, and the
+    weights of the mean; Gauss points in the square of the radius, equally spaced angles."""
     nodes, weights = np.polynomial.legendre.leggauss(SELF if separation == 0 else RADII)
     angle = np.pi * (np.arange(1 if separation == 0 else ANGLES) + 0.5) / ANGLES
     r = radius * np.sqrt((1 + nodes) / 2)
@@ -217,17 +224,21 @@ def _face(radius: float, separation: float) -> tuple[Array, Array]:
 def _mean(rim: Callable[[float, Any], Array], least: Array, fewest: Array) -> Array:
     """Mean over a period of an even function of an angle by the trapezoidal rule.
 
-    Nodes are doubled, those before taken over, until what all further doublings would change, a
-    geometric series by the last two changes, is at most `least` at each point.
+    The number of nodes is doubled, reusing the previous ones, until the sum of all further changes,
+    estimated as a geometric series from the last two, is at most `least` at each point.
 
     Parameters
     ----------
     rim : callable
-        Of a part of half the period and numbers of points: values (T, their count).
+        Values (T, n) at a fraction of half the period, for the indices of n points.
     least : ndarray, (points,)
-        Error of each point's mean that is small enough at all T.
+        Admissible error of the mean at each point.
     fewest : ndarray, (points,)
-        Nodes along half the period that each point needs at least.
+        Smallest number of nodes along half the period for each point.
+
+    Returns
+    -------
+    ndarray, (T, points)
 
     Raises
     ------
@@ -244,7 +255,7 @@ def _mean(rim: Callable[[float, Any], Array], least: Array, fewest: Array) -> Ar
         if nodes > MOST:
             raise ResolutionError(
                 f"{MOST} nodes along a rim leave an error of {(change[k] / least[k]).max():.2g} "
-                "times that allowed, must be 1: a point lies too close to the rim"
+                "times the admissible one: a point lies too close to the rim"
             )
         for j in range(1, nodes, 2):
             total[:, k] += rim(j / nodes, k)
@@ -252,7 +263,7 @@ def _mean(rim: Callable[[float, Any], Array], least: Array, fewest: Array) -> Ar
         before, change[k] = change[k], np.abs(new - mean[:, k]).max(axis=0, initial=0.0)
         mean[:, k] = new
         ratio = np.minimum(change[k] / np.maximum(before, SMALLEST), SLOW)
-        left = change[k] * ratio / (1 - ratio)  # as of a geometric series
+        left = change[k] * ratio / (1 - ratio)  # the rest of a geometric series
         k = k[(left > least[k]) | (nodes < fewest[k])]
     return mean
 
@@ -263,24 +274,24 @@ def _since_start(curve: Any, t: Array) -> Array:
 
 @dataclass(frozen=True)
 class Focusing:
-    """What a lens makes of its blows; `Lens.focusing` finds it.
+    """Measures of how well a lens focuses; computed by `Lens.focusing`.
 
     Attributes
     ----------
     peak : float
-        Largest pressure at the focus [Pa].
+        Peak pressure at the focus [Pa].
     alignment : float
-        That over the sum of the largest pressures that each end makes there alone: 1 where all
-        pulses come at the same instant, however weak they are.
+        `peak` over the sum of the peak pressures of the separate ends there: 1 if all pulses arrive
+        at the same time, whatever their amplitudes.
     gain : float
         `peak` over that of the same chains with equal prestrains, the median of those chosen.
     place : float
-        y [m] on the line through the focus at right angles to the ends, between half and one and
-        a half of that of the focus, where the pressure comes to be largest.
+        y [m] of the largest pressure on the line through the focus normal to the baffle, between
+        0.5 and 1.5 times the y of the focus.
     largest : float
-        The pressure there [Pa].
+        Peak pressure at that point [Pa].
     transmitted : float
-        Energy that the ends radiate until 1.25 times the last arrival, over that of all blows.
+        Energy radiated by the ends until 1.25 times the last arrival, over that of all impacts.
     focus : float
         y of the focus [m].
     """
@@ -301,12 +312,12 @@ class Focusing:
             f"alignment: 1 - {1 - self.alignment:.1e} of the sum of the peaks of each end alone\n"
             f"largest on the axis, y = {low:.4g} to {high:.4g} m: {self.largest:.4g} Pa at y = "
             f"{self.place:.4g} m, {more:.2f} % above the focus at y = {self.focus:g} m\n"
-            f"transmitted: {100 * self.transmitted:.3g} % of the energy of the blows"
+            f"transmitted: {100 * self.transmitted:.3g} % of the energy of the impacts"
         )
 
 
 def focusing(lens: Any, transmitted: float) -> Focusing:
-    """Measure it in the pressures of a lens; `transmitted` as in `Focusing`."""
+    """The focusing of a lens from its pressures; `transmitted` as in `Focusing`."""
     x, y = lens.focus
     pulse = float(lens.pulse_widths.min())
     peak = _top(lambda t: lens.pressure(lens.focus, t), lens.focus_time, 2 * pulse, FINE * pulse)
@@ -320,7 +331,7 @@ def focusing(lens: Any, transmitted: float) -> Focusing:
 
 
 def _top(pressure: Callable[[Array], Array], middle: float, within: float, step: float) -> float:
-    """The largest of a function of the instant."""
+    """Largest value of a function of time within an interval."""
     from scipy.optimize import minimize_scalar
 
     t = np.arange(middle - within, middle + within, step)
@@ -333,7 +344,7 @@ def _top(pressure: Callable[[Array], Array], middle: float, within: float, step:
 
 
 def _largest(lens: Any, x: float, y: float, pulse: float) -> tuple[float, float]:
-    """Where on the axis, and how large [m, Pa]."""
+    """Position [m] and value [Pa] of the largest pressure on the axis."""
     from scipy.optimize import minimize
 
     low, high = AXIS

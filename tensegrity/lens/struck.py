@@ -1,9 +1,9 @@
-"""Chains of prisms of different prestrains, struck alike: when their pulses come to the end.
+"""Arrival times of the pulses in chains of prisms that differ in prestrain and are struck alike.
 
-Model: equal masses in a row, free at both ends, the first one set in motion.  A pulse arrives at
-the first peak of the last mass's acceleration, which is what that end radiates as a small source
-(see `radiation`).  The crest that a blow makes, and so its speed, is not known beforehand:
-arrivals are those of runs, all prestrains side by side in one.
+Model: equal masses in a row, free at both ends; the first one receives a velocity.  A pulse arrives
+at the first peak of the last mass's acceleration, to which the pressure of that end is proportional
+if it is a small source (see `radiation`).  The amplitude of the pulse, and hence its speed, is not
+known in advance: the arrivals are those of runs, with all prestrains in one batch.
 """
 
 from __future__ import annotations
@@ -26,24 +26,24 @@ from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.ensemble import Ensemble
 from tensegrity.typing import Array
 
-TOLERANCE = 1e-10  # of the runs: arrivals are then within 1e-8 s or so
-SAMPLES = 32  # prestrains of a range that are run: as many chains as a processor likes
-LEAST = 1e-2  # of the blow's velocity: a last mass that was never so fast has seen no pulse
-EXTENSION = 1.6  # a run in which some pulse does not arrive is done again, so much longer
-EARLY = 0.5  # of the time that sound takes for a site: so long the first prism is watched
-PATIENCE = 4.0  # of the time that sound takes: no pulse comes later
+TOLERANCE = 1e-10  # of the runs; the error of arrivals is then about 1e-8 s
+SAMPLES = 32  # prestrains of a range that are run: a batch of efficient size
+LEAST = 1e-2  # velocity of the last mass over the initial one at which a pulse has arrived
+EXTENSION = 1.6  # factor by which a run is lengthened if some pulse has not arrived
+EARLY = 0.5  # duration of the test for locking, over the acoustic travel time per site
+PATIENCE = 4.0  # longest run, over the acoustic travel time through the chain
 SEARCH_RATIO = 64.0  # factor by which the search for a sufficient range extends either end
 
 
 class Arrivals(NamedTuple):
-    """Of the pulses of some chains, (chains,) each.
+    """Arrivals of the pulses of some chains.
 
     Attributes
     ----------
-    t : ndarray
-        First peak of the last mass's acceleration [s].
-    width : ndarray
-        How long the acceleration stays above half that peak [s].
+    t : ndarray, (chains,)
+        Time of the first peak of the last mass's acceleration [s].
+    width : ndarray, (chains,)
+        Duration for which the acceleration exceeds half that peak [s].
     """
 
     t: Array
@@ -51,12 +51,12 @@ class Arrivals(NamedTuple):
 
 
 class ArrivalRange(NamedTuple):
-    """Arrivals over a range of prestrains; later for smaller ones.
+    """Arrivals over a range of prestrains; the smaller the prestrain, the later the arrival.
 
     Attributes
     ----------
     prestrains, t : ndarray, (SAMPLES,)
-        Prestrains increase, arrivals [s] fall.
+        Increasing prestrains, and their decreasing arrival times [s].
     """
 
     prestrains: Array
@@ -64,15 +64,15 @@ class ArrivalRange(NamedTuple):
 
     @property
     def span(self) -> float:
-        """Of all delays that can be had between two chains, the longest [s]."""
+        """Largest delay between two chains of the range [s]."""
         return float(self.t[0] - self.t[-1])
 
     def prestrain(self, t: Array) -> Array:
-        """At which pulses arrive then, by the cubic spline through the samples."""
+        """Prestrain at which the pulse arrives at time t [s], by cubic spline interpolation."""
         return np.exp(self._inverse(t))
 
     def slope(self, t: Array) -> Array:
-        """Relative change of that prestrain with the instant [1/s], < 0."""
+        """Relative derivative of that prestrain with respect to t [1/s], < 0."""
         return self._inverse(t, 1)
 
     @property
@@ -84,18 +84,18 @@ class ArrivalRange(NamedTuple):
 
 @dataclass(frozen=True)
 class Struck:
-    """Chains that differ in their prestrain alone.
+    """Chains that differ in prestrain only.
 
     Parameters
     ----------
     prism : Prism
-        Of every chain, but for its prestrain.
+        The prism of every chain; its prestrain is replaced.
     sites : int
-        Masses of a chain.
+        Number of masses of a chain.
     mass : float
-        Of each [kg].
+        Of each site [kg].
     velocity : float
-        Given to the first mass [m/s], > 0 towards the last.
+        Initial velocity of the first mass [m/s], > 0 towards the last.
     """
 
     prism: Prism
@@ -104,17 +104,35 @@ class Struck:
     velocity: float
 
     def scene(self, prestrains: Sequence[float] | Array) -> Ensemble:
-        """The chains of these prestrains, side by side."""
+        """The chains of these prestrains as an ensemble."""
         springs = {p: replace(self.prism, prestrain=float(p)).potential() for p in set(prestrains)}
         return Ensemble([Chain(springs[p], self.sites, self.mass) for p in prestrains])
 
     def sound_speed(self, prestrains: Sequence[float] | Array) -> Array:
-        """Of small waves in each chain [sites/s]."""
+        """Sound speed of each chain [sites/s]; (chains,)."""
         each = [springs.springs[0].stiffness(0.0) for springs in self.scene(prestrains).scenes]
         return np.sqrt(np.array(each) / self.mass)
 
     def run(self, prestrains: Sequence[float] | Array, t_end: float, record: Record) -> RunBatch:
-        """All of them, struck at t = 0."""
+        """Run the chains of these prestrains, struck at t = 0.
+
+        Parameters
+        ----------
+        prestrains : sequence of float or ndarray, (chains,)
+        t_end : float
+            [s].
+        record : Record
+
+        Returns
+        -------
+        RunBatch
+            u [m] and v [m/s] of shape (T, sites, chains).
+
+        Raises
+        ------
+        LockingError
+            The impact makes the bars of a chain meet.
+        """
         scene = self.scene(prestrains)
         try:
             return simulate(
@@ -127,12 +145,12 @@ class Struck:
             ) from error
 
     def arrivals(self, prestrains: Sequence[float] | Array) -> Arrivals:
-        """When the pulse of each chain comes to its end.
+        """Arrival of the pulse at the end of each chain of these prestrains.
 
         Raises
         ------
         TensegrityError
-            If one does not come: all that the blow gave is left behind on the way.
+            A pulse does not arrive: its energy is dispersed on the way.
         """
         travel = self.sites / self.sound_speed(prestrains)
         last = Record(every=1, sites=(self.sites - 2, self.sites - 1))
@@ -146,23 +164,23 @@ class Struck:
                 missing = prestrains[found.index(None)]
                 raise TensegrityError(
                     f"prestrain {missing:g}: no pulse comes to the end of the chain within "
-                    f"{t_end:.4g} s, {t_end / travel.max():.2g} times what sound takes"
+                    f"{t_end:.4g} s, {t_end / travel.max():.2g} times the acoustic travel time"
                 )
             t_end *= EXTENSION
 
     def _arrival(self, run: Run) -> tuple[float, float] | None:
-        """Instant and width [s] of one chain's pulse, or None where it is not seen as a whole."""
+        """Time and width [s] of one chain's pulse, or None if the run does not cover it."""
         from scipy.interpolate import CubicSpline
 
         if np.abs(run.v[:, 1]).max() < LEAST * self.velocity:
             return None
         elongation, rate = (x[:, 1] - x[:, 0] for x in (run.u, run.v))
         spring = run.scene.springs[-1]
-        push = -spring.tension(elongation) / self.velocity  # of the last bond on the last mass
+        push = -spring.tension(elongation) / self.velocity  # scaled force on the last mass
         rise = -spring.stiffness(elongation) * rate / self.velocity
         try:
             t = passage(run.t, np.maximum(push, 0.0), rise)
-        except TensegrityError:  # no crest yet
+        except TensegrityError:  # no peak yet
             return None
         curve = CubicSpline(run.t, push)
         crossings = curve.solve(float(curve(t)) / 2, extrapolate=False)
@@ -172,17 +190,28 @@ class Struck:
 
 @lru_cache(maxsize=64)
 def arrival_range(struck: Struck, low: float, high: float) -> ArrivalRange:
-    """Arrivals between two prestrains, in equal ratios.
+    """Arrivals over a range of prestrains in geometric progression.
+
+    Parameters
+    ----------
+    struck : Struck
+    low, high : float
+        Smallest and largest prestrain.
+
+    Returns
+    -------
+    ArrivalRange
 
     Raises
     ------
     TensegrityError
-        If arrivals do not fall throughout: at large blows they do not depend on a small prestrain.
+        The arrival is not decreasing throughout: after a strong impact it does not depend on a
+        small prestrain.
     """
     early = EARLY / float(struck.sound_speed([low])[0])
-    # where bars come into contact they do so at the start, near the struck mass
+    # bars meet, if at all, soon after the impact and near the struck mass
     struck.run([low, high], early, Record(sites=(0,)))
-    coarse = np.geomspace(low, high, SAMPLES // 4)  # at large blows runs take long: refuse early
+    coarse = np.geomspace(low, high, SAMPLES // 4)  # runs of strong impacts are slow: refuse early
     _require_falling(struck, coarse, struck.arrivals(coarse).t)
     prestrains = np.geomspace(low, high, SAMPLES)
     t = struck.arrivals(prestrains).t
@@ -199,12 +228,25 @@ def _require_falling(struck: Struck, prestrains: Array, t: Array) -> None:
     raise TensegrityError(
         f"velocity {struck.velocity:g} m/s: arrival is not monotone in the prestrain, "
         f"{t[k]:.6g} s at {prestrains[k]:.4g} and {t[k + 1]:.6g} s at {prestrains[k + 1]:.4g}; "
-        f"it is over prestrains {within}, and over more of them at a smaller velocity"
+        f"it is over prestrains {within}, and over a wider range at a smaller velocity"
     )
 
 
 def sufficient_range(struck: Struck, low: float, high: float, span: float) -> str:
-    """Which prestrains can give such a span [s], in words; smaller ones first, then larger."""
+    """Describe a range of prestrains that gives a span of delays; first smaller, then larger ones.
+
+    Parameters
+    ----------
+    struck : Struck
+    low, high : float
+        The range that does not give it.
+    span : float
+        Required span [s].
+
+    Returns
+    -------
+    str
+    """
     for least, largest in ((low / SEARCH_RATIO, high), (low, high * SEARCH_RATIO)):
         found = _monotone_range(struck, low, high, least, largest)
         if found is None or found.span < span:
@@ -221,11 +263,11 @@ def sufficient_range(struck: Struck, low: float, high: float, span: float) -> st
 def _monotone_range(
     struck: Struck, low: float, high: float, least: float, largest: float
 ) -> ArrivalRange | None:
-    """Arrivals over as much of a range, from one of its ends, as they fall over; it has to be
-    wider than from low to high."""
+    """Arrivals over the largest part of a range on which they decrease, or None if that part is
+    not wider than from low to high."""
     while least < low or largest > high:
         try:
             return arrival_range(struck, least, largest)
-        except TensegrityError:  # not monotone, or the bars meet
+        except TensegrityError:  # the arrival is not monotone, or the bars meet
             least, largest = min(least * 2, low), max(largest / 2, high)
     return None

@@ -1,5 +1,5 @@
-"""What is run: chains, networks with walls, contacts that come and go, lanes of them.
+"""Scenes: chains, networks with walls and contacts that form and open, and ensembles of these.
 
-A scene says what its bonds, masses and states are; how it is advanced is the engine's and the
-runs' matter.
+A scene defines masses, bonds, forcing and states; `tensegrity.engine` and `tensegrity.runs`
+advance it in time.
 """

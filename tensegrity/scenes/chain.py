@@ -1,8 +1,8 @@
-"""Masses in a row, joined by springs: the scene that `simulate` runs.
+"""A chain: point masses in a row, joined by nonlinear springs.
 
-Model: point masses with one coordinate each, neighbours joined by a bond whose force depends
-on its elongation u[j+1] - u[j] only; ends free or held.  A free end of a preloaded chain
-carries the constant preload, because potentials are measured from the loaded equilibrium.
+Model: each mass has one coordinate, and neighbours are joined by a bond whose force depends on its
+elongation u[j+1] - u[j] only; each end is free or fixed.  A free end of a preloaded chain carries
+the constant preload, because potentials are measured from the loaded equilibrium.
 """
 
 from __future__ import annotations
@@ -38,23 +38,38 @@ class Chain(Scene):
     Parameters
     ----------
     spring : Potential or sequence of Potential
-        One for all bonds, or `sites - 1` of them; bond j joins sites j and j + 1.
+        One spring for all bonds, or `sites - 1` springs; bond j joins sites j and j + 1.
     sites : int
         Number of masses, at least 2.
     mass : float or array_like (sites,), optional
-        [kg], > 0.
+        Mass of each site [kg], > 0.
     ends : (str, str), optional
         "free" or "fixed" for the first and the last site; a fixed site is held at u = 0.
     drive : dict of int to Drive, optional
-        {site: Drive}: motions that are prescribed, and forces that depend on time.
+        {site: Drive}: prescribed motions, and forces that depend on time.
     damping : Damping, optional
         Dashpots in the bonds and to the ground.
     tune : dict of str to sympy.Expr, or callable t -> Potential, optional
         {name: expression of t}: arguments of the spring that depend on time, such as the
-        prestrain of a prism; or the spring of each instant t [s], of one law, and smooth in t.
-        One spring for all bonds then, with the values at t = 0.  Whoever changes it does work on
-        the chain at the rate dV/dt at given elongation.  Elongations count from the shape at
-        t = 0.  Source: seeds/000, "adjusted on the fly, through suitable control of prestress".
+        prestrain of a prism; or a function that returns the spring at time t [s], always of the
+        same force law and smooth in t.  All bonds then share one spring, `spring`, which must be
+        that of t = 0.  The change does work on the chain at the rate dV/dt at fixed elongation.
+        Elongations are measured from the reference shape at t = 0.
+        Source: seeds/000, "adjusted on the fly, through suitable control of prestress".
+
+    Raises
+    ------
+    TensegrityError
+        Any argument that is not as described above, or a spring that the compiled loop cannot
+        evaluate.
+
+    Examples
+    --------
+    >>> from tensegrity import Chain, PowerLaw, simulate
+    >>> chain = Chain(PowerLaw(1.0, 1.5), sites=10, mass=2.0)
+    >>> run = simulate(chain, chain.at_rest({0: 0.1}), t_end=40.0, tol=1e-8)
+    >>> f"{chain.momentum(run.final):.6f} kg m/s, {chain.energy(run.final):.6f} J"
+    '0.200000 kg m/s, 0.010000 J'
     """
 
     dim = 1
@@ -119,13 +134,34 @@ class Chain(Scene):
 
     @property
     def held(self) -> list[int]:
-        """Numbers of the sites that are held."""
+        """Indices of the sites that are held at u = 0."""
         return [s for s, end in zip((0, self.sites - 1), self.ends, strict=True) if end == "fixed"]
 
     def at_rest(self, velocity: Mapping[int, float] | None = None) -> State:
-        """The undeformed state, some sites given a velocity [m/s]: {site: velocity}.
+        """The undeformed state, in which the given sites have a velocity and all others rest.
 
-        Sites whose motion is prescribed are where their drive begins.
+        Parameters
+        ----------
+        velocity : dict of int to float, optional
+            {site: velocity} [m/s], > 0 towards higher sites.
+
+        Returns
+        -------
+        State
+            u and v of shape (sites,); a site whose motion is prescribed has the displacement and
+            the velocity of its drive at t = 0.
+
+        Raises
+        ------
+        TensegrityError
+            A site that does not exist or is fixed, or a velocity that is not a finite number.
+
+        Examples
+        --------
+        >>> from tensegrity import Chain, PowerLaw
+        >>> chain = Chain(PowerLaw(1.0, 1.5), sites=4)
+        >>> chain.at_rest({0: 0.1}).v
+        array([0.1, 0. , 0. , 0. ])
         """
         u, v = np.zeros((2, self.sites))
         for site, value in velocities(velocity):
@@ -137,7 +173,7 @@ class Chain(Scene):
         return state
 
     def _check_sites(self, state: State) -> None:
-        """Refuse a state of another size, or one that moves a held site."""
+        """Refuse a state of another shape, or one in which a fixed site moves."""
         self._refuse_other(state)
         for site in self.held if "fixed" in self.ends else ():
             if state.u[site] or state.v[site]:
@@ -147,7 +183,7 @@ class Chain(Scene):
                 )
 
     def elongation(self, u: ArrayLike) -> Array:
-        """r_j = u[j+1] - u[j] [m] along the last axis."""
+        """Elongation r_j = u[j+1] - u[j] of each bond [m]; (..., sites - 1)."""
         return check.finite("elongation", dynamics(self).elongations(u))
 
     def bond_energy(self, u: ArrayLike) -> Array:
@@ -166,7 +202,7 @@ class Chain(Scene):
         return dynamics(self).springs.evaluate(name, self.elongation(u))
 
     def site_energy(self, u: Array, v: Array) -> Array:
-        """Kinetic energy of each site and half that of its bonds [J]; (..., sites)."""
+        """Kinetic energy of each site, and half the energy of its bonds [J]; (..., sites)."""
         u, v = self._checked_rows(u, v)
         half = self.bond_energy(u) / 2
         edge = np.zeros((*half.shape[:-1], 1))
@@ -192,49 +228,51 @@ class Chain(Scene):
 
 
 class ChainDynamics(Dynamics):
-    """Of masses in a row; see `tensegrity.scenes.dynamics`."""
+    """Quantities derived from a chain for its runs; see `tensegrity.scenes.dynamics`."""
 
     def elongations(self, u: ArrayLike) -> Array:
-        """Elongation of each bond [m]; (..., sites - 1), nan where u is."""
+        """Elongation of each bond [m]; (..., sites - 1), nan where u is nan."""
         u = check.rows("displacements", u, self.shape, are_finite=False)
         return u[..., 1:] - u[..., :-1]
 
     @property
     def cost(self) -> int:
-        """Work of one evaluation of all forces, in bonds."""
+        """Cost of one evaluation of all forces, in bonds of a chain."""
         return self.sites - 1
 
     def energies(self, u: Array, v: Array) -> Array:
-        """Total energy [J] of each of many states; u and v (..., sites)."""
+        """Total energy of each state [J], (...); u and v (..., sites)."""
         compiled = self.energies_in_one_call
         found = None if compiled is None else compiled(u, v)
         if found is not None:
             return found
-        with np.errstate(over="ignore"):  # to inf, which `checked` refuses
+        with np.errstate(over="ignore"):  # overflow gives inf, which `checked` refuses
             kinetic = 0.5 * np.sum(self.scene.mass * v**2, axis=-1)
         return kinetic + np.sum(self.scene.bond_energy(u), axis=-1)
 
     @cached_property
     def energies_in_one_call(self) -> Energies | None:
-        """Where they are compiled."""
+        """Compiled energies of many states in one call; None if the law has no compiled form."""
         return self.springs.energies(self.scene.mass)
 
     def with_springs(self, springs: Sequence[Potential]) -> Chain:
-        """The same chain with other springs, one for each of the different `springs`."""
+        """The same chain with one new spring for each distinct spring in `springs`."""
         of = self.scene
         other = Chain([springs[k] for k in self.springs.group], of.sites, of.mass, of.ends)
         other.__dict__.update(drive=of.drive, damping=of.damping, tune=of.tune)
         return other
 
     def bond_frequency_bound(self, stiffness: Array) -> float:
-        """Bound on the largest angular frequency [rad/s] for stiffnesses of the bonds [N/m].
+        """Bound on the largest angular frequency [rad/s], given the bonds' stiffnesses [N/m].
 
-        The eigenvalues of M^-1 K are at most max over bonds of 2 k (1/m_left + 1/m_right).
+        The eigenvalues of M^-1 K do not exceed the maximum of 2 k (1/m_left + 1/m_right) over the
+        bonds.
         """
         return float(np.sqrt(np.max(2 * stiffness * self._mobilities)))
 
     def spring_frequency_bound(self, stiffness: Array) -> float:
-        """The same for a bound of the stiffness of each spring [N/m], (springs,)."""
+        """Bound on the largest angular frequency [rad/s], given a bound on the stiffness of each
+        distinct spring [N/m], (springs,)."""
         return math.sqrt(2 * (stiffness * self._largest_mobilities).max())
 
     @property
@@ -244,19 +282,33 @@ class ChainDynamics(Dynamics):
 
     @cached_property
     def _largest_mobilities(self) -> Array:
-        """The largest of the bonds of each different spring; (springs,)."""
+        """Largest mobility among the bonds of each distinct spring [1/kg]; (springs,)."""
         found = np.zeros(len(self.springs))
         np.maximum.at(found, self.springs.group, self._mobilities)
         return fixed(found)
 
     def where_extreme(self, spring: int, u: Array, side: int) -> str:
-        """Where an elongation of that spring is lowest (side 0) or highest (1), in words."""
+        """Describe the bond in which a spring has its extreme elongation.
+
+        Parameters
+        ----------
+        spring : int
+            Index of a distinct spring in `springs`.
+        u : ndarray, (sites,)
+            Displacements [m].
+        side : {0, 1}
+            0 for the smallest elongation, 1 for the largest.
+
+        Returns
+        -------
+        str
+        """
         bonds = np.flatnonzero(self.springs.group == spring)
         r = self.elongations(u)[bonds]
         bond = int(bonds[np.argmax(r) if side else np.argmin(r)])
         return f"between sites {bond} and {bond + 1}"
 
     def where_stiffest(self, u: Array, ranges: Array) -> str:
-        """Where the elongation is largest, in words."""
+        """Describe the bond with the largest elongation in magnitude."""
         bond = int(np.argmax(np.abs(self.elongations(u))))
         return f"between sites {bond} and {bond + 1}"

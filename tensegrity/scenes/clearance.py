@@ -1,9 +1,10 @@
-"""Contacts that are not in a network's list: none may form during a run.
+"""Detection of contacts that are not in a network's list: none may form during a run.
 
-Not sampled but bounded: the loop counts how far any site can have moved, and as long as that is
-less than the smallest distance kept at the last look, nothing unlisted can have touched, and no
-site passed the plane of a wall that it may touch, or pressed on it beyond its end.  Where
-the distances are small, looks come often, at last after every step.
+The check is a bound, not a sample: the loop sums the largest possible displacement of any site, and
+as long as that sum is below the smallest admissible travel at the last update, no unlisted pair can
+have touched, and no site can have passed the plane of a wall that it touches, or have been pressed
+on it beyond its edge.  The smaller the distances, the more frequent the updates, at most one after
+every step.
 """
 
 from __future__ import annotations
@@ -18,21 +19,24 @@ from tensegrity.errors import ContactError, TensegrityError
 from tensegrity.scenes.walls import Wall, WallArrays
 from tensegrity.typing import Array, Indices
 
-FARTHEST = 1e100  # of a site [m]: its square is still a number
+FARTHEST = 1e100  # m: largest coordinate of a site; its square is finite
 TOUCH = 1e-9  # gap over the radius up to which spheres count as touching
-DISTANCES_AT_ONCE = 1_000_000  # distances of sites from walls that are computed at once
-NEIGHBOUR_GAP = 0.1  # gap over the mean radius up to which spheres crowd each other
-SAFETY_FACTOR = 0.8  # part of the way to the next possible contact that is gone without a look
+DISTANCES_AT_ONCE = 1_000_000  # distances of sites from walls that are computed in one call
+NEIGHBOUR_GAP = 0.1  # gap over the mean radius up to which spheres count as neighbours
+SAFETY_FACTOR = 0.8  # fraction of the admissible travel that is used before an update
 
 
 class Clearance:
-    """Spheres and walls, and the contacts between them that are listed.
+    """Spheres and walls with the list of contacts between them.
 
     Parameters
     ----------
     positions : ndarray, (sites, dim)
+        Reference positions [m].
     radius : ndarray, (sites,)
+        [m].
     bonds : ndarray of int, (bonds, 2)
+        The two sites of each listed pair.
     walls : sequence of Wall
     wall_contacts : ndarray of int, (wall contacts, 2)
         Site and wall.
@@ -56,7 +60,7 @@ class Clearance:
         self._last_free_travel: tuple[tuple[Indices, Indices], float] | None = None
 
     def pairs(self, x: Array) -> Indices:
-        """Unlisted pairs of sites at places x with a gap below the skin; (n, 2)."""
+        """Unlisted pairs of sites whose gap at positions x is below the skin; (n, 2)."""
         from scipy.spatial import cKDTree
 
         if not np.abs(x).max(initial=0.0) < FARTHEST:
@@ -70,7 +74,7 @@ class Clearance:
         return found[self.pair_gaps(x, found) < self.skin]
 
     def wall_pairs(self, x: Array) -> Indices:
-        """Unlisted (site, wall) with a gap below the skin; (n, 2)."""
+        """Unlisted pairs (site, wall) whose gap at positions x is below the skin; (n, 2)."""
         near = [np.zeros((0, 2), dtype=int)]
         some = max(DISTANCES_AT_ONCE // self.sites, 1)  # walls
         for k in range(0, len(self.walls), some):
@@ -84,43 +88,54 @@ class Clearance:
         return found[~np.isin(new, listed)]
 
     def pair_gaps(self, x: Array, pairs: Indices) -> Array:
-        """Gap of each pair [m], overlap < 0, at places x (..., sites, dim)."""
+        """Gap of each pair [m] at positions x (..., sites, dim), < 0 for an overlap; (..., n)."""
         i, j = pairs.T
-        apart = np.linalg.norm(x[..., j, :] - x[..., i, :], axis=-1)
-        return apart - self.radius[i] - self.radius[j]
+        distance = np.linalg.norm(x[..., j, :] - x[..., i, :], axis=-1)
+        return distance - self.radius[i] - self.radius[j]
 
     def wall_gaps(self, x: Array, pairs: Indices) -> Array:
-        """Gap of each (site, wall) [m], to the nearest point of the wall."""
+        """Gap of each pair (site, wall) [m], to the nearest point of the wall; (..., n)."""
         return self._by_wall("distance", x, pairs) - self.radius[pairs[:, 0]]
 
     def law_margin(self, x: Array) -> Array:
-        """For each listed wall contact, the way to a place where its law does not hold [m].
+        """Distance of each listed wall contact from a position at which its law fails [m].
 
-        Beside the wall the site is before its plane; beyond its end the plane may be near, but not
-        touched.
+        The law holds if the site's projection is inside the wall and the site is in front of its
+        plane, or if the projection is beyond the edge and the site does not touch the plane.
         """
         inside, height = self._end_and_height(x)
         free = height - self.radius[self.wall_contacts[:, 0]]
         return np.maximum(np.minimum(inside, height), free)
 
     def _end_and_height(self, x: Array) -> tuple[Array, Array]:
-        """Way to the end and distance from the plane of each listed wall contact [m]."""
+        """Distance to the edge and to the plane of the wall for each listed wall contact [m]."""
         inside = -self._by_wall("overhang", x, self.wall_contacts)
         return inside, self._by_wall("height", x, self.wall_contacts)
 
     def penetration(self, site: int, wall: int, x: Array) -> str:
-        """Where a site is that passed through a wall, in words."""
+        """Describe the position of a site that has passed through a wall.
+
+        Parameters
+        ----------
+        site, wall : int
+        x : ndarray, (sites, dim)
+            Positions [m].
+
+        Returns
+        -------
+        str
+        """
         beyond = abs(float(self.walls[wall].height(x[site])))
         return f"site {site} is behind wall {wall}, {beyond:.3g} m beyond its plane"
 
     def _by_wall(self, what: str, x: Array, pairs: Indices) -> Array:
-        """Of each (site, wall) what `WallArrays` say."""
+        """The named method of `WallArrays` for each pair (site, wall)."""
         return getattr(self._wall_arrays, what)(x[..., pairs[:, 0], :], pairs[:, 1])
 
     def near_contacts(self, u: Array) -> tuple[Indices, Indices]:
-        """What has to be looked at from displacements u on: unlisted `pairs`, and `wall_pairs`.
+        """Contacts that could form from displacements u on: unlisted `pairs`, and `wall_pairs`.
 
-        The last answer is kept: a state is checked, and then run from.
+        The last result is cached, since a state is first checked and then run from.
         """
         known = self._last_near
         if known is None or not np.array_equal(known[0], u):
@@ -129,21 +144,29 @@ class Clearance:
         return known[1]
 
     def free_travel(self, x: Array, moved: Array | float, pairs: Indices, walls: Indices) -> Array:
-        """How far every site may move until something could be wrong [m].
+        """Distance that every site may move before an unlisted contact or a violation is possible.
 
         Parameters
         ----------
         x : ndarray, (..., sites, dim)
-        moved : ndarray, (...)
-            How far any site went since `pairs` and `walls` were what is `near_contacts` [m].
+            Positions [m].
+        moved : float or ndarray, (...)
+            Largest displacement of a site since `near_contacts` returned `pairs`, `walls` [m].
+        pairs, walls : ndarray of int, (n, 2)
+            Unlisted pairs of sites, and of a site and a wall, that are near each other.
+
+        Returns
+        -------
+        ndarray, (...)
+            [m].
         """
-        found = np.asarray(self.skin / 2 - moved)  # what is not in the lists
+        found = np.asarray(self.skin / 2 - moved)  # pairs that are in no list
         for ways in (self.pair_gaps(x, pairs) / 2, self.wall_gaps(x, walls), self.law_margin(x)):
             found = np.asarray(np.minimum(found, np.min(ways, axis=-1, initial=math.inf)))
         return found
 
     def free_travel_at(self, u: Array, near: tuple[Indices, Indices]) -> float:
-        """The room at displacements where so much is `near_contacts`; the last answer is kept."""
+        """`free_travel` [m] at displacements u with these `near_contacts`; the last is cached."""
         known = self._last_free_travel
         if known is None or known[0] is not near:
             known = self._last_free_travel = (
@@ -153,7 +176,7 @@ class Clearance:
         return known[1]
 
     def check(self, u: Array) -> None:
-        """Refuse displacements at which something unlisted touches."""
+        """Refuse displacements at which an unlisted pair touches, or a wall contact fails."""
         near, touch = self.near_contacts(u), TOUCH * self.skin
         if self.free_travel_at(u, near) > touch:
             return
@@ -164,7 +187,22 @@ class Clearance:
     def violation(
         self, x: Array, pairs: Indices, wall_pairs: Indices, touch: float = 0.0
     ) -> str | None:
-        """What is wrong at places x, in words, or None."""
+        """Describe the worst violation at positions x.
+
+        Parameters
+        ----------
+        x : ndarray, (sites, dim)
+            Positions [m].
+        pairs, wall_pairs : ndarray of int, (n, 2)
+            Unlisted pairs of sites, and of a site and a wall, that are near each other.
+        touch : float, optional
+            Gap [m] up to which they count as touching.
+
+        Returns
+        -------
+        str or None
+            None if there is no violation.
+        """
         for gaps, members, words in (
             (self.pair_gaps(x, pairs), pairs, "sites {} and {}"),
             (self.wall_gaps(x, wall_pairs), wall_pairs, "site {} and wall {}"),
@@ -188,12 +226,12 @@ class Clearance:
         return None
 
     def monitor(self, u: Array) -> ClearanceMonitor:
-        """A watch that starts at displacements u."""
+        """A monitor of one run that starts at displacements u."""
         return ClearanceMonitor(self, u)
 
 
 def neighbour_counts(positions: Array, radius: Array) -> Indices:
-    """How many spheres of higher numbers each one has about touching it; (sites,)."""
+    """Number of neighbours of higher index that each sphere nearly touches; (sites,)."""
     none = np.zeros((0, 2), dtype=int)
     spheres = Clearance(positions, radius, none, (), none)
     spheres.skin *= NEIGHBOUR_GAP
@@ -201,7 +239,7 @@ def neighbour_counts(positions: Array, radius: Array) -> Indices:
 
 
 class ClearanceMonitor:
-    """Follows one run from look to look."""
+    """Monitors one run between updates of the admissible travel."""
 
     def __init__(self, clearance: Clearance, u: Array) -> None:
         self._clearance = clearance
@@ -213,7 +251,7 @@ class ClearanceMonitor:
         self._near = self._pairs, self._walls = self._clearance.near_contacts(u)
 
     def update(self, u: Array) -> None:
-        """Find how far every site may move until something could be wrong."""
+        """Recompute the distance that every site may move before a violation is possible."""
         of, moved = self._clearance, self._moved(u)
         if moved > of.skin / 4:
             self._list(u)
@@ -223,47 +261,57 @@ class ClearanceMonitor:
         )
 
     def _moved(self, u: Array) -> Any:
-        """How far any site went since the list was made [m]."""
+        """Largest displacement of a site since the list was made [m]."""
         return np.sqrt(np.max(np.sum((u - self._listed_at) ** 2, axis=-1), axis=-1, initial=0.0))
 
     def excludes_contact(self, u: Array, travel: Array, each: bool = False) -> bool:
-        """Whether nothing unlisted can have touched between instants of a run.
+        """Whether no unlisted contact can have formed between the given times of a run.
 
         Parameters
         ----------
-        u : ndarray, (instants + 1, sites, dim)
-            The first where it was looked last.
-        travel : ndarray, (instants,)
-            Bound on how far any coordinate of a site moved from each to the next [m].
+        u : ndarray, (n + 1, sites, dim)
+            Displacements [m], first those of the last update.
+        travel : ndarray, (n,)
+            Bound on the displacement of any coordinate between successive rows of u [m].
         each : bool, optional
-            Whether the instants are all steps: then nothing touches in one at whose end nothing
-            does, as `verify` has it.
+            Whether successive rows are single steps: a step without a violation at its end then
+            passes, as in `verify`.
+
+        Returns
+        -------
+        bool
         """
         of, ways = self._clearance, math.sqrt(self._clearance.dim) * travel
         moved = np.sqrt(np.max(np.sum((u - u[0]) ** 2, axis=-1), axis=-1))
-        if np.all(ways + moved[:-1] < self._remaining):  # no room shrinks faster
+        if np.all(ways + moved[:-1] < self._remaining):  # no distance shrinks faster
             return True
         free_travel = of.free_travel(of.positions + u, self._moved(u), self._pairs, self._walls)
-        kept = ways < free_travel[:-1]
-        return bool(np.all(kept | (free_travel[1:] > 0) if each else kept))
+        within = ways < free_travel[:-1]
+        return bool(np.all(within | (free_travel[1:] > 0) if each else within))
 
     def fraction_used(self, travel: float) -> float:
-        """The way that sites went, over the way they may go; `travel` bounds each coordinate."""
+        """Fraction of the remaining travel that was used; `travel` bounds each coordinate [m]."""
         way = math.sqrt(self._clearance.dim) * travel
         return way / self._remaining if self._remaining > 0 else math.inf if way > 0 else 0.0
 
     def accept(self, u: Array, travel: float) -> None:
-        """Go on from displacements that are known to be sound; look again if it is time to."""
+        """Continue from displacements u without violations; update if half the travel is used."""
         self._remaining -= math.sqrt(self._clearance.dim) * travel
         if self._remaining < self._free_travel / 2:
             self.update(u)
 
     def needs_new_list(self) -> bool:
-        """Whether contacts have to be listed anew since this was asked: they never are here."""
+        """Whether the list of contacts has to be rebuilt: never for a fixed list."""
         return False
 
     def verify(self, u: Array, t: float) -> None:
-        """Look again after one step that may have gone too far; raise if it did."""
+        """Check displacements u after a step that may have gone too far, at time t [s].
+
+        Raises
+        ------
+        ContactError
+            An unlisted pair overlaps, or a wall contact has failed.
+        """
         violation = self._clearance.violation(
             self._clearance.positions + u, self._pairs, self._walls
         )

@@ -1,8 +1,9 @@
-"""What the motion of a scene needs beyond the scene's data: springs in a table, bonds as the
-compiled loop takes them, bounds of the stiffness, names of places.
+"""Quantities that a run derives from a scene: a table of its springs, its bonds in the form of the
+compiled loop, bounds on its stiffness and frequencies, and descriptions of its bonds for messages.
 
-A scene is data.  `dynamics(scene)` computes these from it once for each thread, and keeps them as
-long as the scene lives, with what runs found out about it; nothing is shared between threads.
+A scene is data.  `dynamics(scene)` computes these quantities once per thread, and caches them for
+the lifetime of the scene, together with prepared loops and ranges from earlier runs.  Threads share
+none of them.
 """
 
 from __future__ import annotations
@@ -39,9 +40,9 @@ def dynamics(scene: Any) -> Any:
 
 
 class HasDynamics(ReadOnly):
-    """Base of what `simulate` takes: a scene, or several that run together.
+    """Base class of the arguments of `simulate`: a scene, or an ensemble of scenes.
 
-    Equal content makes two of them equal.
+    Two objects are equal if their contents are equal.
     """
 
     if TYPE_CHECKING:
@@ -68,43 +69,44 @@ class HasDynamics(ReadOnly):
 
 
 class Dynamics:
-    """Of a scene whose bonds are fixed; see `dynamics`.
+    """Quantities derived from a scene for its runs; see `dynamics`.
 
     Attributes
     ----------
     scene : Scene
     sites, dim : int
-        Number of sites, and of coordinates of each.
+        Number of sites, and of coordinates of each site.
     shape : tuple of int
-        Of the displacements of a state.
+        Shape of the displacements of a state.
     batch : tuple of int
-        The last of these where several scenes run together, (scenes,), else ().
+        Last axis of `shape` for an ensemble, (scenes,), otherwise ().
     wall_count : int
         Number of walls.
-    closing : float or ndarray, (springs,)
-        Elongation [m] at which the ends of a bond of each different spring meet, -inf where they
-        cannot.
+    zero_length_elongation : float or ndarray, (springs,)
+        Elongation [m] at which the two ends of a bond of each distinct spring coincide, -inf if
+        they cannot.
     spring_lengths : ndarray, (bonds,), or None
-        Length of each bond [m], where springs count as different for it.
+        Length of each bond [m], if springs of different length count as distinct.
     turns : bool
-        Whether bonds may turn, so that their tension resists motion across them.
+        Whether bonds can rotate, so that their tension contributes to the transverse stiffness.
     follows : bool
-        Whether contacts come and go, so that only those near are listed.
+        Whether contacts form and open during a run, so that only near ones are listed.
     clearance : Clearance or None
-        What watches over contacts that are not listed.
+        Detector of unlisted contacts.
     arguments : tuple of str
-        Of what the sites are made of, beads say, by which `by_argument` has derivatives.
+        Arguments of the sites' constituents (beads, for instance) for which `by_argument` returns
+        derivatives.
     ranges : list of (ndarray, ndarray, float)
-        Ranges of elongation (springs, 2) [m] that runs met lately, how stiff each spring is at
-        most there [N/m], and the angular frequency that this bounds [rad/s].
+        Cache of recent runs: ranges of elongation (springs, 2) [m], the bound on the stiffness of
+        each spring over them [N/m], and the resulting bound on the angular frequency [rad/s].
     reached : dict of float to Reach
-        What springs reach with energies [J] in one bond.
+        Cache of the elongations that springs attain with a given energy [J] in one bond.
     tuned : dict of float to object
-        Springs that change, prepared for runs of some duration [s].
+        Cache of springs that change with time, by the duration of the run [s].
     saving : float or None
-        Seconds that fitted forces save in one evaluation of all, roughly.
+        Estimate of the time that fitted forces save in one evaluation of all forces [s].
     prepared : dict of Method to list
-        Loops that are prepared for runs, and not in use.
+        Prepared loops that no run is using.
     """
 
     batch: tuple[int, ...] = ()
@@ -125,7 +127,7 @@ class Dynamics:
         self.saving: float | None = None
         self.prepared: dict[Method, list[Any]] = {}
 
-    if TYPE_CHECKING:  # what differs from one kind of scene to another
+    if TYPE_CHECKING:  # defined by the dynamics of each kind of scene
 
         @property
         def energies_in_one_call(self) -> Energies | None: ...
@@ -140,11 +142,11 @@ class Dynamics:
             self, name: str, by_mass: Array, by_spring: Callable[[str], Array], by_gap: Any
         ) -> Array: ...
 
-    # the scene's data, as the loop takes it
+    # the scene's data in the form of the compiled loop
 
     @cached_property
     def springs(self) -> Springs:
-        """The different springs, and which bond has which."""
+        """The distinct springs, and the index of the one of each bond."""
         return Springs(self.scene.springs, lengths=self.spring_lengths)
 
     @cached_property
@@ -161,39 +163,53 @@ class Dynamics:
 
     @cached_property
     def smooth(self) -> bool:
-        """Whether the derivatives of no spring jump."""
+        """Whether no spring has a kink."""
         return all(spring.smooth for spring in self.springs.different)
 
     @cached_property
     def opens(self) -> bool:
-        """Whether some contact can open, of an exponent for which steps are corrected."""
+        """Whether some contact can open whose exponent requires corrected steps."""
         return self.follows or bool(is_treated(self.springs.openings[..., 2]).any())
 
     @cached_property
     def loop_bonds(self) -> Bonds:
-        """Bonds as the loop takes them."""
+        """Bonds in the form of the compiled loop."""
         springs = self.springs
         return Bonds(*springs.table, springs.group, self.inverse_mass, openings=springs.openings)
 
     @property
     def contact_bonds(self) -> Bonds:
-        """Bonds with their geometry, which a loop over neighbours in a row does without."""
+        """Bonds with their geometry, which the loop over a chain does not need."""
         return self.loop_bonds
 
     def arrays(self, state: Any) -> tuple[Array, Array]:
-        """Copies of u and v as the loop advances them, with rows for walls behind the sites."""
+        """Copies of u and v in the form of the loop, with rows for walls after the sites."""
         return state.u.copy(), state.v.copy()
 
     def bind(self, u: Array, v: Array, method: Method, dt: float) -> Any:
-        """The loop, advancing the rows of `arrays` in place."""
+        """The compiled time-stepping loop.
+
+        Parameters
+        ----------
+        u, v : ndarray
+            The `arrays` of a state [m], [m/s], which the loop advances in place.
+        method : Method
+        dt : float
+            Time step [s].
+
+        Returns
+        -------
+        object
+            The loop, as `tensegrity.engine.kernel.bind` returns it.
+        """
         return kernel.bind(u, v, self.loop_bonds, method, dt)
 
     def listed(self, u: Array) -> Dynamics:
-        """That with the contacts which may act near displacements u: here it has them all."""
+        """Dynamics with the contacts that can act near displacements u: all, for fixed bonds."""
         return self
 
     def nearest(self, u: Array) -> Dynamics:
-        """That with contacts which may well form in a run from displacements u."""
+        """Dynamics with the contacts that are likely to form in a run from displacements u."""
         return self
 
     def forces(self, u: Array) -> Array:
@@ -208,31 +224,32 @@ class Dynamics:
         return bool(np.any(self.scene.loads))
 
     def checked(self, state: Any) -> float:
-        """Refuse a state that is not one of the scene; its energy [J]."""
+        """Refuse a state that the scene cannot have; return its energy [J]."""
         self.scene._check_sites(state)
-        energy = float(self.energies(state.u[None], state.v[None])[0])  # refuses what locks
+        energy = float(self.energies(state.u[None], state.v[None])[0])  # refuses locked springs
         if not np.isfinite(energy):
             raise TensegrityError(f"energy {energy} J of the state must be finite")
         return energy
 
     def available_energy(self, state: Any, energy: float | None = None) -> float:
-        """What one spring could get of the energy [J]: all; `checked` says it, where known."""
+        """Upper bound on the energy of a single spring [J]: the energy of the state, if it is not
+        given."""
         return self.scene.energy(state) if energy is None else energy
 
     def stiffness_bounds(self, ranges: Array, numbers: Indices | None = None) -> Array:
-        """Bound on the stiffness of a bond of each spring, along it and across.
+        """Bound on the axial and transverse stiffness of the bonds of each distinct spring.
 
         Parameters
         ----------
         ranges : ndarray, (springs, 2)
             Elongations [m].
         numbers : ndarray of int, optional
-            The springs in question; by default all.
+            Indices of the springs; by default all.
 
         Returns
         -------
         ndarray, (springs,) or shape of `numbers`
-            [N/m]; inf where the ends of a bond meet.
+            [N/m]; inf where the two ends of a bond coincide.
         """
         springs = self.springs
         if numbers is None:
@@ -240,26 +257,28 @@ class Dynamics:
                 return springs.largest("stiffness", ranges)
             numbers = np.arange(len(springs))
         shortest = ranges[:, 0] - self.zero_length_elongation
-        k, apart = np.full(len(numbers), np.inf), shortest[numbers] > 0
-        within = numbers[apart]
-        k[apart] = springs.largest("stiffness", ranges, within)
+        k, separate = np.full(len(numbers), np.inf), shortest[numbers] > 0
+        within = numbers[separate]
+        k[separate] = springs.largest("stiffness", ranges, within)
         if self.turns:
             across = springs.largest("tension", ranges, within) / shortest[within]
-            k[apart] = np.maximum(k[apart], across)
+            k[separate] = np.maximum(k[separate], across)
         return k
 
     def frequency(self, ranges: Array) -> float:
-        """Bound on the largest angular frequency [rad/s] over given ranges (springs, 2)."""
+        """Bound on the largest angular frequency [rad/s] over ranges of elongation [m]
+        (springs, 2)."""
         return self.spring_frequency_bound(self.stiffness_bounds(np.asarray(ranges, dtype=float)))
 
     def spring_frequency_bound(self, stiffness: Array) -> float:
-        """The same for a bound of the stiffness of each spring [N/m], (springs,)."""
+        """Bound on the largest angular frequency [rad/s], given a bound on the stiffness of each
+        distinct spring [N/m], (springs,)."""
         if np.isinf(stiffness).any():
             return np.inf  # the two sites of a bond coincide
         return self.bond_frequency_bound(stiffness[self.springs.group])
 
     def ranges_at(self, u: Array) -> Array:
-        """Smallest and largest elongation, 0 included, of each different spring; (springs, 2)."""
+        """Smallest and largest elongation of each distinct spring, 0 included [m]; (springs, 2)."""
         r, group = self.elongations(u), self.springs.group
         if len(self.springs) == 1:
             return np.array([[min(float(r.min()), 0.0), max(float(r.max()), 0.0)]])

@@ -1,8 +1,9 @@
-"""Scenes of one shape that run together, with one step: a batch, the last axis of every array.
+"""Ensembles: scenes of one shape that run as a batch with one time step.
 
-A processor works on several chains in the time of one where their sites stand next to each other,
-so a batch of short chains takes less time than one chain after the other.  Networks run one after
-the other, and so do all with an implicit method, or where springs have different laws.
+The scenes are the last axis of every array, so that the values of one site in all scenes are
+contiguous in memory and the processor advances several of them with one vector instruction: a batch
+of short chains takes less time than the chains one after the other.  Networks run sequentially, as
+do all scenes with an implicit method or with springs of different force laws.
 """
 
 from __future__ import annotations
@@ -35,21 +36,21 @@ from tensegrity.springs.collection import Springs
 from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array, Indices
 
-BATCH_SIZES = (64, 48, 32, 24, 16, 8)  # scenes that one compiled loop takes
-BATCH_MULTIPLE, LARGEST_BATCH = 32, 1024  # and multiples of, at most
+BATCH_SIZES = (64, 48, 32, 24, 16, 8)  # numbers of scenes for which compiled loops exist
+BATCH_MULTIPLE, LARGEST_BATCH = 32, 1024  # larger batches: multiples of the one up to the other
 
 
 class Part(NamedTuple):
-    """Scenes that run in one loop.
+    """Scenes of an ensemble that run in one loop.
 
     Attributes
     ----------
     numbers : ndarray of int
-        Theirs, in a row.
+        Consecutive indices of these scenes in the ensemble.
     scene : Scene or Ensemble
-        Of these, perhaps with idle ones behind.
+        The scenes themselves, padded with copies of the last one to the size of a batch.
     places : ndarray of int
-        The numbers of its different springs among those of the whole.
+        Index of each of its distinct springs among those of the whole ensemble.
     """
 
     numbers: Indices
@@ -57,7 +58,7 @@ class Part(NamedTuple):
     places: Indices
 
     def of(self, array: Array) -> Array:
-        """The part of an array with scenes last; idle ones do what the last one does."""
+        """The part's section of an array whose last axis is the scenes, padded with the last."""
         if len(self.numbers) == 1:
             return np.ascontiguousarray(array[..., self.numbers[0]])
         each = np.minimum(self.numbers[0] + np.arange(self.scene.lanes), self.numbers[-1])
@@ -65,7 +66,7 @@ class Part(NamedTuple):
 
 
 class BatchDynamics(Dynamics):
-    """Of scenes of one shape; in all arrays they are the last axis."""
+    """Quantities derived from an ensemble for its runs; scenes are the last axis of all arrays."""
 
     def __init__(self, ensemble: Any) -> None:
         super().__init__(ensemble)
@@ -74,7 +75,7 @@ class BatchDynamics(Dynamics):
         self.members = [dynamics(scene) for scene in ensemble.scenes]
         self.wall_count, self.turns = self.members[0].wall_count, self.members[0].turns
         self._same = all(scene is self.scenes[0] for scene in self.scenes)
-        self._first = 0  # number of the first scene, of a part of another batch
+        self._first = 0  # index of the first scene in the ensemble of which this is a part
 
     @cached_property
     def inverse_mass(self) -> Array:
@@ -83,12 +84,12 @@ class BatchDynamics(Dynamics):
 
     @property
     def is_driven(self) -> bool:
-        """Whether some scene is."""
+        """Whether some scene is driven, damped or tuned."""
         return any(one.is_driven for one in self.members)
 
     @cached_property
     def springs(self) -> Springs:
-        """The different springs, and which bond has which, in all scenes or in each its own."""
+        """The distinct springs, and which one each bond has, per scene if the scenes differ."""
         if self._same:
             return self.members[0].springs
         each = zip(*(scene.springs for scene in self.scenes), strict=True)
@@ -105,14 +106,14 @@ class BatchDynamics(Dynamics):
         return group[:, None] if group.ndim == 1 else group
 
     def spring_numbers(self, number: int) -> Indices:
-        """The number in `springs` of each different spring of a scene."""
+        """Index in `springs` of each distinct spring of one scene."""
         springs, group = self.members[number].springs, self._group
         place = np.zeros(len(springs), dtype=int)
         place[springs.group] = group[:, number if group.shape[1] > 1 else 0]
         return place
 
     def with_springs(self, springs: Sequence[Potential]) -> Any:
-        """The same scenes with other springs, one for each of the different `springs`."""
+        """The same scenes with one new spring for each distinct spring in `springs`."""
         kind = type(self.scene)
         if self._same:
             return kind(self.members[0].with_springs(springs), len(self.members))
@@ -122,12 +123,12 @@ class BatchDynamics(Dynamics):
 
     @property
     def cost(self) -> int:
-        """Work of one evaluation of all forces, in bonds."""
+        """Cost of one evaluation of all forces, in bonds of a chain."""
         return sum(one.cost for one in self.members)
 
     @property
     def zero_length_elongation(self) -> Any:
-        """As for each of the scenes."""
+        """Elongation [m] at which the ends of a bond of each distinct spring meet."""
         if self._same:
             return self.members[0].zero_length_elongation
         found = np.full(len(self.springs), -np.inf)
@@ -149,7 +150,7 @@ class BatchDynamics(Dynamics):
     # parts
 
     def parts(self, method: Method) -> list[Part]:
-        """The scenes that run in one loop, each time."""
+        """The groups of scenes that run in one loop each."""
         return self._parts if method.explicit else self._singles
 
     @cached_property
@@ -171,7 +172,7 @@ class BatchDynamics(Dynamics):
         return found
 
     def _part(self, first: int, count: int) -> Any:
-        """Some scenes, and the last one as often as one compiled loop lacks scenes."""
+        """Consecutive scenes, padded with copies of the last one to the size of a batch."""
         scenes, width = self.scenes[first : first + count], padded_count(count)
         if count == len(self.scenes) == width:
             return self.scene
@@ -184,7 +185,7 @@ class BatchDynamics(Dynamics):
 
     @cached_property
     def _bonds(self) -> Bonds | None:
-        """Those of a loop over all scenes; None where they must run one after the other."""
+        """Bonds of a loop over all scenes; None if the scenes must run sequentially."""
         bonds = [one.loop_bonds for one in self.members]
         if self.is_driven or any(one.contacts is not None for one in bonds):
             return None
@@ -196,21 +197,41 @@ class BatchDynamics(Dynamics):
         return Bonds(laws, law, parameters, group, mass, openings=self.springs.openings)
 
     def arrays(self, state: State) -> tuple[Array, Array]:
-        """u and v as the loop advances them."""
+        """u and v in the form of the compiled loop."""
         each = [one.arrays(self.scene.lane(state, k)) for k, one in enumerate(self.members)]
         u, v = (np.ascontiguousarray(np.stack(x, axis=-1)) for x in zip(*each, strict=True))
         return u, v
 
     def bind(self, u: Array, v: Array, method: Method, dt: float) -> Any:
-        """The loop over all scenes, where there is one for so many."""
+        """The loop over all scenes, for a number of scenes for which a compiled one exists.
+
+        Parameters
+        ----------
+        u, v : ndarray, (sites, scenes)
+            Arrays [m], [m/s] that the loop advances in place.
+        method : Method
+        dt : float
+            Time step [s].
+
+        Returns
+        -------
+        object
+            The loop, as `tensegrity.engine.kernel.bind` returns it.
+
+        Raises
+        ------
+        TensegrityError
+            No compiled loop takes these scenes together.
+        """
         count = len(self.scenes)
         if self._bonds is None or padded_count(count) != count or count > LARGEST_BATCH:
-            raise TensegrityError(f"no loop takes {count} lanes of {self.scenes[0]!r} at once")
+            raise TensegrityError(
+                f"no compiled loop takes {count} lanes of {self.scenes[0]!r} together"
+            )
         return kernel.bind(u, v, self._bonds, method, dt)
 
     def checked(self, state: State) -> float:
-        """Refuse a state of another shape, or one that a scene alone refuses; the largest energy
-        of a scene [J]."""
+        """Refuse a state that some scene refuses; return the largest energy of a scene [J]."""
         self.scene.lane(state, 0)
         one = self.members[0]
         held = list(self.scenes[0].held)
@@ -218,19 +239,19 @@ class BatchDynamics(Dynamics):
             try:
                 energy = self.available_energy(state)
             except TensegrityError:
-                energy = math.nan  # let the scene say it
+                energy = math.nan  # the check of each scene below names the fault
             if math.isfinite(energy):
                 return energy
         return max(each.checked(self.scene.lane(state, k)) for k, each in enumerate(self.members))
 
     def available_energy(self, state: State, energy: float | None = None) -> float:
-        """What one spring could get: the largest energy of a scene [J]."""
+        """Upper bound on the energy of a single spring [J]: the largest energy of a scene."""
         if energy is None:
             energy = float(np.max(self.energies(state.u[None], state.v[None])))
         return energy
 
     def energies(self, u: Array, v: Array) -> Array:
-        """Total energy [J] of each scene in many states (states, *shape); (states, scenes)."""
+        """Total energy of each scene [J], (states, scenes); u and v (states, *shape)."""
         moved = [np.ascontiguousarray(np.moveaxis(x, -1, 0)) for x in (u, v)]
         if self._same:  # all of one scene in one call
             rows = (x.reshape(-1, *self.scenes[0].shape) for x in moved)
@@ -239,7 +260,7 @@ class BatchDynamics(Dynamics):
         return np.stack([one.energies(*states) for one, *states in each], axis=-1)
 
     def elongations(self, u: Array) -> Array:
-        """Elongation of every spring [m]; (..., springs, scenes)."""
+        """Elongation of each bond [m]; (..., bonds, scenes)."""
         each = [one.elongations(u[..., k]) for k, one in enumerate(self.members)]
         return np.stack(each, axis=-1)
 
@@ -251,7 +272,21 @@ class BatchDynamics(Dynamics):
         return max(one.bond_frequency_bound(k) for one, k in each)
 
     def where_extreme(self, spring: int, u: Array, side: int) -> str:
-        """Where an elongation of that spring is lowest (side 0) or highest (1), in words."""
+        """Describe the bond and the lane in which a spring has its extreme elongation.
+
+        Parameters
+        ----------
+        spring : int
+            Index of a distinct spring in `springs`.
+        u : ndarray, (sites, scenes)
+            Displacements [m].
+        side : {0, 1}
+            0 for the smallest elongation, 1 for the largest.
+
+        Returns
+        -------
+        str
+        """
         r = self.elongations(u)
         mine = np.broadcast_to(self._group == spring, r.shape)
         r = np.where(mine, r, np.inf if side == 0 else -np.inf)
@@ -261,7 +296,7 @@ class BatchDynamics(Dynamics):
         return f"{where} of lane {self._first + number}"
 
     def where_stiffest(self, u: Array, ranges: Array) -> str:
-        """Where the elongation is largest, in words."""
+        """Describe the bond and the lane with the largest elongation in magnitude."""
         r = np.abs(self.elongations(u))
         number = int(np.unravel_index(np.argmax(r), r.shape)[1])
         where = self.members[number].where_stiffest(
@@ -271,7 +306,7 @@ class BatchDynamics(Dynamics):
 
 
 def padded_count(count: int) -> int:
-    """The least number of scenes, not below this, that one compiled loop takes."""
+    """Size of the smallest batch with at least `count` scenes for which a compiled loop exists."""
     if count == 1 or count > LARGEST_BATCH:
         return count
     return min(
@@ -281,24 +316,32 @@ def padded_count(count: int) -> int:
 
 
 class Ensemble(HasDynamics):
-    """Several scenes of one shape, for `simulate` and `gradient`.
+    """Several scenes of one shape, the lanes of a batch, for `simulate` and `gradient`.
 
-    States have u [m] and v [m/s] of shape (sites[, dim], lanes), runs of shape (T, sites[, dim],
-    lanes): see `RunBatch`.
+    States have u [m] and v [m/s] of shape (sites[, dim], lanes), and runs have shape
+    (T, sites[, dim], lanes); see `RunBatch`.
 
     Parameters
     ----------
     scenes : Scene, or sequence of Scene
-        The scene of every lane, or one for each lane, with masses and springs of its own.
+        One scene for all lanes, or one scene per lane, each with masses and springs of its own.
     lanes : int, optional
-        Number of scenes that run together, at least 1, where one scene is given.
+        Number of lanes, at least 1; required with a single scene, excluded with a sequence.
+
+    Raises
+    ------
+    TensegrityError
+        No scene, scenes of different shapes, or networks with contacts="follow".
 
     Examples
     --------
-    >>> from tensegrity import Chain, Prism, simulate
+    Eight chains of prisms, struck at different velocities:
+
+    >>> import numpy as np
+    >>> from tensegrity import Chain, Ensemble, Prism, simulate
     >>> chain = Chain(Prism(1.0, 0.7, 0.01, 1.0).potential(), 40)
-    >>> blows = Ensemble(chain, 8)
-    >>> runs = simulate(blows, blows.at_rest({0: np.linspace(0.01, 0.03, 8)}), 10.0, tol=1e-8)
+    >>> impacts = Ensemble(chain, 8)
+    >>> runs = simulate(impacts, impacts.at_rest({0: np.linspace(0.01, 0.03, 8)}), 10.0, tol=1e-8)
     >>> runs.final.u.shape
     (40, 8)
     >>> len(runs), runs[7].u.shape[1:]
@@ -334,7 +377,7 @@ class Ensemble(HasDynamics):
 
     @property
     def lanes(self) -> int:
-        """Number of scenes."""
+        """Number of lanes: the scenes in the batch."""
         return len(self.scenes)
 
     @cached_property
@@ -349,16 +392,17 @@ class Ensemble(HasDynamics):
 
     @property
     def dim(self) -> int:
-        """Coordinates of a site."""
+        """Number of coordinates of each site."""
         return self.scenes[0].dim
 
     def _dynamics(self) -> BatchDynamics:
         return BatchDynamics(self)
 
     def at_rest(self, velocity: Mapping[int, ArrayLike] | None = None) -> State:
-        """The undeformed state, some sites given a velocity [m/s]: {site: one or each lane's}.
+        """The undeformed state, in which the given sites have a velocity and all others rest.
 
-        Sites whose motion is prescribed are where their drive begins.
+        {site: velocity} [m/s]: one velocity for all lanes, or one per lane along the last axis.
+        A site whose motion is prescribed has the displacement and velocity of its drive at t = 0.
         """
         wanted, each = (*self.shape[1:-1], self.lanes), [{} for _ in self.scenes]  # type: ignore
         for site, values in velocities(velocity):
@@ -381,11 +425,11 @@ class Ensemble(HasDynamics):
         return state
 
     def check(self, state: State) -> None:
-        """Refuse a state of another shape, or one that a scene alone refuses."""
+        """Refuse a state of another shape, or one that the scene of a lane refuses."""
         dynamics(self).checked(state)
 
     def lane(self, state: State, number: int) -> State:
-        """The state of one of the scenes, by its number from 0."""
+        """The state of one lane, by its index from 0."""
         refuse_other(state, self.shape, f"ensemble has {self.shape}, lanes last")
         number = check.whole("lane", number, least=0, below=self.lanes)
         return unchecked_state(*(np.ascontiguousarray(x[..., number]) for x in (state.u, state.v)))
@@ -399,6 +443,6 @@ class Ensemble(HasDynamics):
 
 
 def _form(scene: Scene) -> tuple[object, ...]:
-    """What scenes have in common whose states fit each other, bond for bond."""
+    """What the scenes of an ensemble must have in common."""
     of = dynamics(scene)
     return scene.shape, len(scene.springs), of.wall_count, of.turns

@@ -1,9 +1,9 @@
-"""What time does to a scene: prescribed motions and forces of sites, and dashpots.
+"""Forcing: prescribed motions of sites, forces that depend on time, and viscous damping.
 
-A `Drive` is a function of time for one site; it moves the site exactly, or pulls at it.  A
-dashpot resists the rate of elongation of its bond, or the velocity of its site, in proportion.
-Scenes take them as `drive={site: Drive}` and `damping=Damping(...)`; `forcing_of` is what the
-loop makes of them.
+A `Drive` is a function of time that prescribes the motion of one site, or a force on it.  A dashpot
+resists in proportion to the rate of elongation of its bond, or to the velocity of its site.  Scenes
+take them as `drive={site: Drive}` and `damping=Damping(...)`; `forcing_of` puts them into the
+arrays of the time-stepping loop.
 """
 
 from __future__ import annotations
@@ -35,43 +35,45 @@ if TYPE_CHECKING:
     Signal: TypeAlias = sp.Expr | float | tuple[ArrayLike, ArrayLike]
     Tune: TypeAlias = Mapping[str, sp.Expr | float] | Callable[[float], Potential]
 
-ATOL = 1e-12  # m: a site that is where its drive begins
+ATOL = 1e-12  # m: tolerance on the initial position of a driven site
 
 
 @dataclass(frozen=True, eq=False)
 class Drive:
     """A prescribed motion of a site, or a force on it, as a function of time.
 
-    Exactly one of the two is given: as a SymPy expression of `t` [s], or as samples
-    (t, values), joined by a cubic spline.  In the plane and in space it has a component for each
-    coordinate: a sequence of expressions, None where the site is left free, or values of
-    shape (samples, dim).
+    Exactly one of the two must be given, either as a SymPy expression of `t` [s] or as samples
+    (t, values), which are interpolated by a cubic spline.  In the plane and in space it has one
+    component per coordinate: a sequence of expressions, with None for a coordinate that is free,
+    or values of shape (samples, dim).
 
     Parameters
     ----------
     displacement : sympy.Expr, float, (t, values), or sequence of expressions, optional
-        u(t) [m] from the reference place.  The site moves so exactly, whatever pulls at it.
-    force : the same, optional
-        [N], > 0 along the axis; besides the forces of bonds and loads.
+        Displacement u(t) from the reference position [m], which the site follows exactly.
+    force : sympy.Expr, float, (t, values), or sequence of expressions, optional
+        Force [N], > 0 along the axis, in addition to the forces of the bonds and loads.
 
     Raises
     ------
     TensegrityError
-        None or both given; an expression of other symbols; samples that are not finite, or whose
-        times do not increase.  A value that is not finite, and a jump, is refused by the run.
+        Neither or both given; an expression of symbols other than t; samples that are not finite,
+        or whose times do not increase.  The run refuses values that are not finite, and jumps.
 
     Examples
     --------
     >>> import sympy as sp
+    >>> from tensegrity import Chain, Drive, PowerLaw
     >>> t = sp.Symbol("t")
     >>> shaker = Drive(displacement=0.01 * sp.sin(2 * t))
     >>> float(shaker.at(0.0, order=1)[0])
     0.02
+    >>> chain = Chain(PowerLaw(1.0, 1.5), sites=10, drive={0: shaker})
     """
 
     displacement: Any = None
     force: Any = None
-    signals: tuple[Any, ...] = field(init=False, repr=False)  # of each coordinate, or None
+    signals: tuple[Any, ...] = field(init=False, repr=False)  # per coordinate; None if free
     prescribes: bool = field(init=False, repr=False)
 
     __str__ = concise
@@ -93,7 +95,20 @@ class Drive:
         object.__setattr__(self, "prescribes", given[0] == "displacement")
 
     def at(self, t: ArrayLike, order: int = 0) -> Array:
-        """Values at instants t [s], or their rates for order 1; (coordinates, *shape of t)."""
+        """Values [m] or [N] at times t [s], or their rates for order 1.
+
+        Parameters
+        ----------
+        t : array_like
+            Times [s].
+        order : {0, 1}, optional
+            Order of the derivative in time.
+
+        Returns
+        -------
+        ndarray, (coordinates, *shape of t)
+            0 for a coordinate that is free.
+        """
         t = check.floats("t", t)
         if check.whole("order", order, least=0) > 1:
             raise TensegrityError(f"order {order} must be 0 or 1")
@@ -102,15 +117,31 @@ class Drive:
 
 @dataclass(frozen=True, eq=False)
 class Damping:
-    """Dashpots: forces in proportion to velocities.
+    """Viscous damping: dashpots in the bonds and between the sites and the ground.
 
     Parameters
     ----------
     bond : float or array_like, (bonds,), optional
-        Of the rate of elongation of each bond [N s/m], >= 0, also where a contact is open; contacts
-        with walls of a network have none, those with the ends of a chain of beads are bonds.
+        Damping coefficient of each bond [N s/m], >= 0: its force is proportional to the rate of
+        elongation, also while a contact is open.  A network's contacts with walls are not damped;
+        the contacts of a chain of beads with its end walls are bonds.
     ground : float or array_like, (sites,), optional
-        Of the velocity of each site [N s/m], >= 0.
+        Damping coefficient of each site [N s/m], >= 0: its force is proportional to the velocity.
+
+    Raises
+    ------
+    TensegrityError
+        A coefficient that is negative or not finite, or an array of more than one axis.
+
+    Examples
+    --------
+    Two masses of 1 kg in contact, slowed by the ground with the time constant m/c = 5 s:
+
+    >>> from tensegrity import Chain, Damping, PowerLaw, simulate
+    >>> pair = Chain(PowerLaw(1.0, 1.5), sites=2, damping=Damping(ground=0.2))
+    >>> run = simulate(pair, pair.at_rest({0: 1.0, 1: 1.0}), t_end=5.0, tol=1e-8)
+    >>> run.final.v.round(4)  # exp(-1)
+    array([0.3679, 0.3679])
     """
 
     bond: Array = 0.0  # type: ignore[assignment]
@@ -135,7 +166,7 @@ class Damping:
             object.__setattr__(self, name, fixed(values))
 
     def each(self, name: str, count: int) -> Array:
-        """Those of all bonds or sites; (count,)."""
+        """Damping coefficients [N s/m] of all bonds or sites (`name`); (count,)."""
         values = getattr(self, name)
         if values.ndim and values.shape != (count,):
             raise TensegrityError(f"{name} damping has shape {values.shape}, must be ({count},)")
@@ -143,7 +174,26 @@ class Damping:
 
 
 def checked_forcing(scene: Any, drive: Any, damping: Any, tune: Any = None) -> dict[str, Any]:
-    """What a scene is driven and damped by, if it fits: attributes of it."""
+    """Validate the forcing of a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+    drive : dict of int to Drive, or None
+    damping : Damping or None
+    tune : dict of str to expression, callable t -> Potential, or None
+
+    Returns
+    -------
+    dict
+        The attributes `drive`, `damping` (None if all coefficients are 0) and `tune` of the scene.
+
+    Raises
+    ------
+    TensegrityError
+        A drive of a held or missing site or with a wrong number of components, damping of another
+        number of bonds or sites, or a tuning that does not begin at the scene's own spring.
+    """
     drive = {} if drive is None else drive
     if not isinstance(drive, Mapping):
         raise TensegrityError(f"drive {check.shown(drive)} must be a dict {{site: Drive}}")
@@ -155,7 +205,7 @@ def checked_forcing(scene: Any, drive: Any, damping: Any, tune: Any = None) -> d
                 f"drive of site {number} has {len(one.signals)} components, must have {scene.dim}"
             )
         if number in scene.held:
-            raise TensegrityError(f"site {number} is held: nothing drives it")
+            raise TensegrityError(f"site {number} is held and cannot be driven")
     if damping is not None:
         check.kind("damping", damping, Damping)
         damping.each("bond", _bonds(scene))
@@ -167,12 +217,12 @@ def checked_forcing(scene: Any, drive: Any, damping: Any, tune: Any = None) -> d
 
 
 def _checked_tune(scene: Any, tune: Any) -> Any:
-    """What changes the springs of a scene in time, if it fits."""
+    """Validate the dependence of a scene's springs on time."""
     if not callable(tune) and not isinstance(tune, Mapping):
         raise TensegrityError(
             f"tune {check.shown(tune)} must be a dict {{name: expression of t}}, or a function of t"
         )
-    # the same spring of other lengths is another there
+    # springs that differ only in length are distinct here
     different = dynamics(scene).springs.different
     if tune and (len(scene.springs) > _bonds(scene) or any(x != different[0] for x in different)):
         raise TensegrityError(
@@ -189,7 +239,7 @@ def _checked_tune(scene: Any, tune: Any) -> Any:
     signals = {name: expression_of(name, one) for name, one in tune.items()}
     for name, signal in signals.items():
         spring, begin = different[0], float(signal(np.array(0.0)))
-        spring.varied({name: begin})  # refuses what it has not
+        spring.varied({name: begin})  # refuses a name that is no argument of the spring
         if abs(spring.argument(name) - begin) > RTOL * abs(begin):
             raise TensegrityError(
                 f"tune begins at {name} {begin:.9g}, the spring has {spring.argument(name):.9g}"
@@ -198,18 +248,25 @@ def _checked_tune(scene: Any, tune: Any) -> Any:
 
 
 def _bonds(scene: Any) -> int:
-    """Number of bonds, without contacts with walls."""
+    """Number of bonds, excluding contacts with walls."""
     return len(getattr(scene, "bonds", scene.springs))
 
 
 def refuse_driven(scene: Any, what: str) -> None:
-    """Refuse a driven or damped scene, for what knows conservative ones only."""
+    """Refuse a driven, damped or tuned scene in an analysis of conservative scenes."""
     if dynamics(scene).is_driven:
         raise TensegrityError(f"{what}: not for scenes that are driven, damped or tuned")
 
 
 def start_driven_sites(scene: Any, u: Array, v: Array) -> None:
-    """Put driven sites where they begin, with the velocity that they have there; in place."""
+    """Set the displacements and velocities of driven sites to those of their drives at t = 0.
+
+    Parameters
+    ----------
+    scene : Scene
+    u, v : ndarray, (sites[, dim])
+        Displacements [m] and velocities [m/s], changed in place.
+    """
     for site, drive in scene.drive.items():
         if drive.prescribes:
             _, prescribed, here = driven_components(scene, site, drive)
@@ -220,13 +277,30 @@ def start_driven_sites(scene: Any, u: Array, v: Array) -> None:
 def driven_components(
     scene: Any, site: int, drive: Drive
 ) -> tuple[list[Any], list[int], list[int]]:
-    """Functions of a drive, the coordinates that they are for, and the entries of u."""
+    """Components of a drive that are not free.
+
+    Parameters
+    ----------
+    scene : Scene
+    site : int
+    drive : Drive
+        The drive of that site.
+
+    Returns
+    -------
+    signals : list of callable
+        Functions of time.
+    axes : list of int
+        Their coordinates.
+    entries : list of int
+        Their indices in the flattened u.
+    """
     axes = [k for k, signal in enumerate(drive.signals) if signal is not None]
     return [drive.signals[k] for k in axes], axes, [site * scene.dim + k for k in axes]
 
 
 def driven_entries(scene: Any, prescribed: bool) -> tuple[Any, Any]:
-    """Entries of u that are moved, or that get a force, and the functions of t for them."""
+    """Indices in the flattened u with a prescribed motion, or with a force, and their functions."""
     numbers: list[int] = []
     signals: list[Any] = []
     for site, drive in scene.drive.items():
@@ -238,7 +312,7 @@ def driven_entries(scene: Any, prescribed: bool) -> tuple[Any, Any]:
 
 
 def time_signals(scene: Any) -> list[Any]:
-    """All that drives or tunes a scene, or the lanes of an ensemble."""
+    """All functions of time that drive or tune a scene, or the scenes of an ensemble."""
     found: list[Any] = []
     for lane in getattr(scene, "scenes", (scene,)):
         found += () if callable(lane.tune) else lane.tune.values()
@@ -248,7 +322,7 @@ def time_signals(scene: Any) -> list[Any]:
 
 
 def check_start(scene: Any, u: Array) -> None:
-    """Refuse displacements from which driven sites would have to jump."""
+    """Refuse displacements of driven sites that differ from their drives at t = 0."""
     for site, drive in scene.drive.items():
         if not drive.prescribes:
             continue
@@ -258,17 +332,29 @@ def check_start(scene: Any, u: Array) -> None:
             if abs(found - wanted) > ATOL + RTOL * abs(wanted):
                 raise TensegrityError(
                     f"site {site} is at {found:.9g} m, its drive {signal} begins at {wanted:.9g} m "
-                    f"(axis {axis}): start from `at_rest`, or have it begin there"
+                    f"(axis {axis}): start from `at_rest`, or let the drive begin there"
                 )
 
 
 def forcing_of(scene: Any, t_end: float, tuning: Any = None) -> Forcing:
-    """What time does to a scene, for the loop; see `tensegrity.engine.driven`.
+    """The forcing of a scene as arrays for the loop; see `tensegrity.engine.driven`.
+
+    Parameters
+    ----------
+    scene : Scene
+    t_end : float
+        End of the run [s].
+    tuning : object, optional
+        The springs' parameters as functions of time; see `tensegrity.springs.tuned`.
+
+    Returns
+    -------
+    Forcing
 
     Raises
     ------
     TensegrityError
-        A drive that is not finite, jumps, or does not reach to `t_end`.
+        A drive that is not finite, has a jump, or is not defined up to `t_end`.
     """
     (moved, motions), (forced, scattered_forces) = (
         driven_entries(scene, True),

@@ -1,8 +1,8 @@
-"""Contacts that come and go: which a network lists at a moment, and when to list anew.
+"""Neighbour lists: the contacts that a network lists at a given time, and when to rebuild the list.
 
-Listed are all pairs of sites, and of sites and walls, whose gap is below the skin.  As long as no
-site moved farther than half the skin since, nothing unlisted can have touched: the list is exact,
-not sampled.
+The list contains all pairs of sites, and of a site and a wall, whose gap is below the skin.  As
+long as no site has moved by more than half the skin since the list was built, no unlisted pair can
+have touched: the list is complete by a bound, not by sampling.
 """
 
 from __future__ import annotations
@@ -22,26 +22,28 @@ from tensegrity.scenes.network_input import contact_geometry
 from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array
 
-SKIN = 0.25  # of the mean radius
-ROWS = 64  # of displacements that are compared at once
-NEAREST = 6  # sites that one may well touch in a run
+SKIN = 0.25  # gap over the mean radius up to which pairs are listed
+ROWS = 64  # rows of displacements that are compared in one call
+NEAREST = 6  # neighbours that a site is likely to touch in a run
 
 
 class NeighbourList(Clearance):
-    """Spheres and walls whose contacts are listed as they come near; as `Clearance`."""
+    """Spheres and walls whose contacts are listed when they are near; the arguments are those of
+    `Clearance`."""
 
     def __init__(self, positions, radius, bonds, walls, wall_contacts):
         super().__init__(positions, radius, bonds, walls, wall_contacts)
         self.skin *= SKIN
-        self._last = None, None  # displacements, and what is near there
+        self._last = None, None  # displacements, and the near contacts there
 
     def near(self, u):
-        """Pairs of sites, and of sites and walls they are beside, that may soon touch; sorted."""
+        """Pairs of sites, and of a site and a wall that it faces, with a gap below the skin at
+        displacements u [m]; two sorted arrays (n, 2)."""
         return self._near(u)[:2]
 
     def _near(self, u):
-        """The same, and sites near a wall that they are not beside; found once where a run begins
-        and its energies, its list and its watch ask for them."""
+        """The pairs of `near`, and the pairs of a site and a wall that it is near but does not
+        face; cached, because the energies, the list and the monitor of a run all use them."""
         at, found = self._last
         if at is None or not np.array_equal(at, u):
             found = self._find(u)
@@ -51,26 +53,42 @@ class NeighbourList(Clearance):
     def _find(self, u):
         x = self.positions + u
         pairs, walls = self.pairs(x), self.wall_pairs(x)
-        beside = self._by_wall("overhang", x, walls) < 0
+        facing = self._by_wall("overhang", x, walls) < 0
         before = self._by_wall("height", x, walls) > 0
-        return _sorted(pairs), _sorted(walls[beside & before]), walls[~(beside & before)]
+        return _sorted(pairs), _sorted(walls[facing & before]), walls[~(facing & before)]
 
     def near_contacts(self, u):
-        """What has to be looked at from displacements u on: ends of walls, listed walls."""
+        """Contacts with walls that need checks from displacements u on: pairs of a site and a wall
+        that it does not face, and the listed pairs of a site and a wall."""
         _, listed, ends = self._near(u)
         return ends, listed
 
     def free_travel(self, x, moved, ends, listed):
-        """Distance [m] that every site may move before a contact could be missed."""
-        found = np.asarray(self.skin / 2 - moved)  # what is not in the lists
+        """Distance that every site may move before a contact could be missed.
+
+        Parameters
+        ----------
+        x : ndarray, (..., sites, dim)
+            Positions [m].
+        moved : float or ndarray, (...)
+            Largest displacement of a site since the list was built [m].
+        ends, listed : ndarray of int, (n, 2)
+            The pairs of `near_contacts`.
+
+        Returns
+        -------
+        ndarray, (...)
+            [m].
+        """
+        found = np.asarray(self.skin / 2 - moved)  # pairs that are in no list
         inside = -self._by_wall("overhang", x, listed)
         for ways in (self.wall_gaps(x, ends), self.law_margin(x), inside):
             found = np.asarray(np.minimum(found, np.min(ways, axis=-1, initial=math.inf)))
         return found
 
     def rows_valid(self, u):
-        """How many of some rows of displacements (rows, sites, dim) the list at the first does
-        for."""
+        """Number of leading rows of displacements (rows, sites, dim) for which the list built at
+        the first row is valid."""
         for k in range(1, len(u), ROWS):
             way = u[k : k + ROWS] - u[0]
             moved = np.max(np.einsum("...k,...k", way, way), axis=-1)
@@ -80,11 +98,11 @@ class NeighbourList(Clearance):
         return len(u)
 
     def may_stay_valid(self, v, t):
-        """Whether one list may do for a time t [s] from velocities v on, to go by these."""
+        """Whether one list is valid for a time t [s] if the velocities v [m/s] stay constant."""
         return t * np.sqrt(np.max(np.sum(v**2, axis=-1), initial=0.0)) < self.skin / 2
 
     def with_near_contacts(self, u):
-        """Pairs of each site with its nearest ones, and with all walls; sorted."""
+        """Pairs of each site with its nearest neighbours, and with all walls; sorted."""
         from scipy.spatial import cKDTree
 
         count = min(NEAREST + 1, self.sites)
@@ -100,10 +118,10 @@ class NeighbourList(Clearance):
         return pairs, np.array(walls, dtype=int).reshape(-1, 2)
 
     def check(self, u):
-        """Nothing to refuse: what touches is listed."""
+        """Accept all displacements, because every pair that touches is listed."""
 
     def monitor(self, u):
-        """A watch that starts at displacements u."""
+        """A monitor of one run that starts at displacements u."""
         return NeighbourListMonitor(self, u)
 
 
@@ -112,8 +130,22 @@ def _sorted(pairs):
 
 
 def contacts_with(scene, geometry, pairs, walls):
-    """What a network that follows contacts is made of with these contacts besides its own, by
-    name."""
+    """Attributes of a network with these contacts in addition to its own.
+
+    Parameters
+    ----------
+    scene : Network
+        A network with contacts="follow".
+    geometry : ndarray, (dim + 2, contacts)
+        Geometry of its own contacts; see `contact_geometry`.
+    pairs, walls : ndarray of int, (n, 2)
+        Pairs of sites, and of a site and a wall, that get a contact.
+
+    Returns
+    -------
+    dict
+        Bonds, wall contacts, springs, lengths and geometry, by the names of the attributes.
+    """
     count, law, own_geometry = len(scene.bonds), scene._law, geometry[scene.dim]
     bonds = np.concatenate([scene.bonds, pairs])
     contacts = np.concatenate([scene.wall_contacts, walls])
@@ -122,7 +154,7 @@ def contacts_with(scene, geometry, pairs, walls):
         scene.positions, bonds, lengths, scene.walls, contacts, scene.radius
     )
     own = np.r_[:count, len(bonds) : len(bonds) + len(scene.wall_contacts)]
-    found[scene.dim, own] = own_geometry  # not as the positions round
+    found[scene.dim, own] = own_geometry  # more accurate than the rounded positions
     of_pairs = tuple(law(i, j) for i, j in pairs.tolist())
     of_walls = tuple(law(site, scene.walls[wall]) for site, wall in walls.tolist())
     springs = scene.springs[:count] + of_pairs + scene.springs[count:] + of_walls
@@ -134,7 +166,7 @@ def contacts_with(scene, geometry, pairs, walls):
 
 @dataclass(frozen=True)
 class NewContactLaw:
-    """The spring of a contact that forms, from what a user gave."""
+    """The spring of a contact that forms: a potential, or a function of the two partners."""
 
     given: Potential | Callable[..., Any]
 
@@ -152,7 +184,25 @@ class NewContactLaw:
 
 
 def new_contact_law(contacts: str, law: Any, radius: Array | None) -> Any:
-    """The law of contacts that are followed; None where they are fixed."""
+    """The force law of contacts that form.
+
+    Parameters
+    ----------
+    contacts : {"fixed", "follow"}
+    law : Potential or callable (site, other) -> Potential, or None
+    radius : ndarray, (sites,), or None
+        [m]; required for "follow".
+
+    Returns
+    -------
+    NewContactLaw or None
+        None for "fixed".
+
+    Raises
+    ------
+    TensegrityError
+        Another word, "follow" without radius or law, or "fixed" with a law.
+    """
     if not isinstance(contacts, str) or contacts not in ("fixed", "follow"):
         raise TensegrityError(f"contacts {contacts!r} must be 'fixed' or 'follow'")
     if contacts == "follow" and radius is None:
@@ -163,16 +213,16 @@ def new_contact_law(contacts: str, law: Any, radius: Array | None) -> Any:
 
 
 class NeighbourListMonitor(ClearanceMonitor):
-    """Follows one run, and says where the list has to be made anew.
+    """Monitors one run, and signals when the list of contacts has to be rebuilt.
 
     Attributes
     ----------
-    at : ndarray
-        Displacements at which the list is to be made.
+    at : ndarray, (sites, dim)
+        Displacements at which the list was last built [m].
     """
 
     def needs_new_list(self):
-        """Whether contacts have to be listed anew since this was asked."""
+        """Whether the list has to be rebuilt since the last call of this method."""
         new, self._new = self._new, False
         return new
 
@@ -182,7 +232,15 @@ class NeighbourListMonitor(ClearanceMonitor):
         self.at = self._listed_at
 
     def verify(self, u, t):
-        """Look again after one step that may have gone too far; raise if it did."""
+        """Check displacements u after a step that may have gone too far, at time t [s].
+
+        Raises
+        ------
+        StabilityError
+            A site moved by more than half the skin in one step.
+        ContactError
+            A site touches the edge of a wall, or has passed through it.
+        """
         of, x = self._clearance, self._clearance.positions + u
         moved = float(np.sqrt(np.max(np.sum((u - self.at) ** 2, axis=1), initial=0.0)))
         if moved >= of.skin / 2:

@@ -1,9 +1,10 @@
-"""Masses in the plane or in space, joined by bonds in any pattern: a scene for `simulate`.
+"""A network: point masses on a line, in the plane or in space, joined by bonds in any pattern.
 
-Model: point masses with two or three coordinates each; bonds, and contacts with plane walls,
-whose force along the line of contact depends on their elongation only; constant loads.  The
-list of contacts is fixed; where sites have a radius, the run makes sure that no other contact
-formed (see `tensegrity.scenes.clearance`).  Source: seeds/001, eqs. (1)-(6).
+Model: bonds, and contacts with plane walls, whose force acts along the line of contact and depends
+on their elongation only; constant loads.  The list of contacts is either fixed, and for sites with
+a radius the run verifies that no other contact forms (`tensegrity.scenes.clearance`), or it is
+updated as contacts form and open (`tensegrity.scenes.neighbour_list`).
+Source: seeds/001, eqs. (1)-(6).
 """
 
 from __future__ import annotations
@@ -54,42 +55,65 @@ class Network(Scene):
     Parameters
     ----------
     positions : array_like, (sites, dim)
-        Reference places [m], dim 2 or 3; displacements count from them.
+        Reference positions [m], from which displacements are measured; dim is 1, 2 or 3.
     bonds : array_like of int, (bonds, 2)
         The two sites of each bond.
     spring : Potential or sequence of Potential
-        One for all bonds or one for each.
+        One spring for all bonds, or one for each bond.
     lengths : float or array_like (bonds,), optional
-        Distance [m] at which a bond's elongation is 0; by default that of the positions.
+        Distance [m] at which a bond's elongation is 0; by default its distance in `positions`.
     mass : float or array_like (sites,), optional
-        [kg], > 0.
+        Mass of each site [kg], > 0.
     walls : sequence of Wall, optional
+        Walls that sites can touch.
     wall_contacts : array_like of int, (wall contacts, 2), optional
-        Site and wall of each contact with a wall; needs `radius`.
+        Site and wall of each contact with a wall; requires `radius`.
     wall_spring : Potential or sequence of Potential, optional
-        Their law, in the distance from the wall less the radius.
+        Force law of these contacts as a function of the gap: the distance of the site from the
+        wall minus the radius.
     wall_gaps : array_like (wall contacts,), optional
-        That distance at the positions [m], where it is known better than from the positions; at
-        most a tenth of the radius off what they give.
+        The gaps at the reference positions [m], if they are known more accurately than the
+        positions give them; they may differ from those by at most a tenth of the radius.
     radius : float or array_like (sites,), optional
-        [m]; with it the run checks that no contact forms that is not listed, and that no site
-        comes behind a wall of its own or presses on it beyond its end.
+        Radius of each site [m].  The run then verifies that no unlisted contact forms, and that no
+        site passes behind a wall that it touches or is pressed on it beyond its edge.
     loads : array_like (sites, dim), optional
         Constant forces [N].
     held : sequence of int, optional
-        Sites that stay at u = 0.
+        Sites that are fixed at u = 0.
     contacts : {"fixed", "follow"}, optional
-        "follow": beside the bonds, sites that come near each other or a wall get a contact before
-        they touch and lose it when they are apart again; needs `radius` and `law`.
+        "follow": in addition to the bonds, sites that approach each other or a wall get a contact
+        before they touch, which is removed when they separate; requires `radius` and `law`.
     law : Potential or callable (site, other) -> Potential, optional
-        Of the contacts that are followed, in the gap between the surfaces; `other` is a site or a
-        Wall.  Give the same object for like contacts.
+        Force law of the contacts that form, as a function of the gap between the surfaces; `other`
+        is a site or a Wall.  Return the same object for equal contacts.
     drive : dict of int to Drive, optional
-        {site: Drive}: motions that are prescribed, and forces that depend on time.
+        {site: Drive}: prescribed motions, and forces that depend on time.
     damping : Damping, optional
         Dashpots in the bonds and to the ground.
     tune : dict of str to sympy.Expr, or callable t -> Potential, optional
-        As of a `Chain`; no contacts with walls then.
+        Change of the spring with time, as in `Chain`; excludes contacts with walls.
+
+    Raises
+    ------
+    TensegrityError
+        Any argument that is not as described above, or a spring that the compiled loop cannot
+        evaluate.
+    ContactError
+        Sites that overlap at the reference positions without a listed contact.
+
+    Examples
+    --------
+    Three disks in a row, of which the first strikes the second:
+
+    >>> from tensegrity import Network, PowerLaw, simulate
+    >>> contact = PowerLaw(1e6, 1.5)
+    >>> disks = Network(
+    ...     [[0, 0], [0.02, 0], [0.04, 0]], [[0, 1], [1, 2]], contact, mass=0.01, radius=0.01
+    ... )
+    >>> run = simulate(disks, disks.at_rest({0: [1.0, 0.0]}), t_end=0.01, tol=1e-8)
+    >>> run.final.v[:, 0].round(3)
+    array([-0.071,  0.076,  0.995])
     """
 
     def __init__(
@@ -159,10 +183,18 @@ class Network(Scene):
         return self.positions.shape
 
     def listed(self, u: Array) -> Self:
-        """This network with contacts of its list only, for displacements near u (sites, dim).
+        """This network with a fixed list of the contacts that can act near displacements u.
 
-        Where contacts are followed these are the bonds, and behind them, sorted by their sites, all
-        pairs that may touch before any site moved by an eighth of its radius; else all it has.
+        Parameters
+        ----------
+        u : ndarray, (sites, dim)
+            Displacements [m].
+
+        Returns
+        -------
+        Network
+            For contacts="follow": the bonds, followed by all pairs, sorted by site, that can touch
+            before a site has moved by an eighth of the mean radius; otherwise this network.
         """
         return dynamics(self).listed(u).scene
 
@@ -175,9 +207,23 @@ class Network(Scene):
     # states
 
     def at_rest(self, velocity: Mapping[int, Sequence[float]] | None = None) -> State:
-        """The undisplaced state, some sites given a velocity [m/s]: {site: (dim,)}.
+        """The undisplaced state, in which the given sites have a velocity and all others rest.
 
-        Sites whose motion is prescribed are where their drive begins.
+        Parameters
+        ----------
+        velocity : dict of int to sequence of float, optional
+            {site: velocity}, each of shape (dim,) [m/s].
+
+        Returns
+        -------
+        State
+            u and v of shape (sites, dim); a site whose motion is prescribed has the displacement
+            and the velocity of its drive at t = 0.
+
+        Raises
+        ------
+        TensegrityError
+            A site that does not exist or is held, or a velocity that is not finite.
         """
         u, v = np.zeros((2, *self.shape))
         for site, value in velocities(velocity):
@@ -189,8 +235,8 @@ class Network(Scene):
         return state
 
     def _check_sites(self, state: State) -> None:
-        """Refuse a state of another shape, one that moves a held site, or one with contacts that
-        are not listed."""
+        """Refuse a state of another shape, one in which a held site moves, or one with unlisted
+        contacts."""
         self._refuse_other(state)
         for site in self.held:
             if state.u[site].any() or state.v[site].any():
@@ -200,7 +246,7 @@ class Network(Scene):
                 )
         dynamics(self).refuse_unlisted(state.u)
 
-    # what is computed from displacements u (..., sites, dim)
+    # functions of displacements u (..., sites, dim)
 
     def elongation(self, u: ArrayLike) -> Array:
         """Elongation of each bond [m]; (..., bonds)."""
@@ -215,11 +261,12 @@ class Network(Scene):
         return dynamics(self).evaluate("tension", u)[..., : len(self.bonds)]
 
     def wall_load(self, u: ArrayLike) -> Array:
-        """Contact force of each wall contact [N], compression > 0; (..., wall contacts)."""
+        """Force of each wall contact [N], compression > 0; (..., wall contacts)."""
         return -dynamics(self).evaluate("tension", u)[..., len(self.bonds) :]
 
     def site_energy(self, u: Array, v: Array) -> Array:
-        """Energy of each site [J]: motion, half its bonds, walls, load; (..., sites)."""
+        """Energy of each site [J]; (..., sites): its kinetic energy, half the energy of its bonds,
+        the energy of its wall contacts, and the potential of its load."""
         u, v = self._checked_rows(u, v)
         result = 0.5 * self.mass * np.sum(v**2, axis=-1) - np.sum(self.loads * u, axis=-1)
         bonds, walls = np.split(dynamics(self).evaluate("energy", u), [len(self.bonds)], axis=-1)

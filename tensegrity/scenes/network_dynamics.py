@@ -1,4 +1,5 @@
-"""What the motion of a network needs beyond its data; see `tensegrity.scenes.dynamics`."""
+"""Quantities derived from a network for its runs: its bonds and contacts with their geometry, its
+energies, and bounds on its stiffness and frequencies; see `tensegrity.scenes.dynamics`."""
 
 from __future__ import annotations
 
@@ -22,20 +23,20 @@ from tensegrity.scenes.scene import State
 from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array, Indices
 
-AT_ONCE = 2_000_000  # contacts times rows of one list: some tens of megabytes
-LISTS, FEW = 2, 10_000  # lists of contacts that are kept of a scene, and sites up to which
-IN_CACHE = 20_000  # contacts times rows whose energies are computed together
+AT_ONCE = 2_000_000  # largest number of contacts times rows in one list: some tens of megabytes
+LISTS, FEW = 2, 10_000  # lists of contacts that are cached, for scenes of at most FEW sites
+IN_CACHE = 20_000  # contacts times rows whose energies are computed in one call
 
 
 class NetworkDynamics(Dynamics):
-    """Of masses joined in any pattern, between walls.
+    """Quantities derived from a network for its runs.
 
     Attributes
     ----------
     geometry : ndarray, (dim + 2, contacts)
-        Of bonds and wall contacts at the reference places; see `contact_geometry`.
-    law : FollowedLaw or None
-        Of contacts that come and go.
+        Geometry of the bonds and wall contacts at the reference positions; see `contact_geometry`.
+    law : NewContactLaw or None
+        Force law of contacts that form during the run; None if the list of contacts is fixed.
     """
 
     def __init__(self, scene: Any) -> None:
@@ -62,7 +63,7 @@ class NetworkDynamics(Dynamics):
 
     @cached_property
     def loop_bonds(self) -> Bonds:
-        """Bonds as the loop takes them: those of a chain where that is what they are."""
+        """Bonds in the form of the compiled loop: that of a chain, if the network is one."""
         scene, bonds, count = self.scene, self.contact_bonds, np.arange(len(self.scene.bonds))
         row = [count, count + 1]
         if (
@@ -75,14 +76,14 @@ class NetworkDynamics(Dynamics):
 
     @cached_property
     def neighbour_counts(self) -> Indices | None:
-        """How many sites of higher numbers each one about touches at the reference places; None
-        where sites have no radius, so that one list of contacts is all there is."""
+        """Number of neighbours of higher index that each site nearly touches at the reference
+        positions; None if sites have no radius, since the list of contacts is then complete."""
         radius = self.scene.radius
         return None if radius is None else fixed(neighbour_counts(self.scene.positions, radius))
 
     @cached_property
     def clearance(self) -> Any:
-        """What watches over the contacts that are not listed; None where sites have no radius."""
+        """Detector of unlisted contacts; None if sites have no radius."""
         scene = self.scene
         if scene.radius is None:
             return None
@@ -90,14 +91,15 @@ class NetworkDynamics(Dynamics):
         return kind(scene.positions, scene.radius, scene.bonds, scene.walls, scene.wall_contacts)
 
     def refuse_unlisted(self, u: Array) -> None:
-        """Refuse displacements with contacts that are not listed."""
+        """Refuse displacements at which unlisted sites or walls touch."""
         if self.clearance is not None:
             self.clearance.check(u)
 
-    # contacts that come and go
+    # contacts that form and open
 
     def listed(self, u: Array) -> Self:
-        """As `Network.listed`; the lists that were made last are kept."""
+        """Dynamics with a fixed list of the contacts that can act near displacements u; the most
+        recent lists are cached."""
         if not self.follows:
             return self
         near = self.clearance.near(np.asarray(u, dtype=float))
@@ -109,14 +111,14 @@ class NetworkDynamics(Dynamics):
         return found
 
     def nearest(self, u: Array) -> Self:
-        """That with contacts of sites nearest each other, and of all with walls."""
+        """Dynamics with contacts between each site and its nearest ones, and with all walls."""
         return self._with_contacts(*self.clearance.with_near_contacts(u)) if self.follows else self
 
     def listings(self, u: Array) -> Iterator[tuple[slice, Self]]:
-        """Rows of displacements (T, sites, dim) in turn, each with all contacts that can act there.
+        """Iterate over slices of u (T, sites, dim), each with the contacts that can act in it.
 
-        Where contacts are followed the list is made anew once a site moved half the distance
-        below which it has all pairs.
+        If contacts form and open, a new list begins once a site has moved by half the skin, the
+        gap up to which the list is complete.
         """
         row = 0
         while row < len(u):
@@ -129,7 +131,7 @@ class NetworkDynamics(Dynamics):
             row = last
 
     def _with_contacts(self, pairs: Indices, walls: Indices) -> Self:
-        """That with these contacts besides its own, and none that are followed."""
+        """Dynamics with these contacts in addition to the scene's own, all of them fixed."""
         if not len(pairs) and not len(walls):
             return self._alone
         return self._varied(**contacts_with(self.scene, self.geometry, pairs, walls))
@@ -139,7 +141,7 @@ class NetworkDynamics(Dynamics):
         return self._varied()
 
     def _varied(self, **changed: Any) -> Self:
-        """That of the scene with a fixed list of contacts, over which nothing watches."""
+        """Dynamics of the changed scene with a fixed list of contacts and no detector."""
         scene = self.scene._varied(_law=None, **changed)
         found = type(self)(scene)
         found.__dict__.update(clearance=None, neighbour_counts=self.neighbour_counts)
@@ -147,7 +149,7 @@ class NetworkDynamics(Dynamics):
         return found
 
     def with_springs(self, springs: Sequence[Potential]) -> Any:
-        """The same network with other springs, one for each of the different `springs`."""
+        """The same network with one new spring for each distinct spring in `springs`."""
         scene = self.scene._varied(springs=tuple(springs[k] for k in self.springs.group))
         scene._in_thread.dynamics = found = type(self)(scene)
         found.__dict__["neighbour_counts"] = self.neighbour_counts
@@ -157,11 +159,11 @@ class NetworkDynamics(Dynamics):
 
     @property
     def cost(self) -> int:
-        """Work of one evaluation of all forces, in bonds of a chain."""
+        """Cost of one evaluation of all forces, in bonds of a chain."""
         return 3 * len(self.scene.springs) + self.sites
 
     def arrays(self, state: State) -> tuple[Array, Array]:
-        """u and v as the loop advances them: sites, and behind them walls and a spare row."""
+        """u and v in the form of the compiled loop: sites, followed by walls and a spare row."""
         if self.loop_bonds.contacts is None:
             return super().arrays(state)
         u, v = np.zeros((2, self.loop_bonds.contacts.rows, self.dim))
@@ -169,7 +171,7 @@ class NetworkDynamics(Dynamics):
         return u, v
 
     def elongations(self, u: ArrayLike) -> Array:
-        """Elongation of each bond [m], and gap of each wall contact; (..., springs)."""
+        """Elongation of each bond and gap of each wall contact [m]; (..., springs)."""
         u = check.rows("displacements", u, self.shape, are_finite=False)
         return forces.bond_elongations(self.contact_bonds, u)
 
@@ -178,7 +180,7 @@ class NetworkDynamics(Dynamics):
         return self.springs.evaluate(name, check.finite("elongation", self.elongations(u)))
 
     def energies(self, u: Array, v: Array) -> Array:
-        """Total energy [J] of each of many states; u and v (states, sites, dim)."""
+        """Total energy of each state [J], (states,); u and v (states, sites, dim)."""
         if self.follows:
             parts = [listed.energies(u[rows], v[rows]) for rows, listed in self.listings(u)]
             return np.concatenate(parts) if parts else np.zeros(0)
@@ -187,7 +189,7 @@ class NetworkDynamics(Dynamics):
         if found is not None:
             return found
         scene, rows = self.scene, (len(u), -1)
-        with np.errstate(over="ignore"):  # to inf, which `checked` refuses
+        with np.errstate(over="ignore"):  # overflow gives inf, which `checked` refuses
             kinetic = 0.5 * np.sum((scene.mass[:, None] * v**2).reshape(rows), axis=-1)
         some = max(IN_CACHE // max(len(scene.bonds) + len(scene.wall_contacts), 1), 1)
         parts = [np.sum(self.evaluate("energy", u[k : k + some]), axis=-1)
@@ -197,11 +199,11 @@ class NetworkDynamics(Dynamics):
 
     @cached_property
     def energies_in_one_call(self) -> Energies | None:
-        """Where they are compiled."""
+        """Compiled energies of many states in one call; None if some law has no compiled form."""
         mass = np.repeat(self.scene.mass[:, None], self.dim, axis=1)
         return self.springs.energies(mass, self.contact_bonds.contacts)
 
-    # bounds, and words
+    # bounds, and descriptions of places for messages
 
     @cached_property
     def zero_length_elongation(self) -> Array:
@@ -211,10 +213,10 @@ class NetworkDynamics(Dynamics):
         return fixed(found)
 
     def bond_frequency_bound(self, stiffness: Array) -> float:
-        """Bound on the largest angular frequency [rad/s] for stiffnesses of the contacts [N/m].
+        """Bound on the largest angular frequency [rad/s], given the contacts' stiffnesses [N/m].
 
-        Gershgorin's circles of M^-1 K: a bond's block stands twice in the rows of a site, a
-        wall's once.
+        Gershgorin's theorem for M^-1 K: the block of a bond appears twice in the rows of a site,
+        that of a wall contact once.
         """
         contacts: Any = self.contact_bonds.contacts
         k = stiffness.copy()
@@ -225,7 +227,21 @@ class NetworkDynamics(Dynamics):
         return float(np.sqrt(np.max(total[: self.sites] * self.inverse_mass)))
 
     def where_extreme(self, spring: int, u: Array, side: int) -> str:
-        """Where a contact of that spring is shortest (side 0) or longest (1), in words."""
+        """Describe the contact in which a spring has its extreme elongation.
+
+        Parameters
+        ----------
+        spring : int
+            Index of a distinct spring in `springs`.
+        u : ndarray, (sites, dim)
+            Displacements [m].
+        side : {0, 1}
+            0 for the smallest elongation, 1 for the largest.
+
+        Returns
+        -------
+        str
+        """
         contacts = np.flatnonzero(self.springs.group == spring)
         r = self.elongations(u)[contacts]
         return self._where(int(contacts[np.argmax(r) if side else np.argmin(r)]))
@@ -239,13 +255,12 @@ class NetworkDynamics(Dynamics):
         return f"between site {site} and wall {wall}"
 
     def where_stiffest(self, u: Array, ranges: Array) -> str:
-        """Where the contact is that was stretched most, or whose ends met, in words."""
+        """Describe the contact with the largest elongation in magnitude, or one whose two sites
+        coincide."""
         if not len(self.scene.springs):
             return ""
-        apart = ranges[:, 0] - self.zero_length_elongation
-        if np.any(apart <= 0):
-            return (
-                f"{self.where_extreme(int(np.argmin(apart)), u, 0)}, which came to the same place"
-            )
+        separation = ranges[:, 0] - self.zero_length_elongation
+        if np.any(separation <= 0):
+            return f"{self.where_extreme(int(np.argmin(separation)), u, 0)}, which coincide"
         spring = int(np.nanargmax(np.max(np.abs(ranges), axis=1)))
         return self.where_extreme(spring, u, int(ranges[spring, 1] > -ranges[spring, 0]))

@@ -1,4 +1,5 @@
-"""What a network is built from, checked: places, bonds, walls, springs; and where contacts lie."""
+"""Validation of the arguments of a network (positions, bonds, walls, springs), and the geometry of
+its contacts."""
 
 from __future__ import annotations
 
@@ -24,11 +25,36 @@ def contact_geometry(
     radius: Array | None,
     wall_gaps: ArrayLike | None = None,
 ) -> tuple[Array, Array]:
-    """Lengths of the bonds [m], (bonds,), and geometry of all contacts, (dim + 2, contacts).
+    """Natural lengths of the bonds and the reference geometry of all contacts.
 
-    The latter is, for each, the reference separation of a bond's sites or the normal of a wall,
-    the initial elongation or gap [m], and the length, 0 for contacts with walls [m].  On a line the
-    separation is 1 or -1.
+    Parameters
+    ----------
+    positions : ndarray, (sites, dim)
+        Reference positions [m].
+    bonds : ndarray of int, (bonds, 2)
+    lengths : float, array_like (bonds,), or None
+        Distance at which the elongation is 0 [m]; None: the distance in `positions`.
+    walls : sequence of Wall
+    wall_contacts : ndarray of int, (wall contacts, 2)
+        Site and wall of each contact.
+    radius : ndarray, (sites,), or None
+        [m]; None only without wall contacts.
+    wall_gaps : array_like (wall contacts,), optional
+        Gaps that replace those of the positions [m].
+
+    Returns
+    -------
+    lengths : ndarray, (bonds,)
+        [m].
+    geometry : ndarray, (dim + 2, bonds + wall contacts)
+        For each contact the reference separation of its two sites, or the normal of its wall (on a
+        line the sign of the separation, 1 or -1); the initial elongation or gap [m]; and the
+        length [m], 0 for a contact with a wall.
+
+    Raises
+    ------
+    TensegrityError
+        Two joined sites that coincide, a length <= 0, or a gap far from that of the positions.
     """
     exact = positions.astype(np.longdouble)
     separation = exact[bonds[:, 1]] - exact[bonds[:, 0]]
@@ -51,7 +77,7 @@ def contact_geometry(
 
 
 def _lengths(lengths: ArrayLike | None, bonds: Indices, distance: Array) -> tuple[Array, Array]:
-    """Lengths as given, or so that bonds are at rest; elongations at given distances."""
+    """Natural lengths, by default the distances, and the elongations at these distances [m]."""
     same = np.flatnonzero(distance == 0)
     if same.size:
         i, j = bonds[same[0]]
@@ -68,16 +94,45 @@ def _lengths(lengths: ArrayLike | None, bonds: Indices, distance: Array) -> tupl
     return lengths, (distance - lengths).astype(float)
 
 
-GAP_TOLERANCE = 0.1  # of the radius: what a given wall gap may differ from that of the positions
+GAP_TOLERANCE = 0.1  # largest difference of `wall_gaps` from the positions' gaps, over the radius
 
 
 def site_number(name: str, value: object, sites: int) -> int:
-    """One of the sites, from 0."""
+    """A site index, 0 <= value < sites.
+
+    Parameters
+    ----------
+    name : str
+        The argument, for the message.
+    value : object
+    sites : int
+
+    Returns
+    -------
+    int
+    """
     return check.whole(name, value, least=0, below=sites)
 
 
 def per_site(name: str, value: ArrayLike, unit: str, sites: int) -> Array:
-    """Positive values of all sites, read-only; (sites,)."""
+    """Positive values of all sites.
+
+    Parameters
+    ----------
+    name, unit : str
+        The argument and its unit, for the message.
+    value : float or array_like (sites,)
+    sites : int
+
+    Returns
+    -------
+    ndarray, (sites,)
+
+    Raises
+    ------
+    TensegrityError
+        Another shape, or a value below the smallest mass.
+    """
     given = numbers(name, value)
     if given.ndim and given.shape != (sites,):
         raise TensegrityError(f"{name} has shape {given.shape}, must be ({sites},)")
@@ -91,13 +146,13 @@ def per_site(name: str, value: ArrayLike, unit: str, sites: int) -> Array:
 
 
 def held_sites(held: Iterable[int], sites: int) -> list[int]:
-    """Sites without motion, sorted."""
+    """Indices of the held sites, sorted and without duplicates."""
     numbers = check.sequence("held", held, "sites")
     return sorted({site_number("held site", site, sites) for site in numbers})
 
 
 def checked_bonds(bonds: ArrayLike, sites: int) -> Indices:
-    """Pairs of different sites, none twice; (bonds, 2)."""
+    """Bonds as pairs of different sites, without duplicates; (bonds, 2)."""
     bonds = whole_pairs("bonds", bonds)
     for number, (i, j) in enumerate(bonds.tolist()):
         if not 0 <= min(i, j) <= max(i, j) < sites:
@@ -111,7 +166,7 @@ def checked_bonds(bonds: ArrayLike, sites: int) -> Indices:
 
 
 def plane_walls(walls: Iterable[Wall], dim: int) -> tuple[Wall, ...]:
-    """Walls of as many coordinates as the sites."""
+    """Walls, each with as many coordinates as the sites."""
     walls = check.sequence("walls", walls, "Walls")
     for number, wall in enumerate(walls):
         if not isinstance(wall, Wall):
@@ -124,7 +179,25 @@ def plane_walls(walls: Iterable[Wall], dim: int) -> tuple[Wall, ...]:
 
 
 def checked_wall_contacts(contacts: Indices, walls: Sequence[Wall], positions: Array) -> Indices:
-    """Pairs of a site and a wall that reaches beside it, none twice; (contacts, 2)."""
+    """Contacts with walls, without duplicates, each with the site's projection inside the wall.
+
+    Parameters
+    ----------
+    contacts : ndarray of int, (contacts, 2)
+        Site and wall.
+    walls : sequence of Wall
+    positions : ndarray, (sites, dim)
+        [m].
+
+    Returns
+    -------
+    ndarray of int, (contacts, 2)
+
+    Raises
+    ------
+    TensegrityError
+        A site or wall that does not exist, a site beyond the edge of its wall, or a duplicate.
+    """
     for number, (site, wall) in enumerate(contacts.tolist()):
         site_number(f"site of wall contact {number}:", site, len(positions))
         if not 0 <= wall < len(walls):
@@ -139,7 +212,26 @@ def checked_wall_contacts(contacts: Indices, walls: Sequence[Wall], positions: A
 
 
 def checked_wall_gaps(gaps: ArrayLike, found: Array, radius: Array) -> Array:
-    """Gaps of wall contacts, none far from what the positions give; (contacts,)."""
+    """Gaps of wall contacts, each close to that of the positions.
+
+    Parameters
+    ----------
+    gaps : array_like, (contacts,)
+        [m].
+    found : ndarray, (contacts,)
+        Gaps of the positions [m].
+    radius : ndarray, (contacts,)
+        Radius of the site of each contact [m].
+
+    Returns
+    -------
+    ndarray, (contacts,)
+
+    Raises
+    ------
+    TensegrityError
+        Another shape, or a difference above a tenth of the radius.
+    """
     gaps = numbers("wall_gaps", gaps, found.shape)
     far = np.flatnonzero(np.abs(gaps - found) > GAP_TOLERANCE * radius)
     if far.size:
@@ -153,13 +245,26 @@ def checked_wall_gaps(gaps: ArrayLike, found: Array, radius: Array) -> Array:
 
 
 def numbers(name: str, value: ArrayLike, shape: tuple[int, ...] | None = None) -> Array:
-    """`value` as a finite float array, of a given shape where one is given."""
+    """`value` as an array of finite floats.
+
+    Parameters
+    ----------
+    name : str
+        The argument, for the message.
+    value : array_like
+    shape : tuple of int, optional
+        Required shape; by default any.
+
+    Returns
+    -------
+    ndarray
+    """
     array = floats(name, value)
     return check.vector(name, array, array.shape if shape is None else shape)
 
 
 def whole_pairs(name: str, pairs: ArrayLike) -> Indices:
-    """Pairs of whole numbers as an array (n, 2)."""
+    """Pairs of integers as an array (n, 2)."""
     try:
         array = np.array(pairs)
     except ValueError:  # of different lengths
@@ -183,7 +288,25 @@ def _refuse_duplicates(name: str, pairs: Indices) -> None:
 def springs_of(
     spring: Potential | Sequence[Potential] | None, count: int, name: str
 ) -> tuple[Potential, ...]:
-    """One potential for each of `count` bonds or contacts."""
+    """One potential for each bond or contact.
+
+    Parameters
+    ----------
+    spring : Potential or sequence of Potential
+        One for all, or one for each.
+    count : int
+    name : str
+        "bond" or "wall contact", for the message.
+
+    Returns
+    -------
+    tuple of Potential
+
+    Raises
+    ------
+    TensegrityError
+        Anything that is not a Potential, or another number of them.
+    """
     if isinstance(spring, Potential):
         return (spring,) * count
     if not isinstance(spring, Sequence):

@@ -1,4 +1,5 @@
-"""What every scene that `simulate` runs is made of: states, and what its parts have in common."""
+"""States, and the base class of the scenes that `simulate` runs: masses joined by bonds, as data,
+with the energy, forces and tangent stiffness that follow from them."""
 
 from __future__ import annotations
 
@@ -26,8 +27,8 @@ if TYPE_CHECKING:
     from tensegrity.springs.potential import Potential
     from tensegrity.typing import Array
 
-BYTES_PER_SITE = 176  # bytes that a run takes for each site, its rows apart
-SMALLEST_MASS = 1e-300  # kg: its inverse is still a number
+BYTES_PER_SITE = 176  # memory of a run per site, not counting its recorded rows
+SMALLEST_MASS = 1e-300  # kg: its inverse is finite
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,17 +38,17 @@ class State:
     Parameters
     ----------
     u : array_like, (sites,) or (sites, dim)
-        Displacement [m]; of a chain, > 0 towards higher sites.  Kept as an array of float64,
-        C-contiguous: integers, other floats, views and lists are converted, what is right already
-        is not copied.
+        Displacement [m]; of a chain, > 0 towards higher sites.  Stored as a C-contiguous array of
+        float64: integers, other floats, views and lists are converted; an array that already has
+        this form is not copied.
     v : array_like, shape of u
-        Velocity [m/s], likewise.
+        Velocity [m/s], of the same sign and stored in the same way.
 
     Raises
     ------
     TensegrityError
-        What is not made of real numbers (complex ones, truth values, text), or not finite, or of
-        another shape.
+        Values that are not real numbers (complex numbers, Booleans, text) or not finite, or
+        shapes that differ.
     """
 
     u: Array
@@ -67,7 +68,7 @@ class State:
         object.__setattr__(self, "v", check.vector("velocity", self.v, u.shape))
 
     def __add__(self, other: State) -> State:
-        """Superposition, for waves too far apart to act on each other."""
+        """Superposition, for waves that are too far from each other to interact."""
         if not isinstance(other, State):
             return NotImplemented
         if self.u.shape != other.u.shape:
@@ -80,30 +81,29 @@ class State:
 
 
 def unchecked_state(u: Array, v: Array) -> State:
-    """A state of arrays that are known to be right."""
+    """A state of arrays that have been validated already."""
     state = object.__new__(State)
     state.__dict__.update(u=u, v=v)
     return state
 
 
 class Scene(HasDynamics):
-    """Base of scenes: masses joined by bonds, as data.
+    """Base class of scenes: masses joined by bonds, as data.
 
-    A scene has `sites` of `dim` coordinates, their `mass` (sites,), the numbers of those `held`,
-    constant `loads` [N], the `shape` of u, and one of `springs` for each bond.  What its motion
-    needs besides is computed from these by `tensegrity.scenes.dynamics`.
+    A scene has `sites` of `dim` coordinates each, their `mass` (sites,), the indices of the sites
+    that are `held`, constant `loads` [N], the `shape` of u, and in `springs` one potential for each
+    bond.  The quantities that a run derives from these are in `tensegrity.scenes.dynamics`.
 
-    What a scene is built from cannot be changed; make another one.  Scenes of equal content are
-    equal.
+    Scenes are immutable, and equal if their contents are equal.
 
     Attributes
     ----------
     drive : dict of int to Drive
-        Motions that are prescribed, and forces that depend on time, of some sites.
+        Prescribed motions of sites, and forces that depend on time.
     damping : Damping or None
         Dashpots.
     tune : dict of str to expression, or callable t -> Potential
-        Arguments of the springs that depend on time, or the spring of an instant.
+        Arguments of the springs that depend on time, or the spring as a function of time [s].
     """
 
     __str__ = concise
@@ -129,11 +129,11 @@ class Scene(HasDynamics):
         def _check_sites(self, state: State) -> None: ...
 
     def _set_forcing(self, drive: Any, damping: Any, tune: Any = None) -> None:
-        """Keep what drives, damps and tunes the scene, if it fits."""
+        """Set the validated attributes `drive`, `damping` and `tune`."""
         self.__dict__.update(checked_forcing(self, drive, damping, tune))
 
     def check(self, state: State) -> None:
-        """Refuse a state that is not one of this scene.
+        """Refuse a state that this scene cannot have.
 
         Parameters
         ----------
@@ -142,18 +142,18 @@ class Scene(HasDynamics):
         Raises
         ------
         TensegrityError
-            It has another shape, moves a held site, brings unlisted sites into contact, or a spring
-            out of its domain.
+            The state has another shape, moves a held site, has unlisted sites in contact, or has a
+            spring outside its domain.
         """
         dynamics(self).checked(state)
 
     def energy(self, state: State) -> float:
-        """Total energy [J], the potential of the loads included."""
+        """Total energy of a state [J], including the potential of the loads."""
         self._refuse_other(state)
         return float(dynamics(self).energies(state.u[None], state.v[None])[0])
 
     def forces(self, u: ArrayLike) -> Array:
-        """Forces on all sites at rest.
+        """Static forces on all sites: those of the bonds and the constant loads.
 
         Parameters
         ----------
@@ -163,21 +163,21 @@ class Scene(HasDynamics):
         Returns
         -------
         ndarray, shape of u
-            [N], loads included; 0 at held sites.  Elongations count from the loaded equilibrium,
-            so that the ends of a preloaded chain carry the preload.
+            [N]; 0 at held sites.  Elongations are measured from the loaded equilibrium, so that
+            the ends of a preloaded chain carry the preload.
         """
         u, r, along = self._elongated(u)
         of = dynamics(self)
         tension = of.springs.evaluate("tension", r)
-        pull = forces.scattered_forces(of.contact_bonds, tension, along)[: self.sites].reshape(
+        total = forces.scattered_forces(of.contact_bonds, tension, along)[: self.sites].reshape(
             u.shape
         )
-        pull = pull + self.loads
-        pull[list(self.held)] = 0
-        return pull
+        total = total + self.loads
+        total[list(self.held)] = 0
+        return total
 
     def stiffness(self, u: ArrayLike) -> Any:
-        """Derivative of `-forces(u)` in the displacements of the sites that are free.
+        """Tangent stiffness matrix: the derivative of `-forces(u)` in u at the free sites.
 
         Parameters
         ----------
@@ -187,7 +187,7 @@ class Scene(HasDynamics):
         Returns
         -------
         scipy.sparse.csr_array, (u.size, u.size)
-            [N/m], symmetric; rows and columns in the order of u.ravel(), those of held sites 0.
+            [N/m], symmetric; rows and columns in the order of u.ravel(), 0 at held sites.
         """
         from scipy.sparse import csr_array
 
@@ -198,12 +198,12 @@ class Scene(HasDynamics):
         free = np.ones(u.shape, dtype=bool)
         free[list(self.held)] = False
         free = np.append(free.ravel(), np.zeros(found.shape[0] - u.size, dtype=bool))
-        kept = free[found.row] & free[found.col]
-        entries = found.data[kept], (found.row[kept], found.col[kept])
+        both = free[found.row] & free[found.col]
+        entries = found.data[both], (found.row[both], found.col[both])
         return csr_array(entries, shape=(u.size, u.size))
 
     def _elongated(self, u: ArrayLike) -> tuple[Array, Array, Array]:
-        """Displacements that were checked, elongations there, and the directions of bonds."""
+        """Validated displacements, their elongations, and the directions of the bonds."""
         u = check.vector("displacement", u, self.shape)
         self.check(State(u, np.zeros(self.shape)))
         return u, *forces.elongations(dynamics(self).contact_bonds, u)
@@ -212,7 +212,7 @@ class Scene(HasDynamics):
         refuse_other(state, self.shape, self._shape_text)
 
     def _checked_rows(self, u: ArrayLike, v: ArrayLike) -> tuple[Array, Array]:
-        """Displacements and velocities of one state or of many, checked."""
+        """Validated displacements and velocities of one state or of many."""
         u, v = check.rows("displacements", u, self.shape), check.rows("velocities", v, self.shape)
         if u.shape != v.shape:
             raise TensegrityError(f"displacements have shape {u.shape}, velocities {v.shape}")
@@ -220,7 +220,21 @@ class Scene(HasDynamics):
 
 
 def refuse_other(state: object, shape: tuple[int, ...], words: str) -> None:
-    """Refuse what is no state of this shape, which a scene has as it says in words."""
+    """Refuse anything but a state of the required shape.
+
+    Parameters
+    ----------
+    state : object
+    shape : tuple of int
+        Required shape of u.
+    words : str
+        Description of this shape for the message, such as "chain has (10,) sites".
+
+    Raises
+    ------
+    TensegrityError
+        Another type or shape.
+    """
     if not isinstance(state, State):
         raise TensegrityError(f"state is {type(state).__name__}, not a State")
     if state.u.shape != shape:
@@ -228,7 +242,7 @@ def refuse_other(state: object, shape: tuple[int, ...], words: str) -> None:
 
 
 def velocities(given: Mapping[int, Any] | None) -> Iterable[tuple[int, Any]]:
-    """Pairs of a site and its velocity, from a dict or None."""
+    """Pairs of a site and its velocity, from a dict or None (no pairs)."""
     given = {} if given is None else given
     if not isinstance(given, Mapping):
         raise TensegrityError(f"velocity {check.shown(given)} must be a dict {{site: velocity}}")

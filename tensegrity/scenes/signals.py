@@ -1,4 +1,5 @@
-"""Functions of time that a reader gives: expressions, and samples joined by a curve."""
+"""Functions of time given by the user: expressions and interpolated samples, with the check that
+they are finite and continuous over a run."""
 
 from __future__ import annotations
 
@@ -15,23 +16,24 @@ from tensegrity.once import once
 from tensegrity.readonly import fixed
 from tensegrity.typing import Array
 
-INTERVALS = 4096  # intervals in which a jump is looked for
-CANDIDATES = 8  # of them that are halved
-HALVINGS = 40
-JUMP = 1e-4  # of the largest change from one look to the next, left in the smallest interval
-KINK_ORDER = 2.0  # order that is left where a rate jumps
-RTOL = 1e-9  # relative: what begins, or ends, where it should
+INTERVALS = 4096  # intervals of a run that are searched for a jump
+CANDIDATES = 8  # intervals of largest change that are bisected
+HALVINGS = 40  # bisections of each
+JUMP = 1e-4  # change left in the smallest interval, over the largest change, that counts as a jump
+KINK_ORDER = 2.0  # order of any method where the rate of a signal jumps
+RTOL = 1e-9  # relative tolerance on initial values and on the end of samples
 
 
 class Expression:
-    """A SymPy expression of t as a function of time.
+    """A SymPy expression of t as a function of time [s].
 
-    `order_limit` is the order to which kinks of the expression reduce any method.
+    `order_limit` is the highest order of any method with this signal; a kink of the expression
+    reduces it.
     """
 
     def __init__(self, name: str, expression: Any) -> None:
         self.name, self.expression = name, expression
-        _functions(expression)  # refuses what cannot be translated
+        _functions(expression)  # refuses an expression that cannot be translated
         self.span = -np.inf, np.inf
         self.order_limit = KINK_ORDER if is_piecewise(expression) else np.inf
 
@@ -53,7 +55,7 @@ class Expression:
 
 
 class Samples:
-    """Samples joined by a cubic spline, whose third derivative jumps."""
+    """Samples interpolated by a cubic spline, whose third derivative jumps."""
 
     order_limit = 4.0
 
@@ -76,7 +78,7 @@ class Samples:
 
 
 def signals_of(name: str, given: Any) -> tuple[Any, ...]:
-    """Functions of t for each coordinate, None where there is none."""
+    """A function of t for each coordinate, or None for a coordinate that is free."""
     if isinstance(given, (tuple, list)) and len(given) == 2 and _is_array(given[0]):
         t, values = (check.floats(f"samples of the {name}", x) for x in given)
         if t.ndim != 1 or len(t) < 2 or values.ndim not in (1, 2) or len(values) != len(t):
@@ -90,7 +92,7 @@ def signals_of(name: str, given: Any) -> tuple[Any, ...]:
         if stays.size:
             raise TensegrityError(
                 f"time {t[stays[0] + 1]:g} s of the samples of the {name} follows "
-                f"{t[stays[0]]:g} s, must increase: a jump has no drive"
+                f"{t[stays[0]]:g} s, must increase: a drive cannot jump"
             )
         columns = values.reshape(len(t), -1).T
         return tuple(Samples(name, fixed(t), fixed(column)) for column in columns)
@@ -106,24 +108,24 @@ def _is_array(x: Any) -> bool:
 
 
 def expression_of(name: str, given: Any) -> Expression:
-    """An expression of t alone, or a number."""
+    """A function of time from an expression of t alone, or from a number."""
     import sympy as sp
 
-    if isinstance(given, Expression):  # of another scene
+    if isinstance(given, Expression):  # taken from another scene
         given = given.expression
     if not isinstance(given, sp.Expr):
         given = sp.Float(check.number(name, given))
     other = sorted(str(s) for s in given.free_symbols if str(s) != "t")
     if other:
         raise TensegrityError(
-            f"{name} {check.shown(given)} depends on {', '.join(other)}, must on t alone"
+            f"{name} {check.shown(given)} depends on {', '.join(other)}, must depend on t alone"
         )
     return Expression(name, given)
 
 
 @once
 def _functions(expression: Any) -> Any:
-    """The expression and its derivative as functions of arrays."""
+    """The expression and its derivative in t as functions of arrays."""
     import sympy as sp
 
     t = sp.Symbol("t", real=True)
@@ -134,13 +136,13 @@ def _functions(expression: Any) -> Any:
         with np.errstate(all="ignore"):
             for one in found:
                 np.broadcast_to(one(np.array([0.3, 0.7])), (2,)).astype(float)
-    except Exception as error:  # whatever SymPy's printer or NumPy raises at what it cannot do
+    except Exception as error:  # SymPy's printers and NumPy raise many types here
         raise TensegrityError(f"expression {expression} cannot be translated: {error}") from error
     return found
 
 
 def check_signals(signals: Sequence[Any], t_end: float) -> None:
-    """Refuse what is not a finite function without a jump from 0 to `t_end`."""
+    """Refuse signals that are not finite and continuous from 0 to `t_end` [s]."""
     for signal in signals:
         low, high = signal.span
         if low > 0 or high < t_end * (1 - RTOL):
@@ -150,8 +152,8 @@ def check_signals(signals: Sequence[Any], t_end: float) -> None:
 
 
 def largest_frequency(signals: Sequence[Any], t_end: float) -> float:
-    """Largest rate over half of what the values differ by, the largest of all [rad/s]: the angular
-    frequency of a sine, whatever it is added to."""
+    """Largest estimate of an angular frequency among the signals [rad/s]: the maximum rate over
+    half the range of the values, which is exact for a sine plus a constant."""
     return max((_frequency(signal, t_end) for signal in signals), default=0.0)
 
 
@@ -162,7 +164,7 @@ def _frequency(signal: Any, t_end: float) -> float:
 
 
 def _steepest(signal: Any, t_end: float) -> list[Array]:
-    """Instants in ever smaller intervals, of which each is the half that changes most."""
+    """Times of repeated bisections, each of which continues in the half of larger change."""
     t = np.linspace(0, t_end, INTERVALS + 1)
     candidates = np.argsort(np.abs(np.diff(signal(t))))[-CANDIDATES:]
     low, high = t[candidates], t[candidates + 1]
@@ -177,7 +179,7 @@ def _steepest(signal: Any, t_end: float) -> list[Array]:
 
 
 def _refuse_jump(signal: Any, t_end: float) -> None:
-    """Halve the intervals of largest change: a jump stays as large."""
+    """Bisect the intervals of largest change: the change across a jump does not decrease."""
     low, high = np.reshape(_steepest(signal, t_end), (-1, 2, CANDIDATES)).swapaxes(0, 1)
     change = np.abs(signal(high) - signal(low))
     left, largest = change[-1], float(change.max())
@@ -185,5 +187,6 @@ def _refuse_jump(signal: Any, t_end: float) -> None:
     if largest > 0 and left.max() > max(JUMP * largest, 1e-9 * scale):
         at = low[-1][int(left.argmax())]
         raise TensegrityError(
-            f"{signal.name} {signal} jumps by {left.max():.6g} at t = {at:.6g} s: a drive has none"
+            f"{signal.name} {signal} jumps by {left.max():.6g} at t = {at:.6g} s: a drive must be "
+            "continuous"
         )

@@ -1,4 +1,5 @@
-"""Plane walls: pieces of a line or of a plane that stand still."""
+"""Rigid walls at rest: a plane (a line in two dimensions) or a rectangular piece of it,
+with the distances of points from it."""
 
 from __future__ import annotations
 
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 
     from tensegrity.typing import Array, Indices
 
-PERPENDICULAR = 1e-9  # cosine of the angle of directions that pass as perpendicular
+PERPENDICULAR = 1e-9  # largest cosine of the angle of directions accepted as perpendicular
 
 
 def floats(name: str, value: ArrayLike) -> Array:
@@ -29,17 +30,23 @@ def floats(name: str, value: ArrayLike) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Wall(ReadOnly):
-    """A flat wall, unbounded or a piece.
+    """A flat wall, unbounded or bounded.
 
     Parameters
     ----------
     point : array_like, (dim,)
-        A point of it [m]: the middle of a piece.
+        A point of the wall [m]; of a bounded wall its centre.
     normal : array_like, (dim,)
-        Direction towards the side where the sites are; its length does not matter.
-    extent : array_like, (dim - 1, dim) or, in the plane, (2,), optional; none on a line
-        From the middle to the edges [m]: the half sides of a piece, perpendicular to the normal
-        and to each other.  By default the wall has no end.
+        Direction towards the side of the sites, of any length above 0.
+    extent : array_like, (dim - 1, dim) or, in the plane, (2,), optional
+        Vectors from the centre to the edges [m]: half the sides of a bounded wall, perpendicular
+        to the normal and to each other.  By default the wall is unbounded, as it must be on a line.
+
+    Raises
+    ------
+    TensegrityError
+        Shapes that do not agree, a normal or an extent of length 0, or directions that are not
+        perpendicular.
     """
 
     point: Array
@@ -79,7 +86,24 @@ class Wall(ReadOnly):
 
     @classmethod
     def between(cls, start: ArrayLike, stop: ArrayLike, side: ArrayLike) -> Wall:
-        """The wall in the plane from one point to another [m], facing the point `side`."""
+        """The wall in the plane between two points.
+
+        Parameters
+        ----------
+        start, stop : array_like, (2,)
+            The ends of the wall [m].
+        side : array_like, (2,)
+            A point on the side of the sites [m].
+
+        Returns
+        -------
+        Wall
+
+        Raises
+        ------
+        TensegrityError
+            A point that is not in the plane, or two ends that coincide.
+        """
         start, stop, side = (floats("point of a wall", x) for x in (start, stop, side))
         if {start.shape, stop.shape, side.shape} != {(2,)}:
             raise TensegrityError("a wall between points of the plane needs three of shape (2,)")
@@ -90,15 +114,17 @@ class Wall(ReadOnly):
         return cls(start + half, normal, half)
 
     def height(self, x: Array) -> Array:
-        """Distance of points x (..., dim) from the wall's plane [m], > 0 on the normal's side."""
+        """Signed distance of points x (..., dim) from the wall's plane [m], > 0 on the side to
+        which the normal points; (...)."""
         return self._evaluate("height", x)
 
     def overhang(self, x: Array) -> Array:
-        """How far the foot of points x (..., dim) lies beyond the nearest edge [m]; < 0 inside."""
+        """Distance by which the projection of points x (..., dim) on the plane lies beyond the edge
+        of the wall [m], < 0 inside; (...)."""
         return self._evaluate("overhang", x)
 
     def distance(self, x: Array) -> Array:
-        """Distance of points x (..., dim) from the nearest point of the wall [m]."""
+        """Distance of points x (..., dim) from the nearest point of the wall [m]; (...)."""
         return self._evaluate("distance", x)
 
     def _evaluate(self, name: str, x: Array) -> Array:
@@ -108,8 +134,8 @@ class Wall(ReadOnly):
 
 
 class WallArrays:
-    """Walls with their numbers side by side, asked for points x (..., n, dim), each with the
-    number of a wall, (n,)."""
+    """Several walls as arrays; all methods take points x (..., n, dim) and the index of the wall of
+    each point, (n,), and return (..., n)."""
 
     def __init__(self, walls: Sequence[Wall], dim: int) -> None:
         self._point = np.array([wall.point for wall in walls]).reshape(-1, dim)
@@ -122,7 +148,7 @@ class WallArrays:
                 self._along[row] = wall.extent / self._sides[row][:, None]
 
     def height(self, x: Array, numbers: Indices) -> Array:
-        """Distances from the planes [m], > 0 on the normals' side."""
+        """Signed distances from the planes [m], > 0 on the side of the normal."""
         return np.einsum("...d,...d", x - self._point[numbers], self._normal[numbers])
 
     def _beyond(self, x: Array, numbers: Indices) -> Array:
@@ -130,10 +156,10 @@ class WallArrays:
         return np.abs(np.einsum("...d,...d", away, self._along[numbers])) - self._sides[numbers]
 
     def overhang(self, x: Array, numbers: Indices) -> Array:
-        """How far feet lie beyond the nearest edges [m]; < 0 inside."""
+        """Distances by which the projections lie beyond the edges [m], < 0 inside."""
         return np.max(self._beyond(x, numbers), axis=-1, initial=-np.inf)
 
     def distance(self, x: Array, numbers: Indices) -> Array:
-        """Distances from the nearest points of the walls [m]."""
+        """Distances from the nearest points of the walls [m], >= 0."""
         beyond = np.maximum(self._beyond(x, numbers), 0)
         return np.sqrt(self.height(x, numbers) ** 2 + np.sum(beyond**2, axis=-1))

@@ -1,5 +1,5 @@
-"""Potentials of one bond: of a user's energy, of power laws, polynomials that stand for others.
+"""Potentials of a bond: from an energy, power laws, and polynomial approximations.
 
-Here live what a spring is, and many springs evaluated at once.  Prisms, which make springs, have
-a room of their own.
+The room defines a spring and evaluates the springs of all bonds together.  The prisms from which
+springs are derived are in `tensegrity.prisms`.
 """

@@ -1,6 +1,7 @@
-"""The springs of all bonds of a scene at once: energies, tensions, and what bounds a step.
+"""The springs of all bonds of a scene: their energies, tensions and stiffnesses, and the bounds
+from which a step is chosen.
 
-Springs of one law that differ in their numbers are evaluated in one call of it.
+Springs of one law that differ only in the values of its parameters are evaluated in one call.
 """
 
 from __future__ import annotations
@@ -20,35 +21,36 @@ from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array, Flags, Indices
 
 ORDERS = ("energy", "tension", "stiffness")
-NEAR_END = np.logspace(-16, 0, 321)  # shares of a range at which a search looks
+NEAR_END = np.logspace(-16, 0, 321)  # fractions of a range at which a search samples
 SEARCH_FRACTIONS = np.concatenate([NEAR_END, np.linspace(0, 1, 201)])
 REFINEMENTS = [np.arange(1, 65) / 64] * 4
 WAYS = SearchPoints(
     [np.sort(np.concatenate([NEAR_END, 1 - NEAR_END[:-1]])), *REFINEMENTS],
-    np.ldexp(1.0, np.arange(-1000, 1001, 4)),  # where the range has no end
-    [2.0 ** (np.arange(-324, 1) / 6), *REFINEMENTS],  # a narrow barrier may stand before it
+    np.ldexp(1.0, np.arange(-1000, 1001, 4)),  # for an unbounded range
+    [2.0 ** (np.arange(-324, 1) / 6), *REFINEMENTS],  # resolves a narrow energy barrier
 )
 
 
 class Springs:
-    """The different springs of a scene, and which bond has which.
+    """The distinct springs of a scene, and the index of the one of each bond.
 
     Parameters
     ----------
     springs : sequence of Potential
         One for each bond.
     shape : tuple of int, optional
-        Of the bonds: (bonds,), or (bonds, batch).
+        Shape of the bonds: (bonds,), or (bonds, batch).
     lengths : ndarray, (bonds,), optional
-        [m].  With them bonds of one spring count as different where their lengths are.
+        Lengths [m]; bonds of one spring but of different lengths then count as distinct.
 
     Attributes
     ----------
     kinds : tuple
-        What the different springs are known by, in other scenes too.
+        Keys of the distinct springs, comparable between scenes.
     different : tuple of Potential
+        The distinct springs.
     group : ndarray of int, `shape`
-        The number in `different` of each bond's spring.
+        Index in `different` of each bond's spring.
     """
 
     def __init__(
@@ -75,7 +77,7 @@ class Springs:
 
     @cached_property
     def table(self) -> tuple[Any, Any, Any]:
-        """The different laws, the number of each spring's, and its parameters."""
+        """The distinct laws, the index of each spring's law, and its parameters."""
         laws = tuple(dict.fromkeys(spring.law for spring in self.different))
         width = max((len(spring.values) for spring in self.different), default=0)
         parameters = np.zeros((len(self), width))
@@ -87,8 +89,8 @@ class Springs:
 
     @cached_property
     def openings(self) -> Array:
-        """Place, strength, exponent and side of the kinks of each; (kinks, springs, 4), NaN behind
-        the last one of a spring."""
+        """Place, strength, exponent and side of the kinks of each spring; (kinks, springs, 4),
+        padded with NaN."""
         most = max((len(spring.openings) for spring in self.different), default=0)
         found = np.full((max(most, 1), len(self), 4), np.nan)
         for k, spring in enumerate(self.different):
@@ -98,7 +100,7 @@ class Springs:
 
     @cached_property
     def _kinks(self):
-        """All kinks, (kinks, 4), and the numbers of their springs."""
+        """All kinks, (kinks, 4), and the indices of their springs."""
         kink, spring = np.nonzero(~np.isnan(self.openings[..., 2]))
         return self.openings[kink, spring], spring
 
@@ -109,16 +111,16 @@ class Springs:
 
     @cached_property
     def jumps(self) -> bool:
-        """Whether the force, or the energy, of any spring jumps."""
+        """Whether the force or the energy of some spring jumps."""
         return bool(np.any(self._kinks[0][:, 2] <= 0))
 
     def exponents_within(self, ranges: Array) -> set[float]:
-        """Those of `kinks_within`."""
+        """Exponents of the kinks within ranges of elongation (springs, 2) [m]."""
         return set(self._kinks[0][self._within(ranges), 2].tolist())
 
     def kinks_within(self, ranges: Array) -> list[tuple[Potential, list[float]]]:
-        """Springs, and kinks of theirs within ranges of elongation (springs, 2) [m]; those that
-        may be anywhere too."""
+        """Pairs of a spring and one of its kinks within ranges of elongation (springs, 2) [m],
+        including kinks of unknown place."""
         kinks, spring = self._kinks
         return [(self.different[spring[k]], kinks[k].tolist()) for k in self._within(ranges)]
 
@@ -129,22 +131,22 @@ class Springs:
 
     @cached_property
     def reach(self) -> Any:
-        """Lowest and highest elongation that a run can follow [m]; (springs, 2)."""
+        """Lowest and highest elongation that a run can compute [m]; (springs, 2)."""
         return fixed(np.array([spring.reach for spring in self.different]).reshape(-1, 2))
 
     @cached_property
     def force_model(self) -> str:
-        """What the tensions are computed by."""
+        """The models by which the tensions are computed."""
         return ", ".join(dict.fromkeys(spring.force_model for spring in self.different))
 
     @cached_property
     def domains(self) -> Array:
-        """Lowest and highest elongation [m]; (springs, 2)."""
+        """Lowest and highest elongation of each spring's domain [m]; (springs, 2)."""
         return fixed(np.array([spring.domain for spring in self.different]).reshape(-1, 2))
 
     @cached_property
     def _group_numbers(self):
-        """The set that each spring is in: several of one law, which one call evaluates, or one."""
+        """Index of the set of each spring: springs of one law, evaluated in one call, or one."""
         sets: dict[object, int] = {}
         found = np.zeros(len(self), dtype=int)
         for k, spring in enumerate(self.different):
@@ -153,14 +155,14 @@ class Springs:
         return fixed(found)
 
     def _grouped(self, numbers):
-        """Bonds of springs of these numbers, those of each set together, and their places."""
+        """Bonds of the springs with these indices, grouped by set, and their positions."""
         kind = self._group_numbers[numbers]
         places = [np.flatnonzero(kind == k) for k in np.unique(kind)]
         return [(_SpringGroup(self, numbers[columns]), columns) for columns in places]
 
     @cached_property
     def _groups(self):
-        """All bonds."""
+        """All bonds, grouped by set."""
         return self._grouped(self.group.ravel())
 
     def evaluate(self, name: str, r: np.ndarray) -> np.ndarray:
@@ -171,6 +173,11 @@ class Springs:
         name : {"energy", "tension", "stiffness"}
         r : ndarray, (..., *shape of the bonds)
             Elongations [m].
+
+        Returns
+        -------
+        ndarray, shape of r
+            [J], [N] with tension > 0, or [N/m].
         """
         if len(self) == 1:
             return getattr(self.different[0], name)(r)
@@ -178,14 +185,19 @@ class Springs:
         return _evaluated(self._groups, name, flat).reshape(r.shape)
 
     def energies(self, mass: Array, contacts: Contacts | None = None) -> Energies | None:
-        """The energies of a scene with these bonds; None where no compiled loop has them.
+        """Compiled total energies of a scene with these bonds.
 
         Parameters
         ----------
         mass : ndarray, shape of a state
-            [kg]
+            Mass of each coordinate [kg].
         contacts : Contacts, optional
-            Where the bonds are those of a network.
+            Geometry of the bonds of a network.
+
+        Returns
+        -------
+        Energies or None
+            None if some law has no compiled energy.
         """
         found = []
         for one, columns in self._groups:
@@ -196,11 +208,11 @@ class Springs:
         return Energies(mass, found, contacts)
 
     def _evaluate_springs(self, name, r, numbers):
-        """Those of springs of these numbers at points r (points, numbers)."""
+        """Values of the springs with these indices at elongations r (points, numbers) [m]."""
         return _evaluated(self._grouped(numbers), name, r)
 
     def largest(self, name: str, ranges: Array, numbers: Indices | None = None) -> Array:
-        """Largest size of the tension [N], or largest stiffness [N/m], of each spring.
+        """Largest magnitude of the tension [N], or largest stiffness [N/m], of each spring.
 
         Parameters
         ----------
@@ -208,12 +220,17 @@ class Springs:
         ranges : ndarray, (springs, 2)
             Elongations [m], both inside the domain.
         numbers : ndarray of int, optional
-            The springs that are asked for; by default all.
+            Indices of the springs; by default all.
 
         Returns
         -------
         ndarray, (springs,) or shape of `numbers`
             At least 0.
+
+        Raises
+        ------
+        StabilityError
+            The value is not finite somewhere in a range.
         """
         ranges = ranges if numbers is None else ranges[numbers]
         search = self._searches.get(name)
@@ -236,14 +253,14 @@ class Springs:
         return largest
 
     def reachable(self, energy: float) -> tuple[Array, Flags]:
-        """Elongations around 0 that each spring can reach with a given energy.
+        """Range of elongation that each spring can attain with a given energy [J].
 
         Returns
         -------
         ranges : ndarray, (springs, 2)
             Ends of the connected part of {V <= energy} that contains 0 [m], slightly too wide.
         locks : ndarray of bool, (springs,)
-            Whether it touches an end of the domain.
+            Whether the range includes an end of the domain.
         """
         if "energy" in self._searches:
             return self._searches["energy"].reachable(energy, WAYS)
@@ -259,7 +276,8 @@ class Springs:
         return last.reshape(-1, 2), locks[::2] | locks[1::2]
 
     def _first_above(self, energy, ends, numbers, levels):
-        """As `first` in energies.c, of springs side by side, which need not be compiled."""
+        """First elongations at which the energy is exceeded, for any springs, compiled or not;
+        the counterpart of `first` in energies.c."""
         before, beyond, every, found = np.zeros(len(ends)), ends, np.arange(len(ends)), []
         for fractions in levels:
             r = before + fractions[:, None] * (beyond - before)
@@ -272,9 +290,10 @@ class Springs:
         return beyond, found[0]
 
     def _size(self, energy, signs, numbers):
-        """As `size` in energies.c."""
+        """Elongations [m] beyond which the energy is exceeded or the law overflows, on unbounded
+        ranges; the counterpart of `size` in energies.c."""
         r = signs * WAYS.sizes[:, None]
-        with np.errstate(all="ignore"):  # powers over- and underflow
+        with np.errstate(all="ignore"):  # powers overflow and underflow
             known = np.isfinite(self._evaluate_springs("stiffness", r, numbers))
             begun = np.logical_or.accumulate(known, axis=0)
             unknown, high = (
@@ -288,8 +307,8 @@ class Springs:
 
     @cached_property
     def _searches(self):
-        """For each of the names of `ORDERS` that all springs have a compiled function of, what
-        searches them with it."""
+        """The compiled search for each name in `ORDERS` for which all springs have a compiled
+        function."""
         if not self.different or not np.array_equal(self.reach, self.domains):
             return {}
         laws, law, parameters = self.table
@@ -301,14 +320,14 @@ class Springs:
             and all(getattr(kind, name) is getattr(Potential, name) for kind in kinds)
         ]
         if "stiffness" not in names and np.isinf(self.domains).any():
-            names = [name for name in names if name != "energy"]  # sizes need both
+            names = [name for name in names if name != "energy"]  # unbounded ranges need both
         if not names or None in loops:
             return {}
         return dict.fromkeys(names, Search([loops[k] for k in law], parameters, self.domains))
 
 
 class _SpringGroup:
-    """Bonds whose springs have one law, or are one spring, with their numbers side by side."""
+    """Bonds whose springs have one law, or are one spring, with their parameters as columns."""
 
     def __init__(self, springs, group):
         first = springs.different[group[0]]
@@ -338,7 +357,7 @@ class _SpringGroup:
 
 
 def _evaluated(sets, name, r):
-    """What some sets of bonds have at elongations r (..., bonds)."""
+    """Values of the bonds of all sets at elongations r (..., bonds) [m]."""
     if len(sets) == 1:
         return sets[0][0].evaluate(name, r)
     out = np.empty_like(r)
@@ -348,7 +367,7 @@ def _evaluated(sets, name, r):
 
 
 def _length_classes(lengths):
-    """A number for each length, the same within a percent or two; -1 for a length of 0."""
+    """A class for each length, equal within one or two per cent; -1 for a length of 0."""
     numbers, bonds = np.full(len(lengths), -1), lengths > 0
     if bonds.any():
         numbers[bonds] = np.round(np.log(lengths[bonds] / lengths[bonds].min()) / 0.01)

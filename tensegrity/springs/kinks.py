@@ -1,9 +1,9 @@
-"""Where the force of a law in pieces has kinks: place, strength, exponent and side of each.
+"""Kinks of the force of a piecewise law: place, strength, exponent and side of each.
 
-The pieces are told apart at the zeros of what decides between them; on either side of a border
-the energy is one smooth expression.  What its derivatives have more on one side than on the
-other, or by which power they grow there, is read off with so many digits that the first terms of
-a series are all there is.
+The pieces meet at the zeros of the switching functions, and on either side of such a border the
+energy is one smooth expression.  The jumps of its derivatives across the border, or the power by
+which they grow there, are evaluated in multiple precision so close to the border that the higher
+terms of the series are negligible.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ from typing import Any
 from tensegrity.engine.law import is_piecewise
 from tensegrity.once import once
 
-DIGITS = 400
-OFFSET = "1e-40"  # distance [m] at which a border is looked at: below what any law resolves
-HIGHEST = 4  # derivative whose jump counts: those of higher ones leave order 5
-LEAST = 1e-10  # jump of a derivative over its size, below which it is round-off of what was typed
-SAME = 1e-17  # of an exponent, and the fraction or the float that it is
-PURE = 1e-15  # coefficient of the next power [1/m] over that of a power that is alone
-MOST_BORDERS = 64  # borders of a law that are told apart
-SEARCH_EXPONENTS = range(-240, 81)  # of 2^(1/4): sizes between which zeros are bracketed
+DIGITS = 400  # decimal digits of the evaluation
+OFFSET = "1e-40"  # distance from a border [m]: below the length scales of any law
+HIGHEST = 4  # highest derivative of the energy whose jump counts: later ones permit order 5
+LEAST = 1e-10  # jump of a derivative over its size that is round-off of the constants
+SAME = 1e-17  # difference of an exponent from the fraction or float that it is taken for
+PURE = 1e-15  # negligible coefficient of the next power [1/m], over that of the first
+MOST_BORDERS = 64  # largest number of borders of a law
+SEARCH_EXPONENTS = range(-240, 81)  # powers of 2^(1/4) between which zeros are bracketed
 Kink = tuple[float, float, float, float]
-TAUT = 1e-10  # of its natural length, by which a string that counts as taut may be shorter
+TAUT = 1e-10  # shortening over natural length up to which a string counts as taut
 UNKNOWN: Kink = (math.nan, math.nan, math.nextafter(1.0, 0.0), math.nan)
-"""A kink that may be anywhere: its exponent is taken as nearly 1, and is not corrected."""
+"""A kink of unknown place; its exponent is taken as nearly 1, and steps are not corrected."""
 
 
 def kinks(
@@ -43,19 +43,22 @@ def kinks(
     Parameters
     ----------
     energy : sympy.Expr
+        V(r) [J].
     elongation : sympy.Symbol
+        r [m].
     symbols : sequence of sympy.Symbol
         Parameters of the energy.
     values : sequence of float
+        Their values.
     domain : (float, float), optional
-        Between which they are looked for [m].
+        Range of elongation that is searched [m].
 
     Returns
     -------
     tuple of (place [m], strength [N/m^exponent], exponent, side)
-        The tension has the parts side strength max(side (r - place), 0)^exponent; one of exponent
-        0 is a jump of the force, of -1 of the energy.  `UNKNOWN` where the pieces cannot be told
-        apart.
+        The tension contains the terms side strength max(side (r - place), 0)^exponent; exponent 0
+        is a jump of the force, and -1 one of the energy.  `UNKNOWN` if the pieces cannot be
+        separated.
     """
     if not is_piecewise(energy := _exact(energy, elongation)):
         return ()
@@ -86,7 +89,7 @@ def _elongation() -> Any:
 
 @once
 def _exact(energy: Any, elongation: Any) -> Any:
-    """The energy of a real elongation, with floats that are what they are to the last bit."""
+    """The energy of a real elongation, with every float replaced by its exact rational value."""
     import sympy as sp
 
     numbers = {x: sp.Rational(float(x)) for x in energy.atoms(sp.Float)}
@@ -103,17 +106,17 @@ def _function(expression: Any, symbols: Any, derivative: int = 0) -> Any:
 
 
 class _Law:
-    """Expressions of the elongation with numbers for their parameters."""
+    """Expressions of the elongation with values for their parameters."""
 
     def __init__(self, symbols: Sequence[Any], values: Sequence[Any]) -> None:
         self._symbols, self._values = (_elongation(), *symbols), values
 
     def __call__(self, expression: Any, at: Any, derivative: int = 0) -> Any:
-        """Value, or a derivative, at an elongation."""
+        """Value of an expression, or of a derivative of it, at an elongation."""
         return _function(expression, self._symbols, derivative)(at, *self._values)
 
     def real(self, expression: Any, at: Any, derivative: int = 0) -> Any:
-        """The same, which must be a finite real number."""
+        """Value of an expression or a derivative, which must be finite and real."""
         import mpmath
 
         value = mpmath.mpmathify(self(expression, at, derivative))
@@ -122,7 +125,7 @@ class _Law:
         return mpmath.re(value)
 
     def pieces(self, energy: Any, low: Any, high: Any) -> list[tuple[Any, Any]]:
-        """Where each smooth piece of an energy begins between two elongations, and the piece."""
+        """Lower end and expression of each smooth piece of an energy between two elongations."""
         import mpmath
 
         inner = _innermost(energy)
@@ -143,7 +146,7 @@ class _Law:
         return found
 
     def _branch_at(self, part: Any, at: Any) -> Any:
-        """The smooth expression that a part is near a place."""
+        """The branch of a piecewise part that applies at an elongation."""
         import sympy as sp
 
         if isinstance(part, sp.Piecewise):
@@ -161,7 +164,7 @@ class _Law:
         return sp.Integer(sign if isinstance(part, sp.sign) else (sign + 1) // 2)
 
     def zeros(self, g: Any, low: Any, high: Any) -> list[Any]:
-        """Zeros of an expression between two places."""
+        """Zeros of an expression between two elongations."""
         r = self._symbols[0]
         if not g.has(r):
             return []
@@ -186,7 +189,7 @@ class _Law:
         return [_number(x) for x in set(sp.real_roots(sp.Poly(rational, self._symbols[0])))]
 
     def _bracketed_zeros(self, g: Any, low: Any, high: Any) -> list[Any]:
-        """Zeros of an expression that is no polynomial, where its sign changes between looks."""
+        """Zeros of an expression that is not a polynomial, bracketed by its sign on a grid."""
         import mpmath
 
         sizes = [mpmath.mpf(2) ** (mpmath.mpf(k) / 4) for k in SEARCH_EXPONENTS]
@@ -206,7 +209,7 @@ class _Law:
 
 
 def _innermost(energy: Any) -> Any:
-    """A part that is made of pieces, and whose own parts are not."""
+    """A piecewise part of an energy whose own arguments are smooth."""
     import sympy as sp
 
     these = energy.atoms(sp.Max, sp.Min, sp.Abs, sp.Heaviside, sp.Piecewise, sp.sign)
@@ -215,7 +218,7 @@ def _innermost(energy: Any) -> Any:
 
 
 def _switching_functions(part: Any) -> list[Any]:
-    """Expressions at whose zeros another piece may begin."""
+    """Expressions whose zeros are the borders between pieces."""
     import sympy as sp
 
     if isinstance(part, (sp.Max, sp.Min)):
@@ -243,7 +246,7 @@ def _number(x: Any) -> Any:
 
 
 def _sign(value: Any) -> float:
-    """1, 0 or -1; NaN of what is no real number."""
+    """1, 0 or -1; NaN for a value that is not finite and real."""
     import mpmath
 
     if not mpmath.isfinite(value) or mpmath.im(value):
@@ -270,7 +273,7 @@ def _kinks_at(law: _Law, place: Any, left: Any, right: Any) -> list[Kink]:
 
 
 def _jumps(left: list[Any], right: list[Any]) -> dict[int, Any]:
-    """Which derivatives jump where a place is passed, and by how much."""
+    """Jumps of the derivatives across a border, by the order of the derivative."""
     import mpmath
 
     found, far = {}, 100 * mpmath.mpf(OFFSET)
@@ -282,8 +285,8 @@ def _jumps(left: list[Any], right: list[Any]) -> dict[int, Any]:
 
 
 def _one_sided_terms(law: _Law, energy: Any, place: Any, side: int) -> tuple[list[Any], list[Any]]:
-    """How an energy begins on one side of a place: powers that are no whole numbers, and its
-    derivatives as far as they are finite, with one more."""
+    """Leading terms of an energy on one side of a border: its fractional powers, and its finite
+    derivatives with the next one."""
     import mpmath
 
     near, order = mpmath.mpf(OFFSET), HIGHEST + 1
@@ -306,7 +309,7 @@ def _one_sided_terms(law: _Law, energy: Any, place: Any, side: int) -> tuple[lis
 
 
 def _recognised(exponent: Any) -> Any:
-    """The fraction, or the float, that a number is which was found to many digits."""
+    """The fraction or float that equals an exponent to many digits."""
     import mpmath
 
     plain = Fraction(float(exponent)).limit_denominator(1000)

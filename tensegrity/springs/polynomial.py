@@ -1,16 +1,16 @@
-"""Polynomials in place of the tension of a spring, over a range of elongations.
+"""Polynomial approximations of the tension of a spring over a range of elongations.
 
-The tension is V'(0) + r Q(t) with t = (r - middle)/half: what was in equilibrium at r = 0 stays
-so, and the energy is its exact antiderivative, so a chain of polynomials is Hamiltonian too.  It
-is a law like any other, whose coefficients are parameters; degrees are quantised, so that few
-kernels serve all.
+The tension is V'(0) + r Q(t) with t = (r - middle)/half: an equilibrium at r = 0 is preserved, and
+the energy is the exact antiderivative, so that a chain of polynomials is Hamiltonian.  The
+polynomial is a law like any other, with its coefficients as parameters; the degrees are quantised,
+so that a few compiled kernels suffice.
 
-Q comes from Chebyshev coefficients of the tension at `NODES` points, by exact arithmetic.  Its
-error is estimated: by the coefficients left out, and by the largest difference from the spring on
-a sample `DENSE` times denser.  A polynomial of degree `NODES` nowhere exceeds what such a sample
-sees of it by more than 1/cos(pi/(2 DENSE)), a hundredth (Ehlich & Zeller 1964); a law with finer
-detail than that can.  A run that chooses polynomials by its tolerance does not rest on it: it
-compares motions.
+Q is computed in exact arithmetic from the Chebyshev coefficients of the tension at `NODES` points.
+Its error is estimated by the truncated coefficients and by the largest difference from the spring
+on a sample `DENSE` times denser.  The maximum of a polynomial of degree `NODES` exceeds its maximum
+on such a sample by a factor of at most 1/cos(pi/(2 DENSE)), about one hundredth (Ehlich & Zeller
+1964); a law with finer detail can exceed it by more.  A run that chooses polynomials by its
+tolerance does not rely on this estimate: it compares trajectories.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ from tensegrity.springs.potential import Potential
 
 DEGREES = tuple(range(7, 48, 4))
 NODES = 96
-DENSE = 10  # points of the sample for each node
-NARROWEST = 1e-100  # range [m] whose inverse squared is still a number
+DENSE = 10  # points of the sample per node
+NARROWEST = 1e-100  # smallest range [m]; its inverse squared is finite
 UNIT = np.finfo(float).eps / 2
 
 
@@ -44,7 +44,7 @@ class PolynomialLaw:
     Attributes
     ----------
     degree : int
-        Of the tension.
+        Degree of the tension.
     """
 
     degree: int
@@ -53,12 +53,13 @@ class PolynomialLaw:
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """Names: interval, tension at rest, coefficients of (tension - that)/r."""
+        """Names of the interval, the tension at rest, and the coefficients of Q."""
         coefficients = tuple(f"q{k}" for k in range(self.degree))
         return ("middle", "per_half", "tension_at_rest", *coefficients)
 
     def forms(self) -> tuple[Any, Any, Sequence[Any]]:
-        """The law in CasADi; see `law.Law.forms`."""
+        """Elongation, parameters, and the energy with its derivatives as CasADi expressions; see
+        `law.Law.forms`."""
         import casadi as ca
 
         r, p = ca.SX.sym("r"), ca.SX.sym("p", len(self.parameters))
@@ -69,42 +70,49 @@ class PolynomialLaw:
         for k in range(self.degree - 2, -1, -1):
             s.append((q[k] + (k + 1) * t_at_rest * s[-1]) * (1 / (k + 2)))
         energy = at_rest * r + r * r * horner(s[::-1], t)
-        # even and odd powers apart: one chain of dependent operations is what a processor waits for
+        # even and odd powers are two shorter chains of dependent operations
         tension = at_rest + r * (horner(q[::2], t * t) + t * horner(q[1::2], t * t))
         stiffness = ca.gradient(tension, r)
         return r, p, (energy, tension, stiffness, ca.gradient(stiffness, r))
 
 
 class Polynomial(Potential):
-    """A polynomial that stands for a spring's tension over a range of elongations.
+    """A polynomial approximation of a spring's tension over a range of elongations.
 
     Parameters
     ----------
     spring : Potential
+        The spring to approximate.
     low, high : float
-        Range [m], low < 0 < high, inside the spring's domain: its own domain.  The wider, the
-        higher the degree: give what a run visits.
+        Range of elongation [m], low < 0 < high, inside the spring's domain; it becomes the domain
+        of the polynomial.  A wider range needs a higher degree, so give the one that a run visits.
     error : float, optional
-        Wanted largest error of the tension, relative to the largest tension on the range, as far
-        as a sample tells.
+        Largest admissible error estimate of the tension, relative to the largest tension on the
+        range.
 
     Attributes
     ----------
     degree : int
-        The lowest of 7, 11, ... 47 that is good enough.
+        The lowest of 7, 11, ... 47 whose estimate is at most `error`.
     error_estimate : float
-        Of the tension's largest error over its largest value on the range; see the module.
+        Estimate of the largest error of the tension over its largest value on the range; see
+        `tensegrity.springs.polynomial`.
 
     Raises
     ------
+    TensegrityError
+        A range that does not contain 0 or leaves the domain, or an error <= 0.
     ResolutionError
-        If no degree is good enough.
+        No degree is accurate enough.
 
     Examples
     --------
-    >>> from tensegrity import Prism
-    >>> spring = Polynomial(Prism(1.0, 0.7, 0.01, 1.0).potential(), -0.02, 0.01, error=1e-10)
-    >>> spring.error_estimate < 1e-10
+    >>> from tensegrity import Polynomial, Prism
+    >>> exact = Prism(1.0, 0.7, 0.01, 1.0).potential()
+    >>> fitted = Polynomial(exact, -0.02, 0.01, error=1e-10)
+    >>> fitted.degree
+    15
+    >>> bool(abs(fitted.tension(-0.015) / exact.tension(-0.015) - 1) < 1e-9)
     True
     """
 
@@ -132,7 +140,30 @@ class Polynomial(Potential):
         domain: tuple[float, float],
         error_estimate: float,
     ) -> Polynomial:
-        """A polynomial from the numbers of one that was fitted."""
+        """A polynomial from the coefficients of one that was fitted before.
+
+        Parameters
+        ----------
+        degree : int
+            One of 7, 11, ... 47.
+        values : array_like
+            Parameters of its law.
+        length : float or None
+            Length at r = 0 [m].
+        domain : (float, float)
+            Range of elongation [m].
+        error_estimate : float
+            Relative error of the tension, >= 0.
+
+        Returns
+        -------
+        Polynomial
+
+        Raises
+        ------
+        TensegrityError
+            Another degree, or values that do not match it.
+        """
         if degree not in DEGREES:
             raise TensegrityError(f"degree {check.shown(degree)} must be one of {DEGREES}")
         made = cls.__new__(cls)
@@ -167,12 +198,12 @@ class Polynomial(Potential):
             best = min(best, estimate)
         raise ResolutionError(
             f"error {error:g} of a polynomial on ({low:g}, {high:g}) m must be at least "
-            f"{best:.2g}, what degrees up to {DEGREES[-1]} reach there"
+            f"{best:.2g}, the error of degrees up to {DEGREES[-1]} there"
         )
 
     @property
     def force_model(self) -> str:
-        """What stands for the tension."""
+        """The degree of the polynomial and its range."""
         low, high = self.domain
         return f"polynomial of degree {self.degree} on [{low:.4g}, {high:.4g}] m"
 
@@ -186,7 +217,7 @@ class Polynomial(Potential):
 
 
 def _angles(count):
-    """Angles whose cosines are the Chebyshev points of that number."""
+    """Angles whose cosines are `count` Chebyshev points."""
     return np.pi * (np.arange(count) + 0.5) / count
 
 
@@ -197,16 +228,16 @@ def _nodes():
 
 @cache
 def _transform():
-    """Matrix from values at the nodes to Chebyshev coefficients."""
+    """Matrix that maps values at the nodes to Chebyshev coefficients."""
     matrix = 2 / NODES * np.cos(np.outer(np.arange(NODES), _angles(NODES)))
     matrix[0] /= 2
     return matrix
 
 
 def _parameters(chebyshev, middle, half, at_rest):
-    """Numbers of a `PolynomialLaw` from Chebyshev coefficients, rounded once at the end."""
+    """Parameters of a `PolynomialLaw` from Chebyshev coefficients, rounded only at the end."""
     per_half = 1 / half
-    now, before = [Fraction(1)], [Fraction(0), Fraction(1)]  # T_0, T_1 and so on, in turn
+    now, before = [Fraction(1)], [Fraction(0), Fraction(1)]  # T_0 and T_1, then by recurrence
     powers = [Fraction(0)] * len(chebyshev)
     for coefficient in chebyshev.tolist():
         for k, part in enumerate(now):

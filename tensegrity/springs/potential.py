@@ -46,29 +46,34 @@ class Potential:
     Parameters
     ----------
     energy : sympy.Expr
-        V(r) [J], in `elongation` and the symbols in `parameters`.  It is taken as given: for
-        a chain to be at rest at r = 0, V'(0) must be 0.
+        V(r) [J] of `elongation` and `parameters`; a chain is in equilibrium at r = 0 if V'(0) = 0.
     elongation : sympy.Symbol
         r [m], extension > 0.
     parameters : dict, optional
-        Numbers for the other symbols of `energy`: {Symbol or its name: float}.  Chains that
-        differ in these numbers only share one compiled kernel.
+        Values of the other symbols of `energy`: {Symbol or its name: float}.  Chains that differ
+        only in these values share one compiled kernel.
     length : float, optional
-        Length [m] at r = 0: the lattice spacing, by which strains are taken.
+        Length [m] at r = 0: the lattice spacing, to which strains refer.
     domain : (float, float), optional
-        Lowest and highest elongation [m] the spring can reach.
+        Lowest and highest admissible elongation [m], one below and one above 0.
+
+    Raises
+    ------
+    TensegrityError
+        Arguments that are not as described, or parameters that do not match the energy's symbols.
 
     Examples
     --------
     >>> import sympy as sp
+    >>> from tensegrity import Potential
     >>> r, k = sp.symbols("r k")
     >>> toda = Potential(k * (sp.exp(-r) + r - 1), r, {k: 2.0})
-    >>> float(toda.stiffness(0.0))
-    2.0
+    >>> toda.tension([-0.1, 0.0, 0.1]).round(4)
+    array([-0.2103,  0.    ,  0.1903])
     """
 
-    origin = ""  # the call that made it, where that is another than its class
-    made_of: Any = None  # the prism and the preload, of one made by a prism
+    origin = ""  # the call that made this potential, unless it is that of its class
+    made_of: Any = None  # the prism and the preload of a prism's potential
 
     def __init__(
         self,
@@ -138,7 +143,18 @@ class Potential:
         origin: str = "",
         made_of: Any = None,
     ) -> Potential:
-        """A potential from a law that brings more than its energy, and the call it came from."""
+        """A potential from a law that is more than an energy, such as that of a prism.
+
+        Parameters
+        ----------
+        law, values, length, domain, ends, origin, made_of
+            The law, the values of its parameters, the length at r = 0 [m], the range of elongation
+            [m], what limits it at either end, the printed form, and the prism with its preload.
+
+        Returns
+        -------
+        Potential
+        """
         potential = cls.__new__(cls)
         potential._set(law, values, length, domain, ends)
         potential.origin = origin
@@ -146,16 +162,17 @@ class Potential:
         return potential
 
     def varied(self, values: Mapping[str, float]) -> Potential:
-        """The same spring with other arguments: of its prism or the preload, or parameters.
+        """The same spring with other values of its arguments.
 
         Parameters
         ----------
         values : dict of str to float
+            Parameters, or arguments of the prism and the preload: {name: value}.
 
         Raises
         ------
         TensegrityError
-            It has no such argument, or not with that value.
+            The spring has no such argument, or the value is not admissible.
         """
         if not isinstance(values, Mapping):
             raise TensegrityError(f"values {check.shown(values)} must be a dict of numbers")
@@ -163,7 +180,7 @@ class Potential:
         unknown = [name for name in values if name not in known]
         if unknown:
             raise TensegrityError(
-                f"{unknown[0]!r} is no argument of {check.shown(self)} that may change: "
+                f"{unknown[0]!r} is not an argument of {check.shown(self)} that may change: "
                 f"{', '.join(known) or 'there are none'}"
             )
         if self.made_of:
@@ -174,7 +191,7 @@ class Potential:
         return self._with(self.parameters | dict(values))
 
     def argument(self, name: str) -> float:
-        """What `varied` would change: an argument of its prism, the preload, or a parameter."""
+        """The value of a parameter, or of an argument of the prism or the preload, by name."""
         if self.made_of:
             prism, preload = self.made_of
             return float(preload if name == "preload" else getattr(prism, name))
@@ -189,15 +206,15 @@ class Potential:
         return other
 
     def shift_from(self, other: Potential) -> float:
-        """Its elongation [m] where `other`, which it was varied from, has none: prisms and
-        contacts are measured from an equilibrium that depends on their arguments."""
+        """Elongation [m] of this spring where that of `other`, from which it was varied, is 0:
+        prisms and contacts are measured from an equilibrium that depends on their arguments."""
         if self.made_of:
             return float(other.length or 0.0) - float(self.length or 0.0)
         return 0.0
 
     @property
     def length(self) -> float | None:
-        """Length at r = 0 [m], or None where none was given."""
+        """Length at r = 0 [m], or None if it was not given."""
         return self._length
 
     @property
@@ -207,17 +224,17 @@ class Potential:
 
     @property
     def reach(self) -> tuple[float, float]:
-        """(lowest, highest) elongation [m] that a run can follow: `domain`, or a part of it."""
+        """(lowest, highest) elongation [m] in a run: `domain`, or the part that can be computed."""
         return self._domain
 
     @property
     def force_model(self) -> str:
-        """What a run computes the tension by."""
+        """The model by which a run computes the tension, such as "exact"."""
         return "exact"
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Numbers of the law's parameters, {name: float}."""
+        """Values of the law's parameters, {name: float}."""
         names = (str(s) for s in self.law.parameters)
         return dict(zip(names, self.values.tolist(), strict=True))
 
@@ -254,16 +271,32 @@ class Potential:
         return self._finite_derivative(3, r)
 
     def _finite_derivative(self, order: int, r: ArrayLike, closed: bool = False) -> Array:
-        """A derivative of the energy, refused where the law gives no number."""
+        """A derivative of the energy, refused if it is nan."""
         found = self.derivative(order, r, closed)
         if np.isnan(found).any():
             at = float(np.asarray(r, dtype=float)[np.isnan(found)].flat[0])
-            raise TensegrityError(f"{ORDERS[order]} at elongation {at:g} m is no number: it is nan")
+            raise TensegrityError(f"{ORDERS[order]} at elongation {at:g} m is not a number")
         return found
 
     def derivative(self, order: int, r: ArrayLike, closed: bool = False) -> Array:
-        """The order-th derivative of the energy, nan where its law is beyond all numbers; at an
-        end of the domain if it counts as `closed`."""
+        """A derivative of the energy.
+
+        Parameters
+        ----------
+        order : int
+            0 to 3: energy [J], tension [N], stiffness [N/m], its slope [N/m^2].
+        r, closed : array_like, bool
+            Elongation [m], > 0 in extension; the ends of the domain are admissible if `closed`.
+
+        Returns
+        -------
+        ndarray, shape of r; nan where the law overflows
+
+        Raises
+        ------
+        LockingError
+            Some r lies outside the domain.
+        """
         r = check.numbers("elongation", r, "m")
         low, high = self._domain
         inside = (r >= low) & (r <= high) if closed else (r > low) & (r < high)
@@ -275,16 +308,16 @@ class Potential:
 
     @cached_property
     def openings(self) -> tuple[Kink, ...]:
-        """Kinks of the force, as of contacts that open: place [m], strength, exponent and side
-        of each, see `tensegrity.springs.kinks`."""
+        """Kinks of the force, such as losses of contact: place [m], strength, exponent and side
+        of each; see `tensegrity.springs.kinks`."""
         law = self.law
-        if not isinstance(law, Law) or isinstance(law, DerivedLaw):  # of prisms, fitted: smooth
+        if not isinstance(law, Law) or isinstance(law, DerivedLaw):  # smooth: prisms, polynomials
             return ()
         return kinks(law.energy, law.elongation, law.parameters, self.values, self._domain)
 
     @property
     def smooth(self) -> bool:
-        """Whether its derivatives do not jump anywhere."""
+        """Whether the force has no kinks."""
         return not self.openings
 
     def sound_speed(self, mass: float = 1.0) -> float:
@@ -374,7 +407,7 @@ class Potential:
         return self._hash
 
     def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in vars(self).items() if name != "_hash"}  # of here
+        return {name: value for name, value in vars(self).items() if name != "_hash"}  # per process
 
     def _key(self) -> Hashable:
         return self.law, self.values.tobytes(), self._length, self._domain
@@ -402,10 +435,10 @@ def _sound_speed_squared() -> tuple[list[Any], tuple[Any, ...]]:
 
 
 def number_text(number: float) -> str:
-    """The shortest text that reads back as this number: 1 rather than 1.0."""
+    """The shortest text that evaluates to this number: 1 rather than 1.0."""
     return repr(float(number)).removesuffix(".0")
 
 
 def call(name: str, **given: Any) -> str:
-    """The text of a call with these numbers, such as f(x=1, y=2)."""
+    """The text of a call with these arguments, such as f(x=1, y=2)."""
     return f"{name}({', '.join(f'{key}={number_text(value)}' for key, value in given.items())})"

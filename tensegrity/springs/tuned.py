@@ -1,12 +1,11 @@
-"""A spring that changes in time, as the loop takes it.
+"""Springs that change with time, in the form of the compiled loop.
 
-Where its arguments follow functions of time, the parameters of its law are Chebyshev series in the
-arguments, over the values that these take in a run: however quick the change, the series stay
-short.  Their rates follow by the chain rule.  A spring that is itself a function of time has series
-in time.  A
-prism, and a contact under a preload, is measured from an equilibrium that the arguments move:
-elongations count from that at t = 0, and the law is shifted.  Series are compared with the springs
-between their nodes.
+If the arguments of a spring are functions of time, the parameters of its law are represented by
+Chebyshev series in the arguments, over the range of these in a run; the series stay short however
+fast the change is, and the rates follow by the chain rule.  If the spring itself is a function of
+time, the series are in time.  A prism, and a contact under a preload, is measured from an
+equilibrium that depends on the arguments: elongations refer to that at t = 0, and the law is
+shifted accordingly.  The series are verified against the springs between their nodes.
 """
 
 from __future__ import annotations
@@ -27,21 +26,21 @@ from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array
 
 SIZES = (5, 9, 17, 33, 65)  # nodes of the series in each argument
-LONG = (*SIZES, 129, 257, 513)  # and in time
-PER_NODE = 4  # instants for each node at which a series in time is compared with the springs
-TEST_POINTS = np.array([-0.99, -0.437, 0.211, 0.683, 0.97])  # where one in arguments is
-MOST_NODES = 1100  # in all
-WIDER = 1e-3  # of the range of an argument, on either side
-CONSTANT = 1e-14  # of a parameter: a change that is round-off
-GOOD, MISFIT = 1e-13, 1e-11  # of the tension: where series end, and what is refused
-SAMPLES = 2001  # instants at which the range of an argument is looked for
-HALVINGS = 50
-FRACTIONS = np.array([0.02, 0.2, 0.5, 0.8, 0.95])  # of either side of the domain: compared there
+LONG = (*SIZES, 129, 257, 513)  # nodes of the series in time
+PER_NODE = 4  # times per node at which a series in time is compared with the springs
+TEST_POINTS = np.array([-0.99, -0.437, 0.211, 0.683, 0.97])  # the same for series in arguments
+MOST_NODES = 1100  # largest number of nodes in all arguments
+WIDER = 1e-3  # extension of an argument's range on either side, over the range
+CONSTANT = 1e-14  # relative change of a parameter that is round-off
+GOOD, MISFIT = 1e-13, 1e-11  # relative error of the tension: sufficient, and largest admissible
+SAMPLES = 2001  # times at which the range of an argument is sampled
+HALVINGS = 50  # bisections for the time at which a spring ceases to exist
+FRACTIONS = np.array([0.02, 0.2, 0.5, 0.8, 0.95])  # test elongations, over the ends of the domain
 
 
 @dataclass(frozen=True)
 class Shifted:
-    """A law of the elongation and one parameter more, which is added to it.
+    """A law with one more parameter, a shift that is added to the elongation.
 
     Attributes
     ----------
@@ -52,21 +51,21 @@ class Shifted:
 
     @property
     def compiled(self) -> Any:
-        """As that of the law."""
+        """Names of the compiled functions of the law."""
         return self.law.compiled
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """Those of the law, and the shift."""
+        """Names of the law's parameters, followed by "shift"."""
         return (*map(str, self.law.parameters), "shift")
 
     @property
     def name(self) -> str:
-        """What stands for it in other processes, if anything does."""
+        """Name of the law in other processes, or "" if it has none."""
         return f"shifted {name}" if (name := getattr(self.law, "name", "")) else ""
 
     def forms(self) -> tuple[Any, Any, Sequence[Any]]:
-        """The law in CasADi; see `law.Law.forms`."""
+        """Elongation, parameters and forms of the shifted law in CasADi; see `law.Law.forms`."""
         import casadi as ca
 
         r, p, forms = self.law.forms()
@@ -74,33 +73,41 @@ class Shifted:
         return r, ca.vertcat(p, shift), ca.substitute(list(forms), [r], [r + shift])
 
 
-NO_END = 1e300  # m: a domain that has none there, in a series
+NO_END = 1e300  # m: stands for an infinite end of the domain in a series
 
 
 def finite_ends(ends: Array) -> Array:
-    """Ends of domains from their series."""
+    """Ends of domains from the values of their series, infinite beyond 0.9 NO_END."""
     return np.where(np.abs(ends) < 0.9 * NO_END, ends, np.copysign(np.inf, ends))
 
 
 class Tuned:
-    """A spring that changes in time.
+    """A spring that changes with time.
 
     Parameters
     ----------
     spring : Potential
-        At t = 0.
+        The spring at t = 0.
     tune : callable t -> Potential, or dict of str to callable (t, order) -> ndarray
-        The spring of an instant, or its arguments that change.
+        The spring as a function of time, or its arguments as functions of time.
     t_end : float
-        [s]
+        End of the run [s].
 
     Attributes
     ----------
     law : Law
+        The law whose parameters change.
     until : float
-        Instant from which on there is no spring [s]; inf where there always is one.
+        Time at which the spring ceases to exist [s]; inf if it exists throughout.
     reason : TensegrityError or None
-        Why.
+        The error of the spring at that time.
+
+    Raises
+    ------
+    ResolutionError
+        The spring changes too abruptly for the longest series.
+    TensegrityError
+        Springs of different laws, or measured from different reference shapes.
     """
 
     until: float = np.inf
@@ -113,12 +120,12 @@ class Tuned:
         box = self._argument_ranges()
         self.law, self.series, self._low, self._half = self._fit(*box)
         flat = np.abs(self.series.reshape(-1, self.series.shape[-1]))
-        self._moves = flat[1:].max(axis=0, initial=0.0) > 0  # the others have one coefficient
+        self._moves = flat[1:].max(axis=0, initial=0.0) > 0  # the other series are constant
         self._all = _with_rates(self.series[..., self._moves])
 
     @property
     def moving(self) -> tuple[int, ...]:
-        """Numbers of the parameters that change."""
+        """Indices of the parameters that change."""
         return tuple(np.flatnonzero(self._moves[:-2]).tolist())
 
     def energies(self, t: Array, r: Array) -> Array:
@@ -130,12 +137,25 @@ class Tuned:
         return out
 
     def evaluate(self, order: int, p: Array, r: Array) -> Array:
-        """A derivative of the energy at elongations r (n,) with parameters p (parameters, n) of
-        each: order 1 tension [N], 2 stiffness [N/m]."""
+        """A derivative of the energy.
+
+        Parameters
+        ----------
+        order : int
+            1 for the tension [N], 2 for the stiffness [N/m].
+        p : ndarray, (parameters, n)
+            Parameters of the law at each elongation.
+        r : ndarray, (n,)
+            Elongations [m].
+
+        Returns
+        -------
+        ndarray, (n,)
+        """
         return evaluated(self.law, order, p, r)
 
     def _arguments(self, t: Array, order: int) -> Array:
-        """Arguments or their rates at instants, (t.size, arguments)."""
+        """Arguments at times t, or their rates for order 1; (t.size, arguments)."""
         return np.stack([np.asarray(f(t, order)) for f in self._signals.values()], axis=-1)
 
     def _spring(self, arguments: Array) -> Potential:
@@ -145,7 +165,7 @@ class Tuned:
         return self._given.varied(dict(zip(self._signals, arguments.tolist(), strict=True)))
 
     def _argument_ranges(self) -> tuple[Array, Array]:
-        """Lowest and highest arguments, up to the first instant at which one has no spring."""
+        """Lowest and highest arguments, up to the time at which the spring ceases to exist."""
         if callable(self._tune):
             return np.zeros(1), np.full(1, self._t_end)
         while True:
@@ -167,7 +187,7 @@ class Tuned:
             self.until = good
 
     def _refused(self, arguments: Array) -> TensegrityError | None:
-        """Why there is no spring with such arguments, or None."""
+        """The error of the spring with these arguments, or None if it exists."""
         try:
             _ = self._spring(arguments).reach
         except TensegrityError as error:
@@ -175,10 +195,11 @@ class Tuned:
         return None
 
     def _fit(self, low: Array, high: Array) -> tuple[Any, Array, Array, Array]:
-        """Law, series of its parameters and of its domain, middle and half of each argument."""
+        """Law, series of its parameters and its domain, and centre and half-range of each
+        argument."""
         width = high - low
         wider = WIDER * width + 1e-12 * np.abs(high)
-        rooms = [wider, 0 * wider]  # where an argument ends there is no spring beyond
+        rooms = [wider, 0 * wider]  # the spring may not exist beyond the range of an argument
         for room in rooms[1:] if callable(self._tune) else rooms:
             middle, half = (low + high) / 2, width / 2 + room
             half = np.where(half > 0, half, 1.0)
@@ -226,23 +247,23 @@ class Tuned:
             return best
         raise ResolutionError(
             f"the spring changes too abruptly with {', '.join(self._signals)}: a series of {size} "
-            f"nodes misses its tension by {worst:.2g} of it, must by {MISFIT:g} at most"
+            f"nodes has a relative error of {worst:.2g} in the tension, must be at most {MISFIT:g}"
         )
 
     def _tabulated(self, springs: list[Potential]) -> tuple[Any, Array]:
-        """A law that springs have in common; parameters, and ends of the domain, of each."""
+        """The common law of some springs, and the parameters and ends of the domain of each."""
         laws = list(dict.fromkeys(spring.law for spring in springs))
         law: Any = laws[0]
         if len(laws) > 1:  # elastic prisms: some need more iterations than others
             law = max(laws, key=lambda one: getattr(one, "steps", 0))
         if len(laws) > 1 and not all(hasattr(one, "steps") for one in laws):
-            raise TensegrityError("springs of one law become such of another law as they change")
+            raise TensegrityError("the springs of a function of time must all have the same law")
         shifts = np.array([one.shift_from(self._first) for one in springs])
         for spring, shift in zip(springs, shifts, strict=True):
             if spring.length != self._first.length and not shift:
                 raise TensegrityError(
                     f"a spring has length {spring.length:.12g} m at rest, that of t = 0 "
-                    f"{self._first.length:.12g} m: elongations would count from another shape"
+                    f"{self._first.length:.12g} m: elongations would refer to another shape"
                 )
         rows = np.array([spring.values for spring in springs])
         ends = np.array([spring.reach for spring in springs]) - shifts[:, None]
@@ -251,14 +272,14 @@ class Tuned:
         return law, np.column_stack([rows, np.clip(ends, -NO_END, NO_END)])
 
     def _test_points(self, size: int) -> Array:
-        """Places in [-1, 1] at which a series of that many nodes is compared with the springs."""
+        """Points in [-1, 1] at which a series of `size` nodes is compared with the springs."""
         if not callable(self._tune):
             return TEST_POINTS
         count = PER_NODE * size
         return 2 * (np.arange(count) + 0.5) / count - 1
 
     def _misfit(self, law: Any, series: Array, middle: Array, half: Array, x: Array) -> float:
-        """Largest error of the tension at arguments x between the nodes, over the largest."""
+        """Largest error of the tension at arguments x between the nodes, over its largest value."""
         spring = self._spring(middle + half * x)
         p = np.ascontiguousarray(_value(series, x[None])[0, :-2])
         shift = spring.shift_from(self._first)
@@ -272,7 +293,7 @@ class Tuned:
         return worst if np.isfinite(worst) else np.inf
 
     def _values(self, t: Array) -> tuple[Array, Array]:
-        """Parameters and ends of the domain, and their rates, (t.size, parameters + 2) each."""
+        """Parameters and ends of the domain, and their rates; (t.size, parameters + 2) each."""
         x = np.clip((self._arguments(t, 0) - self._low) / self._half, -1.0, 1.0)
         found = np.split(_value(self._all, x), 1 + x.shape[1], axis=1)
         count = len(self._moves)
@@ -284,48 +305,48 @@ class Tuned:
         return values, rates
 
     def at(self, t: Array) -> Array:
-        """Parameters of the law at instants t, (t.size, parameters)."""
+        """Parameters of the law at times t [s]; (t.size, parameters)."""
         return self._values(t)[0][:, :-2]
 
     def rates(self, t: Array) -> Array:
-        """Their rates [1/s]."""
+        """Rates of the parameters at times t [s], per second; (t.size, parameters)."""
         return self._values(t)[1][:, :-2]
 
     def domain(self, t: Array) -> Array:
-        """Lowest and highest elongation at instants t [m]; (t.size, 2)."""
+        """Lowest and highest elongation [m] at times t [s]; (t.size, 2)."""
         return finite_ends(self._values(t)[0][:, -2:])
 
     def numbers(self, t: Array) -> tuple[Array, Array]:
-        """What a loop takes at instants t: parameters and behind them their rates, (t.size, 2
-        parameters), and `domain`."""
+        """Arrays of the compiled loop at times t [s]: parameters followed by their rates,
+        (t.size, 2 parameters), and `domain`."""
         values, rates = self._values(t)
         together = np.concatenate([values[:, :-2], rates[:, :-2]], axis=1)
         return together, finite_ends(values[:, -2:])
 
     def spring(self, t: float) -> Potential:
-        """The spring of an instant, measured from its own equilibrium."""
+        """The spring at time t [s], measured from its own equilibrium."""
         return self._spring(self._arguments(np.array([t]), 0)[0])
 
     def beyond(self, t: float, r: float) -> LockingError:
-        """The error for an elongation at or beyond an end of the domain at an instant."""
+        """The error for an elongation r [m] at or beyond an end of the domain at time t [s]."""
         spring = self.spring(t)
         return spring.beyond(r + spring.shift_from(self._first))
 
 
 def spring_at(tune: Callable[[float], Potential], t: float) -> Potential:
-    """The spring that a function of time gives at an instant."""
+    """The spring that a function of time returns at time t [s]."""
     spring = tune(t)
     check.kind(f"tune({t:g})", spring, Potential)
     return spring
 
 
 def _clock(t: Array, order: int) -> Array:
-    """Time itself, an argument like others."""
+    """Time as an argument, and its rate for order 1."""
     return np.ones(t.shape) if order else t
 
 
 def _with_rates(series: Array) -> Array:
-    """A tensor series and behind it, in the last axis, its derivative in each argument."""
+    """A tensor series, followed along the last axis by its derivatives in each argument."""
     found = [series]
     for axis in range(series.ndim - 1):
         rate = np.zeros_like(series)

@@ -1,1 +1,1 @@
-"""Exact solitary waves of a chain, and the asymptotic forms that they are compared with."""
+"""Linear and solitary waves of a chain: exact profiles, asymptotic forms, existence, spectra."""

@@ -1,12 +1,12 @@
-"""Approximate profiles of solitary waves: near the sound speed, and far above it.
+"""Asymptotic profiles of solitary waves: near the sound speed, and at high energy.
 
-Both give the elongation against the distance x from the crest, in sites.  The sech^2 profile
-holds for small waves little faster than sound (Friesecke and Pego, Nonlinearity 12, 1601
-(1999)); the tent is the limit where the energy stored before locking has no bound (Friesecke and
-Matthies, Physica D 171, 211 (2002)).  A prism stores a finite energy: its waves come close to
-the tent and not to it, neither as they use up the stroke nor as the prestrain vanishes.  Both
-formulas are those of `derivations.waves`.  Source: seeds/000, part III, "Tensegrity
-metamaterials".
+Both give the elongation as a function of the distance x from the peak, in sites.  The sech^2
+profile holds for waves of small amplitude with speeds slightly above the sound speed (Friesecke and
+Pego, Nonlinearity 12, 1601 (1999)); the tent profile is the high-energy limit if the energy at the
+locking stroke is unbounded (Friesecke and Matthies, Physica D 171, 211 (2002)).  A prism stores a
+finite energy: its waves approach the tent but do not tend to it, neither as the peak approaches the
+locking stroke nor as the prestrain vanishes.  Both formulas are those of `derivations.waves`.
+Source: seeds/000, part III, "Tensegrity metamaterials".
 """
 
 from __future__ import annotations
@@ -24,25 +24,31 @@ from tensegrity.once import once
 from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array
 
-FASTEST = 1e100  # speed ratio whose square is still a number
+FASTEST = 1e100  # largest speed ratio; its square is finite
 
 
 def sech2(spring: Potential, speed_ratio: float, x: ArrayLike) -> Array:
-    """Elongation of the small-amplitude solitary wave.
+    """Elongation of a solitary wave of small amplitude.
 
     Parameters
     ----------
     spring : Potential
+        Of each bond.
     speed_ratio : float
         c/cs, > 1.
     x : array_like
-        Distance from the crest, in sites.
+        Distance from the peak, in sites.
 
     Returns
     -------
     ndarray, shape of x
         r = (V''/V''') (gamma/2)^2 sech^2(gamma x/2) [m], gamma^2 = 24 (c - cs)/cs; negative
-        (compression) where the spring stiffens in compression, V''' < 0.  Error O(gamma^4).
+        (compression) if the spring stiffens in compression, V''' < 0.  Error O(gamma^4).
+
+    Raises
+    ------
+    TensegrityError
+        V''(0) <= 0 or V'''(0) = 0, a speed ratio out of its range, or an x that is not a number.
     """
     check.kind("spring", spring, Potential)
     x = check.numbers("x", x, "sites")
@@ -53,12 +59,12 @@ def sech2(spring: Potential, speed_ratio: float, x: ArrayLike) -> Array:
             f"no sech^2 wave: V'' = {stiffness:g} N/m must be above 0 and "
             f"V''' = {slope:g} N/m^2 not 0"
         )
-    with np.errstate(over="ignore"):  # far away cosh is infinite and the wave 0
+    with np.errstate(over="ignore"):  # cosh overflows far from the peak, where the wave is 0
         return _function("sech2")(stiffness, slope, ratio, x)
 
 
 def tent(spring: Potential, x: ArrayLike) -> Array:
-    """Elongation [m] of the wave that reaches the locking stroke: -d (1 - |x|) for |x| < 1."""
+    """Elongation [m] of the wave whose peak is the locking stroke d: -d (1 - |x|) for |x| < 1."""
     check.kind("spring", spring, Potential)
     x, stroke = check.numbers("x", x, "sites"), -spring.domain[0]
     if math.isinf(stroke):
@@ -68,8 +74,8 @@ def tent(spring: Potential, x: ArrayLike) -> Array:
 
 @once
 def forms() -> dict[str, tuple[Any, tuple[Any, ...]]]:
-    """Elongations "sech2", in terms of stiffness, its slope, c/cs and x, and "tent", in terms of
-    the locking stroke and x: {name: (expression, symbols)}."""
+    """The elongations as {name: (expression, symbols)}: "sech2" in terms of stiffness, its slope,
+    c/cs and x; "tent" in terms of the locking stroke and x."""
     import sympy as sp
 
     from derivations import waves as derived

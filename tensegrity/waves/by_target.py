@@ -1,9 +1,10 @@
-"""The wave of a family with a given crest, speed or energy, roughly: a search along the family.
+"""Search along a family for an approximate wave with a given peak elongation, speed or energy.
 
-Speed and energy rise with the size of the crest.  `near` gives a wave from which Newton's method
-reaches the one with the target, and the condition that holds that one.  A target is a name,
-"amplitude", "above" or "energy", and a value: the size of the crest [m], m c^2 - V''(0) [N/m], or
-the energy [J].
+Speed and energy increase with the size of the peak.  `near` returns a wave from which Newton's
+method converges to the target, and the condition that fixes the target in Newton's method.  A
+target is a name, "amplitude", "above" or "energy", and a value: the magnitude of the peak
+elongation [m], m c^2 - V''(0) [N/m], or the energy [J].  Below, the magnitude of the peak
+elongation of a wave is called its size.
 """
 
 from __future__ import annotations
@@ -18,17 +19,34 @@ from tensegrity.errors import ResolutionError, TensegrityError
 from tensegrity.waves.family import SIGNS
 from tensegrity.waves.travelling import NoWaveError, amplitude_is, energy_is, speed_is
 
-MOST = 1000  # families of one sign that can be named
-SEARCHES = 60
-NARROW = 5e-3  # step in the logarithm of a size at which the last wave of a family is told
-SETTLED = 1e-12  # ... over its size, that is round-off
-FRONT = 1 - 1e-7  # part of the size of a front
-FACTOR = math.log(4.0)  # largest change of log amplitude/(stroke left) in a step of the search
-CLOSE = 0.03  # relative distance from which Newton's method is trusted to reach the target
+MOST = 1000  # largest number of a family of one sign
+SEARCHES = 60  # steps of a search
+NARROW = 5e-3  # width of the bracket in log size at which it contains the last wave of a family
+SETTLED = 1e-12  # relative width of the bracket that is round-off
+FRONT = 1 - 1e-7  # largest size, over that of a front
+FACTOR = math.log(4.0)  # largest change of log(size/(end - size)) in a step of the search
+CLOSE = 0.03  # relative distance from the target at which Newton's method is sure to converge
 
 
 def near(family, name, value, mass):
-    """A wave near a target, and the condition for it."""
+    """A wave near a target.
+
+    Parameters
+    ----------
+    family : Family
+    name : {"amplitude", "above", "energy"}
+    value : float
+        Peak elongation in magnitude [m], m c^2 - V''(0) [N/m], or energy [J]; > 0.
+    mass : float
+        Of each site [kg], for messages.
+
+    Returns
+    -------
+    profile : Profile
+        A wave from which Newton's method converges to the target.
+    condition : callable
+        The condition that fixes the target, for `travelling.newton`.
+    """
     return {"amplitude": _with_size, "above": _with_stiffness, "energy": _with_energy}[name](
         family, value, mass
     )
@@ -39,10 +57,10 @@ def _with_size(family, size, mass):
         return abs(profile.law.reference)
 
     def describe(size):
-        return f"crest {family.sign * size:.6g} m"
+        return f"peak {family.sign * size:.6g} m"
 
     if not family.sizes[0] <= size < family.rising_part.top:
-        family.wave(size)  # says why not
+        family.wave(size)  # raises an error with the reason
     profile = _search(
         family, lambda profile: math.log(crest(profile) / size), size, describe(size),
         lambda profile: describe(crest(profile)),
@@ -61,22 +79,22 @@ def _with_stiffness(family, above, mass):
     if above >= part.ceiling and family.top_stiffness >= 0:
         raise TensegrityError(
             f"{describe(above)} must be below {describe(part.ceiling)}: the spring softens, and as "
-            f"waves of {family.name} approach that speed their tops grow flat and endless"
+            f"waves of {family.name} approach that speed they become plateaus of unbounded width"
         )
     if above <= part.floor:
         raise TensegrityError(
             f"{describe(above)} must be above {describe(part.floor)}, that of the front at which "
-            f"the waves before those of {family.name} end"
+            f"the family before {family.name} ends"
         )
 
-    def place(value):  # from -inf to inf within the family
+    def place(value):  # maps the open range of the family to the real line
         left = part.ceiling - value if family.ends_in_plateau else 1.0
         return math.log(value - part.floor) - math.log(left)
 
     def excess(profile):
         value = level(profile)
         if value <= part.floor or (family.ends_in_plateau and value >= part.ceiling):
-            raise NoWaveError(f"a wave with {describe(value)} is none of {family.name}")
+            raise NoWaveError(f"a wave with {describe(value)} does not belong to {family.name}")
         return place(value) - place(above)
 
     start = _start(family, family.long_wave > above)
@@ -99,28 +117,28 @@ def _with_energy(family, target, mass):
 
 
 def _start(family, enough):
-    """The first size at which a wave may exist and has enough of something, or the last."""
+    """The smallest tabulated size at which a wave can exist and `enough` holds, or the last one."""
     inside = (family.sizes > family.rising_part.start) & (family.sizes < family.rising_part.top)
     found = np.flatnonzero(enough & inside & (family.long_wave > family.rising_part.floor))
     return family.sizes[found[0]] if found.size else _last(family)
 
 
 def _last(family):
-    """Size of the largest wave that is looked for [m]: crests beyond kinks, see `pieces`."""
+    """Size of the largest wave of the search [m]; for peaks beyond a kink see `multidomain`."""
     return min(family.sizes[-1], FRONT * min(family.end, family.rising_part.top), family.kink)
 
 
 def _search(family, excess, start, target, reached):
-    """Secant steps in the size until |excess| < CLOSE; excess must rise with the size.
+    """Secant steps in the size until |excess| < CLOSE; the excess must increase with the size.
 
-    Steps are those of log(a/(end - a)), or log a where there is no end.  Where waves end on the
-    way, the last one found is described by `reached`.
+    The steps are in log(a/(end - a)) of the size a, or in log a if there is no end.  If the family
+    ends before the target, the message describes the last wave by `reached`.
     """
     largest, (place, size_at) = _last(family), _coordinate(min(family.end, family.rising_part.top))
     size, before = min(start, largest), None
-    low, high = -math.inf, math.inf  # coordinates between which the wave must lie
-    below = above = None  # waves found there
-    reason = "the search did not settle"
+    low, high = -math.inf, math.inf  # bracket of the wave's coordinate
+    below = above = None  # waves computed at its ends
+    reason = "the search did not converge"
     for _ in range(SEARCHES):
         here, profile, gap = place(size), None, None
         try:
@@ -130,7 +148,7 @@ def _search(family, excess, start, target, reached):
             profile, reason = None, error
         if gap is not None and abs(gap) < CLOSE:
             return profile
-        if below if gap is None else not gap < 0:  # where there is no wave: behind those below
+        if below if gap is None else not gap < 0:  # without a wave: beyond those below
             high, above = min(high, here), profile or above
         else:
             low, below = max(low, here), profile or below
@@ -147,15 +165,15 @@ def _search(family, excess, start, target, reached):
 
 
 def _coordinate(end):
-    """In which a search steps from size to size, and back."""
+    """The coordinate of a size in which the search steps, and its inverse."""
     if math.isinf(end):
         return math.log, math.exp
     return lambda size: math.log(size / (end - size)), lambda new: end / (1 + math.exp(-new))
 
 
 def _next(here, gap, before, low, high):
-    """A secant step from a place with some gap, and one before, outwards where there is no wave;
-    between two places."""
+    """The next coordinate: a secant step from `here` and the one before, an outward step if there
+    is no wave at `here`, or a bisection if the step leaves the bracket."""
     slope, step = 1.0, FACTOR
     if gap is not None:
         if before and before[0] != here:
@@ -167,20 +185,43 @@ def _next(here, gap, before, low, high):
 
 
 def _out_of_range(family, target, reached, below, above):
-    """The error for what lies beyond the last wave found on one side."""
+    """The error for a target beyond the smallest or largest wave of the family."""
     side, profile, last = ("above", below, "largest") if below else ("below", above, "smallest")
     range_ = f"the {last} found before the end of the domain or of the family"
     if last == "smallest":
         with contextlib.suppress(TensegrityError):
-            range_ += f"; its largest has {reached(family.wave(_last(family)))}"
+            range_ += f"; the largest has {reached(family.wave(_last(family)))}"
     return TensegrityError(
         f"no solitary wave of {family.name} with {target}: it is {side} {reached(profile)}, that "
-        f"of the wave with a crest of {profile.law.reference:.6g} m, {range_}"
+        f"of the wave with a peak of {profile.law.reference:.6g} m, {range_}"
     )
 
 
 def stiffness_above(name, value, sound, mass, rest):
-    """m c^2 - V''(0) [N/m] of a speed, a speed ratio or its excess."""
+    """m c^2 - V''(0) of a wave with a given speed.
+
+    Parameters
+    ----------
+    name : {"speed", "speed_ratio", "excess"}
+    value : float
+        Speed [sites/s], speed over sound speed, or that ratio minus 1.
+    sound : float
+        Sound speed [sites/s].
+    mass : float
+        Of each site [kg].
+    rest : float
+        V''(0) [N/m].
+
+    Returns
+    -------
+    float
+        [N/m], > 0.
+
+    Raises
+    ------
+    TensegrityError
+        A speed that is not above the sound speed, or a ratio in a sonic vacuum.
+    """
     if name != "speed" and sound == 0:
         raise TensegrityError(
             f"{name} given, but the sound speed is 0 (a sonic vacuum): give the speed"
@@ -193,8 +234,8 @@ def stiffness_above(name, value, sound, mass, rest):
         above = rest * (speed / sound - 1) * (speed / sound + 1) if sound else mass * speed * speed
     if name != "excess" and not speed > sound:
         raise TensegrityError(
-            f"speed {speed:g} must be above {sound:g} sites/s, the sound speed: one as slow "
-            "has no decaying tail"
+            f"speed {speed:g} must be above {sound:g} sites/s, the sound speed: slower waves "
+            "have no decaying tail"
         )
     stiffness = mass * speed * speed
     if not (above > 0 and stiffness < math.inf):
@@ -206,7 +247,28 @@ def stiffness_above(name, value, sound, mass, rest):
 
 
 def sign_and_number(potential, family, amplitude):
-    """-1 or 1, the sign of the elongation, and which family of it, from 0, or None."""
+    """The sign and the number of the family that contains a wave.
+
+    Parameters
+    ----------
+    potential : Potential
+    family : str or None
+        "compression" or "rarefaction", with a number from the second family on.
+    amplitude : float or None
+        Peak elongation [m], if that is the target.
+
+    Returns
+    -------
+    sign : {-1, 1}
+        Sign of the elongation.
+    number : int or None
+        Index of the family from 0; None if `family` has no number.
+
+    Raises
+    ------
+    TensegrityError
+        An unknown family, or an amplitude that is 0, outside the domain, or of the other sign.
+    """
     number = None
     if family is not None:
         word, _, rest = family.partition(" ") if isinstance(family, str) else ("", "", "")
@@ -228,5 +290,5 @@ def sign_and_number(potential, family, amplitude):
             f"amplitude {amplitude:g} m has the wrong sign for family {family!r}: compression < 0"
         )
     if not potential.domain[0] < amplitude < potential.domain[1]:
-        potential.tension(amplitude)  # says which end
+        potential.tension(amplitude)  # raises an error that names the end of the domain
     return sign, number

@@ -1,8 +1,8 @@
-"""The family of solitary waves of one sign: whether there is one, and the wave of a given crest.
+"""Families of solitary waves of one sign: their existence, and the wave of a given peak.
 
-Waves of a family are ordered by the size of the crest's elongation, with speed and energy rising
-along it.  It is sampled by `travelling` on coarse grids, which takes milliseconds a wave, until
-one is near what is asked, see `by_target`; that one is then solved to round-off.
+The waves of a family are ordered by the magnitude of the peak elongation, here called the size, and
+speed and energy increase along it.  `by_target` samples the family on coarse grids, which takes
+milliseconds per wave, until a wave is near the target; this one is then solved to round-off.
 """
 
 from __future__ import annotations
@@ -27,37 +27,37 @@ from tensegrity.waves.travelling import (
 )
 
 SIGNS = {"compression": -1, "rarefaction": 1}  # of the elongation
-TARGET, LARGEST = 2e-13, 1e-12  # residual aimed at, and the largest that is returned
-LEAST = 2.0**-52  # of the scale of a spring: a crest whose wave is no faster than sound
-LEAST_OF_END = 2.0**-30  # of the domain where the spring has no scale
-MOST_BINADES = 1023
-SMALLEST = np.finfo(float).tiny  # number that keeps all its digits
-PER_BINADE = 6  # sizes in the table
-CLOSER = 34  # ... between the last of them at which a spring resists and the next
+TARGET, LARGEST = 2e-13, 1e-12  # residual aimed at, and the largest that is accepted
+LEAST = 2.0**-52  # size over the spring's scale at which the speed rounds to the sound speed
+LEAST_OF_END = 2.0**-30  # smallest size over the domain for a spring without a scale
+MOST_BINADES = 1023  # of the table for an unbounded domain
+SMALLEST = np.finfo(float).tiny  # smallest normal number
+PER_BINADE = 6  # sizes per factor of 2 in the table
+CLOSER = 34  # sizes between the last at which the spring resists and the next
 TINY = 2.0**-1000  # m: smallest size in the table of a spring without a scale
-ROUGH = 1e-4  # residual, and Newton's last step, while a wave is sought
-FIRST_POINTS, MOST_POINTS = 192, 32768
-ROUGH_TAIL, TAIL = 1e-8, 1e-17  # of the crest, expected at the end of the grid
-TAIL_LEFT = 1e-14  # of the crest, found there
-NO_TAIL = 1e-2  # of the crest, left at the end of the longest grid: it is no solitary wave
-LONGEST = 8  # half-length over what the linear tail needs, while a wave is sought
-CORE = 3.0  # sites in which a wave has fallen to its linear tail
-SLOWEST_DECAY = 6.0  # per site: faster tails are over within the core
-FLAT = 0.02  # distance to it, over its size, from which a wave is made from one farther away
-STROKE = 0.9995  # part of the stroke to the end of the domain that a wave is looked for in
-NO_STIFFNESS = 1e-12  # of m c^2 at a front: a stiffness there that is round-off
-NEAREST = 2.0**-20  # of the stroke, left where the force at a wall is looked at
-AT_END = 2.0**-36  # of the stroke, left to a wave at the end of the domain where force is finite
-STEADY = 0.02  # exponent of the force at an end, or agreement of two, below which they are 0
-FIRST_LAG, LAGS = 1e-6, 4001  # part of the way on which V falls from a crest; places of a lag
-ROUND_OFF = 1e-13  # of a crest, next to which stored energies differ by more than round-off
-NODES = 6  # waves, the stroke left halved from one to the next, from which a limit is taken
+ROUGH = 1e-4  # residual, and last Newton step, during the search
+FIRST_POINTS, MOST_POINTS = 192, 32768  # of the grid
+ROUGH_TAIL, TAIL = 1e-8, 1e-17  # expected elongation at the end of the grid, over the peak
+TAIL_LEFT = 1e-14  # largest computed elongation there, over the peak
+NO_TAIL = 1e-2  # the same on the longest grid, above which the wave is not solitary
+LONGEST = 8  # half-length over that of the linear tail, during the search
+CORE = 3.0  # sites within which a wave has decayed to its linear tail
+SLOWEST_DECAY = 6.0  # per site: faster tails end within the core
+FLAT = 0.02  # relative distance to a front below which a wave is extended from one farther away
+STROKE = 0.9995  # fraction of the stroke in which waves are sought
+NO_STIFFNESS = 1e-12  # stiffness at a front over m c^2 that is round-off
+NEAREST = 2.0**-20  # distance from a wall, over the stroke, at which its force is evaluated
+AT_END = 2.0**-36  # the same for a wave at the end of a domain with finite force
+STEADY = 0.02  # tolerance on the exponent of the force at a wall
+FIRST_LAG, LAGS = 1e-6, 4001  # first distance from the peak over that of the decay of V; nodes
+ROUND_OFF = 1e-13  # distance from the peak, over it, below which differences of V are round-off
+NODES = 6  # waves of an extrapolation; the remaining stroke doubles from one to the next
 
 
 class Family:
-    """Waves of one sign, ordered by the size a > 0 [m] of the crest's elongation.
+    """Waves of one sign, ordered by the size a > 0 [m], the magnitude of the peak elongation.
 
-    Those of one rise of Q = 2V/r^2, see `nonlinear_part`: of the first one by default.
+    They belong to one rising part of Q = 2V/r^2 (`nonlinear_part`), by default the first.
     """
 
     def __init__(self, potential, sign, number=0) -> None:
@@ -72,15 +72,15 @@ class Family:
         self._check_existence()
         if number >= len(self.rising_parts):
             raise TensegrityError(
-                f"no solitary wave of {self.name} {number + 1}: 2V/r^2 rises above what it was "
-                f"before {len(self.rising_parts)} times only"
+                f"no solitary wave of {self.name} {number + 1}: 2V/r^2 exceeds its earlier values "
+                f"{len(self.rising_parts)} times only"
             )
         self.rising_part = self.rising_parts[number]
         self.name += f" {number + 1}" if number else ""
         self.long_wave = self.long_wave_at(self.sizes)
 
     def holding(self, name, value):
-        """The family of this sign, or the last one, to which a target belongs, see `by_target`."""
+        """The family of this sign that contains a target of `by_target`; else the last one."""
         number = next(
             (k for k, part in enumerate(self.rising_parts) if value < part.bound(name)),
             len(self.rising_parts) - 1,
@@ -89,20 +89,20 @@ class Family:
         return self if same else Family(self.potential, self.sign, number)
 
     def force(self, size):
-        """|V'| [N] at sizes of elongation."""
+        """|V'| [N] at elongations of given size [m]."""
         return self.rest * size + self.sign * self.nonlinear.tension(self.sign * size)
 
     def slope(self, size):
-        """V'' [N/m]."""
+        """V'' [N/m] at elongations of given size [m]."""
         return self.rest + self.nonlinear.stiffness(self.sign * size)
 
     def stored(self, size):
-        """V - V(0) [J]."""
+        """V - V(0) [J] at elongations of given size [m]."""
         return self.rest * size * size / 2 + self.nonlinear.energy(self.sign * size)
 
     def _table(self):
-        """Sizes a up to the end of the domain, |V'|/a - V''(0), V - V''(0) a^2/2 and V'' there,
-        while the spring resists and all is finite; (4, n)."""
+        """Sizes a up to the end of the domain, |V'|/a - V''(0), V - V''(0) a^2/2 and V'' there, as
+        far as the spring resists and all values are finite; (4, n)."""
         scale = min(self.nonlinear.scale, self.end)
         least = (LEAST if math.isfinite(self.nonlinear.scale) else LEAST_OF_END) * scale
         if math.isinf(self.end):
@@ -113,7 +113,7 @@ class Family:
             far = 1 - np.logspace(0, math.log10(1 - STROKE), 161)
             sizes = self.end * np.sort(np.concatenate([near, far[far > 1 / 16]]))
         rows, good = self._rows(sizes)
-        # without a scale the energies of the smallest crests underflow
+        # without a scale the energies of the smallest elongations underflow
         first = 0 if math.isfinite(self.nonlinear.scale) else int(np.argmax(good))
         last = len(good) if good[first:].all() else first + int(np.argmin(good[first:]))
         rows = rows[:, first:last]
@@ -127,7 +127,7 @@ class Family:
         return rows
 
     def _rows(self, sizes):
-        """Lines of the table, and where the spring resists and all is finite."""
+        """Rows of the table, and whether the spring resists and all values are finite."""
         r = self.sign * sizes
         with np.errstate(all="ignore"):
             gain = self.nonlinear.tension(r) / r
@@ -138,32 +138,32 @@ class Family:
             return rows, np.isfinite(rows).all(axis=0) & np.isfinite(energy) & (energy > SMALLEST)
 
     def long_wave_at(self, size):
-        """m c^2 - V''(0) [N/m] of the long-wave equation, at crests of some sizes a; not positive
-        where there is no wave.
+        """m c^2 - V''(0) [N/m] by the long-wave equation for peaks of given size; not positive if
+        there is no wave.
 
-        The equation m c^2 r = T + T''/12, T = V'(r), has the integral
-        T'^2/24 = m c^2 (r T - V) - T^2/2, which vanishes at the crest.
+        The equation m c^2 r = T + T''/12, T = V'(r), has the first integral
+        T'^2/24 = m c^2 (r T - V) - T^2/2, which vanishes at the peak.
         """
         r = self.sign * size
         gain = self.nonlinear.tension(r) / r
         unit = self.rest + np.abs(gain)
         gain, rest = gain / unit, self.rest / unit
         energy = 2 * self.nonlinear.energy(r) / size / size / unit
-        twice = rest + 2 * gain - energy  # 2 (r T - V)/a^2: not positive where the spring gives way
+        twice = rest + 2 * gain - energy  # 2 (r T - V)/a^2: not positive where the spring softens
         good = (twice > 0) & (gain > 0)
         above = (rest * energy + gain**2) / np.where(good, twice, 1.0)
         return np.where(good, above * unit, -self.rest)
 
     def _check_existence(self):
-        """A wave needs V'(r)/r > V''(0) at its crest: m c^2 |r| = |K V'| is at most max |V'| there,
-        and c > cs for a tail that decays."""
+        """Require V'(r)/r > V''(0) for some r, as a wave has at its peak: m c^2 |r| = |K V'| is at
+        most max |V'| there, and the tail decays only if c > cs."""
         secant = self.secant
         grows = self.gain.max() > 1e-9 * self.rest and secant.max() > secant[0] * (1 + 1e-9)
         if not (grows and self.rising_parts):
             raise TensegrityError(
-                f"no solitary wave of {self.name}: V'(r)/r does not rise above its value at rest, "
-                f"{secant[0]:g} N/m (beyond, it is {secant[-1]:g} N/m), but a wave whose tail "
-                "decays needs more at its crest"
+                f"no solitary wave of {self.name}: V'(r)/r does not exceed its value at rest, "
+                f"{secant[0]:g} N/m (at the end it is {secant[-1]:g} N/m), as a wave with a "
+                "decaying tail requires at its peak"
             )
 
     @cached_property
@@ -187,18 +187,18 @@ class Family:
         return tension
 
     def wave(self, size):
-        """The wave of that size, roughly resolved."""
+        """The wave of a given size [m] on a coarse grid."""
         if size < self.sizes[0]:
-            why = "its speed would be that of sound" if self.rest else "its energy would be 0"
+            why = "the speed is the sound speed" if self.rest else "the energy is 0"
             raise NoWaveError(
-                f"crest {self.sign * size:g} m must be at least {self.sizes[0]:g} m in size: {why} "
+                f"peak {self.sign * size:g} m must be at least {self.sizes[0]:g} m in size: {why} "
                 "to round-off"
             )
         if size >= self.rising_part.top:
-            flat = f", and as waves of {self.name} approach that, their tops grow flat and endless"
+            flat = f", and towards it waves of {self.name} become plateaus of unbounded width"
             flat = flat if self.top_stiffness >= 0 else ""
             raise NoWaveError(
-                f"crest {self.sign * size:g} m must be below {self.rising_part.top:g} m in size, "
+                f"peak {self.sign * size:g} m must be below {self.rising_part.top:g} m in size, "
                 f"where 2V/r^2 is largest: the spring softens{flat}"
             )
         law = Scaled(self.potential, self.sign * size)
@@ -209,8 +209,8 @@ class Family:
         while points <= MOST_POINTS:
             if not nu > 0:
                 raise NoWaveError(
-                    f"no solitary wave of {self.name} with a crest of {self.sign * size:g} m: it "
-                    "would be slower than sound"
+                    f"no solitary wave of {self.name} with a peak of {self.sign * size:g} m: its "
+                    "speed would be below the sound speed"
                 )
             needed = half_length(law, nu, ROUGH_TAIL)
             if needed > 1.2 * length:
@@ -222,9 +222,9 @@ class Family:
             profile = newton(profile, amplitude_is(1.0), ROUGH)
             nu = profile.nu
             if profile.tail > ROUGH and length < LONGEST * needed:
-                length *= 2  # the core is wide, as for a force hardly steeper than linear
+                length *= 2  # the core is wide if the force is only slightly nonlinear
             elif profile.tail > NO_TAIL:
-                raise NoWaveError(f"no localised wave with a crest of {self.sign * size:g} m")
+                raise NoWaveError(f"no localised wave with a peak of {self.sign * size:g} m")
             elif profile.defect() < ROUGH:
                 return profile
             points *= 2
@@ -232,7 +232,7 @@ class Family:
 
     @property
     def ends_in_plateau(self):
-        """Whether the family ends at a front that its waves come to with flat tops."""
+        """Whether the family ends at a front that its waves approach as plateaus."""
         return math.isfinite(self.rising_part.top) and self.top_stiffness > 0
 
     @property
@@ -240,13 +240,13 @@ class Family:
         return self.stiffness_from_top(1.0)
 
     def stiffness_from_top(self, part):
-        """V'' at `part` of the size at which 2V/r^2 is largest [N/m]; 0 where it is round-off."""
+        """V'' [N/m] at `part` times the size at which 2V/r^2 is largest; 0 if it is round-off."""
         found = float(self.potential.stiffness(self.sign * part * self.rising_part.top))
         return found if abs(found) > NO_STIFFNESS * (self.rest + self.rising_part.ceiling) else 0.0
 
     @cached_property
     def _with_plateau(self):
-        """A wave with a top that begins to be flat."""
+        """A wave with the onset of a plateau."""
         return self.wave((1 - FLAT) * self.rising_part.top)
 
     def _near_front(self, law):
@@ -262,7 +262,7 @@ class Family:
         raise _unresolved(law)
 
     def _rough(self, size):
-        """f of `Scaled`, interpolated; not finite far off, where an iteration may run."""
+        """f of `Scaled`, interpolated; not finite at large arguments of a diverging iteration."""
 
         @np.errstate(over="ignore", invalid="ignore")
         def f(rho):
@@ -271,27 +271,27 @@ class Family:
         return f
 
     def exponent_at_end(self, part):
-        """y V''/|V'| at y = `part` of the stroke from the end of the domain: n + 1 of V ~ y^-n, 0
-        of a finite force."""
+        """y V''/|V'| at the distance y = `part` times the stroke from the end of the domain: n + 1
+        for V ~ y^-n, 0 for a finite force."""
         y = part * self.end
         r = self.sign * (self.end - y)
         return float(y * self.potential.derivative(2, r) / abs(self.potential.derivative(1, r)))
 
     @property
     def kink(self):
-        """Size of elongation at the first kink of the force on this side [m]; inf without."""
+        """Size of the elongation at the first kink of the force on this side [m]; inf if none."""
         places = [self.sign * place for place, *_ in self.potential.openings]
         return min((place for place in places if place > 0), default=math.inf)
 
     @cached_property
     def finite_at_end(self):
-        """Whether the force is finite at the end of the domain, be a wall just beyond it."""
+        """Whether the force is finite at the end of the domain, even if a wall is just beyond."""
         nearest = self.exponent_at_end(AT_END)
         return nearest < max(STEADY, self.exponent_at_end(NEAREST) / 2)
 
     def stiffness_at_end(self, closest):
-        """Limit of m c^2 [N/m] towards the end of the domain: of the wave that gets there where the
-        force is finite, else by Neville's scheme in the root of the stroke left."""
+        """Limit of m c^2 [N/m] as the peak approaches the end of the domain: of a wave there if the
+        force is finite, else extrapolated in the square root of the remaining stroke."""
         from scipy.interpolate import BarycentricInterpolator
 
         finite = self.finite_at_end
@@ -309,13 +309,13 @@ class Family:
         return values[0] if finite else float(BarycentricInterpolator(np.sqrt(left), values)(0.0))
 
     def _collision(self, crest):
-        """m c^2 [N/m] of a wave much faster than sound, whose masses collide two by two.
+        """m c^2 [N/m] of a wave far above the sound speed, in which masses collide in pairs.
 
-        Their relative velocity is c sigma, all of which energy 4 V/m is stored at the crest, and
-        sigma is the crest and what the bond lags behind free flight; see `derivations.softening`.
+        The relative velocity of a pair is c sigma, with (c sigma)^2 = 4 V/m at the peak; sigma is
+        the size of the peak plus the lag of the bond behind free flight; `derivations.softening`.
         """
         stored = float(self.stored(crest))
-        near = stored / abs(float(self.potential.tension(self.sign * crest)))  # where V has fallen
+        near = stored / abs(float(self.potential.tension(self.sign * crest)))  # decay length of V
         y = np.geomspace(max(FIRST_LAG * near, ROUND_OFF * crest), crest, LAGS)
         lag = y * (1 / np.sqrt(1 - self.stored(crest - y) / stored) - 1)
         sigma = crest + 2 * math.sqrt(y[0] * near) + float(np.trapezoid(lag, np.log(y)))
@@ -323,12 +323,11 @@ class Family:
 
 
 def _lengthened(wave, law, rising_part, rate):
-    """A rough profile with the crest `law.reference`, closer to the front that ends a rise of Q
-    than that of `wave`.
+    """An approximate profile with the peak `law.reference`, closer to the front than `wave`.
 
-    Near its top, flat between two fronts, such a wave is the front's state less gap cosh(k x), k
-    the `rate` per site at which small deviations from that state grow in the linear lattice there.
-    So a smaller gap lengthens the top and changes little else; see `derivations.softening`.
+    On its plateau between two fronts such a wave is the state of the front minus gap cosh(k x),
+    with the `rate` k per site at which small deviations from that state grow in the linear lattice.
+    A smaller gap therefore lengthens the plateau and changes little else; `derivations.softening`.
     """
     far, near = (rising_part.top - abs(x.reference) for x in (wave.law, law))  # gaps
     longer = math.log(far / near) / rate
@@ -346,12 +345,26 @@ def _lengthened(wave, law, rising_part, rate):
 
 
 def _unresolved(law):
-    crest = f"the wave with a crest of {law.reference:.9g} m"
+    crest = f"the wave with a peak of {law.reference:.9g} m"
     return ResolutionError(f"{MOST_POINTS} points do not resolve {crest}")
 
 
 def half_length(law, nu, tail=TAIL):
-    """Sites from the crest to where `tail` of it is left."""
+    """Distance from the peak at which a wave has decayed to a fraction of it.
+
+    Parameters
+    ----------
+    law : Scaled
+    nu : float
+        Scaled m c^2 - V''(0); see `travelling`.
+    tail : float, optional
+        The fraction.
+
+    Returns
+    -------
+    float
+        Sites.
+    """
     gain = nu / law.rest if law.rest > 0 else math.inf
     return CORE - math.log(tail) / min(decay_rate(gain), SLOWEST_DECAY)
 
@@ -374,12 +387,12 @@ def refined(profile, condition):
             previous, density = defect, 2 * density
     raise ResolutionError(
         f"residual {defect:.1e} with {profile.grid.points} points must be at most {LARGEST:g}: "
-        f"the wave with a crest of {law.reference * profile.rho[0]:.9g} m is not resolved"
+        f"the wave with a peak of {law.reference * profile.rho[0]:.9g} m is not resolved"
     )
 
 
 def _even(points):
-    """The next length that a cosine transform is fast for: a product of 2, 3 and 5."""
+    """The next length for which a cosine transform is fast: a product of powers of 2, 3 and 5."""
     length = math.ceil(points)
     while True:
         left = length

@@ -1,12 +1,13 @@
-"""Waves whose crest is beyond a kink of the force, as where contacts open: solved in pieces.
+"""Waves whose peak is beyond a kink of the force, such as a loss of contact: a multidomain method.
 
-Where the elongation passes the kink, at the distance X from the crest, the tension has a kink or a
-root in x, and no Fourier's series is exact; the elongation has one of two orders more there,
-and the same again a site farther.  The places X + j and -X + j, j whole, divide the line into
-cells that a shift by one site maps onto each other.  In each cell, in a coordinate that crowds
-towards its ends, all is a polynomial; K T = W(x + 1) - 2 W(x) + W(x - 1), W'' = T, is then exact
-on the nodes.  Newton's method solves m c^2 r = K T and r(X) = the kink for given X, and X is
-what amplitude, speed or energy are adjusted by.
+Where the elongation passes the kink, at the distance X from the peak, the tension as a function of
+x has a kink or a root, so that Fourier series converge slowly; the elongation has a singularity of
+two orders higher there, and another one at each further site.  The points X + j and -X + j, j an
+integer, divide the line into cells that a shift by one site maps onto each other.  In each cell all
+functions are polynomials in a coordinate whose nodes are denser towards its ends, and
+K T = W(x + 1) - 2 W(x) + W(x - 1), W'' = T, is exact on the nodes.  Newton's method solves
+m c^2 r = K T and r(X) = kink for given X, and X is adjusted to the required amplitude, speed or
+energy.
 """
 
 from __future__ import annotations
@@ -21,30 +22,31 @@ from tensegrity.root import root
 from tensegrity.waves.family import half_length
 from tensegrity.waves.travelling import Grid, cosine_sum
 
-BEFORE, START = 0.99, 0.05  # part of a kink, and the distance X, to begin with from there
-NODES, FINER = (16, 32, 48, 64), 8  # in a cell; so many more where the residual is taken
+BEFORE, START = 0.99, 0.05  # size of the initial wave over the kink, and its distance X
+NODES, FINER = (16, 32, 48, 64), 8  # nodes per cell; additional nodes for the residual
 CROWDING = 3  # order of the zeros of dx/dt at the ends of a cell
-ITERATIONS, CONVERGED = 40, 1e-13
-SEARCHES, ADJUSTED = 60, 4e-16
-FIRST, FARTHEST = 1e-3, 0.25  # change of X to begin with, in parts of it; sites, at most
-TARGET, LARGEST = 1e-13, 1e-12  # residual aimed at, and the largest that is returned
-POINTS = 4096  # of the uniform grid that such a wave shows
+ITERATIONS, CONVERGED = 40, 1e-13  # of Newton's method, and its relative tolerance
+SEARCHES, ADJUSTED = 60, 4e-16  # secant steps in X, and their relative tolerance
+FIRST, FARTHEST = 1e-3, 0.25  # first relative change of X; largest change in sites
+TARGET, LARGEST = 1e-13, 1e-12  # residual aimed at, and the largest that is accepted
+POINTS = 4096  # points of the uniform output grid
 
 
 class Mesh:
-    """Cells and nodes for a kink at the distance X >= 0 from the crest.
+    """Cells and nodes for a kink at the distance X >= 0 from the peak.
 
     Attributes
     ----------
     edges : ndarray, (cells + 1,)
+        Borders of the cells, in sites.
     x : ndarray, (n,)
         Nodes at x > 0.
     mean : ndarray, (n, n)
-        K on the values at nodes of an even function.
+        Matrix of K on the nodal values of an even function.
     at_kink, at_crest : ndarray, (n,)
-        K at X; the value at 0.
+        Row vectors of the value of K at X, and of the function at 0.
     weights : ndarray, (n,)
-        Of the integral over the line.
+        Weights of the integral over the line.
     """
 
     def __init__(self, kink, half_length, nodes):
@@ -97,25 +99,25 @@ class Mesh:
         return high - 2 * here + low, edges[4] - 2 * edges[2] + edges[0]
 
     def _folded(self, row):
-        """A functional of all values, of those at x > 0 of an even function."""
+        """A functional of all nodal values, restricted to those of an even function at x > 0."""
         half = row.shape[-1] // 2
         return row[..., half:] + row[..., :half][..., ::-1]
 
 
 def _running(t, nodes):
-    """Integrals from 0 to t of Legendre's polynomials of 2 t - 1, (len(t), nodes)."""
+    """Integrals from 0 to t of the Legendre polynomials in 2 t - 1, (len(t), nodes)."""
     return np.stack(
         [legendre.legval(2 * t - 1, legendre.legint(row, lbnd=-1)) / 2 for row in np.eye(nodes)], -1
     )
 
 
 class Integrals:
-    """A wave by the integrals from x to infinity, once and twice, of what du/dx is the mean of over
-    a site: the tension over m c^2, an even function given on a mesh."""
+    """A wave given by the first and second integrals from x to infinity of the tension over m c^2,
+    an even function on a mesh; its mean over one site is du/dx."""
 
     def __init__(self, mesh, values):
         self.grid = Grid(POINTS, float(mesh.edges[-1]))
-        self._edges = mesh.edges[len(mesh.edges) // 2 - 1 :]  # from the cell of the crest on
+        self._edges = mesh.edges[len(mesh.edges) // 2 - 1 :]  # starting with the cell of the peak
         values = np.concatenate([values[: mesh.nodes // 2][::-1], values]).reshape(-1, mesh.nodes)
         widths = np.diff(self._edges)[:, None]
         series = (values * mesh.rate * widths) @ mesh.to_series.T
@@ -125,18 +127,18 @@ class Integrals:
         self._twice = _integrated_to_infinity(series)
 
     def once(self, x):
-        """Integral from x to infinity."""
+        """Integral of the function from x to infinity."""
         return np.where(x < 0, 2 * self._at(self._once, 0.0 * x), 0.0) + np.sign(
             np.where(x == 0, 1.0, x)
         ) * self._at(self._once, np.abs(x))
 
     def twice(self, x):
-        """That of it."""
+        """Integral of `once` from x to infinity."""
         more = np.where(x < 0, -2 * x * self._at(self._once, 0.0 * x), 0.0)
         return more + self._at(self._twice, np.abs(x))
 
     def elongation(self, x):
-        """r [m] at distances x from the crest: K of the function."""
+        """r [m] at distances x from the peak: K applied to the function."""
         return self.twice(x + 1) - 2 * self.twice(x) + self.twice(x - 1)
 
     def rate(self, x):
@@ -171,7 +173,7 @@ class Integrals:
 
 
 def _integrated_to_infinity(series):
-    """Series of the integrals from a place in each cell to infinity."""
+    """Series of the integrals from a point of each cell to infinity."""
     found = -legendre.legint(series, lbnd=1, axis=1) / 2
     whole = legendre.legval(-1.0, found.T)
     found[:, 0] += np.cumsum(whole[::-1])[::-1] - whole
@@ -196,41 +198,54 @@ def _newton(side, mesh, size, squared):
         if np.abs(step).max() < CONVERGED * (squared + size.max()):
             return size, squared
     raise ResolutionError(
-        f"the wave whose crest is beyond the corner of the force at {side.kink:g} m was not found: "
-        f"the last iteration still moved {np.abs(step).max():.1e}"
+        f"no wave found whose peak is beyond the kink of the force at {side.kink:g} m: "
+        f"the last Newton step is {np.abs(step).max():.1e}"
     )
 
 
 def may_cross_kink(side, name, value):
-    """Whether a wave of that amplitude, speed or energy may have its crest beyond a kink."""
+    """Whether a wave can have its peak beyond a kink.
+
+    Parameters
+    ----------
+    side : Family
+    name : {"amplitude", "above", "energy"}
+    value : float
+        The target; see `by_target`.
+
+    Returns
+    -------
+    bool
+    """
     low = side.kink if name == "amplitude" else 0.0
     return side.kink < side.rising_part.top and low <= value < side.rising_part.bound(name)
 
 
 def multidomain_wave(side, name, value):
-    """The wave of a family whose crest is beyond a kink.
+    """The wave of a family whose peak is beyond a kink.
 
     Parameters
     ----------
     side : Family
     name, value
-        The target, see `by_target`.
+        The target; see `by_target`.
 
     Returns
     -------
-    m c^2 [N/m], m c^2/V''(0) - 1, crest [m], energy [J], residual, `Integrals`
+    tuple
+        m c^2 [N/m], m c^2/V''(0) - 1, peak elongation [m], energy [J], residual, `Integrals`.
 
     Raises
     ------
     TensegrityError
-        There is none.
+        There is no such wave.
     ResolutionError
-        It is not resolved.
+        The finest mesh does not resolve the wave.
     """
     kink = side.kink
     try:
         profile = side.wave(kink + min(side.rising_part.top - kink, kink) / 2)
-    except TensegrityError:  # its series does not settle: begin before the kink
+    except TensegrityError:  # the Fourier series does not converge: begin before the kink
         profile = side.wave(BEFORE * kink)
     known = profile.grid.half_length
     length = max(half_length(profile.law, profile.nu), known)
@@ -278,6 +293,6 @@ def multidomain_wave(side, name, value):
             return squared, gain, crest, energy(mesh, sizes), residual, shape
     raise ResolutionError(
         f"{name} {value:g}: residual {residual:.1e} with {nodes} nodes in a cell must be at most "
-        f"{LARGEST:g}: the wave with a crest of {crest:.9g} m, "
-        f"beyond the corner of the force at {side.sign * kink:g} m, is not resolved"
+        f"{LARGEST:g}: the wave with a peak of {crest:.9g} m, "
+        f"beyond the kink of the force at {side.sign * kink:g} m, is not resolved"
     )

@@ -1,16 +1,16 @@
-"""The part of a spring's force beyond its linear law, without cancellation.
+"""The nonlinear part of a spring's force, without cancellation.
 
-Waves little faster than sound live on V'(r) - V''(0) r, which is round-off where it is taken as
-that difference.  Near rest it is r^2 times a mean of V''' over (0, r), and so are the excesses of
-stiffness and energy: V''' is fitted by a polynomial, as far out as one fits it to round-off, and
-integrated.  Farther out the difference is taken.  V(0) is left out: an energy may be measured
-from anywhere.
+Waves slightly above the sound speed depend on V'(r) - V''(0) r, which computed as a difference is
+round-off.  Near rest it is r^2 times a mean of V''' over (0, r), and the nonlinear parts of
+stiffness and energy are similar means: V''' is fitted by a polynomial, over the largest range on
+which one fits to round-off, and integrated.  Beyond that range the difference is used.  V(0) is
+subtracted, since the zero of the energy is arbitrary.
 
-By it the waves of one sign are found: between rest and a state r a front can run at one speed
-only, m c^2 = V'(r)/r = Q(r), Q = 2 V/r^2, which is where Q' = 0; see `derivations.softening`.  So
-these waves fall into families, one for each rise of Q above all that it was before, going out from
-rest: within a family m c^2 lies between the level from which Q rises, of rest or of the front
-before, and the level that it reaches.
+It also determines the families of waves of one sign.  A front between rest and a state r can
+propagate at one speed only, m c^2 = V'(r)/r = Q(r) with Q = 2 V/r^2, and only where Q' = 0; see
+`derivations.softening`.  Hence there is one family for each part on which Q, going out from rest,
+rises above all its previous values: within the family m c^2 lies between the value from which Q
+rises, that of rest or of the preceding front, and the value that it attains.
 """
 
 from __future__ import annotations
@@ -26,41 +26,41 @@ from tensegrity.errors import TensegrityError
 from tensegrity.root import root
 from tensegrity.springs.potential import Potential
 
-DEGREE = 25  # of the polynomial; odd, so that rest is no node
-FITTED = 1e-14  # of its largest coefficient, left in the last ones
-HALVINGS = 40  # of the range in which a polynomial is sought
-CHANGE = 0.5  # of V'' over V''(0), that makes the scale of a potential
-AT_REST = 1e-9  # of V''(0) times the scale: V'(0) that is round-off
-ROUND_OFF = 1e-10  # of the largest force beyond the linear law: a derivative at rest that is none
-CLOSER = 16  # halvings of the polynomial's range in which the power next to rest is seen
-BINADES = 1000  # that are searched for the scale
-FLAT = 1e-9  # of V''(0) + Q: a rise that is round-off
-ROUGH = 1e-6  # ... where no digits are gained near rest
-NEAR = 1e-3  # of the scale of such a spring, from which on Q is looked at
+DEGREE = 25  # of the polynomial; odd, so that rest is not a node
+FITTED = 1e-14  # size of the last coefficients over the largest
+HALVINGS = 40  # of the range on which a polynomial is sought
+CHANGE = 0.5  # relative change of V'' that defines the scale of a potential
+AT_REST = 1e-9  # V'(0) over V''(0) times the scale that is round-off
+ROUND_OFF = 1e-10  # derivative at rest, over the largest nonlinear force, that is round-off
+CLOSER = 16  # halvings of the range in which the power of the force near rest is determined
+BINADES = 1000  # factors of 2 that are searched for the scale
+FLAT = 1e-9  # rise of Q over V''(0) + Q that is round-off
+ROUGH = 1e-6  # the same without a polynomial near rest
+NEAR = 1e-3  # size over the scale of such a spring from which on Q is evaluated
 NODES = chebyshev.chebpts1(DEGREE + 1)
 TO_SERIES = np.linalg.inv(chebyshev.chebvander(NODES, DEGREE))
 
 
 class NonlinearPart:
-    """A potential V as V(0) + V''(0) r^2/2 and the excess over it.
+    """A potential V as V(0) + V''(0) r^2/2 plus its nonlinear part.
 
     Attributes
     ----------
     rest : float
         V''(0) [N/m].
     scale : float
-        Size of elongation, within a factor of 2, where V'' has first changed by half of V''(0)
-        [m]; inf where it does not change or is 0 at rest.
+        Size of the elongation, within a factor of 2, at which V'' has changed by half of V''(0)
+        [m]; inf if V'' does not change or is 0 at rest.
     core : float
-        Size of elongation up to which the polynomial is taken [m]; may be 0.
+        Size of the elongation up to which the polynomial is used [m]; may be 0.
     slope, bend : float
-        V'''(0) [N/m^2] and V''''(0) [N/m^3] of the polynomial, 0 where they are round-off; nan
-        without one.
+        V'''(0) [N/m^2] and V''''(0) [N/m^3] of the polynomial, 0 if they are round-off; nan
+        without a polynomial.
 
     Raises
     ------
     TensegrityError
-        If the spring is not at rest at r = 0.
+        The spring is not in equilibrium at r = 0.
     """
 
     def __init__(self, potential: Potential):
@@ -75,7 +75,7 @@ class NonlinearPart:
             )
         self.core, self._means = self._fit()
         self.slope, self.bend = self._derivatives()
-        self._zeros = 0  # of V''' at rest, taken out of the polynomial
+        self._zeros = 0  # order of the zero of V''' at rest, factored out of the polynomial
         self._take_zeros_out()
 
     def _scale(self):
@@ -94,7 +94,7 @@ class NonlinearPart:
         return float(sizes[far[0]]) if change.max() > AT_REST else math.inf
 
     def _fit(self):
-        """Range of the polynomial, and the series of the means of V''' there."""
+        """Range of the polynomial, and the series of the means of V''' on it."""
         if math.isinf(self.scale):
             return 0.0, None
         for halvings in range(HALVINGS):
@@ -112,14 +112,14 @@ class NonlinearPart:
         return 0.0, None
 
     def _fitted(self, core, zeros=0):
-        """Series of the means of V''', a polynomial times r^zeros on a range; None if it is not."""
+        """Series of the means of V''' if it is a polynomial times r^zeros on a range, else None."""
         slope = TO_SERIES @ (self.potential.derivative(3, core * NODES) / NODES**zeros)
         if not np.max(np.abs(slope[-3:])) <= FITTED * np.max(np.abs(slope)):
             return None
         return TO_SERIES @ _means(slope, NODES, zeros)
 
     def _take_zeros_out(self):
-        """Where V''' = O(r^k) divide it by r^k: else its round-off is more than it near rest."""
+        """Divide V''' = O(r^k) by r^k, since otherwise its round-off dominates near rest."""
         power, other = self.growth(1)[0], self.growth(-1)[0]
         if not self.core or power != other or not power.is_integer() or power == 2:
             return
@@ -128,7 +128,7 @@ class NonlinearPart:
             self._zeros, self._means = int(power) - 2, means
 
     def _derivatives(self):
-        if self._means is None:  # V''' jumps, or is beyond all numbers
+        if self._means is None:  # V''' jumps or overflows
             return math.nan, math.nan
         series = self._means[:, 1]  # of V' - V''(0) r over r^2
         values = (
@@ -142,8 +142,8 @@ class NonlinearPart:
         )
 
     def growth(self, side):
-        """p and d [N/m^p] of V' = V''(0) r + side d |r|^p next to rest on one side; NaN where it
-        is no power there."""
+        """p and d [N/m^p] of V' = V''(0) r + side d |r|^p near rest on one side; NaN if the
+        nonlinear force is not a power there."""
         if self.core and (self.slope or self.bend):
             return (2.0, side * self.slope / 2) if self.slope else (3.0, self.bend / 6)
         if math.isinf(self.scale):
@@ -210,21 +210,21 @@ def _means(slope, x, zeros=0):
 
 @lru_cache(maxsize=256)
 def nonlinear_part(potential: Potential) -> NonlinearPart:
-    """The excess of a potential, worked out once."""
+    """The nonlinear part of a potential, cached."""
     return NonlinearPart(potential)
 
 
 class RisingPart(NamedTuple):
-    """A rise of Q on one side.
+    """A part on which Q rises above its previous values.
 
     Attributes
     ----------
     start : float
-        Size of elongation from which Q is above `floor` [m]; 0 at rest.
+        Size of the elongation beyond which Q exceeds `floor` [m]; 0 at rest.
     floor : float
         Largest Q - V''(0) nearer to rest [N/m]; 0 at rest.
     top : float
-        Size at which Q is largest [m]: a front; inf where Q rises to the end of the domain.
+        Size at which Q is largest [m]: a front; inf if Q rises to the end of the domain.
     ceiling : float
         Q - V''(0) there [N/m]; inf with `top`.
     """
@@ -235,20 +235,25 @@ class RisingPart(NamedTuple):
     ceiling: float
 
     def bound(self, name):
-        """What a target of its waves, see `by_target`, stays below."""
+        """Upper bound of a target of `by_target` ("amplitude", "above", "energy") in this part."""
         return {"amplitude": self.top, "above": self.ceiling, "energy": math.inf}[name]
 
 
 def rising_parts(nonlinear, sign, sizes) -> list[RisingPart]:
-    """All rises of Q.
+    """All parts on which Q rises above its previous values.
 
     Parameters
     ----------
-    beyond : Excess
+    nonlinear : NonlinearPart
     sign : {-1, 1}
-        Of the elongation.
+        Sign of the elongation.
     sizes : ndarray, (n,)
-        Sizes of elongation [m], rising from near rest; Q is looked at between them.
+        Increasing sizes of the elongation, from near rest [m], at which Q is sampled.
+
+    Returns
+    -------
+    list of RisingPart
+        Going out from rest.
     """
 
     def level_at(size):  # Q - V''(0)
@@ -270,7 +275,7 @@ def rising_parts(nonlinear, sign, sizes) -> list[RisingPart]:
     unit = nonlinear.rest + np.abs(level)
     found: list[RisingPart] = []
     floor, place = 0.0, 0
-    if nonlinear.rest == 0 and level[1] - level[0] <= flat * unit[0]:  # as steep as a line, or less
+    if nonlinear.rest == 0 and level[1] - level[0] <= flat * unit[0]:  # not steeper than linear
         floor = float(level[0])
     while place < len(sizes):
         above = np.flatnonzero(level[place:] - floor > flat * unit[place:])
@@ -295,6 +300,6 @@ def rising_parts(nonlinear, sign, sizes) -> list[RisingPart]:
 
 
 def grows_from_rest(nonlinear, sign) -> bool:
-    """Whether waves of one sign start from zero amplitude: by what V' grows with beyond its linear
-    law there."""
+    """Whether waves of one sign start from zero amplitude: whether the leading nonlinear term of V'
+    stiffens the spring."""
     return nonlinear.rest == 0 or nonlinear.growth(sign)[1] > 0

@@ -1,7 +1,7 @@
-"""What solitary waves a spring carries, before any is computed: `predict`.
+"""Existence and limits of the solitary waves of a spring, from its energy alone: `predict`.
 
-Each statement is derived in `derivations.softening`, under hypotheses that are checked here for
-the spring at hand.
+Each statement is derived in `derivations.softening` under hypotheses that are checked here for the
+given spring.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from tensegrity.waves.family import NEAREST, SIGNS, STEADY, Family
 from tensegrity.waves.nonlinear_part import grows_from_rest, nonlinear_part
 from tensegrity.waves.travelling import decay_rate
 
-GROWTH = 1e-6  # relative rise of Q over the last factor of 2 in size, where it has no bound
-FARTHER = 2.0**11  # times what is left there, where the exponent is taken again
-CLOSEST = 4e-3  # of the stroke, left to the largest wave of a family that ends at a wall
+GROWTH = 1e-6  # relative growth of 2V/r^2 over the last factor of 2 in size that is unbounded
+FARTHER = 2.0**11  # ratio of the two distances from the wall at which its exponent is computed
+CLOSEST = 4e-3  # fraction of the stroke that remains at the peak of the largest computed wave
 
 
 @dataclass(frozen=True)
@@ -36,9 +36,11 @@ class Hypothesis:
     Attributes
     ----------
     statement : str
+        The condition, in SI units.
     value : float
-        Of what it is about.
+        The quantity that the condition is about.
     holds : bool
+        Whether it is satisfied.
     """
 
     statement: str
@@ -53,31 +55,34 @@ class Hypothesis:
 
 @dataclass(frozen=True)
 class PredictedFamily:
-    """Solitary waves between two limits.
+    """A family of solitary waves between two limits.
 
     Attributes
     ----------
     name : str
-        As `solitary_wave(family=)` takes it.
+        Value of the argument `family` of `solitary_wave`.
     starts : {"rest", "threshold"}
-        With zero amplitude, or with the crest `crests[0]`.
+        At zero amplitude, or at the peak elongation `crests[0]`.
     ends : {"front", "tent", "largest speed", "end of the domain", "none"}
-        With flat tops at a front; at a wall of unbounded energy; at a wall of bounded energy;
-        where the domain ends at a finite force; not at all.
+        "front": waves become flat plateaus bounded by fronts; "tent": the domain ends at a wall of
+        unbounded energy, and the profile tends to a tent; "largest speed": the domain ends at a
+        wall of bounded energy; "end of the domain": it ends at a finite force; "none": the family
+        is unbounded.
     speeds : (float, float)
-        Open range [sites/s].
+        Open range of the speeds [sites/s].
     crests : (float, float)
-        Open range of the crest's elongation [m], from where the family starts to where it ends;
-        the first is an estimate where it starts at a threshold.
+        Open range of the peak elongation [m], from the start of the family to its end; the first
+        value is an estimate if the family starts at a threshold.
     top_rate : float
-        Rate k [1/site] at which a wave leaves a flat top: the width grows by (2/k) log 10 for a
-        crest ten times closer.  nan without one.
+        Rate k [1/site] of the exponential departure of the profile from a plateau: the width grows
+        by (2/k) log 10 when the peak comes ten times closer to its limit.  nan without a plateau.
     wall : (float, float)
         n and A of V = A y^-n at the distance y [m] from the end of the domain, A in J m^n; nan
-        where the family does not end there.
+        unless the family ends there.
     hypotheses : tuple of Hypothesis
+        The conditions of the prediction.
     why : str
-        In words.
+        The reasons for the start and the end of the family.
     """
 
     name: str
@@ -144,10 +149,10 @@ class PredictedFamily:
         return along(self._potential, self._mass, self.name, self.crests, self.ends, points, given)
 
     def small_crest(self, excess: float) -> float:
-        """Crest [m] of a wave with c/cs - 1 = `excess`, to second order in it.
+        """Peak elongation [m] of a wave with c/cs - 1 = `excess`, to second order in `excess`.
 
-        To leading order where V'''(0) is 0 or jumps.  Raises `TensegrityError` where no waves start
-        from rest, or the sound speed is 0.
+        To leading order if V'''(0) is 0 or jumps.  Raises `TensegrityError` if no waves start from
+        rest, or the sound speed is 0.
         """
         excess = check.number("excess", excess, above=0)
         if excess >= 1:
@@ -156,8 +161,8 @@ class PredictedFamily:
         power, growth = self._growth
         if self.starts != "rest" or not stiffness > 0 or math.isnan(growth):
             raise TensegrityError(
-                f"no small wave: waves of {self.name} start at {self.starts} with stiffness "
-                f"{stiffness:g} N/m there, which must be above 0 and grow by a power"
+                f"no small wave: waves of {self.name} start at {self.starts}, where the stiffness "
+                f"{stiffness:g} N/m must be above 0 and increase like a power of the elongation"
             )
         if slope and not math.isnan(slope):
             return float(_form("small_crest")(stiffness, slope, bend, excess))
@@ -165,17 +170,17 @@ class PredictedFamily:
         return SIGNS[self.name.split()[0]] * size
 
     def wall_crest(self, speed: float) -> float:
-        """Crest [m] of a fast wave [sites/s] of a family that ends at the tent; error O(1/c).
+        """Peak elongation [m] of a fast wave [sites/s] of a family that ends with a tent.
 
-        That error is one of the distance to the wall, relative.  Raises `TensegrityError` for
+        The relative error of the distance to the wall is O(1/c).  Raises `TensegrityError` for
         other families.
         """
         speed = check.number("speed", speed, above=0, unit="sites/s")
         power, strength = self.wall
         if self.ends != "tent" or not power > 0:
             raise TensegrityError(
-                f"no tent: the family of {self.name} ends with {self.ends}, or its wall is no "
-                "power y^-n"
+                f"no tent: the family of {self.name} ends with {self.ends}, or the energy at its "
+                "wall is not a power y^-n"
             )
         stroke, beta = abs(self.crests[1]), float(_form("delay")(power))
 
@@ -219,12 +224,13 @@ class Prediction:
     ----------
     potential : Potential
     mass : float
-        [kg].
+        Of each site [kg].
     sound_speed : float
         [sites/s].
     families : tuple of PredictedFamily
-    absent : dict
-        Why there is none, by the sign that has none: "compression", "rarefaction".
+        In each sign in the order of their speeds.
+    absent : dict of str to str
+        For a sign without solitary waves, "compression" or "rarefaction", the reason.
     """
 
     potential: Potential = field(repr=False)
@@ -248,12 +254,12 @@ class Prediction:
 
 
 def predict(potential: Potential, mass: float = 1.0) -> Prediction:
-    """Which solitary waves a chain carries, between which limits, and why.
+    """The families of solitary waves that a chain carries, with their limits and the reasons.
 
     Parameters
     ----------
     potential : Potential
-        Of all springs, at rest at r = 0.
+        Of each spring, in equilibrium at r = 0.
     mass : float, optional
         Of each site [kg].
 
@@ -264,12 +270,22 @@ def predict(potential: Potential, mass: float = 1.0) -> Prediction:
     Raises
     ------
     TensegrityError
-        Bad input.
+        Bad input, or a spring that is not in stable equilibrium at r = 0.
 
     Notes
     -----
-    Nothing is integrated; only where a family ends at a wall of finite energy its largest
-    speed is that of a limit of computed waves (`tensegrity.waves.solitary.largest_speed`).
+    No wave is computed, with one exception: the largest speed of a family that ends at a wall of
+    finite energy is the limit of computed waves (`tensegrity.waves.solitary.largest_speed`).
+
+    Examples
+    --------
+    >>> from tensegrity import Prism, predict
+    >>> prediction = predict(Prism(1.0, 0.7, 0.01, 1.0).potential())
+    >>> for family in prediction.families:
+    ...     low, high = family.speeds
+    ...     print(f"{family.name} from {family.starts}: {low:.3f} to {high:.3f} sites/s")
+    compression from rest: 0.550 to 3.513 sites/s
+    rarefaction from threshold: 0.550 to 2.941 sites/s
     """
     check.kind("potential", potential, Potential)
     mass = check.number("mass", mass, above=0, unit="kg")
@@ -294,14 +310,14 @@ def _predicted(side: Family, mass: float) -> PredictedFamily:
     why = [_describe_start(side, from_rest)]
     holds = [] if math.isinf(part.ceiling) else [
         Hypothesis(
-            "V''(r*) > 0 where 2V/r^2 is largest, or V'' = 0 from there on", side.top_stiffness,
+            "V''(r*) > 0 where 2V/r^2 is largest, or V'' = 0 beyond it", side.top_stiffness,
             side.ends_in_plateau or _is_constant_beyond(side),
         )
     ]  # fmt: skip
     rate, wall, last = math.nan, (math.nan, math.nan), sign * part.top
     if math.isfinite(part.ceiling):
         ends, top = "front", part.ceiling
-        why.append("2V/r^2 has a maximum, at which tops grow flat and endless")
+        why.append("2V/r^2 has a maximum, at which the waves become plateaus of unbounded width")
         if side.ends_in_plateau:
             rate = decay_rate((side.rest + top) / side.top_stiffness - 1)
         else:
@@ -318,7 +334,7 @@ def _predicted(side: Family, mass: float) -> PredictedFamily:
         grows = level[-1] - np.interp(side.sizes[-1] / 2, side.sizes, level)
         bounded = grows < GROWTH * (side.rest + abs(level[-1]))
         ends, top, last = "none", float(level[-1]) if bounded else math.inf, sign * math.inf
-        why.append(f"2V/r^2 rises on and on, {'to a bound' if bounded else 'without bound'}")
+        why.append(f"2V/r^2 increases {'to a bound' if bounded else 'without bound'}")
     speeds = [math.sqrt((side.rest + above) / mass) for above in (part.floor, top)]
     smooth = side.nonlinear.rest, side.nonlinear.slope, side.nonlinear.bend
     return PredictedFamily(
@@ -329,35 +345,33 @@ def _predicted(side: Family, mass: float) -> PredictedFamily:
 
 
 def _is_constant_beyond(side: Family) -> bool:
-    """Whether the force is constant from where 2V/r^2 is largest on."""
+    """Whether the force is constant beyond the maximum of 2V/r^2."""
     return side.top_stiffness == side.stiffness_from_top(1.01) == 0
 
 
 def _describe_degenerate_front(side: Family) -> str:
-    """What the tops of a family do whose front is at a state with V'' <= 0."""
+    """The behaviour of a family of waves near a front at which V'' <= 0."""
     if side.top_stiffness < 0:
-        return "but V'' < 0 there: tops do not grow flat, speeds may pass the limit"
+        return "but V'' < 0 there: no plateau forms, and speeds may exceed the limit"
     if _is_constant_beyond(side):
-        return "V'' = 0 from there on: tops are flat and as wide as their energy asks"
-    return "but V'' = 0 there: there is no rate at which tops grow flat"
+        return "V'' = 0 beyond it: plateaus are exactly flat, of a width that their energy sets"
+    return "but V'' = 0 there: the approach to the plateau is not exponential"
 
 
 def _describe_start(side: Family, from_rest: bool) -> str:
     if side.rest == 0:
-        return "a sonic vacuum: any amplitude has its wave"
+        return "a sonic vacuum: there are waves of every amplitude"
     if from_rest and grows_from_rest(side.nonlinear, side.sign):
         power, _ = side.nonlinear.growth(side.sign)
-        turns = {2.0: "V'''(0)", 3.0: "V''''(0), with V'''(0) = 0,"}
-        turn = turns.get(power, f"a force beyond the linear one that goes like |r|^{power:g}")
-        return f"{turn} stiffens the spring on this side, so waves start from zero"
-    level = "that of rest" if side.rising_part.floor == 0 else "that of the front before"
-    return (
-        f"2V/r^2 rises above {level} only beyond |r| = {side.rising_part.start:.6g} m: a threshold"
-    )
+        terms = {2.0: "V'''(0)", 3.0: "V''''(0), with V'''(0) = 0,"}
+        term = terms.get(power, f"a nonlinear force proportional to |r|^{power:g}")
+        return f"{term} stiffens the spring on this side, so waves start from zero amplitude"
+    level = "its value at rest" if side.rising_part.floor == 0 else "that of the preceding front"
+    return f"2V/r^2 exceeds {level} only beyond |r| = {side.rising_part.start:.6g} m: a threshold"
 
 
 def _first_crest(side: Family) -> float:
-    """Where the long-wave equation has the level from which the family starts."""
+    """Peak elongation [m] at which the long-wave equation gives the family's lowest speed."""
     below = side.sizes <= side.rising_part.start
     level = side.long_wave[below]
     slower = np.flatnonzero(level <= side.rising_part.floor)
@@ -374,9 +388,10 @@ def _first_crest(side: Family) -> float:
 
 
 def _wall(side: Family) -> tuple[str, tuple[float, float], float, str]:
-    """How a family ends with the domain: a kind, (n, A), m c^2 - V''(0), and words."""
+    """The end of a family at the end of the domain: its kind, (n, A), m c^2 - V''(0) [N/m], and a
+    description."""
     near, nearest = side.exponent_at_end(NEAREST), NEAREST
-    while not math.isfinite(near):  # a wall so steep that its forces are beyond all numbers there
+    while not math.isfinite(near):  # the force overflows so close to a steep wall
         near, nearest = side.exponent_at_end(4 * nearest), 4 * nearest
     if near > 1 - STEADY and not side.finite_at_end:
         far = side.exponent_at_end(min(FARTHER * nearest, 0.5))
@@ -386,19 +401,19 @@ def _wall(side: Family) -> tuple[str, tuple[float, float], float, str]:
         force = abs(float(side.potential.tension(side.sign * (side.end - y))))
         strength = force * y ** (n + 1) / n if n > 0 else math.nan
         return "tent", (n, strength), math.inf, (
-            "the energy has no bound at the end of the domain: fast waves tend to the tent"
+            "the energy is unbounded at the end of the domain: fast waves tend to the tent profile"
         )  # fmt: skip
     above = side.stiffness_at_end(CLOSEST) - side.rest
     kind = "end of the domain" if side.finite_at_end else "largest speed"
     force = "finite" if side.finite_at_end else "unbounded"
     return kind, (math.nan, math.nan), above, (
-        f"the domain ends at a finite energy and {force} force, so at a largest speed"
+        f"the domain ends at a finite energy and {force} force, which limits the speed"
     )  # fmt: skip
 
 
 @once
 def _form(name: str) -> Callable[..., float]:
-    """A form of `derivations.softening` as a function."""
+    """An expression of `derivations.softening` as a function."""
     import sympy as sp
 
     from derivations import softening as derived

@@ -1,7 +1,7 @@
 """Exact solitary waves of a chain of equal masses and springs: `solitary_wave`.
 
-A wave is found from its speed, its peak elongation or its energy, to round-off.  For the equation
-and how it is solved see `travelling`.  Sources:
+A wave is computed to round-off from its speed, its peak elongation or its energy.  The equation
+and its solution are in `travelling`.  Sources:
 G. Friesecke, J. Wattis, Commun. Math. Phys. 161, 391 (1994) (existence); seeds/000, part III.
 """
 
@@ -37,32 +37,31 @@ PLOTTED = 1e-3  # of the crest, where a picture ends
 
 @dataclass(frozen=True, eq=False)
 class SolitaryWave:
-    """A travelling wave; `solitary_wave` makes it.
+    """A solitary wave of a chain of equal masses and springs, computed by `solitary_wave`.
 
     Attributes
     ----------
     potential : Potential
     mass : float
-        [kg].
+        Of each site [kg].
     x : ndarray, (n,)
-        Distance from the crest, in sites, both sides of 0.  The crest is where a bond passes
-        when its elongation is largest.
+        Grid of distances from the peak of the elongation, in sites, symmetric about 0.
     speed, sound_speed : float
         [sites/s].
     excess : float
-        speed/sound_speed - 1, to full relative precision also where it is small; inf in a sonic
+        speed/sound_speed - 1, to full relative precision even if it is small; inf in a sonic
         vacuum.
     family : str
-        "compression" or "rarefaction", with a number from the second family of that sign on.
+        Such as "compression" or "rarefaction 2"; the first family of a sign has no number.
     amplitude : float
-        Elongation of the crest [m], extension > 0: negative in a compression wave.
+        Peak elongation [m], extension > 0: negative in a compression wave.
     energy : float
-        [J].
+        Total energy [J].
     momentum : float
-        [kg m/s] of a wave towards higher sites: positive in a compression wave.
+        Momentum [kg m/s] of a wave towards higher sites: positive in a compression wave.
     residual : float
-        Largest |m c^2 r - K V'(r)| over the largest |V'(r)|, on a grid 4 times finer than the
-        one solved on; K is the convolution of `travelling`.
+        Largest |m c^2 r - K V'(r)| over the largest |V'(r)|, on a grid 4 times finer than that of
+        the solution; K is the convolution of `travelling`.
     """
 
     potential: Potential = field(repr=False)
@@ -79,30 +78,30 @@ class SolitaryWave:
     _shape: Series | Integrals = field(repr=False)
 
     def elongation(self, x: ArrayLike) -> Array:
-        """Elongation [m] at distances x from the crest (sites, any shape), by Fourier's series.
+        """Elongation [m] at distances x from the peak (sites, any shape), by Fourier series.
 
-        Raises `TensegrityError` where an x is not a number, as do `rate` and `displacement`.
+        Raises `TensegrityError` if some x is not a number, as do `rate` and `displacement`.
         """
         return self._shape.elongation(check.numbers("x", x, "sites"))
 
     def rate(self, x: ArrayLike) -> Array:
-        """du/dx [m per site] at distances x from the crest: the velocity is -speed times it."""
+        """du/dx [m per site] at distances x from the peak; the velocity is -speed du/dx."""
         return self._shape.rate(check.numbers("x", x, "sites"))
 
     def displacement(self, x: ArrayLike) -> Array:
-        """u(x) [m], 0 far ahead of the crest (x > 0)."""
+        """Displacement u(x) [m], 0 far ahead of the peak (x > 0)."""
         return self._shape.displacement(check.numbers("x", x, "sites"))
 
     @property
     def strain(self) -> Array:
-        """Elongation over the length of the spring at `x`, extension > 0; (n,)."""
+        """Strain on the grid `x`: elongation over the length of the spring, extension > 0; (n,)."""
         if self.potential.length is None:
             raise TensegrityError("no strain: the potential has no length; see elongation(x)")
         return self._on_x / self.potential.length
 
     @cached_property
     def _halves(self):
-        """Elongation and rate at the places of `x` from the crest on."""
+        """Elongation and rate at the points x >= 0 of the grid."""
         return self._shape.on_grid()
 
     @property
@@ -117,11 +116,11 @@ class SolitaryWave:
 
     @property
     def shift(self) -> float:
-        """How far a passing wave carries each mass [m], > 0 along its way."""
+        """Displacement of each mass after the wave has passed [m], > 0 in its direction."""
         return self._shape.shift
 
     def width(self, level: float = 0.05) -> float:
-        """Distance in sites between the two places where the elongation is `level` of the crest."""
+        """Distance in sites between the two points where the elongation is `level` of the peak."""
         level = check.number("level", level, above=0, below=1)
         below = np.flatnonzero(self._halves[0] / self.amplitude < level)
         if below.size == 0 or level < LEAST_LEVEL:
@@ -133,35 +132,43 @@ class SolitaryWave:
         )
 
     def reach(self, tail: float = 1e-12) -> float:
-        """Distance from the crest, in sites, beyond which less than `tail` (< 1) of it is left."""
+        """Distance from the peak, in sites, beyond which less than `tail` times it is left."""
         tail = check.number("tail", tail, above=0, below=1)
         left = np.maximum(*(np.abs(half) / np.abs(half).max() for half in self._halves)) >= tail
         return float(self.x[len(self.x) // 2 + np.flatnonzero(left)[-1]])
 
     def launch(self, chain: Chain, at: float, direction: int = 1, tail: float = 1e-12) -> State:
-        """The wave as a state of a chain, otherwise at rest.
+        """The state of a chain that is at rest except for this wave.
 
         Parameters
         ----------
         chain : Chain
-            Of this wave's spring and mass, at least where the wave is.
+            A chain with this wave's spring and mass, at least where the wave is.
         at : float
-            Place of the crest, where site j is at j: bond j is centred at j + 1/2.
+            Position of the peak in sites: site j is at j, and the middle of bond j at j + 1/2.
         direction : int, optional
             1 towards higher sites, -1 towards lower ones.
         tail : float, optional
-            Part of the crest that may be cut off at the ends of the chain, below 1.
+            Fraction of the peak below which the wave may be cut off at the chain's ends, < 1.
 
         Returns
         -------
         State
-            The masses ahead of the wave at u = 0, those behind at u = `direction` times `shift`;
-            on a chain with one fixed end that end is at 0.
+            Masses ahead of the wave have u = 0, those behind it u = `direction` times `shift`; if
+            one end of the chain is fixed, u is 0 there instead.
 
         Raises
         ------
         TensegrityError
-            If the wave does not fit the chain, its springs or masses, or both ends are fixed.
+            The wave does not fit the chain's length, springs or masses, or both ends are fixed.
+
+        Examples
+        --------
+        >>> from tensegrity import Chain, Prism, solitary_wave
+        >>> chain = Chain(Prism(1.0, 0.7, 0.01, 1.0).potential(), 200)
+        >>> wave = solitary_wave(chain.springs[0], speed_ratio=1.1)
+        >>> f"{chain.energy(wave.launch(chain, at=60)) / wave.energy:.10f}"
+        '1.0000000000'
         """
         if not isinstance(chain, Chain):
             raise TensegrityError(f"chain is {type(chain).__name__}, not a Chain")
@@ -172,7 +179,7 @@ class SolitaryWave:
         x = np.arange(chain.sites) - at
         u, v = self.displacement(x), -direction * self.speed * self.rate(x)
         if direction == -1:
-            u -= self.displacement(-math.inf)  # at rest ahead is at lower sites
+            u -= self.displacement(-math.inf)  # the masses ahead are those of lower index
         for site in chain.held:
             u -= u[site]
             v[site] = 0.0
@@ -182,7 +189,7 @@ class SolitaryWave:
         last = chain.sites - 1
         if at - reach < 0 or at + reach > last:
             raise TensegrityError(
-                f"the wave at {at:g} falls to {tail:g} of its crest only {reach:.4g} sites away, "
+                f"the wave at {at:g} falls to {tail:g} of its peak only {reach:.4g} sites away, "
                 f"but the ends of the chain are {at:g} and {last - at:g} sites away"
             )
         if len(chain.held) == 2:
@@ -199,12 +206,12 @@ class SolitaryWave:
             )
 
     def _texts(self):
-        """Its numbers as text, by name."""
+        """The characteristics of the wave as text, by name."""
         ratio = f" = {self.speed_ratio:.6g} sound speeds" if self.sound_speed else ""
         return {
             "speed": f"{self.speed:.6g} sites/s{ratio}",
-            "crest": f"{self.amplitude:.6g} m",
-            "width": f"{self.width():.4g} sites at 5 % of the crest",
+            "peak": f"{self.amplitude:.6g} m",
+            "width": f"{self.width():.4g} sites at 5 % of the peak",
             "energy": f"{self.energy:.6g} J",
             "momentum": f"{self.momentum:.6g} kg m/s",
             "residual": f"{self.residual:.1e}",
@@ -212,9 +219,8 @@ class SolitaryWave:
 
     def __str__(self) -> str:
         text = {name: f"{name} {value}" for name, value in self._texts().items()}
-        width = text["width"].replace("the crest", "it")
         return (
-            f"solitary wave of {self.family}, {text['speed']}\n{text['crest']}, {width}\n"
+            f"solitary wave of {self.family}, {text['speed']}\n{text['peak']}, {text['width']}\n"
             f"{text['energy']}, {text['momentum']}\n{text['residual']}"
         )
 
@@ -259,24 +265,25 @@ def solitary_wave(
     energy: float | None = None,
     family: str | None = None,
 ) -> SolitaryWave:
-    """The solitary wave of a chain, to round-off.
+    """The solitary wave of a chain of equal masses and springs, to round-off.
 
     Parameters
     ----------
     potential : Potential
-        Of all springs.
+        Of each spring.
     mass : float, optional
         Of each site [kg].
     speed, speed_ratio, excess, amplitude, energy : float
-        Exactly one: speed [sites/s], speed over sound speed, the same less 1 (which keeps its
-        digits close to sound), elongation of the crest [m] (negative: compression), or energy [J].
+        Exactly one of: speed [sites/s]; speed over sound speed; that ratio minus 1, which keeps
+        its relative precision near the sound speed; peak elongation [m], negative in compression;
+        energy [J].
     family : str, optional
-        "compression" or "rarefaction"; by default that of the amplitude's sign, else the one
-        whose waves start from zero amplitude: compression where the spring stiffens in
-        compression.  Springs that stiffen both ways carry the other one too, above a threshold.
-        Where a spring stiffens, softens and stiffens more there are several families of one sign,
-        see `predict`: "rarefaction 2" is the second.  Without a number it is the one to which
-        speed or amplitude belong, and with an energy the first.
+        "compression" or "rarefaction"; by default that of the amplitude's sign, or the family that
+        starts from zero amplitude: compression if the spring stiffens in compression.  A spring
+        that stiffens in both directions carries the other family too, above a threshold.  A
+        spring that stiffens, softens and stiffens again has several families of one sign (see
+        `predict`): "rarefaction 2" is the second.  Without a number, the family is the one that
+        contains the speed or amplitude, and for an energy the first.
 
     Returns
     -------
@@ -286,16 +293,23 @@ def solitary_wave(
     Raises
     ------
     TensegrityError
-        Bad input, or no such wave exists; the message says why.
+        Bad input, or no such wave exists; the message gives the reason.
     ResolutionError
-        The wave exists, but not even the finest grid resolves it.
+        The wave exists, but the finest grid does not resolve it.
     LockingError
         The amplitude lies outside the domain of the potential.
 
     Notes
     -----
-    Where the crest is beyond a kink of the force, as where contacts open, the wave is solved in
-    pieces, see `tensegrity.waves.multidomain`: seconds, not a tenth of one.
+    If the peak is beyond a kink of the force, such as a loss of contact, the profile is solved on
+    several subdomains (`tensegrity.waves.multidomain`): in seconds instead of a tenth of one.
+
+    Examples
+    --------
+    >>> from tensegrity import Prism, solitary_wave
+    >>> wave = solitary_wave(Prism(1.0, 0.7, 0.01, 1.0).potential(), speed_ratio=1.1)
+    >>> f"{wave.family}, peak {wave.amplitude:.5f} m, {wave.width():.3f} sites wide"
+    'compression, peak -0.01407 m, 5.588 sites wide'
     """
     check.kind("potential", potential, Potential)
     mass = check.number("mass", mass, above=0, unit="kg")
@@ -328,9 +342,9 @@ def solitary_wave(
         except NoWaveError:
             found = _wave(side, mass, sound, *_characteristics(profile, profile.residual()))
             raise TensegrityError(
-                f"no solitary wave of {side.name} with {label}: the nearest one found has a "
-                f"crest of {found.amplitude:.6g} m, speed {found.speed:.6g} sites/s and energy "
-                f"{found.energy:.6g} J, where the family ends"
+                f"no solitary wave of {side.name} with {label}: the nearest one, at which the "
+                f"family ends, has a peak of {found.amplitude:.6g} m, speed "
+                f"{found.speed:.6g} sites/s and energy {found.energy:.6g} J"
             ) from None
     except TensegrityError:
         if not may_cross_kink(side, name, value):
@@ -340,26 +354,26 @@ def solitary_wave(
 
 
 def approximate_wave(side: Family, mass: float, size: float) -> SolitaryWave:
-    """A wave of a family as it is first found, several times faster than `solitary_wave`.
+    """A wave of a family on the first grid, several times faster than `solitary_wave`.
 
     Parameters
     ----------
     side : Family
-        Of one potential and sign; it serves many waves.
+        The family of one potential and sign, which can serve for many waves.
     mass : float
         Of each site [kg], > 0.
     size : float
-        |elongation| of the crest [m], > 0.
+        Magnitude of the peak elongation [m], > 0.
 
     Returns
     -------
     SolitaryWave
-        Good to about 1e-4 of its crest, with the residual that it has.
+        Accurate to about 1e-4 of its peak; `residual` is that of this approximation.
 
     Raises
     ------
     TensegrityError
-        If no such wave exists, or no grid resolves it.
+        No such wave exists, or no grid resolves it.
     """
     mass = check.number("mass", mass, above=0, unit="kg")
     profile = side.wave(check.number("size", size, above=0, unit="m"))
@@ -368,8 +382,8 @@ def approximate_wave(side: Family, mass: float, size: float) -> SolitaryWave:
 
 
 def _characteristics(profile, residual):
-    """m c^2 [N/m] and that over V''(0), less 1, of a profile that was found by Fourier's series;
-    amplitude, energy, residual and shape."""
+    """m c^2 [N/m], m c^2/V''(0) - 1, amplitude [m], energy [J], residual and shape of a profile
+    given by Fourier series."""
     law, grid = profile.law, profile.grid
     stiffness = profile.mu * law.secant
     rates = grid.box * (law.force * grid.coefficients(law.tension(profile.rho))) / stiffness
@@ -381,7 +395,7 @@ def _characteristics(profile, residual):
 
 
 def _wave(side, mass, sound, stiffness, gain, amplitude, energy, residual, shape):
-    """The wave of a family with these numbers and this shape."""
+    """The wave of a family with these characteristics and this shape."""
     speed, half = math.sqrt(stiffness / mass), shape.grid.x
     return SolitaryWave(
         potential=side.potential, mass=mass, x=np.concatenate([-half[:0:-1], half]), speed=speed,
@@ -394,32 +408,32 @@ def _wave(side, mass, sound, stiffness, gain, amplitude, energy, residual, shape
 def largest_speed(
     potential: Potential, mass: float = 1.0, family: str | None = None, closest: float = 1e-3
 ) -> float:
-    """The speed that the waves of a family approach but do not reach.
+    """The limiting speed of a family of waves.
 
     Parameters
     ----------
     potential, mass, family
-        As for `solitary_wave`.
+        As in `solitary_wave`.
     closest : float, optional
-        Part of the stroke that is left to the largest wave computed; 0.0005 to 0.1.
+        Fraction of the stroke that remains at the peak of the largest computed wave; 0.0005 to 0.1.
 
     Returns
     -------
     float
-        [sites/s]: where the spring locks, the limit of waves that use up its stroke; where it
-        softens, the speed of a front; where its domain ends at a finite force, the speed of the
-        wave that gets there.
+        [sites/s]: for a spring that locks, the limit as the peak approaches locking; for one that
+        softens, the speed of a front; for a domain that ends at a finite force, the speed of the
+        wave whose peak is at that end.
 
     Raises
     ------
     TensegrityError
-        If no such wave exists, or there is no bound.
+        No such wave exists, or the speeds are unbounded.
 
     Notes
     -----
-    The force near locking grows with the inverse root of the stroke left, and so the speed has
-    a series in that root; it is extrapolated, to about 1e-5 of its value.  Another `closest`
-    shows how well.
+    Near locking the force is proportional to the inverse square root of the remaining stroke; the
+    speed is extrapolated in that root, to a relative error of about 1e-5, which a second value of
+    `closest` estimates.
     """
     check.kind("potential", potential, Potential)
     mass = check.number("mass", mass, above=0, unit="kg")

@@ -1,10 +1,11 @@
-"""Small vibrations: modes of a scene about an equilibrium, and bands of a periodic chain.
+"""Small vibrations: modes of a scene about an equilibrium, and dispersion of a periodic chain.
 
-Both linearise the forces.  A finite scene gives K x = w^2 M x with the sparse stiffness matrix
-K of its own `stiffness`.  In a chain of equal cells waves are u(n + 1) = exp(i q) u(n): their
-stiffness is B* B, with B the elongations of a cell's springs times the roots of their
-stiffnesses, so that w are the singular values of B M^-1/2.  These are right to the round-off of
-the largest, also where w goes to zero, while the root of an eigenvalue would lose half the digits.
+Both linearise the forces.  The modes of a finite scene solve K x = w^2 M x with its sparse tangent
+stiffness matrix K.  In a chain of identical cells the waves are u(n + 1) = exp(i q) u(n); their
+stiffness matrix is B* B, where B maps displacements to the elongations of a cell's springs times
+the square roots of their stiffnesses, so that the frequencies w are the singular values of
+B M^-1/2.  Their error is the round-off of the largest one even as w tends to zero, whereas the
+square root of an eigenvalue would lose half the digits.
 Source: L. Brillouin, Wave Propagation in Periodic Structures (1946), chapters III and IV.
 """
 
@@ -39,12 +40,12 @@ MOVED = 1e-9  # the same over the largest stiffness times a length
 
 @dataclass(frozen=True, eq=False)
 class Modes:
-    """Vibrations of a scene about an equilibrium.
+    """Normal modes of a scene about an equilibrium.
 
     Attributes
     ----------
     frequencies : ndarray, (count,)
-        Angular frequencies [rad/s], ascending; 0 for motions that meet no stiffness.
+        Angular frequencies [rad/s], ascending; 0 for motions without stiffness.
     shapes : ndarray, (count, *shape of the scene)
         Displacements of each [1/sqrt(kg)]: the sum of m u^2 is 1, the largest entry above 0.
     scene : Scene
@@ -109,17 +110,17 @@ class Modes:
 
 
 def modes(scene: Scene, about: State | None = None, count: int = 10) -> Modes:
-    """The slowest vibrations of a scene.
+    """The normal modes of lowest frequency of a scene.
 
     Parameters
     ----------
     scene : Scene
-        A `Chain`, a `Network`, or what `granular` builds.  Sites that are held, or whose motion a
-        drive prescribes, stay; dashpots and forces of a drive do not count.
+        A `Chain`, a `Network`, or a scene built by `granular`.  Sites that are held, or whose
+        motion is prescribed, are fixed; dashpots and prescribed forces are ignored.
     about : State, optional
-        An equilibrium, its velocities 0; by default the scene at rest.
+        An equilibrium, with velocities 0; by default the scene at rest.
     count : int, optional
-        How many, from the slowest on; all where there are fewer.
+        Number of modes, in ascending order of frequency; all modes if there are fewer.
 
     Returns
     -------
@@ -130,10 +131,21 @@ def modes(scene: Scene, about: State | None = None, count: int = 10) -> Modes:
     TensegrityError
         Bad input.
     EquilibriumError
-        The forces at `about` do not balance, or it is unstable.
+        The forces at `about` do not balance, or the equilibrium is unstable.
+
+    Examples
+    --------
+    Six unit masses between fixed ends, 2 sqrt(k/m) sin(j pi/14):
+
+    >>> import sympy as sp
+    >>> from tensegrity import Chain, Potential, modes
+    >>> r = sp.Symbol("r")
+    >>> chain = Chain(Potential(r**2 / 2, r), sites=8, ends=("fixed", "fixed"))
+    >>> modes(chain, count=3).frequencies.round(4)
+    array([0.445 , 0.8678, 1.247 ])
     """
     if isinstance(scene, Ensemble):
-        raise TensegrityError("scene is an Ensemble: ask for the modes of one of its scenes")
+        raise TensegrityError("scene is an Ensemble: give one of its scenes")
     check.kind("scene", scene, Scene)
     count = check.whole("count", count, least=1)
     u = scene.at_rest().u if about is None else _equilibrium(scene, about)
@@ -172,7 +184,7 @@ def _equilibrium(scene: Scene, about: State) -> Array:
 
 
 def _refuse_moving(scene: Scene, u: Array, stiffness: Any) -> None:
-    """Refuse displacements at which the forces on some site do not balance."""
+    """Refuse displacements at which the forces on some site are not balanced."""
     of, left = dynamics(scene), float(np.max(np.abs(scene.forces(u)), initial=0.0))
     tensions = np.abs(of.springs.evaluate("tension", of.elongations(u)))
     meet = float(np.max(tensions, initial=0.0)) + float(np.max(np.abs(scene.loads), initial=0.0))
@@ -181,8 +193,8 @@ def _refuse_moving(scene: Scene, u: Array, stiffness: Any) -> None:
     allowed = AT_REST * meet + MOVED * stiffest * min(lengths, default=1.0)
     if left > allowed:
         raise EquilibriumError(
-            f"a force of {left:.6g} N is left on a site, must be at most {allowed:.6g} N: the "
-            "state is no equilibrium"
+            f"the unbalanced force {left:.6g} N on a site must be at most {allowed:.6g} N: the "
+            "state is not an equilibrium"
         )
 
 
@@ -191,27 +203,39 @@ def dispersion(
     masses: float | Sequence[float],
     wavenumbers: ArrayLike,
 ) -> Array:
-    """Angular frequencies of small waves in a periodic chain.
+    """Dispersion relation of a periodic chain: the angular frequencies of its linear waves.
 
     Parameters
     ----------
     springs : Potential or sequence of Potential
-        Of one cell, measured from their equilibrium: spring j joins masses j and j + 1, the last
-        one the last mass and the first of the next cell.
+        Springs of one cell, measured from their equilibrium: spring j joins masses j and j + 1,
+        and the last spring joins the last mass to the first one of the next cell.
     masses : float or sequence of float
-        Of one cell [kg], > 0; as many as springs, a single one for all.
+        Masses of one cell [kg], > 0: one for each spring, or one for all.
     wavenumbers : array_like, (wavenumbers,)
-        Phase from one cell to the next [rad].
+        Phase difference between adjacent cells [rad].
 
     Returns
     -------
     ndarray, (wavenumbers, branches)
-        [rad/s], ascending in each row; as many branches as masses in a cell.
+        [rad/s], ascending in each row, with one branch for each mass of a cell.
 
     Raises
     ------
     TensegrityError
-        Bad input; a spring whose stiffness at rest is not a number >= 0.
+        Bad input, or a spring whose stiffness at rest is negative or not finite.
+
+    Examples
+    --------
+    Acoustic and optical branch of a diatomic chain, with the band gap at q = pi:
+
+    >>> import numpy as np
+    >>> import sympy as sp
+    >>> from tensegrity import Potential, dispersion
+    >>> r = sp.Symbol("r")
+    >>> dispersion(Potential(r**2 / 2, r), [1.0, 2.0], [0.0, np.pi]).round(4)
+    array([[0.    , 1.7321],
+           [1.    , 1.4142]])
     """
     given = _cell("springs", springs)
     for number, spring in enumerate(given):
@@ -244,11 +268,11 @@ def dispersion(
 
 
 def _cell(name: str, given: Any) -> tuple[Any, ...]:
-    """What a cell has, a single one for all; at least one."""
+    """The springs or masses of a cell as a tuple, at least one."""
     if isinstance(given, (str, bytes, dict)):
         raise TensegrityError(f"{name} {check.shown(given)} must be a sequence")
     many = given.ndim if isinstance(given, np.ndarray) else isinstance(given, Sequence)
     found = tuple(given) if many else (given,)
     if not found:
-        raise TensegrityError(f"{name} of a cell are none, must be one or more")
+        raise TensegrityError(f"{name} of a cell is empty, must have one or more")
     return found

@@ -1,22 +1,22 @@
-"""The equation of a travelling wave on a lattice, solved with Fourier's series on a half-line.
+"""The travelling-wave equation on a lattice, solved by Fourier series on a half-line.
 
-A wave r(x - c t) of elongations, x in sites, obeys m c^2 r'' = T(x + 1) - 2 T(x) + T(x - 1) with
-T = V'(r).  Divided by the second derivative it is m c^2 r = K T, where K is convolution with the
-tent 1 - |x| of one site, (sin(k/2)/(k/2))^2 in Fourier space: a compact operator, no root to
-choose.  A wave that is even about its crest is a cosine series on [0, L]; it stands for a
-periodic one, so L must reach where the tail is round-off.
+A wave of elongations r(x - c t), x in sites, satisfies m c^2 r'' = T(x + 1) - 2 T(x) + T(x - 1)
+with T = V'(r).  Integrated twice it is m c^2 r = K T, where K is the convolution with the tent
+1 - |x| of one site, (sin(k/2)/(k/2))^2 in Fourier space: a compact operator, without a branch to
+choose.  A wave that is even about its peak is a cosine series on [0, L]; the series is periodic, so
+L must be large enough for the tail to be round-off.
 
-Everything here is scaled by a reference elongation A of either sign: r = A rho, T = V'(A) f(rho),
-m c^2 = mu V'(A)/A.  So mu rho = K f(rho), with f(1) = 1, for compression and for extension.
+All quantities are scaled by a reference elongation A of either sign: r = A rho, T = V'(A) f(rho),
+m c^2 = mu V'(A)/A.  Thus mu rho = K f(rho), with f(1) = 1, in compression and in extension.
 
-Near the sound speed that equation says next to nothing: f is almost rest rho, mu almost rest.
-What it says beyond the linear law is nu rho + rest (1 - K) rho = K g(rho), nu = mu - rest and
-g = f - rest rho, see `nonlinear_part`.  It is solved as rho = P g(rho),
-P = K/(nu + rest (1 - K)), which is as well conditioned at the sound speed as far above it.
-Starting values come from the map rho -> K f/(K f)(0): at given norm it climbs the energy of
-a convex law (M. Herrmann, Proc. R. Soc. Edinburgh A 140, 753 (2010)), so it needs no small wave
-to begin with.  Newton's method does the rest, mu nu being an unknown beside rho.  The amplitude
-orders the waves of a family: it is the natural parameter, and no arc length is followed.
+Near the sound speed this equation is nearly degenerate, since f is almost rest rho and mu almost
+rest.  Subtracting the linear law gives nu rho + rest (1 - K) rho = K g(rho) with nu = mu - rest and
+g = f - rest rho (`nonlinear_part`).  It is solved in the form rho = P g(rho),
+P = K/(nu + rest (1 - K)), which is as well conditioned near the sound speed as far above it.
+Initial values come from iterating rho -> K f/(K f)(0): at given norm this map increases the energy
+of a convex law (M. Herrmann, Proc. R. Soc. Edinburgh A 140, 753 (2010)), so that no small wave is
+needed to begin with.  Newton's method follows, with rho and nu as unknowns.  The amplitude orders
+the waves of a family and is therefore the continuation parameter; no arc length is needed.
 """
 
 from __future__ import annotations
@@ -31,26 +31,26 @@ from tensegrity.errors import TensegrityError
 from tensegrity.root import root
 from tensegrity.waves.nonlinear_part import nonlinear_part
 
-SWEEPS = 400  # of the map that starts Newton's method
-ROUGHLY = 1e-3  # change of rho in a sweep that ends them
-ITERATIONS = 25
-PATIENCE = 5  # iterations without a step smaller than all before
-CONVERGED = 1e-9  # last step of Newton's method: the next one would square it
-STUCK = 1e-6  # ... or one from which on they no longer shrink: the residual will judge
+SWEEPS = 400  # largest number of iterations of the map before Newton's method
+ROUGHLY = 1e-3  # change of rho at which these iterations end
+ITERATIONS = 25  # of Newton's method
+PATIENCE = 5  # iterations without a new smallest step after which it has failed
+CONVERGED = 1e-9  # last step of Newton's method: convergence is quadratic
+STUCK = 1e-6  # step below which stagnation is accepted: the residual decides
 DENSE = 600  # points up to which the tangent is formed; beyond, GMRES on cosine transforms
-HALVINGS = 30  # of a step of Newton's method that leaves the domain
-FINER = 4  # the residual is taken on a grid so many times finer
+HALVINGS = 30  # of a Newton step that leaves the domain
+FINER = 4  # refinement of the grid on which the residual is computed
 
 
 SINE_RISE = [(-1) ** n / math.factorial(2 * n + 3) for n in range(8, -1, -1)]  # (1 - sin y/y)/y^2
 
 
 class NoWaveError(TensegrityError):
-    """Newton's method found no localised wave."""
+    """Newton's method did not converge to a localised wave."""
 
 
 class Scaled:
-    """f, g, g' and the energy for a potential and a reference elongation A [m] of either sign."""
+    """f, g, g' and the scaled energy of a potential, for a reference elongation A [m]."""
 
     def __init__(self, potential, reference) -> None:
         self.potential, self.reference = potential, reference
@@ -77,14 +77,14 @@ class Scaled:
 
 
 def _cosines(values):
-    """Discrete cosine transform of the first kind: twice the sums of values and cosines, those
-    at the ends once."""
+    """Discrete cosine transform of type I: twice the sums of values times cosines, with the end
+    values counted once."""
     return np.fft.rfft(np.concatenate([values, values[-2:0:-1]])).real
 
 
 @dataclass(frozen=True)
 class Grid:
-    """Points x_j = j L/N, j = 0 .. N, and the cosines that belong to them."""
+    """Points x_j = j L/N, j = 0 .. N, and their cosine series."""
 
     points: int
     half_length: float
@@ -123,7 +123,7 @@ class Grid:
 
     @cached_property
     def complement(self):
-        """Symbol of 1 - K, also where it is small."""
+        """Symbol of 1 - K, without cancellation at small wave numbers."""
         half = self.wave_numbers / 2
         series = np.polyval(SINE_RISE, np.minimum(half, 1) ** 2)
         rise = np.where(half < 1, half**2 * series, 1 - self.box)
@@ -138,7 +138,7 @@ class Grid:
         return self.apply(self.box**2, values)
 
     def matrix(self, symbol):
-        """An even convolution as a matrix between values on the grid, (N + 1, N + 1)."""
+        """Matrix of an even convolution on grid values, (N + 1, N + 1)."""
         n = self.points
         kernel = np.fft.irfft(symbol, 2 * n)  # of the whole period
         i = np.arange(n + 1)
@@ -147,7 +147,7 @@ class Grid:
         return matrix
 
     def moved(self, values, other):
-        """Values on another grid by the series of these; zero beyond this grid."""
+        """Values on another grid by the cosine series of these; 0 beyond this grid."""
         a = self.coefficients(values)
         if other.half_length == self.half_length:
             b = np.zeros(other.points + 1)
@@ -161,7 +161,21 @@ class Grid:
 
 
 def cosine_sum(coefficients, wave_numbers, x, function=np.cos):
-    """sum_n a_n cos(k_n x) at any places, in pieces that fit the cache."""
+    """sum_n a_n cos(k_n x), or with another function, in blocks that fit the processor's cache.
+
+    Parameters
+    ----------
+    coefficients, wave_numbers : ndarray, (n,)
+        a_n and k_n [1/site].
+    x : ndarray, any shape
+        Sites.
+    function : callable, optional
+        np.cos or np.sin.
+
+    Returns
+    -------
+    ndarray, shape of x
+    """
     flat = np.ravel(x)
     result = np.empty(flat.size)
     for start in range(0, flat.size, 256):
@@ -172,13 +186,13 @@ def cosine_sum(coefficients, wave_numbers, x, function=np.cos):
 
 @dataclass(frozen=True)
 class Series:
-    """A wave by the cosine coefficients of du/dx; nothing beyond the grid."""
+    """A wave given by the cosine coefficients of du/dx; 0 beyond the grid."""
 
     grid: Grid
     rates: np.ndarray
 
     def elongation(self, x):
-        """r [m] at distances x from the crest."""
+        """r [m] at distances x from the peak."""
         return self._sum(self.rates * self.grid.box, x)
 
     def rate(self, x):
@@ -243,7 +257,7 @@ class Profile:
 
     @property
     def tail(self):
-        """Largest part of the crest that is left at the end of the grid."""
+        """Largest elongation near the end of the grid over the peak."""
         return float(np.max(np.abs(self.rho[-(self.grid.points // 16) :])) / self.rho[0])
 
     @cached_property
@@ -257,22 +271,22 @@ class Profile:
         return float(np.max(np.abs(self.mu * rho - grid.smooth(f))) / np.max(np.abs(f)))
 
     def defect(self):
-        """max |rho - P g(rho)| on a finer grid: an error of the wave, however slow."""
+        """max |rho - P g(rho)| on a finer grid: an error of the wave that holds at any speed."""
         fine = self._fine
         return float(
             np.max(np.abs(fine.rho - fine.grid.apply(fine.symbol, self.law.beyond(fine.rho))))
         )
 
     def on(self, grid):
-        """The same profile on another grid, not solved there."""
+        """The same profile interpolated on another grid."""
         return replace(self, grid=grid, rho=self.grid.moved(self.rho, grid))
 
 
-# What holds a wave: a function of (profile) -> value, gradient in rho, nu times derivative in nu.
+# Conditions that select a wave: profile -> value, gradient in rho, nu times derivative in nu.
 
 
 def amplitude_is(rho):
-    """rho(0) as given."""
+    """The condition that rho(0) has a given value."""
 
     def condition(profile):
         gradient = np.zeros_like(profile.rho)
@@ -283,12 +297,12 @@ def amplitude_is(rho):
 
 
 def speed_is(nu):
-    """nu as given."""
+    """The condition that nu has a given value."""
     return lambda profile: (profile.nu / nu - 1, np.zeros_like(profile.rho), profile.nu / nu)
 
 
 def energy_is(energy):
-    """Energy over A V'(A) as given."""
+    """The condition that the energy over A V'(A) has a given value."""
 
     def condition(profile):
         rho, law = profile.rho, profile.law
@@ -299,10 +313,21 @@ def energy_is(energy):
 
 
 def initial_profile(law, grid, decay, tension, nu, power=2.0):
-    """A rough profile with rho(0) = 1: a bump of given decay, swept until it hardly changes.
+    """An approximate profile with rho(0) = 1, by iterating the map from a long-wave profile.
 
-    `tension` is f, or a cheaper function close to it; `nu` a guess that stands where the sweeps
-    give none.  The bump is the long wave of a force beyond the linear one that goes like a power.
+    Parameters
+    ----------
+    law, grid : Scaled, Grid
+    decay, power : float
+        Decay [1/site] of the long wave, and the power of the elongation in the nonlinear force.
+    tension : callable
+        f, or a cheaper approximation of it.
+    nu : float
+        Value of nu if the iteration gives none above 0.
+
+    Returns
+    -------
+    Profile
     """
     half = (power - 1) / 2 if power > 1 else 0.5
     rho = np.cosh(np.minimum(half * decay * grid.x, 300)) ** (-1 / half)
@@ -318,12 +343,25 @@ def initial_profile(law, grid, decay, tension, nu, power=2.0):
 
 
 def newton(profile, condition, converged=CONVERGED):
-    """Newton's method on mu rho = K f(rho) and a condition, from a profile close enough.
+    """Newton's method for mu rho = K f(rho) and a condition.
+
+    Parameters
+    ----------
+    profile : Profile
+        Initial value.
+    condition : callable
+        One of the conditions above.
+    converged : float, optional
+        Step at which the iteration ends, relative to the peak and to nu.
+
+    Returns
+    -------
+    Profile
 
     Raises
     ------
     NoWaveError
-        If it does not converge.
+        The iteration does not converge.
     """
     previous = best = math.inf
     since_best = 0
@@ -340,11 +378,11 @@ def newton(profile, condition, converged=CONVERGED):
         previous, best = size, min(best, size)
         if since_best == PATIENCE:
             break
-    raise NoWaveError(f"no travelling wave found: the last iteration still moved {previous:.1e}")
+    raise NoWaveError(f"no travelling wave found: the last Newton step is {previous:.1e}")
 
 
 def _stepped(profile, step_rho, step_nu):
-    """The whole step, or the part of it that stays in the domain of the potential."""
+    """The profile after a Newton step, halved until it stays in the domain of the potential."""
     low, high = profile.law.potential.domain
     for _ in range(HALVINGS):
         new = replace(profile, rho=profile.rho + step_rho, nu=profile.nu + step_nu)
@@ -352,11 +390,11 @@ def _stepped(profile, step_rho, step_nu):
         if new.nu > 0 and low < r.min() and r.max() < high:
             return new
         step_rho, step_nu = step_rho / 2, step_nu / 2
-    raise NoWaveError("no travelling wave found faster than sound and within the spring's domain")
+    raise NoWaveError("no travelling wave found above the sound speed within the spring's domain")
 
 
 def _newton_step(profile, condition):
-    """Steps of rho and nu."""
+    """Newton steps of rho and nu."""
     grid, rho, law = profile.grid, profile.rho, profile.law
     g, slope, symbol = law.beyond(rho), law.slope(rho), profile.symbol
     gap, row, corner = condition(profile)
@@ -392,10 +430,8 @@ def _by_gmres(grid, symbol, slope, column, row, corner, right):
 
 
 def decay_rate(gain):
-    """kappa > 0 of the tail exp(-kappa |x|) in a linear lattice, from gain = (c/cs)^2 - 1.
-
-    sinh(kappa/2)/(kappa/2) = c/cs.
-    """
+    """Decay rate kappa [1/site] of the tail exp(-kappa |x|) in a linear lattice, by
+    sinh(kappa/2)/(kappa/2) = c/cs, from gain = (c/cs)^2 - 1."""
     if math.isinf(gain):
         return math.inf
     wanted = math.log1p(gain) / 2
