@@ -19,7 +19,7 @@ try:
 except importlib.metadata.PackageNotFoundError:
     release = "unknown"
 extensions = ["myst_parser", "sphinx.ext.autodoc", "numpydoc"]
-exclude_patterns = ["_build", "live"]
+exclude_patterns = ["_build", "live", "pictures"]
 myst_enable_extensions = ["colon_fence"]
 myst_heading_anchors = 3
 default_role = "code"
