@@ -59,7 +59,7 @@ def contestants(family):
     """{name: spring} of one family, the converged one to compare with, and the range met."""
     spring, speed = FAMILIES[family]
     chain = Chain(spring, SITES)
-    low, high = simulate(chain, blow(chain, speed), STEPS * DT, dt=DT).met[0]
+    low, high = simulate(chain, blow(chain, speed), STEPS * DT, dt=DT).elongation_range[0]
     room = MARGIN * (high - low)
     found, converged = {}, spring
     if family == "rigid":

@@ -96,7 +96,7 @@ def copied(source, folder):
     return target.name
 
 
-def told(path):
+def limits_text(path):
     """What a picture says in words below its own picture."""
     if not path.is_file():
         return ""
@@ -117,7 +117,7 @@ def picture_page(name, module, folder):
         f"![{head}]({copied(image, folder)})" if image.is_file() else
         ":::{note}\nThis picture was not made before the site was built.\n:::",
         f"![{head}, in motion]({copied(film, folder)})" if film.is_file() else "",
-        told(made / f"{name}.md"),
+        limits_text(made / f"{name}.md"),
         table(map(escape, lines[0]), [list(map(cell, line.values())) for line in lines])
         if lines else "",
         f"```sh\npython -m figures {name}\n```",

@@ -35,7 +35,7 @@ def softening(preload=0.05):
     return Polynomial(exact, VISITED[0] * exact.domain[0], VISITED[1] * exact.domain[1])
 
 
-def sound(preload=0.05):
+def softening_sound_speed(preload=0.05):
     """Speed of sound in the softening chain [sites/s]."""
     return sound_speed(softening(preload))
 

@@ -55,7 +55,7 @@ def chain(prestrains):
     return Chain(springs, BONDS + 1, ends=("free", "fixed"))
 
 
-def asked(prestrains, objectives, window=WINDOW, wanted=(), dt=DT):
+def differentiated(prestrains, objectives, window=WINDOW, wanted=(), dt=DT):
     """Gradients of objectives."""
     scene = chain(prestrains)
     state = scene.at_rest({0: SPEED})
@@ -64,7 +64,7 @@ def asked(prestrains, objectives, window=WINDOW, wanted=(), dt=DT):
 
 def peak(prestrains, window=WINDOW, dt=FINER[0]):
     """Largest load of the wall [N]."""
-    return asked(prestrains, o.peak(o.load(wall=0)), window, dt=dt).value
+    return differentiated(prestrains, o.peak(o.load(wall=0)), window, dt=dt).value
 
 
 def load(prestrains):
@@ -75,7 +75,7 @@ def load(prestrains):
         kept.append(y[0].copy())
         return 0.0, 0 * y
 
-    asked(prestrains, o.of([o.load(wall=0)], keep))
+    differentiated(prestrains, o.of([o.load(wall=0)], keep))
     return kept[0]
 
 
@@ -87,7 +87,7 @@ def maxima(x):
     if y[-1] > max(y[-2], 0):
         tops = np.append(tops, len(y) - 1)
     samples = [_gradients.sample(o.load(wall=0), k) for k in tops]
-    found = asked(np.exp(x), samples, wanted=("prestrain",))
+    found = differentiated(np.exp(x), samples, wanted=("prestrain",))
     heights = np.array([one.value for one in found])
     slopes = np.array([one.by("prestrain") for one in found]) * np.exp(x) / heights[:, None]
     order = np.argsort(-heights)
@@ -122,7 +122,7 @@ def pressed(start):
 def settled(way):
     """The lowest peak with the finest step, and its chain, of the calm ones that hold."""
     for _, prestrains in sorted(way, key=lambda one: one[0]):
-        top = asked(prestrains, o.peak(o.load(wall=0)), wanted=("prestrain",))
+        top = differentiated(prestrains, o.peak(o.load(wall=0)), wanted=("prestrain",))
         if top.digits < DIGITS:
             continue
         finer = [peak(prestrains, dt=dt) for dt in FINER]
@@ -134,7 +134,7 @@ def settled(way):
 def drawn():
     """Random chains, prestrains even in their logarithms; and the gradients of their peaks."""
     rows = np.exp(np.random.default_rng(0).uniform(*np.log(RANGE), (RANDOM, BONDS)))
-    return rows, [asked(p, o.peak(o.load(wall=0)), wanted=("prestrain",)) for p in rows]
+    return rows, [differentiated(p, o.peak(o.load(wall=0)), wanted=("prestrain",)) for p in rows]
 
 
 def search():
@@ -166,7 +166,7 @@ def data():
             for dt in FINER:
                 peaks[name, window] = peak(prestrains, window, dt)
                 values[f"peak, {name}, {window:g} s, dt {dt:g} s [N]"] = peaks[name, window]
-    last = asked(best, o.peak(o.load(wall=0)), wanted=("prestrain",), dt=FINER[0])
+    last = differentiated(best, o.peak(o.load(wall=0)), wanted=("prestrain",), dt=FINER[0])
     values |= {
         f"median of {RANDOM} random chains, {WINDOW:g} s [N]":
         np.median([one.value for one in first]),

@@ -44,13 +44,13 @@ def needed(method, ratio, reference):
     """Least steps, of a row, with the wanted error; its error."""
     start, steps = scene(ratio), least(method, ratio)
     while True:
-        error = apart(moved(*start, method, DURATION / steps, steps), reference)
+        error = distance(moved(*start, method, DURATION / steps, steps), reference)
         if error <= ERROR:
             return steps, error
         steps = int(np.ceil(steps * FINER))
 
 
-def apart(one, reference):
+def distance(one, reference):
     """Largest difference of two (u, v), over the largest of the reference."""
     worst = [np.max(np.abs(a - b)) / np.max(np.abs(b)) for a, b in zip(one, reference, strict=True)]
     return float(max(worst)) if np.isfinite(worst).all() else np.inf

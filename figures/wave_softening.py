@@ -141,7 +141,7 @@ def draw(figure, tables):
     for ax, name in zip(axes[0], SHOWN, strict=True):
         _measure.draw_density(ax, tables[f"{name}_density"], f"{SHOWN[name]}, {HARD} m/s")
     last, ax = tables["held_last"], axes[1, 0]
-    front = _scenes.sound(PRELOAD) * DURATION
+    front = _scenes.softening_sound_speed(PRELOAD) * DURATION
     near = np.abs(last["bond"] - front) < 60
     ax.plot(last["bond"][near], last["elongation"][near], "C0.-", ms=3, lw=0.8)
     ax.axvline(front, color="0.5", lw=0.8, label="sound")

@@ -101,7 +101,7 @@ class _Listed:
         self._listed: Any = of.listed(self._at)
         self._room = of.clearance.skin / 4 if of.follows else np.inf
 
-    def _pulled(self, u: Array) -> tuple[Any, Array, Array, Array]:
+    def _forces_at(self, u: Array) -> tuple[Any, Array, Array, Array]:
         """Dynamics with the contacts there, their elongations and directions, and tensions."""
         if np.abs(u - self._at).max() > self._room:
             self._listed, self._at = dynamics(self._whole).listed(u), u
@@ -110,27 +110,27 @@ class _Listed:
         return of, r, along, of.springs.evaluate("tension", r)
 
     def forces(self, u: Array) -> Array:
-        of, _, along, tension = self._pulled(u)
-        pull: Array = forces.pulls(of.contact_bonds, tension, along)[: of.sites]
+        of, _, along, tension = self._forces_at(u)
+        pull: Array = forces.scattered_forces(of.contact_bonds, tension, along)[: of.sites]
         return pull + self._whole.loads
 
     def energy(self, u: Array) -> tuple[float, float]:
-        of, r, _, _ = self._pulled(u)
+        of, r, _, _ = self._forces_at(u)
         stored = float(of.springs.evaluate("energy", r).sum())
         work = float(np.sum(self._whole.loads * u))
         return stored - work, stored + abs(work)
 
     def largest(self, u: Array) -> float:
-        return max(np.abs(self._pulled(u)[-1]).max(initial=0.0), np.abs(self._whole.loads).max())
+        return max(np.abs(self._forces_at(u)[-1]).max(initial=0.0), np.abs(self._whole.loads).max())
 
     def carrying(self, u: Array) -> int:
         """Number of contacts that carry."""
-        return int(np.count_nonzero(self._pulled(u)[-1]))
+        return int(np.count_nonzero(self._forces_at(u)[-1]))
 
     def newton(self, u: Array, f: Array) -> Callable[[float], Array | None]:
         from scipy.sparse import eye_array
 
-        of, r, along, tension = self._pulled(u)
+        of, r, along, tension = self._forces_at(u)
         bonds, table, rigid = of.contact_bonds, of.springs, np.zeros((f.size, 0))
         least = GUESS * self._radius.min()
         pressed = np.minimum(r, -least)

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tensegrity.engine.kept import cache_folder, trim
+from tensegrity.engine.disk_cache import cache_folder, trim
 from tensegrity.engine.native import described, require
 from tensegrity.engine.pieces import threads
 from tensegrity.errors import CompilerError, TensegrityError

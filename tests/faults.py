@@ -69,7 +69,7 @@ NEAREST = {  # folders and files, and the tests of what stands there; those of i
     "tensegrity": "check bad_input notebook self_test export readonly copies",
 }
 EQUIVALENT = {
-    "tensegrity/structures/corner.py: radius = max(np.abs(x - begin).max(), small) -> radius = "
+    "tensegrity/structures/active_set.py: radius = max(np.abs(x - begin).max(), small) -> radius = "
     "max(np.abs(x + begin).max(), small)": "the region of the steps grows and shrinks as needed",
 }
 

@@ -100,13 +100,13 @@ OWN = {f.__name__: f for f in (driven, gas, structure, beads, plane_pack, differ
 SCENES = {name: lambda f=f: f(np.random.default_rng(3)) for name, f in KINDS.items()} | OWN
 
 
-def told(run):
+def numbers_of(run):
     """Numbers of a run: a few rows, and sums over all."""
     rows = np.unique(np.linspace(0, len(run.t) - 1, ROWS).astype(int))
     energy = run.energy.sum(axis=-1) if run.energy.ndim == 2 else run.energy  # of all scenes
     found = {"t": run.t[rows], "u": run.u[rows], "v": run.v[rows], "energy": energy[rows]}
     found |= {"final_u": run.final.u, "final_v": run.final.v}
-    for name in ("steps", "error_estimate", "met", "work"):
+    for name in ("steps", "error_estimate", "elongation_range", "work"):
         if getattr(run, name, None) is not None:
             found[name] = getattr(run, name)
     return found | {"sum_u": run.u.sum(axis=0), "sum_energy": energy.sum()}
@@ -121,7 +121,7 @@ def of_run(scene, step, record):
     for name in ("interval", "times"):
         if name in record:
             record[name] = np.multiply(record[name], t_end).tolist()
-    return told(simulate(scene, state, t_end, **step, record=Record(**record)))
+    return numbers_of(simulate(scene, state, t_end, **step, record=Record(**record)))
 
 
 def of_file():
@@ -130,7 +130,7 @@ def of_file():
     with tempfile.TemporaryDirectory() as folder:
         record = Record(every=2, path=f"{folder}/rows.npy", checkpoint=0)
         simulate(scene, state, t_end, dt=t_end / 300, method="rkn6", record=record)
-        return told(resume(record.path))
+        return numbers_of(resume(record.path))
 
 
 def of_gradient(scene, method):
@@ -149,7 +149,7 @@ def of_tuned():
         return Prism(1.0, 0.8, 0.02 + 0.002 * np.tanh((t - 10) / 4), 1.0).potential()
 
     scene = Chain(spring_at(0.0), 30, tune=spring_at)
-    return told(simulate(scene, scene.at_rest({0: 0.03}), 20.0, method="rkn6", dt=0.1))
+    return numbers_of(simulate(scene, scene.at_rest({0: 0.03}), 20.0, method="rkn6", dt=0.1))
 
 
 def of_error(scene, how):

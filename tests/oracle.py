@@ -35,7 +35,7 @@ class Stepped(NamedTuple):
 
     u: np.ndarray
     v: np.ndarray
-    met: np.ndarray
+    elongation_range: np.ndarray
 
 
 def stepped(scene, state, method, dt, steps):

@@ -217,7 +217,7 @@ def test_ctrl_c_gives_the_best_until_then(monkeypatch):
 
 
 def test_starts_lost_with_a_worker_are_counted(monkeypatch):
-    plain, lost = module.Crew.outcomes, []
+    plain, lost = module.WorkerPool.outcomes, []
 
     def lossy(self, function, cases):
         for number, result in plain(self, function, cases):
@@ -226,7 +226,7 @@ def test_starts_lost_with_a_worker_are_counted(monkeypatch):
                 result = module.Failed(number, "BrokenProcessPool: died", True)
             yield number, result
 
-    monkeypatch.setattr(module.Crew, "outcomes", lossy)
+    monkeypatch.setattr(module.WorkerPool, "outcomes", lossy)
     found = small()
     assert found.failed == 1
     assert np.flatnonzero(np.isinf(found.history)).tolist() == [0]  # it counts as one design

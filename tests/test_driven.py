@@ -255,7 +255,7 @@ def test_elongations_met_are_those_of_all_steps(name):
         scene, blow = plate(drive=drive, damping=Damping(**{name: 0.1})), (0.3, 0.0)
     run = simulate(scene, scene.at_rest({5: blow}), 3.0, dt=0.05, record=Record(every=1))
     r = scene.elongation(run.u)
-    found = run.met[:, 0].min(), run.met[:, 1].max()
+    found = run.elongation_range[:, 0].min(), run.elongation_range[:, 1].max()
     np.testing.assert_allclose(found, (min(r.min(), 0), max(r.max(), 0)), atol=1e-15)
 
 

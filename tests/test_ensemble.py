@@ -92,7 +92,11 @@ def test_lanes_move_as_their_scenes_alone(name, method):
         alone = simulate(scene, together.lane(start, k), 6.0, **options)
         assert one.scene is scene
         np.testing.assert_array_equal(one.u, run.u[..., k])
-        for field in ("u", "v", *["met"] * (not alike)):  # that of equal springs is of all lanes
+        for field in (
+            "u",
+            "v",
+            *["elongation_range"] * (not alike),
+        ):  # that of equal springs is of all lanes
             mine, its = getattr(one, field), getattr(alone, field)
             np.testing.assert_allclose(mine, its, rtol=0, atol=1e-13 * np.abs(its).max())
         np.testing.assert_allclose(run.energy[:, k], alone.energy, rtol=1e-13)
@@ -125,7 +129,7 @@ def test_every_lane_is_watched_at_both_ends_of_the_domain(end):
         words = f"sites 0 and 1 of lane {far} got there|lane {far}: .*sites 0 and 1 got there"
         with pytest.raises(LockingError, match=words) as caught:
             simulate(ensemble, start, 4.0, dt=0.01)
-        assert 0.09 < np.abs(caught.value.run.met).max() < 0.1
+        assert 0.09 < np.abs(caught.value.run.elongation_range).max() < 0.1
 
 
 def test_states_of_another_shape_are_refused():

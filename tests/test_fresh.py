@@ -12,9 +12,8 @@ import pytest
 
 from benchmarks import fresh
 from tensegrity import PowerLaw, Prism
-from tensegrity.engine import kept as kept_module
-from tensegrity.engine import programs
-from tensegrity.engine.kept import cache_folder, kept
+from tensegrity.engine import disk_cache, programs
+from tensegrity.engine.disk_cache import cache_folder, cached
 from tensegrity.engine.law import DerivedLaw, functions
 from tensegrity.prisms.closed import rigid_law
 from tensegrity.prisms.condensed import functions as functions_of
@@ -107,7 +106,7 @@ def test_a_value_is_made_once_and_again_after_damage(kind, folder):
             made.append(name)
             return {"text": f"C of {name}", "numbers": [1, 0.1, float("inf")]}
 
-        return kept(("test", name), make)
+        return cached(("test", name), make)
 
     first = value("one"), value("two")
     assert (value("one"), value("two")) == first
@@ -120,7 +119,7 @@ def test_a_value_is_made_once_and_again_after_damage(kind, folder):
 
 
 def test_files_are_private_whole_and_hold_data_only(folder):
-    kept(("test",), lambda: ["x", 1.5])
+    cached(("test",), lambda: ["x", 1.5])
     (file,) = folder.iterdir()
     assert file.stat().st_mode & 0o777 == 0o600
     digest, _, content = file.read_bytes().partition(b"\n")
@@ -130,16 +129,16 @@ def test_files_are_private_whole_and_hold_data_only(folder):
 
 def test_a_changed_source_makes_everything_anew(folder, monkeypatch):
     """In a copy of the sources: one more line in a derivation."""
-    first = kept_module.made_by()
-    assert kept_module.made_by() == first
+    first = disk_cache.made_by()
+    assert disk_cache.made_by() == first
     source = Path(sys.modules["tensegrity"].__file__).parent / "prisms" / "prism.py"
     real = Path.read_bytes
     monkeypatch.setattr(Path, "read_bytes", lambda path: real(path) + b"#" * (path == source))
-    kept_module.made_by.cache_clear()
+    disk_cache.made_by.cache_clear()
     try:
-        assert kept_module.made_by() != first
+        assert disk_cache.made_by() != first
     finally:
-        kept_module.made_by.cache_clear()
+        disk_cache.made_by.cache_clear()
 
 
 def test_a_folder_that_cannot_be_written_costs_only_time(folder, monkeypatch):
@@ -149,17 +148,17 @@ def test_a_folder_that_cannot_be_written_costs_only_time(folder, monkeypatch):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("tempfile.mkstemp", full)
-    assert kept(("test",), lambda: 1) == kept(("test",), lambda: 2) - 1 == 1
+    assert cached(("test",), lambda: 1) == cached(("test",), lambda: 2) - 1 == 1
 
 
 def test_what_cannot_be_said_is_not_kept(folder):
-    assert kept(("test",), lambda: None) is None
-    assert kept(None, lambda: (1, 2)) == [1, 2]
+    assert cached(("test",), lambda: None) is None
+    assert cached(None, lambda: (1, 2)) == [1, 2]
     assert list(folder.glob("*.json")) == []
 
 
 def _many(number):
-    return kept(("shared",), lambda: {"by": number, "long": "x" * 100_000})["long"]
+    return cached(("shared",), lambda: {"by": number, "long": "x" * 100_000})["long"]
 
 
 def test_processes_that_keep_the_same_value_at_once_all_get_it(folder):

@@ -23,6 +23,11 @@ DECISIONS = 20  # and one more paths through a function that decides so often
 MOST_ARGUMENTS = 10  # of a private function
 CHAIN = 45  # modules, each imported by the one before; aim: 25
 MEMBERS = {"Chain": 24, "Network": 32, "BeadChain": 40, "Guide": 40, "Pack": 40}
+DEFINITIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
+DIALECT = re.compile(
+    r"_*(judge|rung|outlook|book|course|crew|kept|told|sound|remembered|seeds|sow|asked|rises|apart"
+    r"|likely)_*"
+)
 INSIDE = re.compile(r"\btensegrity\.(engine|runs|scenes\.\w*(dynamics|batch))\b")
 LOOKING_INSIDE = 10  # files of tests
 REPLACED = 54  # parts of the house that tests replace; figures have 25; aim: those
@@ -107,6 +112,25 @@ def test_chains_of_imports_are_short():
     found = {}
     chain = max(map(longest, modules), key=len)
     assert len(chain) <= CHAIN, " -> ".join(chain)
+
+
+def test_names_are_words_of_the_field():
+    """A module, a class or a function has no name that only its authors understand."""
+    found = []
+    for folder in (
+        "derivations",
+        "tensegrity",
+        "granular",
+        "figures",
+        "benchmarks",
+        "docs",
+        "tests",
+    ):
+        for path in (ROOT / folder).rglob("*.py"):
+            tree = ast.walk(ast.parse(path.read_text()))
+            names = [path.stem, *(node.name for node in tree if isinstance(node, DEFINITIONS))]
+            found += [(path, name) for name in names if DIALECT.fullmatch(name.lower())]
+    assert found == []
 
 
 def test_scenes_have_few_public_members():

@@ -159,11 +159,11 @@ def test_a_spring_pulled_to_the_upper_end_of_its_domain_ends_the_run_there(sprin
     run = caught.value.run
     (reached,) = chain.elongation(run.final.u)
     (rate,) = np.diff(run.final.v)
-    assert max(reached, run.met[0, 1]) < high < reached + 1.5e-3 * rate
+    assert max(reached, run.elongation_range[0, 1]) < high < reached + 1.5e-3 * rate
     chain, state = pulled(spring, 0.95 * barrier)
     quarter = 0.4 if spring is RIGID else 2.0
     run = simulate(chain, state, quarter, dt=1e-3, method=method)
-    assert 0.9 * high < run.met[0, 1] < high
+    assert 0.9 * high < run.elongation_range[0, 1] < high
 
 
 def test_momentum_is_kept_to_round_off():
@@ -307,7 +307,7 @@ def test_the_default_step_is_refined_where_bonds_stiffen_beyond_what_was_expecte
     v[[0, 4, 8]] = np.sqrt(2 * part * float(spring.energy(spring.domain[0])))
     chain, duration = Chain(spring, 12), 5 / np.sqrt(float(spring.stiffness(0.0)))
     run = simulate(chain, State(np.zeros(12), v), duration)
-    stiffest = max(spring.stiffness(x) for x in run.met[0])
+    stiffest = max(spring.stiffness(x) for x in run.elongation_range[0])
     assert run.dt * 2 * np.sqrt(stiffest) < 2 * 0.15 * LIMITS["rkn6"]
     assert run.energy_error < 1e-9
 

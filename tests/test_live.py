@@ -45,8 +45,8 @@ const data = text.match(/const TABLES = (.*);/)[1], code = text.match(/const COD
 const made = { exports: {} };
 new Function("module", model)(made);
 made.exports.started(code, JSON.parse(data)).then((chain) => {
-  const found = JSON.parse(process.argv[3]).map(([asked, steps, crests]) => {
-    const refused = chain.set(asked), parameters = Array.from(
+  const found = JSON.parse(process.argv[3]).map(([answers, steps, crests]) => {
+    const refused = chain.set(answers), parameters = Array.from(
       new Float64Array(chain.c.memory.buffer, chain.c.parameters(0), 19));
     const ended = chain.run(steps), finite = (x) => Array.from(x, (y) => (isFinite(y) ? y : "no"));
     const lead = chain.leader();
@@ -123,12 +123,12 @@ def ask(page):
     driver = page.with_name("driver.js")
     driver.write_text(DRIVER)
 
-    def asked(*questions):
+    def answers(*questions):
         command = [NODE, str(driver), str(page), json.dumps(questions)]
         answer = subprocess.run(command, capture_output=True, text=True, check=True, timeout=300)
         return json.loads(answer.stdout)
 
-    return asked
+    return answers
 
 
 @pytest.mark.slow

@@ -89,8 +89,8 @@ def test_steps_solve_the_equations_of_the_rule(name, share):
     seen = np.array([scene.elongation(u) for u in (*middle, *run.u)])
     if seen.shape[1] == len(scene.springs):  # no walls
         lowest, highest = min(seen.min(), 0), max(seen.max(), 0)
-        assert run.met.min() == pytest.approx(lowest, abs=1e-14 * size)
-        assert run.met.max() == pytest.approx(highest, abs=1e-14 * size)
+        assert run.elongation_range.min() == pytest.approx(lowest, abs=1e-14 * size)
+        assert run.elongation_range.max() == pytest.approx(highest, abs=1e-14 * size)
 
 
 def bonds_alone(scene, u):

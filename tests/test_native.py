@@ -20,7 +20,7 @@ import pytest
 
 from tensegrity import TensegrityError
 from tensegrity.__main__ import main
-from tensegrity.engine import kept, native
+from tensegrity.engine import disk_cache, native
 
 COMPILER = native.compilers()[0]
 TEXT = "double answer(void) { return 42; }"
@@ -37,7 +37,7 @@ def cache(tmp_path, monkeypatch):
 
 def left(folder):
     """What compilers have left; texts that are kept beside it are files of JSON."""
-    return [e for e in folder.iterdir() if e.suffix != ".json" and e.name != kept.LOCKS]
+    return [e for e in folder.iterdir() if e.suffix != ".json" and e.name != disk_cache.LOCKS]
 
 
 def entries(folder):
@@ -351,10 +351,10 @@ TEXTS = [TEXT.replace("42", str(number)) for number in range(3)]
 def test_what_was_used_longest_ago_goes_when_something_new_is_compiled(cache, monkeypatch):
     compile_elsewhere(TEXTS).communicate()
     old, used, new = sorted(entries(cache), key=lambda entry: entry.stat().st_mtime)
-    aged(cache, 2 * kept.YOUNG)
+    aged(cache, 2 * disk_cache.YOUNG)
     compile_elsewhere(TEXTS[1:2]).communicate()  # it is found, which counts as a use
     os.utime(old, (1, 1))
-    size = sum(size for _, size, _ in kept._found())
+    size = sum(size for _, size, _ in disk_cache._found())
     monkeypatch.setattr(native, "size_limit", lambda: size + 100)
     answer()
     assert not old.exists()
@@ -368,11 +368,11 @@ def test_what_was_used_longest_ago_goes_when_something_new_is_compiled(cache, mo
 
 def test_nothing_is_removed_below_the_limit_or_by_a_mere_load(cache, monkeypatch):
     compile_elsewhere(TEXTS).communicate()
-    aged(cache, 2 * kept.YOUNG)
+    aged(cache, 2 * disk_cache.YOUNG)
     answer()
     assert len(entries(cache)) == 4
     monkeypatch.setenv("TENSEGRITY_CACHE_MB", "0")
-    aged(cache, 2 * kept.YOUNG)
+    aged(cache, 2 * disk_cache.YOUNG)
     answer()
     assert len(entries(cache)) == 4
 
@@ -381,30 +381,30 @@ def test_what_another_process_has_loaded_is_not_removed_before_that_ends(cache):
     process = compile_elsewhere(TEXTS[:1])
     assert process.stdout.readline() == "1\n"
     (entry,) = entries(cache)
-    kept.trim(0, age=0.0)
+    disk_cache.trim(0, age=0.0)
     assert native._intact(entry)
     process.communicate()
-    kept.trim(0, age=0.0)
+    disk_cache.trim(0, age=0.0)
     assert left(cache) == []
 
 
 def test_what_a_killed_process_left_half_written_goes_when_it_is_old(cache):
-    unfinished = kept.cache_folder() / "build-killed"
+    unfinished = disk_cache.cache_folder() / "build-killed"
     unfinished.mkdir()
     (unfinished / native.LIBRARY).write_text("half")
-    kept.trim(0, age=0.0)
+    disk_cache.trim(0, age=0.0)
     assert len(left(cache)) == 1
-    aged(cache, 2 * kept.YOUNG)
-    kept.trim(0)
+    aged(cache, 2 * disk_cache.YOUNG)
+    disk_cache.trim(0)
     assert left(cache) == []
 
 
 def test_the_cache_is_emptied_by_hand(cache, capsys):
     compile_elsewhere(TEXTS).communicate()
-    size = sum(size for _, size, _ in kept._found())
+    size = sum(size for _, size, _ in disk_cache._found())
     assert main(["--clean"]) == 0
     assert capsys.readouterr().out == f"{size / 1e6:.1f} MB freed in {cache}\n"
-    assert [entry.name for entry in cache.iterdir()] == [kept.LOCKS]
+    assert [entry.name for entry in cache.iterdir()] == [disk_cache.LOCKS]
     assert answer(TEXTS[0]) == 0
 
 
@@ -418,7 +418,7 @@ def test_a_size_that_is_no_whole_number_is_refused(cache, monkeypatch, given):
 def test_processes_that_make_room_at_once_do_not_disturb_each_other(cache, monkeypatch):
     """With neither size nor age to spare, each loads what others remove and make."""
     monkeypatch.setenv("TENSEGRITY_CACHE_MB", "0")
-    then = "from tensegrity.engine import kept; kept.trim(0, age=0.0)\n"
+    then = "from tensegrity.engine import disk_cache; disk_cache.trim(0, age=0.0)\n"
     started = [compile_elsewhere(TEXTS[k:] + TEXTS[:k], then) for k in range(3)]
     assert [process.communicate()[0] for process in started] == ["1\n"] * 3
 

@@ -239,7 +239,7 @@ def test_steps_follow_what_loads_do_where_nothing_opens():
     )
     run = simulate(network, network.at_rest(), 5.0)
     assert run.method == "rkn6"  # 0.15 of its stability limit, 3.1414
-    fastest = math.sqrt(max(spring.stiffness(r) for r in run.met[0]))
+    fastest = math.sqrt(max(spring.stiffness(r) for r in run.elongation_range[0]))
     assert run.dt <= 0.15 * 3.1415 / fastest
     fine = simulate(network, network.at_rest(), 5.0, dt=run.dt / 8, method="rkn6").final.u
     np.testing.assert_allclose(run.final.u, fine, rtol=0, atol=1e-6 * fine.max())

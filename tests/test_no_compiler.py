@@ -17,7 +17,7 @@ ROOT = Path(__file__).parent.parent
 WITHOUT = "import sys; sys.modules['ziglang'] = None; sys.path.insert(0, 'tests')\n"
 
 
-def asked(code, folder):
+def outcome(code, folder):
     """What code prints in a process that finds no compiler, nor anything that another one kept."""
     environment = {k: x for k, x in os.environ.items() if k != "CC"}
     environment |= {"PATH": "", "PYTHONPATH": str(ROOT), "XDG_CACHE_HOME": str(folder / "cache")}
@@ -87,7 +87,7 @@ def numbers():
 
 def test_what_does_not_step_in_time_needs_no_compiler(tmp_path):
     code = "import json, test_no_compiler as t; print(json.dumps(t.numbers()))"
-    found, wanted = json.loads(asked(code, tmp_path)), numbers()
+    found, wanted = json.loads(outcome(code, tmp_path)), numbers()
     for name, one in wanted.items():
         scale = np.abs(one)[np.isfinite(one)].max()  # a path's own points lie on it to 1e-7
         np.testing.assert_allclose(found[name], one, rtol=1e-7, atol=1e-12 * scale, err_msg=name)
@@ -96,7 +96,7 @@ def test_what_does_not_step_in_time_needs_no_compiler(tmp_path):
 def test_branches_without_a_compiler_have_the_same_events(tmp_path):
     """Rows may lie elsewhere by round-off that the step control saw; events may not."""
     code = "import json, test_continuation as t; print(json.dumps(t.followed()))"
-    found = json.loads(asked(code, tmp_path))
+    found = json.loads(outcome(code, tmp_path))
     for name, (end, columns, events) in followed().items():
         other_end, other_columns, other_events = found[name]
         assert other_end == end, name
@@ -162,7 +162,7 @@ def test_what_steps_in_time_is_refused_in_one_line_before_any_work(tmp_path):
     code = f"""
 import json, pathlib, test_no_compiler as t
 print(json.dumps(t.refused(pathlib.Path({str(tmp_path)!r}))))"""
-    found, calls = json.loads(asked(code, tmp_path))
+    found, calls = json.loads(outcome(code, tmp_path))
     assert list(found) == calls
     (line,) = set(found.values())
     assert "\n" not in line

@@ -69,8 +69,8 @@ def test_loop_is_that_of_numpy_to_the_growth_of_round_off(name, method):
     run = simulate(scene, state, steps * dt, dt=dt * (1 + 1e-9), method=method)
     plain, sites, eps = stepped(scene, state, method, dt, steps), scene.sites, np.finfo(float).eps
     assert run.steps == steps
-    found = [run.final.u, run.final.v, run.met[: len(plain.met)]]
-    wanted = [plain.u[:sites], plain.v[:sites], plain.met]
+    found = [run.final.u, run.final.v, run.elongation_range[: len(plain.elongation_range)]]
+    wanted = [plain.u[:sites], plain.v[:sites], plain.elongation_range]
     for one, two in zip(found, wanted, strict=True):
         np.testing.assert_allclose(one, two, rtol=0, atol=2 * steps * eps * np.abs(two).max())
     if run.impulse is not None:  # far smaller than what they are differences of
@@ -84,7 +84,11 @@ def test_blocks_of_any_length(sites, exponent):
     state = chain.at_rest({0: 0.1, sites - 1: -0.05})
     run = simulate(chain, state, 0.5, dt=0.1, method="verlet")
     plain = stepped(chain, state, "verlet", 0.1, 5)
-    for one, two in ((run.final.u, plain.u), (run.final.v, plain.v), (run.met, plain.met)):
+    for one, two in (
+        (run.final.u, plain.u),
+        (run.final.v, plain.v),
+        (run.elongation_range, plain.elongation_range),
+    ):
         np.testing.assert_allclose(one, two, rtol=0, atol=1e-15)
 
 
@@ -95,7 +99,7 @@ def test_ranges_of_many_equal_bonds_are_those_of_all(bonds):
     start = chain.at_rest({0: 0.02, bonds // 2 + 1: -0.01})
     run = simulate(chain, start, 20.0, dt=0.25, record=Record(every=1))
     r = np.diff(run.u)
-    np.testing.assert_array_equal(run.met, [[min(r.min(), 0), max(r.max(), 0)]])
+    np.testing.assert_array_equal(run.elongation_range, [[min(r.min(), 0), max(r.max(), 0)]])
 
 
 def test_a_lane_of_its_own_that_locks_is_named():

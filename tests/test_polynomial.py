@@ -277,7 +277,7 @@ def test_a_tolerance_is_kept_with_polynomials_that_get_better_with_it():
         assert run.error_estimate < tol
         assert np.isclose(run.energy[-1], chain.energy(run.final), rtol=1e-15)  # the exact one
         low, high = (float(x) for x in run.force.split("[")[1].split("]")[0].split(", "))
-        assert low < run.met[0, 0] < 0 < run.met[0, 1] < high
+        assert low < run.elongation_range[0, 0] < 0 < run.elongation_range[0, 1] < high
     assert degrees == sorted(set(degrees))
 
 
@@ -286,7 +286,7 @@ def test_a_fit_whose_error_shows_in_the_motion_is_refined(monkeypatch):
     exact = simulate(chain, state, 40.0, dt=0.02, method="rkn6").final
     monkeypatch.setattr("tensegrity.runs.tolerance.FIRST_ERROR", 1e3)
     run = simulate(chain, state, 40.0, tol=1e-7)
-    assert fitted_degree(run) > Polynomial(chain.springs[0], *run.met[0], 1e-4).degree
+    assert fitted_degree(run) > Polynomial(chain.springs[0], *run.elongation_range[0], 1e-4).degree
     assert error_of(run, exact.u, exact.v) < 1e-7
 
 
@@ -295,8 +295,8 @@ def test_a_range_left_is_widened(monkeypatch):
     chain, state = soft_blow()
     run = simulate(chain, state, 40.0, tol=1e-7)
     low, high = (float(x) for x in run.force.split("[")[1].split("]")[0].split(", "))
-    assert low < 1.3 * run.met[0, 0] < 0
-    assert high > 1.3 * run.met[0, 1] > 0
+    assert low < 1.3 * run.elongation_range[0, 0] < 0
+    assert high > 1.3 * run.elongation_range[0, 1] > 0
     monkeypatch.setattr("tensegrity.runs.tolerance.MARGINS", (-0.2,))
     assert simulate(chain, state, 40.0, tol=1e-7).force == "exact"
 

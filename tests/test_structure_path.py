@@ -22,7 +22,7 @@ from tensegrity import (
     plates,
 )
 from tensegrity.prisms.contact import distances
-from tensegrity.structures.corner import Ray, chosen
+from tensegrity.structures.active_set import Ray, chosen
 
 PLATES = plates([0, 4, 8], [3, 7, 11])
 PRISM = Prism(1.0, 1.0, 0.1, 1.0, 5.0, 50.0)

@@ -232,7 +232,7 @@ def chains(spring: Potential) -> Run:
     return run
 
 
-def kept(chain: Chain, state: State) -> Run:
+def recorded(chain: Chain, state: State) -> Run:
     record = Record(sites=[0], times=[0.5, 1.0], interval=0.25, path="rows.npy", checkpoint=60)
     run = simulate(chain, state, 10.0, method=methods.METHODS["rkn6"], record=record)
     run.save("run.npz")

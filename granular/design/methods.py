@@ -119,11 +119,11 @@ def starting(space: Sizes, rng: np.random.Generator) -> Proposals:
             starts[:HOPS] = space.projected(np.where(other, shaken, moved(rng, near)))
         found, values = yield starts
         rows, forces = _ranked(np.concatenate([rows, found]), np.append(forces, values))
-        kept = _apart(rows, APART * (space.diameters[1] - space.diameters[0]))[:LOWEST]
+        kept = _distinct(rows, APART * (space.diameters[1] - space.diameters[0]))[:LOWEST]
         rows, forces = rows[kept], forces[kept]
 
 
-def _apart(rows: Any, least: float) -> list[int]:
+def _distinct(rows: Any, least: float) -> list[int]:
     """Numbers of rows that differ from all such before them by more than that in some gene."""
     kept: list[int] = []
     for k, row in enumerate(rows):

@@ -30,7 +30,7 @@ from tensegrity import TensegrityError, check
 from tensegrity.engine import native
 from tensegrity.notebook import progress
 from tensegrity.runs import archive
-from tensegrity.runs.sweep import Crew, Failed, keep, require_same
+from tensegrity.runs.sweep import Failed, WorkerPool, keep, require_same
 from tensegrity.typing import Array
 
 COARSE = 2.0  # steps of a search over the default ones
@@ -109,8 +109,8 @@ def search(
     dt = t_end / objective.step_count(unit, t_end, COARSE * objective.SHARE * unit)
     native.require()
     problem = Problem(space, striker, wall, t_end, dt, build)
-    with Crew(executor) as crew:
-        trail = _Trail(problem, crew, budget, checkpoint, name, seed)
+    with WorkerPool(executor) as workers:
+        trail = _Trail(problem, workers, budget, checkpoint, name, seed)
         try:
             with progress(budget, "design", trail.begun) as trail.bar:
                 trail.follow(propose(space, np.random.default_rng(seed)))
@@ -142,9 +142,9 @@ class _Trail:
     """
 
     def __init__(
-        self, problem: Problem, crew: Crew, budget: int, path: Any, method: str, seed: int
+        self, problem: Problem, workers: WorkerPool, budget: int, path: Any, method: str, seed: int
     ) -> None:
-        self._problem, self._crew, self._budget = problem, crew, budget
+        self._problem, self._workers, self._budget = problem, workers, budget
         self._method, self._seed, self.bar, self.failed = method, seed, None, 0
         self._leads = Descents(problem) if method == "gradient" else problem
         self.forces: list[float] = []
@@ -276,12 +276,12 @@ class _Trail:
         """Ways from rows in their order, in lists of those that one worker computes; `number` is
         that of the first."""
         size = leads.part
-        if size > 1 and not self._crew.is_apart:
+        if size > 1 and not self._workers.is_remote:
             size = max(1, len(rows))
         parts = [rows[k : k + size] for k in range(0, len(rows), size)]
         done: dict[int, list[Way]] = {}
         given = 0
-        for k, result in self._crew.outcomes(leads, parts):
+        for k, result in self._workers.outcomes(leads, parts):
             if isinstance(result, Failed):
                 if not result.lost:
                     raise TensegrityError(f"{leads.unit} {number + k * size}: {result.error}")

@@ -26,7 +26,7 @@ import numpy as np
 from tensegrity import check
 from tensegrity.branches.arclength import Machine
 from tensegrity.branches.table import Event, Table
-from tensegrity.engine.kept import kept, maker
+from tensegrity.engine.disk_cache import cached, maker
 from tensegrity.errors import TensegrityError
 from tensegrity.once import once
 
@@ -109,7 +109,7 @@ class Problem:
 class DerivedProblem(Problem):
     """A problem that a function derives, when its expressions are asked for.
 
-    To trace it needs none of them, where its machine is kept (`tensegrity.engine.kept`).
+    To trace it needs none of them, where its machine is kept (`tensegrity.engine.disk_cache`).
 
     Parameters
     ----------
@@ -122,16 +122,16 @@ class DerivedProblem(Problem):
     def __init__(self, make: Callable[..., Problem], *arguments: Any) -> None:
         name = maker(make, *arguments)
         derive = once(lambda: make(*arguments))
-        machine = once(lambda: Machine(self, kept(("problem", name), lambda: _facts(self)), name))
+        machine = once(lambda: Machine(self, cached(("problem", name), lambda: _facts(self)), name))
         self.__dict__.update(derived=derive, _made=machine)
 
 
-def _asked(name: str) -> Any:
+def _field_of(name: str) -> Any:
     return property(lambda self: getattr(self.derived(), name))
 
 
 for _field in fields(Problem):
-    setattr(DerivedProblem, _field.name, _asked(_field.name))
+    setattr(DerivedProblem, _field.name, _field_of(_field.name))
 
 
 def _facts(problem):

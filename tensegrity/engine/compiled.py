@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from tensegrity.engine.codegen import c_text
-from tensegrity.engine.kept import kept
+from tensegrity.engine.disk_cache import cached
 from tensegrity.engine.law import DERIVATIVES, Change, evaluate, facts, named
 from tensegrity.engine.native import joined, library, pointer
 from tensegrity.errors import CompilerError
@@ -59,7 +59,7 @@ class Compiled:
         """A library: other steps than the usual ones take as long to compile as the rest."""
         if steps not in self._made:
             given = self.laws, self.own, self.dim, steps
-            text = kept(named("loop", *given), lambda: c_text(*given))
+            text = cached(named("loop", *given), lambda: c_text(*given))
             self._made[steps] = library(text, self._flags)
         return self._made[steps]
 
@@ -124,7 +124,7 @@ class Functions:
     Parameters
     ----------
     parts : tuple, or None
-        What names them in `kept`.
+        What names them in `cached`.
     make : callable () -> dict of str to casadi.Function
         Run where they are not kept, or not compiled.
     more : str, optional
@@ -139,7 +139,7 @@ class Functions:
 
     def __init__(self, parts, make, more="", flags=()) -> None:
         self.made = once(make)
-        found = kept(parts, lambda: written(self.made()))
+        found = cached(parts, lambda: written(self.made()))
         self._sizes = found["sizes"]
         try:
             self.library = library(joined([found["text"], "map.c", more]), flags)
@@ -183,7 +183,7 @@ class Functions:
 
 
 def written(functions):
-    """C text of functions, and how many numbers they take and give: for `kept`."""
+    """C text of functions, and how many numbers they take and give: for `cached`."""
     import casadi as ca
 
     generator, sizes = ca.CodeGenerator("functions.c"), {}

@@ -12,7 +12,7 @@ import numpy as np
 from tensegrity.engine import codegen
 from tensegrity.engine.bonds import KINDS, integers
 from tensegrity.engine.compiled import Compiled
-from tensegrity.engine.kept import kept
+from tensegrity.engine.disk_cache import cached
 from tensegrity.engine.native import address, joined, library, pointer, structure
 from tensegrity.once import once
 
@@ -43,7 +43,7 @@ def _compiled() -> Any:
 def _elongations(dim: int) -> list[int | None]:
     """Addresses of the functions of each kind of contact; they stay where they are."""
     given: tuple[Any, ...] = (), (), (), dim, (), {}, {}, ["elongations.c"]
-    text = kept(("elongations", dim), lambda: codegen.whole(*given))
+    text = cached(("elongations", dim), lambda: codegen.whole(*given))
     found = library(text, [f"-DDIM={dim}"])
     return [pointer(found[f"{kind}_elongations"]) for kind in KINDS]
 

@@ -87,7 +87,7 @@ def _rows(bonds):
     return len(bonds.group) + 1 if bonds.contacts is None else bonds.contacts.rows
 
 
-def pulls(bonds, tension, along):
+def scattered_forces(bonds, tension, along):
     """What bonds pull at the rows [N], (..., rows, dim)."""
     return scattered(*joined(bonds)[:2], tension[..., None] * along, _rows(bonds))
 
@@ -159,7 +159,7 @@ def assembled(first, second, blocks, rows, pair=slice(None)):
     return coo_array(entries, shape=(dim * rows, dim * rows))
 
 
-class Pulled:
+class BondForces:
     """Some bonds at many states at once, and derivatives carried back through them.
 
     Parameters

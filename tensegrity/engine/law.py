@@ -4,7 +4,7 @@ A `Law` is a scalar energy of one elongation with named parameters, which CasADi
 (unless the law brings its own form of the tension).  A law may also be made of CasADi expressions
 from the start: what is asked of it is a hash, `parameters`, `forms()`, and `compiled` as in
 `Law`.  What is generated from a law that has a `name`, for good and in every process, is
-kept: see `tensegrity.engine.kept`.
+kept: see `tensegrity.engine.disk_cache`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity.engine import simd
-from tensegrity.engine.kept import kept, maker
+from tensegrity.engine.disk_cache import cached, maker
 from tensegrity.errors import TensegrityError
 from tensegrity.once import once
 
@@ -158,17 +158,17 @@ def to_casadi(expression: Any, symbols: Sequence[Any]) -> Callable[..., Any]:
     own = [sp.Dummy(f"x{k}") for k in range(len(symbols))]  # a symbol may be called exp
     renamed = dict(zip(symbols, own, strict=True))
 
-    def is_cut_power(one):
+    def is_one_sided_power(one):
         return one.is_Pow and isinstance(one.base, sp.Max) and 0 in one.base.args
 
-    def cut_power(one):  # whose derivatives, as a power of a maximum, are 0 times inf beyond
+    def one_sided_power(one):  # whose derivatives, as a power of a maximum, are 0 times inf beyond
         inside, *others = (x for x in one.base.args if x != 0)
         if one.exp.is_integer or others:
             return one
         return sp.Piecewise((inside**one.exp, inside > 0), (0, True))
 
     def prepared(one):
-        one = sp.sympify(one).replace(is_cut_power, cut_power)
+        one = sp.sympify(one).replace(is_one_sided_power, one_sided_power)
         return one.replace(sp.Piecewise, branches).replace(sp.sign, signum).xreplace(renamed)
 
     if isinstance(expression, (list, tuple)):
@@ -260,7 +260,7 @@ def facts(law: Any) -> dict[str, Any]:
     """What is asked of a law besides its functions: names of its parameters, seconds that a
     tension takes in a compiled loop, roughly: counted, not measured, its instructions, whether any
     of them makes pieces of it, and whether packs of numbers gain by it, and by the energy."""
-    return kept(named("facts", (law,)), lambda: _facts(law))
+    return cached(named("facts", (law,)), lambda: _facts(law))
 
 
 def _facts(law):

@@ -301,13 +301,13 @@ def _lanes(own, crowding, tiles):
 def _slots(at, other, rows):
     """Which group of its slice each contact is in, those of a lane being in a row."""
     count = np.arange(len(at))
-    of_lane = _apart(at) - count
+    of_lane = _offsets_by_key(at) - count
     slot = np.maximum.accumulate(of_lane) - of_lane
     if other is None:
         return slot
     key = at // GROUP * rows + other
     together = np.argsort(key, kind="stable")
-    of_other = _apart(key[together])
+    of_other = _offsets_by_key(key[together])
     while True:
         before = slot
         slot = np.empty_like(before)
@@ -317,7 +317,7 @@ def _slots(at, other, rows):
             return slot
 
 
-def _apart(key):
+def _offsets_by_key(key):
     """Numbers that rise by more than anything counts wherever a sorted key changes."""
     return 2 * len(key) * np.cumsum(np.diff(key, prepend=-1) != 0)
 

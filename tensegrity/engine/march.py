@@ -97,24 +97,29 @@ def go(loop: Any, done: int, end: int, wanted: Sequence[Wanted], sites: int, wal
     int
         0, or `STOPPED` where the loop had to stop before, `ENDLESS` where it is not finite.
     """
-    each = (_WANTED * len(wanted))(*(_told(one, sites, walls) for one in wanted))
+    each = (_WANTED * len(wanted))(*(_output_buffers(one, sites, walls) for one in wanted))
     return _compiled()(
         ctypes.addressof(loop), done, end, ctypes.addressof(each), len(wanted), sites
     )
 
 
-def _told(one: Wanted, sites: int, walls: int) -> Any:
+def _output_buffers(one: Wanted, sites: int, walls: int) -> Any:
     """As `march.c` takes it."""
     at, u, v, impulse, sums, travel, raw, places, of_u = one
-    told = _WANTED.of(at=address(at), u=address(u), count=len(at), raw=raw, size=u[:1].size)
+    filled = _WANTED.of(at=address(at), u=address(u), count=len(at), raw=raw, size=u[:1].size)
     if places is not None:
-        told.places, told.entries, told.of_u, told.raw = address(places), len(places), of_u, 1
-        return told
-    told.v, told.behind = address(v), sites
+        filled.places, filled.entries, filled.of_u, filled.raw = (
+            address(places),
+            len(places),
+            of_u,
+            1,
+        )
+        return filled
+    filled.v, filled.behind = address(v), sites
     if impulse is not None:
-        told.impulse, told.walls = address(impulse), walls
+        filled.impulse, filled.walls = address(impulse), walls
     if sums is not None:
-        told.sums = address(sums)
+        filled.sums = address(sums)
     if travel is not None:
-        told.travel = address(travel)
-    return told
+        filled.travel = address(travel)
+    return filled

@@ -27,7 +27,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from tensegrity.engine.kept import cache_folder, kept, size_limit, trim, use
+from tensegrity.engine.disk_cache import cache_folder, cached, size_limit, trim, use
 from tensegrity.errors import CompilerError
 from tensegrity.once import once
 
@@ -130,12 +130,12 @@ def _identity(command):
     except OSError:
         return None
     if len(command) > 1:
-        return _asked(command)
+        return _output_of(command)
     parts = "compiler", command[0], path, state.st_size, state.st_mtime_ns
-    return kept(parts, lambda: _asked(command))
+    return cached(parts, lambda: _output_of(command))
 
 
-def _asked(command):
+def _output_of(command):
     try:
         code, said = _call((*command, "--version"), subprocess.DEVNULL)
     except (OSError, subprocess.TimeoutExpired):

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from functools import reduce
 from typing import Any
 
-from tensegrity.engine.kept import kept, maker
+from tensegrity.engine.disk_cache import cached, maker
 from tensegrity.once import once
 
 SUMS = {"Add": operator.add, "Mul": operator.mul}
@@ -103,4 +103,4 @@ def derived(make: Callable[..., tuple[Sequence[Any], Sequence[Any]]], *arguments
 
     Its arguments are texts, numbers, and functions of that module.
     """
-    return kept(("program", maker(make, *arguments)), lambda: program(*make(*arguments)))
+    return cached(("program", maker(make, *arguments)), lambda: program(*make(*arguments)))

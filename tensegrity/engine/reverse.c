@@ -39,7 +39,7 @@ typedef struct {
     const real *rows;                /* (objectives, steps, places) */
     const integer *places;
     integer count, of_u, begin, end;
-} seeds;
+} cotangents;
 
 /* Packs of bonds of one law: tensions, stiffnesses and derivatives by the parameters wanted. */
 #define ARGUMENTS                                                                           \
@@ -291,7 +291,7 @@ static void reverse_stage(const scene *c, real a, real b)
 }
 
 /* Add what the objectives have to do with the state after step number k. */
-void sow(const scene *c, const seeds *s, integer k)
+void add_cotangents(const scene *c, const cotangents *s, integer k)
 {
     if (k < s->begin || k > s->end) return;
     for (integer o = 0; o < c->objectives; o++) {
@@ -303,13 +303,13 @@ void sow(const scene *c, const seeds *s, integer k)
 }
 
 /* Undo `steps` steps, the last of them number `last`, as `advance` did them. */
-void reverse(const scene *c, integer steps, integer opened, integer last, const seeds *s)
+void reverse(const scene *c, integer steps, integer opened, integer last, const cotangents *s)
 {
     FLUSH
     for (integer k = steps - 1; k >= 0; k--) {
         for (integer i = c->stages - 1; i >= 0; i--)
             reverse_stage(c, KICK(c, i, k > 0 || opened), c->drifts[i]);
-        if (s) sow(c, s, last - (steps - k));
+        if (s) add_cotangents(c, s, last - (steps - k));
     }
 }
 

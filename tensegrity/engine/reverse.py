@@ -19,7 +19,7 @@ from tensegrity.engine.native import library, structure
 from tensegrity.once import once
 
 SCENE = structure("reverse.c", "scene")
-SEEDS = structure("reverse.c", "seeds")
+COTANGENTS = structure("reverse.c", "cotangents")
 PACK = 8  # numbers that C may write or read behind the last
 
 
@@ -202,7 +202,7 @@ class Back:
         """Copies of u and v, (sites[, dim])."""
         return self.u[: self.layout.sites].copy(), self.v[: self.layout.sites].copy()
 
-    def reverse(self, steps, last, seeds=None, opened=True):
+    def reverse(self, steps, last, cotangents=None, opened=True):
         """Undo steps.
 
         Parameters
@@ -215,12 +215,12 @@ class Back:
             Whether the first of them has the closing kick of the step before in it; the last
             has not its own.
         """
-        given = None if seeds is None else seeds.address
+        given = None if cotangents is None else cotangents.address
         self.layout.library.reverse(self._address, steps, opened, last, given)
 
-    def sow(self, seeds, k):
+    def add_cotangents(self, cotangents, k):
         """Add what objectives have to do with the state after step number k."""
-        self.layout.library.sow(self._address, seeds.address, k)
+        self.layout.library.add_cotangents(self._address, cotangents.address, k)
 
 
 class OnGrid(Bound):
@@ -300,7 +300,7 @@ class Totals:
         return self.arrays[2][:, self._layout.place]
 
 
-class Seeds:
+class OutputCotangents:
     """What objectives have to do with the states of a run, at some of its entries.
 
     Parameters
@@ -315,7 +315,7 @@ class Seeds:
     """
 
     def __init__(self, rows, places, of_u, begin):
-        self._structure = SEEDS(
+        self._structure = COTANGENTS(
             rows=np.ascontiguousarray(rows, dtype=float),
             places=integers(places),
             count=len(places),

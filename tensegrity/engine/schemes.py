@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from tensegrity import check
-from tensegrity.engine.kept import kept
+from tensegrity.engine.disk_cache import cached
 from tensegrity.engine.openings import TREATED, is_treated
 from tensegrity.errors import TensegrityError
 
@@ -119,7 +119,7 @@ class Method:
     @cached_property
     def stability_limit(self) -> float:
         """Largest stable dt * omega on the harmonic oscillator, found from the coefficients."""
-        return kept(("stability limit", repr(self)), self._stability_limit)
+        return cached(("stability limit", repr(self)), self._stability_limit)
 
     def _stability_limit(self) -> float:
         z = np.linspace(0, 2.0 * self.stages + 1, 200_001)[1:]

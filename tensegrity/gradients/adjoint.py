@@ -17,7 +17,7 @@ import numpy as np
 
 from tensegrity.engine import kernel
 from tensegrity.engine.march import Wanted
-from tensegrity.engine.reverse import Back, Layout, Seeds, Totals
+from tensegrity.engine.reverse import Back, Layout, OutputCotangents, Totals
 from tensegrity.notebook import progress
 from tensegrity.runs.march import march
 from tensegrity.scenes.scene import State
@@ -151,7 +151,7 @@ class Backward:
     def go(
         self,
         states: dict[int, Pair],
-        cotangents: Seeds,
+        cotangents: OutputCotangents,
         again: Any = None,
         stride: int | None = None,
     ) -> None:
@@ -175,7 +175,7 @@ class Backward:
         stops = sorted(states)
         last, main = stops[-1], self._main
         main.set(*states[last])
-        main.sow(cotangents, last)
+        main.add_cotangents(cotangents, last)
         with progress(last, "step") if last > self._most else nullcontext() as self._bar:
             for a, b in [*pairwise(stops)][::-1]:
                 self._through([*range(a, b, stride or b - a), b])
@@ -257,5 +257,5 @@ class Repeated:
         found = self._backward(objectives=len(by_rows))
         found.retune(self._bonds)
         states = {self._steps: (self._u, self._v)}
-        found.go(states, Seeds(by_rows[..., None], self._places, 1, 1))
+        found.go(states, OutputCotangents(by_rows[..., None], self._places, 1, 1))
         return found.totals

@@ -21,7 +21,7 @@ import numpy as np
 from tensegrity import check
 from tensegrity.engine import methods, native, pieces
 from tensegrity.engine.codegen import depends_on
-from tensegrity.engine.reverse import Layout, OnGrid, Seeds
+from tensegrity.engine.reverse import Layout, OnGrid, OutputCotangents
 from tensegrity.errors import TensegrityError
 from tensegrity.gradients import result
 from tensegrity.gradients.adjoint import Backward, Forward
@@ -131,7 +131,7 @@ def gradient(
             raise TensegrityError(f"{one!r} needs {one.latest:g} s, the run ends at {t_end:g} s")
     native.require()
     task = _Task(objectives, t_end, dt, splitting, wanted, exact, checkpoints)
-    found = (_of_lanes if isinstance(scene, Ensemble) else _of_scene)(task, scene, state)
+    found = (_of_batch if isinstance(scene, Ensemble) else _of_scene)(task, scene, state)
     return found if many else found[0]
 
 
@@ -147,7 +147,7 @@ def _splitting(method: str | methods.Method) -> methods.Splitting:
     return found
 
 
-def _of_lanes(task: _Task, scene: Any, state: Any) -> Any:
+def _of_batch(task: _Task, scene: Any, state: Any) -> Any:
     """Those of each scene, on threads: the loops free the interpreter."""
 
     def one(lane: int) -> Any:
@@ -159,15 +159,15 @@ def _of_lanes(task: _Task, scene: Any, state: Any) -> Any:
     return [_stacked(lanes) for lanes in zip(*each, strict=True)]
 
 
-def _stacked(found: Sequence[Gradient]) -> LaneGradient:
-    def lanes_last(each: Sequence[Any]) -> Any:
+def _stacked(found: Sequence[Gradient]) -> BatchGradient:
+    def batch_last(each: Sequence[Any]) -> Any:
         if isinstance(each[0], dict):
-            return fixed({name: lanes_last([x[name] for x in each]) for name in each[0]})
+            return fixed({name: batch_last([x[name] for x in each]) for name in each[0]})
         return np.stack(each, axis=-1)
 
     names = ("value", "u", "v", "mass", "parameters", "shift")
-    return LaneGradient(
-        **{name: lanes_last([getattr(one, name) for one in found]) for name in names},
+    return BatchGradient(
+        **{name: batch_last([getattr(one, name) for one in found]) for name in names},
         run=tuple(one.run for one in found),  # type: ignore[arg-type]
         reversal=max(one.reversal for one in found),
         digits=min(one.digits for one in found),
@@ -176,7 +176,7 @@ def _stacked(found: Sequence[Gradient]) -> LaneGradient:
     )
 
 
-class LaneGradient(Gradient):
+class BatchGradient(Gradient):
     """That of an ensemble: `value` (lanes,), `run` one of each lane, arrays with lanes last."""
 
     def by(self, name: str) -> Array:
@@ -231,7 +231,7 @@ def _of_scene(task: _Task, scene: Any, state: Any) -> list[Gradient]:
         each.append(samples.back(slopes, *sampled))
     by_rows, p, g, m, w = map(np.array, zip(*each, strict=True))
     back = Backward(layout, task.method, dt, len(windows), grid)
-    cotangents = Seeds(by_rows, samples.places, samples.of_u, first)
+    cotangents = OutputCotangents(by_rows, samples.places, samples.of_u, first)
     back.go(forward.states, cotangents, forward.again, every)
     p += back.totals.p
     g += back.totals.g

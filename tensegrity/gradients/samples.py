@@ -13,7 +13,7 @@ import numpy as np
 
 from tensegrity.engine.bonds import PAIR
 from tensegrity.engine.codegen import energy_function
-from tensegrity.engine.forces import Pulled
+from tensegrity.engine.forces import BondForces
 from tensegrity.errors import TensegrityError
 
 if TYPE_CHECKING:
@@ -146,7 +146,7 @@ class _Part:
         self._of, self._closing, count = of, closing[:, None, None], len(rows)
         u, self._v = (x.reshape(count, -1, of.axes) for x in np.split(rows, [of.of_u], axis=1))
         self._u = np.append(u, np.zeros((count, of.walls, of.axes)), axis=1)  # walls stand still
-        self._forces: dict[bytes, Pulled] = {}
+        self._forces: dict[bytes, BondForces] = {}
 
     def values(self) -> Array:
         """All traces, (traces, steps)."""
@@ -155,7 +155,7 @@ class _Part:
     def _value(self, trace: Trace) -> Array:
         bonds, sites = self._of.parts[trace]
         if trace.kind in ("bond", "wall"):
-            return -self._pulled(bonds).f.sum(axis=1)
+            return -self._bond_forces(bonds).f.sum(axis=1)
         u = self._u[:, self._rows(sites)]
         if trace.kind == "displacement":
             return u[:, 0, trace.axis]
@@ -182,7 +182,7 @@ class _Part:
         """Carry back the derivatives (steps, 1, 1) by a trace."""
         bonds, sites = self._of.parts[trace]
         if trace.kind in ("bond", "wall"):
-            self._add_pulled(bonds, by_tension=np.repeat(-slope[..., 0], len(bonds), axis=1))
+            self._add_bond_forces(bonds, by_tension=np.repeat(-slope[..., 0], len(bonds), axis=1))
         elif trace.kind == "displacement":
             self._ub[:, self._rows(sites), trace.axis] += slope[..., 0]
         elif trace.kind == "velocity":
@@ -193,7 +193,7 @@ class _Part:
             self._m[sites] += 0.5 * slope[:, 0, 0] @ np.sum(v**2, axis=-1)
             self._ub[:, self._rows(sites)] -= slope * self._loads(sites)
             stored, weight = self._stored(bonds), slope[..., 0] * self._shares(bonds, sites)
-            self._add_pulled(bonds, by_elongation=weight * stored[1])
+            self._add_bond_forces(bonds, by_elongation=weight * stored[1])
             self._p[:, bonds] += np.sum(weight * stored[2:], axis=1)
 
     def _rows(self, sites: Indices) -> Indices:
@@ -212,7 +212,7 @@ class _Part:
 
     def _stored(self, bonds: Indices) -> Array:
         """Energy, tension and derivatives of the energy by the parameters; (.., steps, bonds)."""
-        layout, r = self._of.layout, self._pulled(bonds).r
+        layout, r = self._of.layout, self._bond_forces(bonds).r
         found = np.zeros((2 + layout.most, *r.shape))
         for column, group in enumerate(layout.bonds.group[bonds].tolist()):
             law = int(layout.bonds.law[group])
@@ -222,22 +222,22 @@ class _Part:
             found[: len(answer), :, column] = answer
         return found
 
-    def _pulled(self, bonds: Indices) -> Pulled:
+    def _bond_forces(self, bonds: Indices) -> BondForces:
         key, layout = bonds.tobytes(), self._of.layout
         if key not in self._forces:
-            self._forces[key] = Pulled(layout, bonds, self._of.rows_u, self._u)
+            self._forces[key] = BondForces(layout, bonds, self._of.rows_u, self._u)
         return self._forces[key]
 
-    def _add_pulled(self, bonds: Indices, **slopes: Array) -> None:
-        """Derivatives by forces, tensions or elongations of bonds; see `Pulled.back`."""
-        by_u, by_p, by_g = self._pulled(bonds).back(**slopes)
+    def _add_bond_forces(self, bonds: Indices, **slopes: Array) -> None:
+        """Derivatives by forces, tensions or elongations of bonds; see `BondForces.back`."""
+        by_u, by_p, by_g = self._bond_forces(bonds).back(**slopes)
         self._ub += by_u
         self._p[:, bonds] += by_p.sum(axis=1)
         self._g[bonds] += by_g.sum(axis=0)
 
     def _velocity(self, bonds: Indices, sites: Indices) -> tuple[Array, Array]:
         """Velocities with the closing kick, and the forces that gave it; (steps, sites, axes)."""
-        force = self._pulled(bonds).forces()
+        force = self._bond_forces(bonds).forces()
         force = force[:, self._rows(sites)] + self._loads(sites)
         v = self._v[:, np.searchsorted(self._of.rows_v, sites)]
         return v + self._kick(sites) * force, force
@@ -251,5 +251,5 @@ class _Part:
         force = self._velocity(bonds, sites)[1]
         by_force = np.zeros(self._u.shape)
         by_force[:, self._rows(sites)] = self._kick(sites) * by_v
-        self._add_pulled(bonds, by_force=by_force)
+        self._add_bond_forces(bonds, by_force=by_force)
         self._w[sites] += np.sum(self._closing * by_v * force, axis=(0, 2))

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity import check
-from tensegrity.engine.kept import kept
+from tensegrity.engine.disk_cache import cached
 from tensegrity.engine.law import DerivedLaw, Law
 from tensegrity.engine.programs import derived as program_of
 from tensegrity.engine.programs import run
@@ -183,7 +183,7 @@ def _roles() -> dict[str, str]:
 
         return {x: str(getattr(derived, x)) for x in ("lock", "far_lock", "no_lock", "stroke")}
 
-    return kept(("roles of the rigid law",), make)
+    return cached(("roles of the rigid law",), make)
 
 
 def rigid_path(prism: Any, min_height: float, max_load: float, max_height: float | None) -> Parts:

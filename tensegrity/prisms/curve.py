@@ -47,10 +47,10 @@ BORDER = 0.1  # of the noise: by how much residuals of a fit may miss the least
 
 def loads(prism: Prism, x: Array) -> Array:
     """Loads [N] at shortenings [m], by a branch traced from the reference."""
-    return -_asked(prism, x).tension(-x)
+    return -_potential_within(prism, x).tension(-x)
 
 
-def _asked(prism: Prism, x: Array) -> Any:
+def _potential_within(prism: Prism, x: Array) -> Any:
     potential = prism.potential()
     try:
         potential.tension(-x)
@@ -106,7 +106,7 @@ class Curve:
         return load, slopes
 
     def _traced(self, theta: Array) -> tuple[Array, Array, Array]:
-        potential = _asked(self.made(theta), self.x + theta[-1])
+        potential = _potential_within(self.made(theta), self.x + theta[-1])
         if not isinstance(potential, ElasticPotential):
             raise TensegrityError("k_base inf and k_bar inf: the prism must have elastic members")
         inner = potential.states(-(self.x + theta[-1]))[:, :-1]

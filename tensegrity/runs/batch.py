@@ -9,8 +9,8 @@ import numpy as np
 from tensegrity.errors import ContactError, LockingError, StabilityError
 from tensegrity.runs.forced import ForcedMotion
 from tensegrity.runs.motion import Motion, Point
-from tensegrity.runs.problem import Outlook, Problem
-from tensegrity.runs.run import changed
+from tensegrity.runs.problem import AprioriBounds, Problem
+from tensegrity.runs.run import unchecked_replace
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.scene import State
 from tensegrity.typing import Array
@@ -38,14 +38,15 @@ class BatchMotion:
         self._places = [part.places for part in each[1]]
         for number, (part, moved) in enumerate(zip(*each, strict=True)):
             state = State(part.of(problem.state.u), part.of(problem.state.v))
-            mine = changed(
+            mine = unchecked_replace(
                 problem, scene=part.scene, state=state,
-                outlook=Outlook(dynamics(part.scene), state),
+                a_priori=AprioriBounds(dynamics(part.scene), state),
                 surrogate=problem.surrogate and moved.scene,
             )  # fmt: skip
             begins = start and Point(
                 start.done, part.of(start.u), part.of(start.v), tuple(map(part.of, start.shown)),
-                start.met[moved.places], None if start.sums is None else part.of(start.sums),
+                start.elongation_range[moved.places],
+                None if start.sums is None else part.of(start.sums),
             )  # fmt: skip
             self._parts.append(self._said(number, kind, mine, dt, allowed, begins))
         self._points = [motion.point for motion in self._parts]
@@ -55,13 +56,13 @@ class BatchMotion:
         try:
             return do(*given)
         except (ContactError, LockingError, StabilityError) as error:
-            raise self._of_lane(number, error) from error
+            raise self._of_scene(number, error) from error
 
-    def _of_lane(self, number: int, error: Any) -> Any:
+    def _of_scene(self, number: int, error: Any) -> Any:
         lanes = self._lanes[number]  # several tell themselves
         return type(error)(f"lane {lanes[0]}: {error}") if len(lanes) == 1 else error
 
-    def _beside(self, arrays: Any) -> Array:
+    def _stacked(self, arrays: Any) -> Array:
         """Arrays of the parts in one, without idle lanes."""
         return np.concatenate(
             [x[..., None] if len(lanes) == 1 else x[..., : len(lanes)]
@@ -71,14 +72,14 @@ class BatchMotion:
     @property
     def point(self) -> Point:
         """What all lanes reached, in one."""
-        points, met = self._points, np.zeros((self._springs, 2))
+        points, elongation_range = self._points, np.zeros((self._springs, 2))
         for places, point in zip(self._places, points, strict=True):
-            np.minimum.at(met[:, 0], places, point.met[:, 0])
-            np.maximum.at(met[:, 1], places, point.met[:, 1])
-        shown = tuple(self._beside(x) for x in zip(*(p.shown for p in points), strict=True))
-        u, v = (self._beside([p[k] for p in points]) for k in (1, 2))
-        sums = None if points[0].sums is None else self._beside([p.sums for p in points])
-        return Point(points[0].done, u, v, shown, met, sums)
+            np.minimum.at(elongation_range[:, 0], places, point.elongation_range[:, 0])
+            np.maximum.at(elongation_range[:, 1], places, point.elongation_range[:, 1])
+        shown = tuple(self._stacked(x) for x in zip(*(p.shown for p in points), strict=True))
+        u, v = (self._stacked([p[k] for p in points]) for k in (1, 2))
+        sums = None if points[0].sums is None else self._stacked([p.sums for p in points])
+        return Point(points[0].done, u, v, shown, elongation_range, sums)
 
     @property
     def done(self) -> int:
@@ -133,7 +134,7 @@ class BatchMotion:
 
     def error(self) -> Any:
         """Why an attempt at a single step failed."""
-        return self._of_lane(self._failed, self._parts[self._failed].error())
+        return self._of_scene(self._failed, self._parts[self._failed].error())
 
     def energies(self, t: Array, u: Array, v: Array) -> Array:
         """Total energies [J]; (rows, lanes)."""

@@ -75,8 +75,10 @@ class ForcedMotion(Motion):
         shown, sums = (u.copy(), v.copy()), np.zeros((1, 2))
         sites = self._sites
         self._tell(np.zeros(1), shown[0][None, :sites], shown[1][None, :sites], sums)
-        met = np.zeros((len(self._listed.springs), 2))
-        return Point(0, u, v, (*shown, sums[0]), met, np.array([0.0, 0.0, np.inf, -np.inf]))
+        elongation_range = np.zeros((len(self._listed.springs), 2))
+        return Point(
+            0, u, v, (*shown, sums[0]), elongation_range, np.array([0.0, 0.0, np.inf, -np.inf])
+        )
 
     def restore(self) -> None:
         super().restore()
@@ -120,15 +122,15 @@ class ForcedMotion(Motion):
             sums[:, 0] += np.sum(forcing.force(t, 0) * rows_u[:, forced], axis=1)
             sums[:, 0] -= self._first_force
 
-    def _point(self, end: int, met: Array) -> Point:
-        point = super()._point(end, met)
+    def _point(self, end: int, elongation_range: Array) -> Point:
+        point = super()._point(end, elongation_range)
         return point._replace(shown=(*point.shown, self._sums[0]), sums=self._bound.sums.copy())
 
-    def _allows(self, met: Array, end: int) -> bool:
+    def _allows(self, elongation_range: Array, end: int) -> bool:
         if self.tuning is None:
-            return super()._allows(met, end)
+            return super()._allows(elongation_range, end)
         self._limit = self.problem.largest_step(
-            self._omega(float(met[0, 0]), float(met[0, 1]), end)
+            self._omega(float(elongation_range[0, 0]), float(elongation_range[0, 1]), end)
         )
         return self.dt <= self.allowed * self._limit
 
@@ -215,16 +217,24 @@ class ForcedMotion(Motion):
     def _barrier(self, spring: Any, side: int) -> None:
         """No energy is a bound on what springs reach."""
 
-    def _explained(self, t: float, met: Array, shown: Any) -> LockingError | StabilityError:
+    def _explained(
+        self, t: float, elongation_range: Array, shown: Any
+    ) -> LockingError | StabilityError:
         if self.tuning is not None:
             finite = all(np.isfinite(x[: self._sites]).all() for x in shown)
-            return self._too_coarse(t, shown[0][: self._sites], met) if finite else self._endless(t)
-        error = super()._explained(t, met, shown)
-        if isinstance(error, LockingError) or all(np.isfinite(x).all() for x in (*shown, met)):
+            return (
+                self._too_coarse(t, shown[0][: self._sites], elongation_range)
+                if finite
+                else self._endless(t)
+            )
+        error = super()._explained(t, elongation_range, shown)
+        if isinstance(error, LockingError) or all(
+            np.isfinite(x).all() for x in (*shown, elongation_range)
+        ):
             return error
         return self._endless(t)
 
-    def _too_coarse(self, t: float, u: Array, met: Array) -> StabilityError:
+    def _too_coarse(self, t: float, u: Array, elongation_range: Array) -> StabilityError:
         if self.tuning is not None:
             self._guard.limit = self._limit
-        return super()._too_coarse(t, u, met)
+        return super()._too_coarse(t, u, elongation_range)

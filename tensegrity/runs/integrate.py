@@ -14,9 +14,9 @@ from tensegrity.errors import TensegrityError
 from tensegrity.runs import archive
 from tensegrity.runs.march import Start
 from tensegrity.runs.motion import Point
-from tensegrity.runs.problem import Outlook, Problem
+from tensegrity.runs.problem import AprioriBounds, Problem
 from tensegrity.runs.record import Record, beside, watching
-from tensegrity.runs.run import Run, changed, known
+from tensegrity.runs.run import Run, unchecked, unchecked_replace
 from tensegrity.runs.step import default_step, fixed_step, resumed
 from tensegrity.runs.tolerance import ROUND_OFF, to_tolerance
 from tensegrity.scenes.dynamics import HasDynamics, dynamics
@@ -137,8 +137,8 @@ def simulate(
     record.check(scene.sites, t_end)
     native.require()
     choice = "dt" if dt is not None else "default" if tol is None else "tol"
-    outlook = Outlook(of, state, energy)
-    problem = known(
+    a_priori = AprioriBounds(of, state, energy)
+    problem = unchecked(
         Problem,
         scene=scene,
         state=state,
@@ -147,7 +147,7 @@ def simulate(
         record=record,
         observe=tuple(watching(observe, record, scene, t_end)),
         choice=choice,
-        outlook=outlook,
+        a_priori=a_priori,
         given=dt,
     )
     if dt is not None:
@@ -156,7 +156,7 @@ def simulate(
         run = to_tolerance(problem, tol)
     else:
         run = default_step(problem)
-    return changed(run, wall_time=time.perf_counter() - started)
+    return unchecked_replace(run, wall_time=time.perf_counter() - started)
 
 
 def resume(path: str | os.PathLike[str], scene: Scene | Ensemble | None = None) -> Run:
@@ -220,7 +220,7 @@ class Broken(NamedTuple):
     v: Any
     seen: Any
     count: Any
-    met: Any
+    elongation_range: Any
 
     def start(self, scene: Any) -> Start:
         """Where the run goes on, if all parts fit each other and the scene."""
@@ -246,9 +246,11 @@ class Broken(NamedTuple):
             archive.array("work and loss", self.seen[2], (2, *of.batch))
             work = archive.array("sums", self.seen[3], (4, *of.batch), are_finite=False)[:2]
             check.finite("sums", work)  # behind them elongations, inf at first
-        archive.array("met", self.met, (springs, 2))
+        archive.array("elongation_range", self.elongation_range, (springs, 2))
         seen, sums = (self.seen[:3], self.seen[3]) if of.is_driven else (self.seen, None)
-        return Start(Point(self.done, self.u, self.v, seen, self.met, sums), self.count)
+        return Start(
+            Point(self.done, self.u, self.v, seen, self.elongation_range, sums), self.count
+        )
 
 
 def _same(kept: Any, given: Any, path: Path) -> Any:
@@ -260,8 +262,8 @@ def _same(kept: Any, given: Any, path: Path) -> Any:
         )
     if given is None:
         return kept
-    known = kept.fingerprint if isinstance(kept, archive.Printed) else archive.fingerprint(kept)
-    if archive.fingerprint(given) != known:
+    saved = kept.fingerprint if isinstance(kept, archive.Printed) else archive.fingerprint(kept)
+    if archive.fingerprint(given) != saved:
         raise TensegrityError(
             f"scene {check.shown(given)} is not that of {path}, which printed {kept!r}: sites, "
             "masses, springs, drives or their numbers differ"

@@ -78,9 +78,9 @@ class Marched:
         return self.motion.done
 
     @property
-    def met(self) -> Array:
+    def elongation_range(self) -> Array:
         """Smallest and largest elongation of each spring [m], 0 included; (springs, 2)."""
-        return self.motion.point.met
+        return self.motion.point.elongation_range
 
     @property
     def fastest(self) -> float:

@@ -49,7 +49,7 @@ class Point(NamedTuple):
     u: Array
     v: Array
     shown: tuple[Array, ...]
-    met: Array
+    elongation_range: Array
     sums: Any = None
 
 
@@ -87,9 +87,11 @@ class Motion:
         self._short: Any = None
         self.point = self._beginning()
         if start is not None:
-            known = start.met.shape == self.point.met.shape
-            met = start.met if known else self.point.met
-            self.point = (start if start.done else self.point)._replace(met=met)
+            known = start.elongation_range.shape == self.point.elongation_range.shape
+            elongation_range = start.elongation_range if known else self.point.elongation_range
+            self.point = (start if start.done else self.point)._replace(
+                elongation_range=elongation_range
+            )
         near = problem.moved.clearance
         self._tracker = near and near.tracker(self.point.shown[0][: self._sites])
         self._samples_do = not problem.moved.follows or near.may_last(
@@ -169,13 +171,13 @@ class Motion:
         if self._tracker is not None:
             wanted = [one.with_travel() for one in self._with_looks(end, wanted)]
         finite = self._go(end, wanted)
-        met = bound.range
-        self._range_met = self._range(met, finite)
+        elongation_range = bound.range
+        self._range_met = self._range(elongation_range, finite)
         if not (finite and self._allows(self._range_met, end)):
             return False
         if self._tracker is not None and not self._is_clear(steps, end, wanted):
             return False
-        self.reached = self._point(end, widened(self.point.met, met))
+        self.reached = self._point(end, widened(self.point.elongation_range, elongation_range))
         return True
 
     def accept(self) -> None:
@@ -203,18 +205,26 @@ class Motion:
         self._found = self._bound.go(self.point.done, end, wanted)
         return not self._found
 
-    def _point(self, end: int, met: Array) -> Point:
+    def _point(self, end: int, elongation_range: Array) -> Point:
         bound = self._bound
-        return Point(end, bound.u.copy(), bound.v.copy(), tuple(x.copy() for x in bound.shown), met)
+        return Point(
+            end,
+            bound.u.copy(),
+            bound.v.copy(),
+            tuple(x.copy() for x in bound.shown),
+            elongation_range,
+        )
 
-    def _range(self, met: Array, finite: bool) -> Array:
+    def _range(self, elongation_range: Array, finite: bool) -> Array:
         """Elongations to be allowed: a method that evaluates forces elsewhere ends at others."""
         if not finite or isinstance(self.problem.method, (Splitting, Corrected)):
-            return met
-        return widened(met, self._listed.present_ranges(self._bound.shown[0][: self._sites]))
+            return elongation_range
+        return widened(
+            elongation_range, self._listed.present_ranges(self._bound.shown[0][: self._sites])
+        )
 
-    def _allows(self, met: Array, end: int) -> bool:
-        return self._guard.is_inside(met) and self._guard.allows(met)
+    def _allows(self, elongation_range: Array, end: int) -> bool:
+        return self._guard.is_inside(elongation_range) and self._guard.allows(elongation_range)
 
     def _is_clear(self, steps: int, end: int, wanted: Any) -> bool:
         """Whether no unlisted contact can have formed, as the way travelled says, or states on the
@@ -223,7 +233,7 @@ class Motion:
         if share < 1:
             return True
         if steps == 1:
-            self._tracker.judge(self._bound.u[: self._sites], end * self.dt)
+            self._tracker.verify(self._bound.u[: self._sites], end * self.dt)
             return True
         if self._samples_do and (self._keeps(end, wanted) or self._keeps_each(end)):
             return True
@@ -273,11 +283,11 @@ class Motion:
         listed = self.problem.moved.listed(self._tracker.at)
         if listed is self._listed:
             return
-        met, fastest = np.zeros((len(listed.springs), 2)), self.fastest
-        known = dict(zip(self._listed.springs.kinds, self.point.met, strict=True))
+        elongation_range, fastest = np.zeros((len(listed.springs), 2)), self.fastest
+        known = dict(zip(self._listed.springs.kinds, self.point.elongation_range, strict=True))
         for row, kind in enumerate(listed.springs.kinds):
-            met[row] = known.get(kind, 0.0)
-        now, point = self._prepared(listed), self.point._replace(met=met)
+            elongation_range[row] = known.get(kind, 0.0)
+        now, point = self._prepared(listed), self.point._replace(elongation_range=elongation_range)
         (self._listed, self._guard, self._bound), self.point, self._fastest = now, point, fastest
         self._short = None
         self.restore()
@@ -287,7 +297,7 @@ class Motion:
     @property
     def fastest(self) -> float:
         """Bound on the largest angular frequency over all elongations met [rad/s]."""
-        within = self._listed.stiffness_within(self.point.met)
+        within = self._listed.stiffness_within(self.point.elongation_range)
         return max(self._fastest, self._listed.fastest(within))
 
     @property
@@ -311,10 +321,10 @@ class Motion:
             bound.v[walls] = impulse
         bound.forget_range()
         bound.advance(1)
-        met = bound.range
-        if not (np.isfinite(bound.u).all() and self._guard.is_inside(met)):
-            self._range_met, shown = met, (bound.u, bound.v)
-            raise self._explained(step * self.dt + part, met, shown)
+        elongation_range = bound.range
+        if not (np.isfinite(bound.u).all() and self._guard.is_inside(elongation_range)):
+            self._range_met, shown = elongation_range, (bound.u, bound.v)
+            raise self._explained(step * self.dt + part, elongation_range, shown)
         u[...], v[...] = bound.u[:sites], bound.v[:sites]
         if impulse is not None:
             impulse[...] = bound.v[walls]
@@ -338,14 +348,18 @@ class Motion:
         t = (self.point.done + 1) * self.dt
         return self._explained(t, self._range_met, self._bound.shown)
 
-    def _explained(self, t: float, met: Array, shown: Any) -> LockingError | StabilityError:
+    def _explained(
+        self, t: float, elongation_range: Array, shown: Any
+    ) -> LockingError | StabilityError:
         """What went wrong in the step that ended at t, with these rows."""
         listed, u = self._listed, shown[0][: self._sites]
         if not np.isfinite(u).all():
             u, v = (x[: self._sites] for x in self.point.shown[:2])
             u = u + self.dt * v
         low, high = self._guard.domains.T
-        for row, side in np.argwhere(np.stack([met[:, 0] <= low, met[:, 1] >= high], axis=1)):
+        for row, side in np.argwhere(
+            np.stack([elongation_range[:, 0] <= low, elongation_range[:, 1] >= high], axis=1)
+        ):
             spring, where = listed.springs.different[row], listed.extreme(int(row), u, side)
             barrier = self._barrier(spring, side)
             if barrier is not None:
@@ -355,9 +369,9 @@ class Motion:
                     f"passed the end of its domain at t = {t:.6g} s, which takes {barrier:.6g} J, "
                     f"with {given:.6g} J in the whole scene"
                 )
-            error = spring.beyond(met[row, side])
+            error = spring.beyond(elongation_range[row, side])
             return type(error)(f"{error}: the spring {where} got there at t = {t:.6g} s")
-        return self._too_coarse(t, u, met)
+        return self._too_coarse(t, u, elongation_range)
 
     def _barrier(self, spring: Any, side: int) -> Any:
         """The energy at the end of a spring's domain, if the scene has less, and what it has."""
@@ -365,12 +379,12 @@ class Motion:
         given = self.dynamics.available_energy(self.problem.state)
         return (barrier, given) if given < barrier else None
 
-    def _too_coarse(self, t: float, u: Array, met: Array) -> StabilityError:
+    def _too_coarse(self, t: float, u: Array, elongation_range: Array) -> StabilityError:
         return StabilityError(
             f"{self.problem.step_words(self.dt)} is beyond "
             f"{self.allowed * self._guard.limit:.6g} s, {self.allowed:g} of the stability limit of "
             f"{self.problem.method.name} at the stiffness met at t = {t:.6g} s "
-            f"{self._listed.stiffest(u, met)}"
+            f"{self._listed.stiffest(u, elongation_range)}"
         )
 
 

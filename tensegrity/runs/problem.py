@@ -24,7 +24,7 @@ ENERGIES = 8  # to a factor of two between which nothing is asked again
 FEWEST, REMEMBERED = 0.5, 4096  # share of the energy where a tolerance decides; answers kept
 
 
-class Outlook:
+class AprioriBounds:
     """What is known of a run before it begins, whatever its method and step.
 
     Parameters
@@ -124,7 +124,7 @@ class Problem:
 
     `surrogate` is the scene with springs that are fitted to those of `scene`: it is moved, while
     checks and recorded energies are those of `scene`.  `choice` says what chose the step: "dt",
-    "tol" or "default".  Of a trial `rows` may be left out.  The `outlook` is that of the scene and
+    "tol" or "default".  Of a trial `rows` may be left out.  The `a_priori` is that of the scene and
     the state.  `observe` are pairs of a user's function and a record that says when it is called,
     and `bind` is what binds arrays u, v to a method and a step [s], if that is not the scene.
     """
@@ -137,14 +137,14 @@ class Problem:
     surrogate: Any = None
     choice: str = "dt"
     rows: bool = True
-    outlook: Outlook | None = None
+    a_priori: AprioriBounds | None = None
     given: float | None = None
     observe: tuple[Any, ...] = ()
     bind: Any = None
 
     def __post_init__(self):
-        if self.outlook is None:
-            object.__setattr__(self, "outlook", Outlook(self.dynamics, self.state))
+        if self.a_priori is None:
+            object.__setattr__(self, "a_priori", AprioriBounds(self.dynamics, self.state))
 
     @property
     def dynamics(self):
@@ -222,31 +222,35 @@ class Guard:
         self._safe = None  # ranges of elongation known to be allowed
         self._stiffness = None  # bound of each spring's within them [N/m]
 
-    def is_inside(self, met):
+    def is_inside(self, elongation_range):
         """Whether elongations, (springs, 2), are within the domains."""
-        if len(met) == 1:
-            ((low, high),), ((lowest, highest),) = met.tolist(), self.domains.tolist()
+        if len(elongation_range) == 1:
+            ((low, high),), ((lowest, highest),) = elongation_range.tolist(), self.domains.tolist()
             return not (low <= lowest or high >= highest)
         return not (
-            np.any(met[:, 0] <= self.domains[:, 0]) or np.any(met[:, 1] >= self.domains[:, 1])
+            np.any(elongation_range[:, 0] <= self.domains[:, 0])
+            or np.any(elongation_range[:, 1] >= self.domains[:, 1])
         )
 
-    def allows(self, met):
+    def allows(self, elongation_range):
         """Whether the step is stable at elongations within the domains."""
         if self._safe is None:
             self._safe = np.zeros(self.domains.shape)
-        if _are_within(met, self._safe) or self.is_known(met):
+        if _are_within(elongation_range, self._safe) or self.is_known(elongation_range):
             return True
         if self._stiffness is None:
             if self._expects():
-                return self.allows(met)
+                return self.allows(elongation_range)
             self._stiffness = self._dynamics.stiffness_within(self._safe)
-        below, above = met[:, 0] < self._safe[:, 0], met[:, 1] > self._safe[:, 1]
+        below, above = (
+            elongation_range[:, 0] < self._safe[:, 0],
+            elongation_range[:, 1] > self._safe[:, 1],
+        )
         grown, (low, high) = np.flatnonzero(below | above), self.domains.T
         for margin in (0.1, 0.01, 0.0):  # wider than met, so as not to ask again soon
             wider = self._safe.copy()
-            wider[below, 0] = _towards(low[below], met[below, 0], margin)
-            wider[above, 1] = _towards(high[above], met[above, 1], margin)
+            wider[below, 0] = _towards(low[below], elongation_range[below, 0], margin)
+            wider[above, 1] = _towards(high[above], elongation_range[above, 1], margin)
             stiffness = self._stiffness.copy()
             stiffness[grown] = self._dynamics.stiffness_within(wider, grown)
             omega = self._dynamics.fastest(stiffness)
@@ -258,12 +262,12 @@ class Guard:
                 return True
         return False
 
-    def is_known(self, met):
+    def is_known(self, elongation_range):
         """Whether another run of the scene met as much, which a step like this one can take."""
         least = self._dt / self._allowed
         for ranges, stiffness, omega in self._dynamics.ranges:
             limit = self._problem.largest_step(omega)
-            if least <= limit and _are_within(met, ranges):
+            if least <= limit and _are_within(elongation_range, ranges):
                 self._safe, self._stiffness, self.limit = ranges, stiffness, limit
                 return True
         return False
@@ -273,7 +277,7 @@ class Guard:
         problem = self._problem
         if problem.choice != "default" or self._dynamics is not problem.dynamics:
             return False
-        ranges, stiffness, omega = problem.outlook.expected
+        ranges, stiffness, omega = problem.a_priori.expected
         limit = problem.largest_step(omega)
         if self._dt > self._allowed * limit:
             return False
@@ -281,15 +285,18 @@ class Guard:
         return True
 
 
-def _are_within(met, ranges):
+def _are_within(elongation_range, ranges):
     """Whether elongations are within ranges, which is cheap to say of a single spring."""
-    if len(met) == 1:
-        ((low, high),), ((lowest, highest),) = met.tolist(), ranges.tolist()
+    if len(elongation_range) == 1:
+        ((low, high),), ((lowest, highest),) = elongation_range.tolist(), ranges.tolist()
         return lowest <= low and high <= highest
-    return bool(np.all(ranges[:, 0] <= met[:, 0]) and np.all(met[:, 1] <= ranges[:, 1]))
+    return bool(
+        np.all(ranges[:, 0] <= elongation_range[:, 0])
+        and np.all(elongation_range[:, 1] <= ranges[:, 1])
+    )
 
 
-def _towards(end, met, margin):
+def _towards(end, elongation_range, margin):
     """An elongation beyond the one met by a margin, short of the end of the domain."""
-    room = np.where(np.isfinite(end), end - met, 10 * met)
-    return met + margin * room
+    room = np.where(np.isfinite(end), end - elongation_range, 10 * elongation_range)
+    return elongation_range + margin * room

@@ -23,8 +23,8 @@ from tensegrity.errors import RecordError, TensegrityError
 from tensegrity.once import once
 from tensegrity.runs import archive
 from tensegrity.runs.record import Instants, need_memory, refuse_more
-from tensegrity.runs.run import Run, RunBatch, known
-from tensegrity.scenes.scene import known_state
+from tensegrity.runs.run import Run, RunBatch, unchecked
+from tensegrity.scenes.scene import unchecked_state
 from tensegrity.typing import Array
 
 try:
@@ -348,7 +348,7 @@ class Recorder(Instants):
                 "method": problem.method, "record": problem.record, "choice": problem.choice,
                 "steps": self._steps, "allowed": motion.allowed, "done": point.done,
                 "u": point.u, "v": point.v, "seen": (*point.shown, *sums), "count": self.count,
-                "met": point.met,
+                "elongation_range": point.elongation_range,
             })  # fmt: skip
         except OSError as error:
             raise RecordError(f"state path {path}: {error.strerror}") from error
@@ -357,13 +357,14 @@ class Recorder(Instants):
         """The run so far: steps done, and u and v of all sites at its end."""
         table, problem, motion = self._rows.finished(), self._problem, self._motion
         of, forced = problem.dynamics, problem.is_forced
-        return known(
+        return unchecked(
             RunBatch if of.batch else Run,
             scene=problem.scene, t=table["t"], u=table["u"], v=table["v"],
             energy=self._energies(table) if self._in_place else table["energy"],
-            final=known_state(*final), method=problem.method.name, dt=motion.dt, steps=done,
+            final=unchecked_state(*final), method=problem.method.name, dt=motion.dt, steps=done,
             sites=self._sites, complete=complete, stopped=stopped, force=problem.force,
-            impulse=table["impulse"] if of.wall_count else None, met=motion.point.met,
+            impulse=table["impulse"] if of.wall_count else None,
+            elongation_range=motion.point.elongation_range,
             fastest=motion.fastest if of.follows else None,
             work=table["work"] if forced else None, loss=table["loss"] if forced else None,
         )  # fmt: skip

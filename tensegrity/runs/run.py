@@ -13,7 +13,7 @@ from tensegrity.notebook import page
 from tensegrity.runs import archive
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.ensemble import Ensemble
-from tensegrity.scenes.scene import Scene, State, known_state
+from tensegrity.scenes.scene import Scene, State, unchecked_state
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -59,12 +59,12 @@ def energy_density(run: Any, axes: Axes | None = None) -> Axes:
 SHOWN = 300  # instants in a notebook's picture
 
 
-def changed(one: Frozen, **values: Any) -> Frozen:
+def unchecked_replace(one: Frozen, **values: Any) -> Frozen:
     """The same frozen dataclass with other values, which are known to be right."""
-    return known(type(one), one.__dict__, **values)
+    return unchecked(type(one), one.__dict__, **values)
 
 
-def known(kind: type[Frozen], *given: dict[str, Any], **values: Any) -> Frozen:
+def unchecked(kind: type[Frozen], *given: dict[str, Any], **values: Any) -> Frozen:
     """A frozen dataclass of values that are known to be right, or else its defaults."""
     made = object.__new__(kind)
     for some in given:
@@ -103,7 +103,7 @@ class Run:
         Smallest and largest elongation met at any stage [m], 0 included.
     fastest : float or None
         Bound on the largest angular frequency over the elongations met [rad/s], where contacts
-        are followed; `met` is then that of the springs listed last.
+        are followed; `elongation_range` is then that of the springs listed last.
     wall_time : float
         [s], all trial runs included.
     impulse : ndarray, (T, walls, dim), or None
@@ -130,7 +130,7 @@ class Run:
     complete: bool = True
     error_estimate: float | None = None
     force: str = "exact"
-    met: Array = field(default=None, repr=False)  # type: ignore[arg-type]
+    elongation_range: Array = field(default=None, repr=False)  # type: ignore[arg-type]
     fastest: float | None = field(default=None, repr=False)
     wall_time: float = 0.0
     impulse: Array | None = None
@@ -211,7 +211,7 @@ class Run:
         t = archive.array("t", self.t, (None,))
         if not (np.diff(t) > 0).all():
             raise TensegrityError("t must increase")
-        rows, optional = (len(t), len(numbers), *shape[1:]), {"met": (None, 2)}
+        rows, optional = (len(t), len(numbers), *shape[1:]), {"elongation_range": (None, 2)}
         sums = len(t), *shape[len(shape) - self._batch :]
         optional |= {"work": sums, "loss": sums, "impulse": (len(t), None, *shape[1:])}
         for name, wanted in ({"u": rows, "v": rows, "energy": sums} | optional).items():
@@ -282,16 +282,24 @@ class RunBatch(Run):
         return self.final.u.shape[-1]
 
     def __getitem__(self, number: int) -> Run:
-        """The run of one scene, by its number from 0; `met` is that of its springs in all scenes
-        that have them."""
+        """The run of one scene, by its number from 0.
+
+        Its `elongation_range` is that of its springs in all scenes that have them.
+        """
         k = range(len(self))[number]
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         for name in ("u", "v", "energy", "impulse", "work", "loss"):
             if values[name] is not None:
                 values[name] = np.ascontiguousarray(values[name][..., k])
         final = (np.ascontiguousarray(x[..., k]) for x in (self.final.u, self.final.v))
-        met = self.met[dynamics(self.scene).places_of(k)]
-        return known(Run, values, scene=self.scene.scenes[k], final=known_state(*final), met=met)
+        elongation_range = self.elongation_range[dynamics(self.scene).places_of(k)]
+        return unchecked(
+            Run,
+            values,
+            scene=self.scene.scenes[k],
+            final=unchecked_state(*final),
+            elongation_range=elongation_range,
+        )
 
     def __iter__(self) -> Iterator[Run]:
         return (self[k] for k in range(len(self)))

@@ -21,7 +21,7 @@ from tensegrity.errors import (
 )
 from tensegrity.runs.march import march
 from tensegrity.runs.problem import count
-from tensegrity.runs.run import changed
+from tensegrity.runs.run import unchecked_replace
 from tensegrity.scenes.forcing import functions_of_time
 from tensegrity.scenes.signals import quickest
 from tensegrity.springs.kinks import TAUT
@@ -57,18 +57,18 @@ class ErrorEstimator:
     tol : float
     """
 
-    def __init__(self, problem, met, tol):
+    def __init__(self, problem, elongation_range, tol):
         self._problem, self._tol = problem, tol
-        self._look(met)
+        self._look(elongation_range)
 
-    def see(self, met):
+    def see(self, elongation_range):
         """Contacts may open in this run that did not in the coarser ones."""
         if may_open(self._problem.dynamics):
-            self._look(met)
+            self._look(elongation_range)
 
-    def _look(self, met):
-        refuse_jumps(self._problem, met, self._tol)
-        left, order = order_left(self._problem, met), self._problem.method.order
+    def _look(self, elongation_range):
+        refuse_jumps(self._problem, elongation_range, self._tol)
+        left, order = order_left(self._problem, elongation_range), self._problem.method.order
         self.opens, self.order = left < math.inf, min(left, order - SLOWER)
         self.accept, self._aim = (0.45, 0.2) if self.opens else (0.8, 0.25)
         self.first = first_factor(self._tol, self.opens)
@@ -83,7 +83,7 @@ class ErrorEstimator:
         if len(gaps) == 1:
             share, gap = gaps[0]
             return gap / max(share ** (-self.order / 2) - 1, 1.0) if not self.opens else gap
-        order = self._seen(gaps)
+        order = self._estimated(gaps)
         errors = [gap / (1 - share**order) * share**order for share, gap in gaps[-2:]]
         return max(errors) * _doubt(1 / gaps[-1][0]) if self.opens else errors[-1]
 
@@ -104,7 +104,7 @@ class ErrorEstimator:
         unequal = float(mobility.max() / mobility.min()) if mobility.size else 1.0
         return GROWN * unequal**UNEQUAL
 
-    def _seen(self, gaps):
+    def _estimated(self, gaps):
         """Order by which errors fell, not more than what is trusted."""
         (wide, above), (narrow, below) = gaps[-2:]
         if not below:
@@ -120,7 +120,7 @@ class ErrorEstimator:
         share, gap = gaps[-1]
         estimate = gap / (share**-order - 1)
         if len(gaps) > 1:
-            order, estimate = self._seen(gaps), self.estimate(gaps)
+            order, estimate = self._estimated(gaps), self.estimate(gaps)
         needed = (estimate / (self._aim * self._tol)) ** (1 / order)
         if self.opens:
             return min(max(needed * _doubt(needed) ** (1 / order), LEAST_FACTOR), FASTEST)
@@ -142,7 +142,7 @@ def first_factor(tol, opens):
     return 2.5 if tol < TIGHT else 1.5
 
 
-def order_left(problem, met):
+def order_left(problem, elongation_range):
     """Order that contacts which opened leave to a method, by the springs that it met them with,
     and corners of drives.
 
@@ -152,18 +152,18 @@ def order_left(problem, met):
     driven = functions_of_time(problem.scene) if of.is_driven else ()
     order = min((signal.leaves for signal in driven), default=math.inf)
     corrects = isinstance(problem.method, Corrected)
-    for exponent in exponents_met(of, met):
+    for exponent in exponents_within(of, elongation_range):
         treated = corrects and is_treated(exponent)
         order = min(order, exponent + (TREATED if treated else 1))
     return order
 
 
-def exponents_met(of, met):
+def exponents_within(of, elongation_range):
     """Exponents of the corners of forces between elongations met, or as near as round-off is."""
     if of.follows:
-        return {corner[2] for _, corner in corners_met(of, met)}
+        return {corner[2] for _, corner in kinks_met(of, elongation_range)}
     near = [TAUT * (spring.length or 0.0) for spring in of.springs.different]
-    return of.springs.exponents_within(met + np.multiply.outer(near, (-1.0, 1.0)))
+    return of.springs.exponents_within(elongation_range + np.multiply.outer(near, (-1.0, 1.0)))
 
 
 def may_open(of):
@@ -176,18 +176,18 @@ def may_jump(of):
     return of.follows or of.springs.jumps
 
 
-def corners_met(of, met):
+def kinks_met(of, elongation_range):
     """Springs, and corners of their forces between elongations met."""
     if not of.follows:
-        return of.springs.kinks_within(met)
+        return of.springs.kinks_within(elongation_range)
     given = of.law.given
     spring = given if isinstance(given, Potential) else PowerLaw(1.0, 1.0)
     return [(spring, corner) for corner in spring.openings]
 
 
-def refuse_jumps(problem, met, tol):
+def refuse_jumps(problem, elongation_range, tol):
     """Refuse a tolerance where a force, or an energy, jumps between elongations met."""
-    corners = corners_met(problem.dynamics, met) if may_jump(problem.dynamics) else ()
+    corners = kinks_met(problem.dynamics, elongation_range) if may_jump(problem.dynamics) else ()
     for spring, (place, jump, exponent, _) in corners:
         if exponent > 0:
             continue
@@ -220,16 +220,16 @@ def default_step(problem):
     loads drove them.  Where that asks for a finer step, it is run again.
     """
     fraction = _fraction(problem, problem.dynamics.present_ranges(problem.state.u))
-    alone = changed(problem, observe=(), rows=not problem.observe)
+    alone = unchecked_replace(problem, observe=(), rows=not problem.observe)
     found = settled(alone, refined(alone, expected_steps(problem, fraction), MARGIN * fraction))
     if problem.observe and found.complete:
         return march(problem, found.steps).run()
     return found.run()
 
 
-def _fraction(problem, met):
+def _fraction(problem, elongation_range):
     """What a default step is of the natural one where springs meet these elongations."""
-    return problem.method.fraction(exponents_met(problem.dynamics, met))
+    return problem.method.fraction(exponents_within(problem.dynamics, elongation_range))
 
 
 def settled(problem, found):
@@ -237,10 +237,10 @@ def settled(problem, found):
     of = problem.dynamics
     if not (found.complete and found.steps):
         return found
-    if not (of.is_loaded or exponents_met(of, found.met)):
+    if not (of.is_loaded or exponents_within(of, found.elongation_range)):
         return found
-    fraction = _fraction(problem, found.met)
-    omega = found.fastest if of.follows else of.frequency(found.met)
+    fraction = _fraction(problem, found.elongation_range)
+    omega = found.fastest if of.follows else of.frequency(found.elongation_range)
     steps = count(problem, fraction * problem.natural_step(omega))
     return found if steps <= found.steps else refined(problem, steps, MARGIN * fraction)
 
@@ -250,7 +250,7 @@ def expected_steps(problem, fraction):
     to meet in one bond."""
     if not problem.t_end:
         return 0
-    return steps_at(problem, fraction, problem.outlook.expected.frequency, CHECKPOINTS)
+    return steps_at(problem, fraction, problem.a_priori.expected.frequency, CHECKPOINTS)
 
 
 def steps_at(problem, fraction, omega, least):
@@ -293,7 +293,7 @@ def refined(problem, steps, allowed, instants=0, start=None):
                 break
             known = getattr(error, "largest", math.inf)
             steps, start = max(2 * steps, count(problem, known)), None
-    return march(changed(problem, rows=True), steps, 1.0, instants)
+    return march(unchecked_replace(problem, rows=True), steps, 1.0, instants)
 
 
 FAINT = 1e-6  # of a length: motion in the first steps of what may be at rest
@@ -332,4 +332,4 @@ def resting(problem, length, tol):
             f"tol {tol:g}: the scene is at rest, and leaves it by round-off alone, as far as "
             f"{moved:.1e} of its shortest bond"
         )
-    return changed(run, error_estimate=moved if run.complete else None)
+    return unchecked_replace(run, error_estimate=moved if run.complete else None)

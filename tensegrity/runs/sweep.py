@@ -96,9 +96,12 @@ def sweep(
     cases = check.sequence("cases", cases, "cases")
     ledger = _Ledger(checkpoint, function, cases)
     left = [k for k in range(len(cases)) if k not in ledger.results]
-    with Crew(executor) as crew, progress(len(cases), "case", len(cases) - len(left)) as bar:
+    with (
+        WorkerPool(executor) as workers,
+        progress(len(cases), "case", len(cases) - len(left)) as bar,
+    ):
         try:
-            for number, result in crew.outcomes(function, [cases[k] for k in left]):
+            for number, result in workers.outcomes(function, [cases[k] for k in left]):
                 k = left[number]
                 ledger.add(k, replace(result, number=k) if isinstance(result, Failed) else result)
                 bar.update()
@@ -132,7 +135,7 @@ class _Ledger:
 
     def add(self, number: int, result: Any) -> None:
         """Keep a result; write where that does not take much of the time."""
-        if self._path is not None and not _can_be_kept(result):
+        if self._path is not None and not _is_storable(result):
             raise TensegrityError(
                 f"the result of case {number} is {check.shown(result)}, which no checkpoint holds"
             )
@@ -161,7 +164,7 @@ def _parts(data: dict[str, Any]) -> tuple[dict[str, Any], list[tuple[str, str]],
     return data["of"], cases, dict(zip(numbers, data["results"], strict=True))
 
 
-def _can_be_kept(result: Any) -> bool:
+def _is_storable(result: Any) -> bool:
     trial = archive._Writer()
     try:
         json.dumps(trial.value(result))
@@ -192,7 +195,7 @@ def _other(path: Path, kind: str, name: str, was: str, now: str) -> TensegrityEr
     )
 
 
-class Crew:
+class WorkerPool:
     """Workers of an executor, or this process alone, that outlive the death of one of them."""
 
     def __init__(self, executor: Executor | None) -> None:
@@ -203,11 +206,11 @@ class Crew:
         self._executor, self._own = executor, False
 
     @property
-    def is_apart(self) -> bool:
+    def is_remote(self) -> bool:
         """Whether others than this thread compute."""
         return self._executor is not None
 
-    def __enter__(self) -> Crew:
+    def __enter__(self) -> WorkerPool:
         return self
 
     def __exit__(

@@ -14,7 +14,7 @@ from tensegrity.errors import LockingError, RangeError, StabilityError, Tensegri
 from tensegrity.runs.march import Marched, march
 from tensegrity.runs.problem import Problem
 from tensegrity.runs.record import Record
-from tensegrity.runs.run import changed
+from tensegrity.runs.run import unchecked_replace
 from tensegrity.runs.step import (
     CHECKPOINTS,
     COARSE,
@@ -52,8 +52,12 @@ class Trial:
 
     def __init__(self, march: Marched, instants: int) -> None:
         self.march, self.instants, self.run = march, instants, march.run
-        self.steps, self.complete, self.met = march.steps, march.complete, march.met
-        self.samples, self.fineness = march.samples, march.steps / instants
+        self.steps, self.complete, self.elongation_range = (
+            march.steps,
+            march.complete,
+            march.elongation_range,
+        )
+        self.samples, self.refinement = march.samples, march.steps / instants
 
     @classmethod
     def of(cls, problem: Problem, steps: int, instants: int) -> Self:
@@ -77,7 +81,7 @@ def trial_of(problem: Problem, rows: bool = False) -> Problem:
     if not record.is_plain:
         record = Record(sites=record.sites)
     rows = rows and problem.record.is_plain and not problem.observe
-    return changed(problem, record=record, rows=rows, observe=())
+    return unchecked_replace(problem, record=record, rows=rows, observe=())
 
 
 def _largest(samples: Array) -> Array:
@@ -115,13 +119,14 @@ def with_polynomials(problem, coarse, tol, margin):
     of = problem.dynamics
     springs = of.springs.different
     ranges = [
-        _widened(spring, *met, margin) for spring, met in zip(springs, coarse.met, strict=True)
+        _widened(spring, *elongation_range, margin)
+        for spring, elongation_range in zip(springs, coarse.elongation_range, strict=True)
     ]
     error, least = max(FIRST_ERROR * tol, LEAST_ERROR), 0.0
     for _ in range(FITS):
         try:
             fits = [Polynomial(s, *r, error) for s, r in zip(springs, ranges, strict=True)]
-            fitted = changed(problem, surrogate=of.with_springs(fits))
+            fitted = unchecked_replace(problem, surrogate=of.with_springs(fits))
             there = march(trial_of(fitted), coarse.steps, 1.0, coarse.instants)
         except RangeError:
             raise
@@ -195,14 +200,14 @@ def to_tolerance(problem, tol):
     if may_jump(problem.dynamics):
         refuse_jumps(problem, problem.dynamics.present_ranges(problem.state.u), tol)
     apart, fewest = (DENSE, AT_FIRST) if problem.dynamics.smooth else (1, CHECKPOINTS)
-    least = steps_at(problem, TRIAL, problem.outlook.first_frequency, fewest)
+    least = steps_at(problem, TRIAL, problem.a_priori.first_frequency, fewest)
     instants = min(math.ceil(least / apart), max(FEWEST, MOST_KEPT // problem.state.u.size))
-    fineness = math.ceil(least / instants)
-    problem.record.check_room(fineness * instants, problem.t_end, problem.scene.shape)
-    first = Trial.of(trial_of(problem), fineness, instants)
+    refinement = math.ceil(least / instants)
+    problem.record.check_room(refinement * instants, problem.t_end, problem.scene.shape)
+    first = Trial.of(trial_of(problem), refinement, instants)
     if first.complete and (length := rests(problem, first.samples[0])):
         return resting(problem, length, tol)
-    if first.complete and may_fit(problem, fineness * instants, tol):
+    if first.complete and may_fit(problem, refinement * instants, tol):
         for margin in MARGINS:
             try:
                 fitted = with_polynomials(problem, first, tol, margin)
@@ -222,19 +227,19 @@ def converged(problem, first, error, tol):
     `ErrorEstimator`.  Where that of far coarser ones tells too little, another one between them and
     it tells more.
     """
-    estimator = ErrorEstimator(problem, first.met, tol)
+    estimator = ErrorEstimator(problem, first.elongation_range, tol)
     trials, stuck = [first], 0
     factor, smallest = estimator.first, math.inf
     while trials[-1].complete:
         found = next_trial(problem, trials, factor, tol)
         if not found.complete:
             return found.run()
-        estimator.see(found.met)
-        if found.fineness in [r.fineness for r in trials]:  # what is between had to be finer
+        estimator.see(found.elongation_range)
+        if found.refinement in [r.refinement for r in trials]:  # what is between had to be finer
             factor = estimator.first
             continue
-        trials = sorted([*trials, found], key=lambda r: r.fineness)[-KEPT:]
-        gaps = [(r.fineness / trials[-1].fineness, r.gap(trials[-1])) for r in trials[:-1]]
+        trials = sorted([*trials, found], key=lambda r: r.refinement)[-KEPT:]
+        gaps = [(r.refinement / trials[-1].refinement, r.gap(trials[-1])) for r in trials[:-1]]
         estimate = estimator.estimate(gaps) + estimator.rounded(trials[-1], gaps[-1][1])
         if estimate <= estimator.accept * tol or gaps[-1][1] < ROUND_OFF:
             return answer(problem, trials[-1], estimate + error)
@@ -252,10 +257,10 @@ def converged(problem, first, error, tol):
 
 def next_trial(problem, trials, factor, tol):
     """One that is finer than the finest by a factor."""
-    finest = trials[-1].fineness
-    fineness = max(math.ceil(finest * factor), int(finest) + 1 if factor > 1 else 1)
+    finest = trials[-1].refinement
+    refinement = max(math.ceil(finest * factor), int(finest) + 1 if factor > 1 else 1)
     likely = factor > 1 and (len(trials) > 1 or tol > SECOND)
-    return Trial.of(trial_of(problem, likely), fineness, trials[0].instants)
+    return Trial.of(trial_of(problem, likely), refinement, trials[0].instants)
 
 
 def answer(problem, trial, estimate):
@@ -263,4 +268,4 @@ def answer(problem, trial, estimate):
     found = trial.march
     if not (problem.record.is_plain and found.has_rows and not problem.observe):
         found = march(problem, trial.steps)
-    return changed(found.run(), error_estimate=estimate if found.complete else None)
+    return unchecked_replace(found.run(), error_estimate=estimate if found.complete else None)

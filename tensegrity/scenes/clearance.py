@@ -232,7 +232,7 @@ class Tracker:
             Bound on how far any coordinate of a site moved from each to the next [m].
         each : bool, optional
             Whether the instants are all steps: then nothing touches in one at whose end nothing
-            does, as `judge` has it.
+            does, as `verify` has it.
         """
         of, ways = self._of, math.sqrt(self._of.dim) * travel
         moved = np.sqrt(np.max(np.sum((u - u[0]) ** 2, axis=-1), axis=-1))
@@ -257,7 +257,7 @@ class Tracker:
         """Whether contacts have to be listed anew since this was asked: they never are here."""
         return False
 
-    def judge(self, u: Array, t: float) -> None:
+    def verify(self, u: Array, t: float) -> None:
         """Look again after one step that may have gone too far; raise if it did."""
         complaint = self._of.complaint(self._of.positions + u, self._pairs, self._walls)
         if complaint:

@@ -22,7 +22,14 @@ from tensegrity.engine.methods import Method
 from tensegrity.errors import TensegrityError
 from tensegrity.readonly import fixed
 from tensegrity.scenes.dynamics import Dynamics, HasDynamics, dynamics
-from tensegrity.scenes.scene import PER_SITE, Scene, State, known_state, refuse_other, velocities
+from tensegrity.scenes.scene import (
+    PER_SITE,
+    Scene,
+    State,
+    refuse_other,
+    unchecked_state,
+    velocities,
+)
 from tensegrity.springs.collection import Springs
 from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array, Indices
@@ -374,7 +381,7 @@ class Ensemble(HasDynamics):
         """The state of one of the scenes, by its number from 0."""
         refuse_other(state, self.shape, f"ensemble has {self.shape}, lanes last")
         number = check.whole("lane", number, least=0, below=self.lanes)
-        return known_state(*(np.ascontiguousarray(x[..., number]) for x in (state.u, state.v)))
+        return unchecked_state(*(np.ascontiguousarray(x[..., number]) for x in (state.u, state.v)))
 
     def __repr__(self) -> str:
         same = all(scene is self.scenes[0] for scene in self.scenes)

@@ -82,7 +82,7 @@ class Following(Clearance):
         """Whether one list may do for a time t [s] from velocities v on, to go by these."""
         return t * np.sqrt(np.max(np.sum(v**2, axis=-1), initial=0.0)) < self.skin / 2
 
-    def likely(self, u):
+    def with_near_contacts(self, u):
         """Pairs of each site with its nearest ones, and with all walls; sorted."""
         from scipy.spatial import cKDTree
 
@@ -180,7 +180,7 @@ class Follower(Tracker):
         super()._list(u)
         self.at = self._listed_at
 
-    def judge(self, u, t):
+    def verify(self, u, t):
         """Look again after one step that may have gone too far; raise if it did."""
         of, x = self._of, self._of.positions + u
         moved = float(np.sqrt(np.max(np.sum((u - self.at) ** 2, axis=1), initial=0.0)))

@@ -263,8 +263,8 @@ def forcing_of(scene: Any, t_end: float, tuning: Any = None) -> Forcing:
     TensegrityError
         A drive that is not finite, jumps, or does not reach to `t_end`.
     """
-    (moved, motions), (forced, pulls) = entries(scene, True), entries(scene, False)
-    check_signals((*motions, *pulls), t_end)
+    (moved, motions), (forced, scattered_forces) = entries(scene, True), entries(scene, False)
+    check_signals((*motions, *scattered_forces), t_end)
 
     def together(signals: tuple[Any, ...]) -> Any:
         def values(t: Array, order: int) -> Array:
@@ -287,5 +287,14 @@ def forcing_of(scene: Any, t_end: float, tuning: Any = None) -> Forcing:
             group=np.zeros(len(bonds.group), int), openings=None,
         )  # fmt: skip
     return Forcing(
-        bonds, moved, forced, together(motions), together(pulls), mass, heavy, ground, bond, tuning
+        bonds,
+        moved,
+        forced,
+        together(motions),
+        together(scattered_forces),
+        mass,
+        heavy,
+        ground,
+        bond,
+        tuning,
     )

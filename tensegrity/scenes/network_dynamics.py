@@ -110,7 +110,7 @@ class NetworkDynamics(Dynamics):
 
     def nearest(self, u: Array) -> Self:
         """That with contacts of sites nearest each other, and of all with walls."""
-        return self._with_contacts(*self.clearance.likely(u)) if self.follows else self
+        return self._with_contacts(*self.clearance.with_near_contacts(u)) if self.follows else self
 
     def listings(self, u: Array) -> Iterator[tuple[slice, Self]]:
         """Rows of displacements (T, sites, dim) in turn, each with all contacts that can act there.

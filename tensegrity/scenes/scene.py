@@ -76,7 +76,7 @@ class State:
         return State(self.u.copy(), -self.v)
 
 
-def known_state(u: Array, v: Array) -> State:
+def unchecked_state(u: Array, v: Array) -> State:
     """A state of arrays that are known to be right."""
     state = object.__new__(State)
     state.__dict__.update(u=u, v=v)
@@ -165,7 +165,9 @@ class Scene(HasDynamics):
         u, r, along = self._elongated(u)
         of = dynamics(self)
         tension = of.springs.evaluate("tension", r)
-        pull = forces.pulls(of.contact_bonds, tension, along)[: self.sites].reshape(u.shape)
+        pull = forces.scattered_forces(of.contact_bonds, tension, along)[: self.sites].reshape(
+            u.shape
+        )
         pull = pull + self.loads
         pull[list(self.held)] = 0
         return pull

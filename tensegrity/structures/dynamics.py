@@ -52,9 +52,11 @@ def _law(pulls_only: bool) -> Law:
     stretched = member.energy(member.natural + r)
     if not pulls_only:
         return Law(stretched, r, (member.stiffness,))
-    pulls, taut = sp.Heaviside(r - SMALLEST), sp.Heaviside(r + margin)
+    scattered_forces, taut = sp.Heaviside(r - SMALLEST), sp.Heaviside(r + margin)
     tension, known = sp.diff(stretched, r).subs(r, pulled), (member.stiffness, margin)
-    return Law(pulls * stretched, r, known, tension, ((pulled, pulls * r, taut),))
+    return Law(
+        scattered_forces * stretched, r, known, tension, ((pulled, scattered_forces * r, taut),)
+    )
 
 
 def network(positions: Array, members: Members, mass: Array) -> Network:

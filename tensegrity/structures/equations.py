@@ -102,7 +102,7 @@ class Loading:
     @cached_property
     def start(self) -> Array:
         """Separations at the start, (members, dim)."""
-        return self.members.apart(self.positions)[0]
+        return self.members.separations(self.positions)[0]
 
     @cached_property
     def span(self) -> float:
@@ -149,12 +149,12 @@ class Loading:
             return np.zeros(0), np.zeros(0, dtype=bool)
         a, b = (x[ends[pairs[:, 0], k]] for k in (0, 1))
         c, d = (x[ends[pairs[:, 1], k]] for k in (0, 1))
-        first, second, apart = b - a, d - c, c - a
+        first, second, separations = b - a, d - c, c - a
         normal = np.cross(first, second)
         size = np.einsum("ij,ij->i", normal, normal) + 1e-300
-        volume = np.einsum("ij,ij->i", apart, normal)
-        s = np.einsum("ij,ij->i", np.cross(apart, second), normal) / size
-        t = np.einsum("ij,ij->i", np.cross(apart, first), normal) / size
+        volume = np.einsum("ij,ij->i", separations, normal)
+        s = np.einsum("ij,ij->i", np.cross(separations, second), normal) / size
+        t = np.einsum("ij,ij->i", np.cross(separations, first), normal) / size
         within = (s > INSIDE) & (s < 1 - INSIDE) & (t > INSIDE) & (t < 1 - INSIDE)
         lengths = np.linalg.norm(first, axis=1) * np.linalg.norm(second, axis=1)
         return volume / (lengths * self.span), within
@@ -208,7 +208,7 @@ class Piece:
             members.natural + u[-1] * self.of.change
         )  # fmt: skip
 
-    def apart(self, u: Array) -> tuple[Array, Array]:
+    def separations(self, u: Array) -> tuple[Array, Array]:
         """Separations and lengths."""
         moved = self.of.gain @ self.of.coordinates(u)
         d = self.of.start + moved.reshape(self.of.start.shape)
@@ -216,26 +216,28 @@ class Piece:
 
     def tensions(self, u: Array) -> Array:
         """[N], (members,)."""
-        return self._pulls(u, self.apart(u)[1])
+        return self._nodal_forces(u, self.separations(u)[1])
 
-    def _pulls(self, u: Array, lengths: Array) -> Array:
+    def _nodal_forces(self, u: Array, lengths: Array) -> Array:
         """Tensions at known lengths of the members."""
-        pulls = self.of.members.stiffness * (lengths - self.natural(u))
-        return np.where(self.taut, pulls, 0.0)
+        scattered_forces = self.of.members.stiffness * (lengths - self.natural(u))
+        return np.where(self.taut, scattered_forces, 0.0)
 
     def stretch(self, u: Array) -> Array:
         """Length over natural length, less 1, (members,)."""
-        return self.apart(u)[1] / self.natural(u) - 1
+        return self.separations(u)[1] / self.natural(u) - 1
 
     def linearised(self, u: Array) -> tuple[Array, Array]:
         """Forces left in the motions over their size, and the Jacobian of that."""
         of, members = self.of, self.of.members
-        d, lengths = self.apart(u)
-        pulls = self._pulls(u, lengths)
-        density = pulls / lengths
+        d, lengths = self.separations(u)
+        scattered_forces = self._nodal_forces(u, lengths)
+        density = scattered_forces / lengths
         along = of.basis.T @ of.along
         left = of.gain.T @ (density[:, None] * d).ravel() - of.weight
-        size = np.abs(pulls).max() + ROUND_OFF * float(np.max(members.stiffness * lengths))
+        size = np.abs(scattered_forces).max() + ROUND_OFF * float(
+            np.max(members.stiffness * lengths)
+        )
         stiff = self.tangent_of(d, lengths, density)
         if of.pattern is None:
             rate = np.where(self.taut, -members.stiffness * of.change / lengths, 0.0)
@@ -253,8 +255,8 @@ class Piece:
 
     def tangent(self, u: Array) -> Array:
         """The same at a point."""
-        d, lengths = self.apart(u)
-        return self.tangent_of(d, lengths, self._pulls(u, lengths) / lengths)
+        d, lengths = self.separations(u)
+        return self.tangent_of(d, lengths, self._nodal_forces(u, lengths) / lengths)
 
     def tests(self, u: Array) -> Array:
         """Functions that vanish at events, (roots,)."""
@@ -281,7 +283,7 @@ class Piece:
         row = np.zeros(len(u))
         if number < strings:
             member = self.strings[number]
-            d, lengths = self.apart(u)
+            d, lengths = self.separations(u)
             natural, dim = self.natural(u)[member], d.shape[1]
             gain = of.gain[dim * member : dim * (member + 1)]
             self._place(row, (d[member] / lengths[member]) @ gain / natural)
@@ -320,12 +322,12 @@ class Piece:
         """Of the volume that two bars span, over the lengths it is measured by."""
         of, ends = self.of, self.of.members.ends
         (a, b), (c, d) = ends[one], ends[other]
-        first, second, apart = x[b] - x[a], x[d] - x[c], x[c] - x[a]
+        first, second, separations = x[b] - x[a], x[d] - x[c], x[c] - x[a]
         rows = of.by_node
         change = (
             np.cross(first, second) @ (rows[c] - rows[a])
-            + np.cross(second, apart) @ (rows[b] - rows[a])
-            + np.cross(apart, first) @ (rows[d] - rows[c])
+            + np.cross(second, separations) @ (rows[b] - rows[a])
+            + np.cross(separations, first) @ (rows[d] - rows[c])
         )
         size = np.linalg.norm(first) * np.linalg.norm(second) * of.span
         return np.asarray(change / size)

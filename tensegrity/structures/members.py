@@ -46,7 +46,7 @@ class Members:
     natural: Array
     pulls_only: Flags
 
-    def apart(self, positions: Array) -> tuple[Array, Array]:
+    def separations(self, positions: Array) -> tuple[Array, Array]:
         """Vectors (members, dim) from first to second ends, and their lengths."""
         d = positions[self.ends[:, 1]] - positions[self.ends[:, 0]]
         return d, np.sqrt(np.einsum("ij,ij->i", d, d))
@@ -63,16 +63,16 @@ class Members:
 
     def tensions(self, positions: Array) -> Array:
         """[N], (members,); 0 of slack strings."""
-        return self.stiffness * self.elongations(self.apart(positions)[1])
+        return self.stiffness * self.elongations(self.separations(positions)[1])
 
     def energy(self, positions: Array) -> float:
         """Stored in all [J]."""
-        elongations = self.elongations(self.apart(positions)[1])
+        elongations = self.elongations(self.separations(positions)[1])
         return float(0.5 * np.sum(self.stiffness * elongations**2))
 
     def gradient(self, positions: Array) -> Array:
         """Of the energy in the positions [N], (nodes, dim): minus the force on the nodes."""
-        d, lengths = self.apart(positions)
+        d, lengths = self.separations(positions)
         pull = (self.stiffness * self.elongations(lengths) / lengths)[:, None] * d
         first, second = self.ends.T
         result: Array = -forces.scattered(first, second, pull, len(positions))
@@ -80,7 +80,7 @@ class Members:
 
     def tangent(self, positions: Array, within: float = TAUT) -> Any:
         """Hessian of the energy [N/m], sparse (nodes dim, nodes dim); `within` as of `taut`."""
-        d, lengths = self.apart(positions)
+        d, lengths = self.separations(positions)
         density = self.stiffness * self.elongations(lengths) / lengths
         stiffness = np.where(self.taut(lengths, within), self.stiffness, 0.0)
         blocks = forces.tangents(d / lengths[:, None], stiffness, density)

@@ -18,10 +18,10 @@ from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.readonly import fixed
 from tensegrity.structures.equations import Loading
 from tensegrity.structures.members import settle
+from tensegrity.structures.path_follower import PathFollower
 from tensegrity.structures.structure import Structure
 from tensegrity.structures.structure_path import StructurePath
 from tensegrity.structures.supports import Supports
-from tensegrity.structures.walk import Walk
 
 if TYPE_CHECKING:
     from typing import Any
@@ -150,7 +150,7 @@ def structure_path(
         structure.members, structure.positions, motions, pattern, 0 * structure.lengths,
         _plate(structure, supports), (max_load, max_shortening), 0 * pattern,
     )  # fmt: skip
-    return Walk(structure, supports, loading, branch).path()
+    return PathFollower(structure, supports, loading, branch).path()
 
 
 def control_path(
@@ -216,7 +216,7 @@ def control_path(
             f"the structure is not in equilibrium: {left:.3g} N are left, beside {size:.3g} N; "
             "see equilibrium and Structure.relaxed"
         )
-    return Walk(structure, supports, loading, branch).path()
+    return PathFollower(structure, supports, loading, branch).path()
 
 
 def _refuse_unknown(branch: str) -> None:

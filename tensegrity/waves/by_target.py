@@ -216,8 +216,8 @@ def sign_and_number(potential, family, amplitude):
         family, number = word, int(rest) - 1 if rest else None
     if amplitude is None:
         resists = float(potential.stiffness(0.0)) > 0
-        rises = resists and float(potential.derivative(3, 0.0)) > 0
-        return SIGNS[family or ("rarefaction" if rises else "compression")], number
+        rising_parts = resists and float(potential.derivative(3, 0.0)) > 0
+        return SIGNS[family or ("rarefaction" if rising_parts else "compression")], number
     if amplitude == 0:
         raise TensegrityError("amplitude 0 m must not be 0")
     sign = int(math.copysign(1, amplitude))

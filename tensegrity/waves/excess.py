@@ -214,7 +214,7 @@ def excess(potential: Potential) -> Excess:
     return Excess(potential)
 
 
-class Rise(NamedTuple):
+class RisingPart(NamedTuple):
     """A rise of Q on one side.
 
     Attributes
@@ -239,7 +239,7 @@ class Rise(NamedTuple):
         return {"amplitude": self.top, "above": self.ceiling, "energy": math.inf}[name]
 
 
-def rises(beyond, sign, sizes) -> list[Rise]:
+def rising_parts(beyond, sign, sizes) -> list[RisingPart]:
     """All rises of Q.
 
     Parameters
@@ -268,7 +268,7 @@ def rises(beyond, sign, sizes) -> list[Rise]:
         sizes, flat = sizes[sizes > NEAR * beyond.scale], ROUGH
     level = level_at(sizes)
     unit = beyond.rest + np.abs(level)
-    found: list[Rise] = []
+    found: list[RisingPart] = []
     floor, place = 0.0, 0
     if beyond.rest == 0 and level[1] - level[0] <= flat * unit[0]:  # as steep as a line, or less
         floor = float(level[0])
@@ -276,25 +276,25 @@ def rises(beyond, sign, sizes) -> list[Rise]:
         above = np.flatnonzero(level[place:] - floor > flat * unit[place:])
         if not above.size:
             break
-        if place == floor == 0 and rises_from_rest(beyond, sign):
+        if place == floor == 0 and grows_from_rest(beyond, sign):
             above[0] = 0
         first = place + int(above[0])
         start = crossing(sizes[first - 1], sizes[first], floor) if first else 0.0
         highest = np.maximum.accumulate(level[first:])
         falls = np.flatnonzero(highest - level[first:] > flat * unit[first:])
         if not falls.size:
-            found.append(Rise(start, floor, math.inf, math.inf))
+            found.append(RisingPart(start, floor, math.inf, math.inf))
             break
         last = first + int(np.argmax(level[first : first + falls[0]]))
         ends = sizes[max(last - 1, 0) : last + 2]
         top = root(slope, ends[0], ends[-1], relative=1e-14)
         ceiling = float(beyond.tension(sign * top)) / (sign * top)
-        found.append(Rise(start, floor, top, ceiling))
+        found.append(RisingPart(start, floor, top, ceiling))
         floor, place = max(floor, ceiling), first + int(falls[0])
     return found
 
 
-def rises_from_rest(beyond, sign) -> bool:
+def grows_from_rest(beyond, sign) -> bool:
     """Whether waves of one sign start from zero amplitude: by what V' grows with beyond its linear
     law there."""
     return beyond.rest == 0 or beyond.growth(sign)[1] > 0

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from tensegrity.errors import ResolutionError, TensegrityError
-from tensegrity.waves.excess import excess, rises
+from tensegrity.waves.excess import excess, rising_parts
 from tensegrity.waves.travelling import (
     Grid,
     NoWave,
@@ -68,24 +68,24 @@ class Family:
         self.rest, self.power = self.beyond.rest, self.beyond.growth(sign)[0]
         self.sizes, self.gain, self.energy, self.stiffness = self._table()
         self.secant = self.rest + self.gain  # |V'|/a
-        self.rises = rises(self.beyond, sign, self.sizes)
+        self.rising_parts = rising_parts(self.beyond, sign, self.sizes)
         self._check_existence()
-        if number >= len(self.rises):
+        if number >= len(self.rising_parts):
             raise TensegrityError(
                 f"no solitary wave of {self.name} {number + 1}: 2V/r^2 rises above what it was "
-                f"before {len(self.rises)} times only"
+                f"before {len(self.rising_parts)} times only"
             )
-        self.rise = self.rises[number]
+        self.rise = self.rising_parts[number]
         self.name += f" {number + 1}" if number else ""
         self.long_wave = self.long_wave_at(self.sizes)
 
     def holding(self, name, value):
         """The family of this sign, or the last one, to which a target belongs, see `by_target`."""
         number = next(
-            (k for k, rise in enumerate(self.rises) if value < rise.bound(name)),
-            len(self.rises) - 1,
+            (k for k, rise in enumerate(self.rising_parts) if value < rise.bound(name)),
+            len(self.rising_parts) - 1,
         )
-        same = self.rise is self.rises[number]
+        same = self.rise is self.rising_parts[number]
         return self if same else Family(self.potential, self.sign, number)
 
     def force(self, size):
@@ -157,7 +157,7 @@ class Family:
         and c > cs for a tail that decays."""
         secant = self.secant
         grows = self.gain.max() > 1e-9 * self.rest and secant.max() > secant[0] * (1 + 1e-9)
-        if not (grows and self.rises):
+        if not (grows and self.rising_parts):
             raise TensegrityError(
                 f"no solitary wave of {self.name}: V'(r)/r does not rise above its value at rest, "
                 f"{secant[0]:g} N/m (beyond, it is {secant[-1]:g} N/m), but a wave whose tail "

@@ -18,7 +18,7 @@ from tensegrity.once import once
 from tensegrity.root import root
 from tensegrity.springs.potential import Potential
 from tensegrity.waves.asymptotics import sound_speed
-from tensegrity.waves.excess import excess, rises_from_rest
+from tensegrity.waves.excess import excess, grows_from_rest
 from tensegrity.waves.family import NEAREST, SIGNS, STEADY, Family
 from tensegrity.waves.travelling import decay_rate
 
@@ -227,7 +227,7 @@ def predict(potential: Potential, mass: float = 1.0) -> Prediction:
         except TensegrityError as error:
             absent[name] = f"{error}."
             continue
-        sides = [first, *(Family(potential, sign, k) for k in range(1, len(first.rises)))]
+        sides = [first, *(Family(potential, sign, k) for k in range(1, len(first.rising_parts)))]
         families += [_predicted(side, mass) for side in sides]
     return Prediction(potential, mass, sound, tuple(families), absent)
 
@@ -290,7 +290,7 @@ def _unflattened(side: Family) -> str:
 def _start_in_words(side: Family, from_rest: bool) -> str:
     if side.rest == 0:
         return "a sonic vacuum: any amplitude has its wave"
-    if from_rest and rises_from_rest(side.beyond, side.sign):
+    if from_rest and grows_from_rest(side.beyond, side.sign):
         power, _ = side.beyond.growth(side.sign)
         turns = {2.0: "V'''(0)", 3.0: "V''''(0), with V'''(0) = 0,"}
         turn = turns.get(power, f"a force beyond the linear one that goes like |r|^{power:g}")

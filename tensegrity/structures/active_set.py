@@ -168,8 +168,10 @@ def _ray(
     stiff = piece.tangent(u)
     if loading.pattern is None:
         step = 1e-6
-        pulls = piece.tensions(u + step * rate * sense) - piece.tensions(u - step * rate * sense)
-        slope = float(-loading.change @ pulls) / (2 * step)
+        scattered_forces = piece.tensions(u + step * rate * sense) - piece.tensions(
+            u - step * rate * sense
+        )
+        slope = float(-loading.change @ scattered_forces) / (2 * step)
         inner = stiff
     else:
         slope = float(rate[-2] * sense)

@@ -46,7 +46,7 @@ LOCKS = "locks"
 loaded = set()  # names of the entries that this process uses: its own locks do not stop it
 
 
-def kept(parts, make):
+def cached(parts, make):
     """A value of texts and numbers, as it was made once.
 
     Parameters

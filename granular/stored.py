@@ -20,7 +20,7 @@ from granular.pack import Pack
 from tensegrity.runs.archive import in_time, register
 
 
-def keep_scenes() -> None:
+def register_scenes() -> None:
     """Let files hold scenes of beads."""
     for kind in (Material, Bead, Striker, Contact, Piece, Layout):
         register(kind, _fields)

@@ -20,7 +20,7 @@ from tensegrity.errors import EquilibriumError
 from tensegrity.minimum import least_part
 from tensegrity.readonly import fixed
 from tensegrity.springs.kinks import TAUT
-from tensegrity.structures.corner import NONE, branches_off, chosen, piece_stretch, rays
+from tensegrity.structures.active_set import NONE, branches_off, chosen, piece_stretch, rays
 from tensegrity.structures.equations import Loading, Piece
 from tensegrity.structures.structure_path import StructurePath
 from tensegrity.structures.supports import NOTHING
@@ -69,7 +69,7 @@ class _Part:
     negative: Array  # numbers of negative eigenvalues, (rows, 2): given load, given shortening
 
 
-class Walk:
+class PathFollower:
     """A path while it is followed."""
 
     def __init__(
