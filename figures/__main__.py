@@ -24,7 +24,7 @@ from figures._gallery import made, shown, title, write_index, write_page
 
 HERE = Path(__file__).parent
 OUTPUT, SHOWN = HERE / "output", HERE.parent / "docs" / "pictures"
-SECONDS = _stored.DATA / "seconds.csv"  # of each picture, on one core
+SECONDS = _stored.DATA / "seconds.csv"  # of a processor, that each picture takes
 TRUSTED = 30.0  # s of drawing, after which this machine's speed counts as much as that file's
 
 
@@ -38,7 +38,7 @@ def print_table(rows):
 
 
 def costs():
-    """{picture: seconds that it takes}."""
+    """{picture: seconds of a processor that it takes}."""
     with open(SECONDS, newline="") as file:
         return {line["picture"]: float(line["seconds"]) for line in csv.DictReader(file)}
 
@@ -75,7 +75,8 @@ def draw_all(jobs, processes, total):
             print(f"{place}  FAILED  {job.name}", flush=True)
             continue
         took, should = took + one.seconds, should + expected[job.name]
-    XX        ending = f"; {span(rest)} left" if rest > 10 else ""
+        rest = left / processes * (took + TRUSTED) / (should + TRUSTED)
+        ending = f"; {span(rest)} left" if rest > 10 else ""
         words = title(pictures()[job.name])
         print(f"{place} {one.seconds:6.1f} s  {one.group}/{job.name}: {words}{ending}", flush=True)
         yield one
@@ -100,10 +101,9 @@ def update(found, drawn, output):
                     shutil.copyfile(path, SHOWN / path.name)
     for path in _stored.MADE.glob("*.npz"):
         shutil.move(path, _stored.DATA / path.name)
-    known = costs() | {one.name: round(one.seconds, 1) for one in drawn}
-    names = sorted(pictures())
-    seconds = [known.get(name, "") for name in names]
-    write_table(SECONDS, {"picture": names, "seconds": seconds})
+    known = costs() | {one.name: round(one.work, 1) for one in drawn}
+    names = sorted(known.keys() & pictures().keys())
+    write_table(SECONDS, {"picture": names, "seconds": [known[name] for name in names]})
 
 
 def arguments_of():
@@ -169,7 +169,7 @@ def main(arguments=None):
                 print(f"\n{group}")
                 print_table(rows)
     if options.update:
-        update(found, drawn, output)
+        update(found, [] if options.fresh else drawn, output)
     print(last_line(options, output))
     return int(len(drawn) < len(jobs))
 

@@ -72,26 +72,27 @@ class Job(NamedTuple):
 
 
 class Drawn(NamedTuple):
-    """A picture with its files, its lines of the group's table, and the seconds it took."""
+    """A picture with its lines of the group's table, and the time that it took."""
 
     name: str
     group: str
-    files: list
     lines: list
     seconds: float
+    work: float  # s of processors
 
 
 def draw(job):
     """Draw a picture, and note in the output folder of which sources it is."""
-    began, _stored.fresh = time.perf_counter(), job.is_fresh
+    began, work, _stored.fresh = time.perf_counter(), _stored.spent(), job.is_fresh
     module = import_module(f"figures.{job.name}")
     folder = job.output / module.GROUP
     folder.mkdir(parents=True, exist_ok=True)
-    files, lines = render(job.name, module, folder)
+    _, lines = render(job.name, module, folder)
     mark = mark_of(job)
     mark.parent.mkdir(exist_ok=True)
     write(mark, lambda beside: Path(beside).write_text(job.sources))
-    return Drawn(job.name, module.GROUP, files, lines, time.perf_counter() - began)
+    took, work = time.perf_counter() - began, _stored.spent() - work
+    return Drawn(job.name, module.GROUP, lines, took, work)
 
 
 def mark_of(job):

@@ -152,10 +152,10 @@ def sources(name):
 
 
 def used(module):
-    """Names of the modules of ours in which what a module has imported is defined."""
+    """Names of the modules of ours, this one aside, in which what a module imports is defined."""
     for value in vars(module).values():
         name = value.__name__ if inspect.ismodule(value) else getattr(value, "__module__", None)
-        if isinstance(name, str) and name.split(".")[0] in PACKAGES and name != module.__name__:
+        if isinstance(name, str) and name.split(".")[0] in PACKAGES and name != __name__:
             yield name
 
 
@@ -186,5 +186,5 @@ def form(node):
 def everything():
     """The digest of all that a picture may depend on: of the sources of all packages."""
     paths = [p for package in PACKAGES for p in sorted((ROOT / package).rglob("*.*"))]
-    parts = [digest(p) for p in paths if p.suffix in (".py", ".c", ".h") and MADE not in p.parents]
+    parts = [digest(p) for p in paths if p.suffix in (".py", ".c", ".h")]
     return hashlib.sha256(" ".join(parts).encode()).hexdigest()[:16]

@@ -2,7 +2,7 @@
 
 A square is a formula or a claim.  Each is held against what SymPy derives from energies and
 geometry, symbolically or at 50 random points to 30 digits; what is a convention or a slip must
-also disagree as it is printed.  `make derivations` writes the derivations, step by step, with the ledger.
+also disagree as it is printed.  `make derivations` writes every derivation, step by step.
 """
 
 from __future__ import annotations
