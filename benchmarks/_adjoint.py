@@ -25,7 +25,7 @@ def ours(steps):
     asked, state = objective.displacement(SITE), chain.at_rest({0: SPEED})
 
     def call():
-        found = gradient(asked, chain, state, steps * DT, DT, wanted=("prestrain",))
+        found = gradient(asked, chain, state, steps * DT, dt=DT, wanted=("prestrain",))
         return found.value, found.by("prestrain")
 
     return call

@@ -82,7 +82,7 @@ def differences(name, chain, state, asked):
     few, peak = Record(every=STEPS), o.peak(o.load(bond=last))
     times = cpu({
         "run": lambda: simulate(chain, state, t_end, dt=DT, record=few),
-        "gradient": lambda: gradient(peak, chain, state, t_end, DT, wanted=asked),
+        "gradient": lambda: gradient(peak, chain, state, t_end, dt=DT, wanted=asked),
     }, 3)  # fmt: skip
     many = (last + 2) * times["run"]
     return name, times["gradient"], many, many / times["gradient"]

@@ -120,7 +120,7 @@ def events(scene, steps=20_000):
     overlaps = []
     for step in range(steps):
         loop.advance(1, opened=step > 0)
-        overlaps.append(place - dynamics(space).stretch(u[: space.sites]))
+        overlaps.append(place - dynamics(space).elongations(u[: space.sites]))
     far = np.abs(overlaps) > SEEN * np.max(overlaps)
     return sum(
         int(np.sum(np.diff(np.sign(w[x])) != 0))

@@ -29,7 +29,7 @@ from tensegrity.scenes.dynamics import dynamics
 from tensegrity.springs.polynomial import PolynomialLaw
 from tensegrity.springs.potential import Potential
 from tensegrity.waves.family import Family
-from tensegrity.waves.solitary import rough_wave
+from tensegrity.waves.solitary import approximate_wave
 
 FOLDER = Path(__file__).parent / "data"
 BEST, SCATTER, COUNTS = (FOLDER / f"composite_{x}.csv" for x in ("best", "search", "counts"))
@@ -163,7 +163,7 @@ def prepared(kind, number, genes):
     except TensegrityError as error:
         return Worth(1.95 * BARRED, reason=type(error).__name__)
     try:
-        wave = rough_wave(Family(real.near, 1), real.masses[0], real.crest)
+        wave = approximate_wave(Family(real.near, 1), real.masses[0], real.crest)
     except TensegrityError:
         slope = float(real.near.stiffness_slope(0.0)) * real.crest / real.near.stiffness(0.0)
         return Worth(BARRED - min(max(-slope, 0), 9), reason="no rarefaction wave")
@@ -262,7 +262,7 @@ def _rough(spring, mass, sign):
             raise reason
 
         return none
-    return lambda crest: rough_wave(side, mass, abs(crest))
+    return lambda crest: approximate_wave(side, mass, abs(crest))
 
 
 def quality(misfit):

@@ -36,7 +36,7 @@ def data():
     beads = scene()
     state = beads.at_rest({1: SPEED})
     half = o.energy(range(1, 1 + COUNT // 2))
-    rows = [gradient(half, beads, state, t, DT, wanted=("stiffness",)) for t in TIMES]
+    rows = [gradient(half, beads, state, t, dt=DT, wanted=("stiffness",)) for t in TIMES]
     return {
         "durations": {
             "t": TIMES,

@@ -36,7 +36,7 @@ def traced(scene):
     places = np.rint(at / DT).astype(int)
     samples = [_gradients.sample(o.displacement(SITE), k) for k in places]
     state = scene.at_rest({0: SPEED})
-    rows = gradient(samples, scene, state, END, DT, METHOD, wanted=("k_cross",))
+    rows = gradient(samples, scene, state, END, dt=DT, method=METHOD, wanted=("k_cross",))
     k = np.array([spring.parameters["k_1"] for spring in scene.springs])
     by_k = np.array([g.by("k_cross") * k for g in rows])
     by_mass = np.array([[g.mass @ scene.mass] for g in rows])

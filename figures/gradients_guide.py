@@ -34,7 +34,7 @@ def data():
                if site == last][-1]  # fmt: skip
     wall = int(guide.wall_contacts[contact, 1])
     load = o.load(wall=wall)
-    norm, peak = gradient([o.p_norm(load, NORM), o.peak(load)], guide, guide.start(), END, DT,
+    norm, peak = gradient([o.p_norm(load, NORM), o.peak(load)], guide, guide.start(), END, dt=DT,
                           checkpoints=100)  # fmt: skip
     per_micron = 100 * 1e-6 / peak.value
     x, y = guide.positions.T

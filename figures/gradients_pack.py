@@ -38,7 +38,7 @@ def data():
     tables, values = {}, {}
     for name, pack in scenes().items():
         peak, norm = gradient(
-            [o.peak(floor(pack)), o.p_norm(floor(pack), 32)], pack, pack.start(), ENDS[name], DT,
+            [o.peak(floor(pack)), o.p_norm(floor(pack), 32)], pack, pack.start(), ENDS[name], dt=DT,
             wanted=("diameter",), checkpoints=CHECKPOINTS,
         )  # fmt: skip
         share = 100 * MICRON * peak.by("diameter") / peak.value

@@ -59,7 +59,7 @@ def differentiated(prestrains, objectives, window=WINDOW, wanted=(), dt=DT):
     """Gradients of objectives."""
     scene = chain(prestrains)
     state = scene.at_rest({0: SPEED})
-    return gradient(objectives, scene, state, window, dt, "rkn6", wanted=wanted)
+    return gradient(objectives, scene, state, window, dt=dt, method="rkn6", wanted=wanted)
 
 
 def peak(prestrains, window=WINDOW, dt=FINER[0]):

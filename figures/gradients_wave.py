@@ -30,7 +30,7 @@ def passage(prestrain, wave=None):
     state = wave.launch(Chain(Prism(1.0, 0.7, PRESTRAIN, 1.0).potential(), SITES), at=AT)
     t_end = 1.4 * (SITE - AT) / wave.speed
     half = (state.u[0] + state.u[-1]) / 2
-    return gradient(o.arrival(SITE, half), chain, state, t_end, DT, METHOD), wave
+    return gradient(o.arrival(SITE, half), chain, state, t_end, dt=DT, method=METHOD), wave
 
 
 def data():

@@ -224,7 +224,7 @@ def _by_beads(scene: Any, u: Array) -> Array:
 
 def _wall_energies(scene: Any, u: Array) -> Array:
     """Energy of each listed contact with a wall [J]; (..., wall contacts)."""
-    return dynamics(scene).each("energy", u)[..., len(scene.bonds) :]
+    return dynamics(scene).evaluate("energy", u)[..., len(scene.bonds) :]
 
 
 def _added(total: Array, sites: Indices, values: Array) -> Array:

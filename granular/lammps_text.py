@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 
 from granular.assembly import Assembly
+from granular.bead_chain import BeadChain
 from granular.beads import Bead, volume
-from granular.chain import BeadChain
 from granular.contact import hertz
 from granular.crystal import beads_by_site
 from granular.materials import Material
 from tensegrity import PowerLaw, State, TensegrityError, check
 from tensegrity.scenes.dynamics import dynamics
-from tensegrity.scenes.forcing import refuse
+from tensegrity.scenes.forcing import refuse_driven
 from tensegrity.typing import Array
 
 GROUPS = 31  # of LAMMPS, besides "all"
@@ -200,7 +200,7 @@ def laid(scene: Any, state: State) -> Laid:
         raise TensegrityError(
             f"scene {check.shown(scene)} is not a chain, a guide or a pack of beads"
         )
-    refuse(scene, "a hand-off to LAMMPS")
+    refuse_driven(scene, "a hand-off to LAMMPS")
     scene.check(state)
     by_site = beads_by_site(scene)
     sites = list(by_site)

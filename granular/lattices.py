@@ -15,7 +15,7 @@ import numpy as np
 from granular.beads import Bead, Striker
 from granular.layout import TOUCH
 from granular.materials import Material
-from granular.pack import PER_BEAD, Pack, per_place
+from granular.packing import PER_BEAD, Pack, per_place
 from tensegrity import TensegrityError, Wall, check
 
 if TYPE_CHECKING:

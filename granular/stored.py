@@ -10,13 +10,13 @@ from collections.abc import Callable, Iterable
 from dataclasses import fields
 from typing import Any
 
+from granular.bead_chain import BeadChain
 from granular.beads import Bead, Striker
-from granular.chain import BeadChain
 from granular.contact import Contact
 from granular.guide import Guide
 from granular.layout import Layout, Piece
 from granular.materials import Material
-from granular.pack import Pack
+from granular.packing import Pack
 from tensegrity.runs.archive import in_time, register
 
 

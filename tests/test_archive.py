@@ -133,7 +133,7 @@ def test_a_run_with_polynomials_and_rows_in_a_file_comes_back(tmp_path):
     soft = Prism(1.0, 0.5, 0.4, 1.0, 2.0, 20.0).potential(0.05)
     scene, record = Chain(soft, 600), Record(path=tmp_path / "rows.npy")
     run = simulate(scene, scene.at_rest({0: 0.1}), 40.0, tol=1e-7, record=record)
-    assert run.force.startswith("polynomial")
+    assert run.force_model.startswith("polynomial")
     run.save(tmp_path / "run.npz")
     equal(run, Run.load(str(tmp_path / "run.npz")))
 

@@ -102,7 +102,7 @@ GUIDE = {"stem": 3, "branch": 3, "half_angle": 0.7, "bead": BEAD, "branches": (B
 GUIDE |= {"wall": STEEL, "striker": STRIKER, "end": STEEL, "gap": 0.0, "through": 0.0}
 GUIDE |= {"law": granular.hertz, "gravity": 9.81, "preload": 0.1}
 LAYOUT = {"stem": 3, "branch": 3, "half_angle": 0.7, "diameter": 0.005}
-ROWS = {"name": "own", "order": 2, "step": 0.1, "reference": "", "when_not": ""}
+ROWS = {"name": "own", "order": 2, "default_fraction": 0.1, "reference": "", "limitations": ""}
 SPLIT = {"kicks": (0.5, 0.5), "drifts": (1.0,)}
 NYSTROM = {"nodes": (0.5,), "matrix": ((0.0,),), "positions": (0.5,), "velocities": (1.0,)}
 

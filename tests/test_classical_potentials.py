@@ -9,7 +9,7 @@ import sympy as sp
 from springs import lennard_jones, series
 
 from tensegrity import Potential, PowerLaw, Prism, TensegrityError, solitary_wave
-from tensegrity.waves.excess import excess
+from tensegrity.waves.nonlinear_part import nonlinear_part
 
 R, A = sp.symbols("r a")
 WALL = (-1.0, math.inf)
@@ -93,7 +93,7 @@ def test_toda_soliton_is_the_closed_form_down_to_1e9_above_sound(kappa):
 def test_next_to_sound_the_crest_follows_the_second_order_of_the_expansion(name):
     """V''/V''' (6 e + (6/5 - 9 V'' V''''/V'''^2) e^2), e = c/cs - 1: what is left is of order 3."""
     spring, _ = CLASSICAL[name]
-    h = 1e-4 * excess(spring).scale
+    h = 1e-4 * nonlinear_part(spring).scale
     k, slope = (float(f(0.0)) for f in (spring.stiffness, spring.stiffness_slope))
     curvature = float(spring.stiffness_slope(h) - spring.stiffness_slope(-h)) / (2 * h)
     left = []
@@ -131,7 +131,7 @@ def test_an_energy_measured_from_anywhere_gives_the_same_wave():
 
 @pytest.mark.parametrize("r", [-0.5, -0.03, -1e-3, -1e-9, 1e-12, 1e-5, 0.02])
 def test_excesses_keep_their_digits_however_small_the_elongation(r):
-    of = excess(LENNARD_JONES)
+    of = nonlinear_part(LENNARD_JONES)
     with mpmath.workdps(60):
         x = mpmath.mpf(r)
         exact = [
@@ -147,7 +147,7 @@ def test_excesses_keep_their_digits_however_small_the_elongation(r):
 def test_a_jump_of_the_stiffness_is_not_taken_for_a_polynomial():
     """A linear contact: V''' is 0 on both sides of where it opens."""
     spring = PowerLaw(2.0, 1.0, preload=1.0)
-    of = excess(spring)
+    of = nonlinear_part(spring)
     r = np.array([-0.7, -0.1, 0.3, 0.6, 0.9])
     np.testing.assert_allclose(2 * r + of.tension(r), spring.tension(r), rtol=1e-14)
 

@@ -21,7 +21,7 @@ from tensegrity.measure.observables import beyond
 from tensegrity.prisms.condensed import ElasticPotential
 from tensegrity.waves.asymptotics import sound_speed
 from tensegrity.waves.family import Family
-from tensegrity.waves.solitary import rough_wave
+from tensegrity.waves.solitary import approximate_wave
 
 WINNER, SECOND = 0, 18  # seeds of the interfaces that do both
 RIGID = Prism(1.0, 0.8, 0.02, 1.0).potential()
@@ -99,7 +99,7 @@ def test_only_what_is_ahead_of_sound_and_strong_enough_counts():
 
 def test_a_rough_wave_is_the_exact_one_to_four_digits():
     side = Family(RIGID, -1)
-    rough, fine = rough_wave(side, 2.0, 0.02), solitary_wave(RIGID, 2.0, amplitude=-0.02)
+    rough, fine = approximate_wave(side, 2.0, 0.02), solitary_wave(RIGID, 2.0, amplitude=-0.02)
     x = np.linspace(-4, 4, 33)
     assert rough.amplitude == -0.02
     assert rough.speed == pytest.approx(fine.speed, rel=1e-3)

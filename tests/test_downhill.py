@@ -27,7 +27,7 @@ def wall_peak(diameters, t_end=T_END, dt=T_END / STEPS, p=None):
     scene = chain([Bead(d, STEEL) for d in diameters], striker=STRIKER, end=STEEL)
     load = objective.load(wall=0)
     asked = objective.peak(load) if p is None else objective.p_norm(load, p)
-    found = gradient(asked, scene, scene.start(), t_end, dt, wanted=("diameter",))
+    found = gradient(asked, scene, scene.start(), t_end, dt=dt, wanted=("diameter",))
     scale = 1.0 if p is None else t_end ** (-1 / p)
     return found.value * scale, found.by("diameter")[1:-1] * scale
 

@@ -19,7 +19,9 @@ def test_prestrains_found_bring_the_peak_18_times_below_the_best_uniform_chain()
     assert peaks[0] == pytest.approx(peaks[1], rel=one.MOVED)
     chain = one.chain(one.FOUND)
     start, load = chain.at_rest({0: one.SPEED}), o.peak(o.load(wall=0))
-    other = gradient(load, chain, start, one.WINDOW, 0.1, SPLITTINGS["kahan-li 6"], wanted=())
+    other = gradient(
+        load, chain, start, one.WINDOW, dt=0.1, method=SPLITTINGS["kahan-li 6"], wanted=()
+    )
     assert other.value == pytest.approx(peaks[1], rel=one.MOVED)
     top = one.asked(one.FOUND, o.peak(o.load(wall=0)), wanted=("prestrain",))
     assert top.digits >= one.DIGITS

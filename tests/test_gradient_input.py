@@ -124,7 +124,7 @@ def test_a_name_that_nothing_has_or_that_was_not_wanted():
 def test_a_law_without_preload_has_no_derivative_by_it():
     """The overlap at rest is a root of the preload."""
     chain = Chain(PowerLaw(1.0, 1.5), 3)
-    found = gradient(o.displacement(1), chain, chain.at_rest({0: 0.1}), 1.0, 0.05)
+    found = gradient(o.displacement(1), chain, chain.at_rest({0: 0.1}), 1.0, dt=0.05)
     with pytest.raises(TensegrityError, match="this gradient knows stiffness"):
         found.by("preload")
 
@@ -133,7 +133,7 @@ def test_symbols_of_an_own_energy_are_names():
     r, k, b = sp.symbols("r k b")
     spring = Potential(k * r**2 / 2 + b * r**4, r, {k: 1.0, b: 0.5})
     chain = Chain([spring, SPRING], 3)
-    found = gradient(o.displacement(2), chain, chain.at_rest({0: 0.1}), 3.0, 0.05)
+    found = gradient(o.displacement(2), chain, chain.at_rest({0: 0.1}), 3.0, dt=0.05)
     assert found.by("b")[0] != 0
     assert found.by("b")[1] == 0
     assert found.by("prestrain")[0] == 0

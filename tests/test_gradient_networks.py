@@ -53,7 +53,7 @@ def test_gradients_of_networks_are_those_of_complex_steps(dim, method):
     weights = np.random.default_rng(2).standard_normal((4, steps + 1))
     traces = [o.velocity(1, dim - 1), o.displacement(0, 1), o.load(wall=0), o.load(bond=3)]
     asked = o.of(traces, lambda t, y: (float(np.sum(weights * y)), weights))
-    found = gradient(asked, network, State(u, v), steps * dt, dt, method)
+    found = gradient(asked, network, State(u, v), steps * dt, dt=dt, method=method)
     tension = tension_of(ENERGY, R, K)
     normal = network.walls[0].normal
     gaps = wall_gaps(network, np.zeros((6, dim)))
@@ -93,7 +93,7 @@ def test_energy_of_all_sites_does_not_move_with_time():
     """But by what it began with: its derivatives are those of the start's energy."""
     k, mass = np.linspace(0.8, 1.6, len(BONDS)), np.linspace(1, 2, 6)
     network, state = scene(2, k, mass), State(*state_of(2))
-    found = gradient(o.energy(), network, state, 1.0, 2e-3, "rkn6")
+    found = gradient(o.energy(), network, state, 1.0, dt=2e-3, method="rkn6")
     assert np.allclose(found.v[:5], (mass[:, None] * state.v)[:5], rtol=0, atol=1e-9)
     assert np.allclose(found.mass[:5], np.sum(state.v**2, axis=1)[:5] / 2, rtol=0, atol=1e-9)
     assert np.allclose(found.u, -network.forces(state.u), rtol=0, atol=1e-9)

@@ -84,7 +84,13 @@ def test_gradients_are_the_references_of_ninety_digits(name, checkpoints):
     dt = float(scene["dt"])
     t_end = scene["steps"] * dt
     found = gradient(
-        list(asked.values()), chain, state, t_end, dt, scene["method"], checkpoints=checkpoints
+        list(asked.values()),
+        chain,
+        state,
+        t_end,
+        dt=dt,
+        method=scene["method"],
+        checkpoints=checkpoints,
     )
     touching = scene["law"] == "hertz" and checkpoints is None
     for key, one in zip(asked, found, strict=True):
@@ -123,7 +129,7 @@ def test_gradients_of_any_chain_are_those_of_complex_steps(scene, method, kind):
     rng = np.random.default_rng(1)
     weights = rng.standard_normal(steps + 1)
     asked = o.of([trace], lambda t, y: (float(weights @ y[0]), weights[None]))
-    found = gradient(asked, chain, State(u, v), steps * dt, dt, method)
+    found = gradient(asked, chain, State(u, v), steps * dt, dt=dt, method=method)
 
     def value(k=k, a=a, mass=mass, u=u, v=v):
         w = 1 / np.asarray(mass)
@@ -158,13 +164,13 @@ def test_traces_and_numbers_of_them_are_differentiated_as_finite_differences_say
     ]  # fmt: skip
 
     def values(chain, state):
-        found = gradient(asked, chain, state, t_end, dt, method, wanted=())
+        found = gradient(asked, chain, state, t_end, dt=dt, method=method, wanted=())
         return np.array([one.value for one in found])
 
     def difference(moved, h=1e-6):
         return (values(*moved(h)) - values(*moved(-h))) / (2 * h)
 
-    found = gradient(asked, chain, state, t_end, dt, method)
+    found = gradient(asked, chain, state, t_end, dt=dt, method=method)
     place = np.eye(5)[1]
 
     def other(k, **changed):
@@ -202,7 +208,7 @@ def test_prisms_of_any_sides_are_differentiated_by_their_arguments(sides, height
         other = Prism(**given, sides=sides).potential(preload)
         triangle = Prism(1.0, 0.7, 0.02, 1.0).potential(preload)
         chain = Chain([triangle, other, triangle], 4, ends=("free", "fixed"))
-        return gradient(asked, chain, chain.at_rest({0: 0.02}), 10.0, 0.1, "rkn6")
+        return gradient(asked, chain, chain.at_rest({0: 0.02}), 10.0, dt=0.1, method="rkn6")
 
     found = value()
     for name, at in (("prestrain", 0.05), ("height", height), ("k_cross", 1.0)):
@@ -217,7 +223,7 @@ def test_masses_and_stiffnesses_in_proportion_change_nothing():
         [PowerLaw(k, 1.5, 0.1) for k in (1.0, 1.3, 0.8, 1.1)], 5, [1.0, 2.0, 0.5, 1.5, 1.0]
     )
     asked = [o.displacement(3), o.p_norm(o.velocity(2), 8), o.arrival(3, 1e-2)]
-    for one in gradient(asked, chain, chain.at_rest({0: 0.2}), 12.0, 0.05, "rkn6"):
+    for one in gradient(asked, chain, chain.at_rest({0: 0.2}), 12.0, dt=0.05, method="rkn6"):
         # with the stiffness the preload grows in proportion: the overlap at rest stays
         by_k = np.array([k.values[0] for k in chain.springs]) @ one.by("stiffness")
         by_k += 0.1 * one.by("preload").sum()
@@ -242,7 +248,7 @@ def test_bonds_of_one_spring_sum_to_its_own_derivative():
 def test_the_run_is_that_of_simulate_to_the_bit():
     chain = prisms()
     state = chain.at_rest({0: 0.05})
-    found = gradient(o.peak(o.load(bond=3)), chain, state, 10.0, 0.03, "rkn6")
+    found = gradient(o.peak(o.load(bond=3)), chain, state, 10.0, dt=0.03, method="rkn6")
     run_of = simulate(chain, state, 10.0, dt=0.03, method="rkn6")
     assert np.array_equal(found.run.final.u, run_of.final.u)
     assert np.array_equal(found.run.final.v, run_of.final.v)
@@ -339,7 +345,9 @@ def test_where_the_way_back_strays_more_states_are_given():
 
 def test_digits_tell_how_chaos_eats_them():
     chain, state = chaotic()
-    left = [gradient(o.displacement(5), chain, state, t, 0.05).digits for t in (5.0, 100.0, 400.0)]
+    left = [
+        gradient(o.displacement(5), chain, state, t, dt=0.05).digits for t in (5.0, 100.0, 400.0)
+    ]
     assert left[0] > 13
     assert left[0] > left[1] > left[2]
     assert left[2] < 8
@@ -351,7 +359,7 @@ def test_memory_does_not_grow_with_the_steps():
 
     def most(t_end):
         tracemalloc.start()
-        gradient(o.displacement(3), chain, state, t_end, 0.05, wanted=("prestrain",))
+        gradient(o.displacement(3), chain, state, t_end, dt=0.05, wanted=("prestrain",))
         _, peak = tracemalloc.get_traced_memory()
         tracemalloc.stop()
         return peak
@@ -362,7 +370,7 @@ def test_memory_does_not_grow_with_the_steps():
 
 def test_a_run_of_no_time_has_the_gradient_of_its_start():
     chain = prisms()
-    found = gradient([o.velocity(0), o.load(bond=1)], chain, chain.at_rest({0: 0.05}), 0.0, 0.1)
+    found = gradient([o.velocity(0), o.load(bond=1)], chain, chain.at_rest({0: 0.05}), 0.0, dt=0.1)
     assert found[0].value == 0.05
     assert np.array_equal(found[0].v, np.eye(5)[0])
     k = float(chain.springs[1].stiffness(0.0))
@@ -372,7 +380,7 @@ def test_a_run_of_no_time_has_the_gradient_of_its_start():
 def test_the_way_back_of_a_guide_is_exact_too():
     """Sites of a radius, whose contacts are watched on a grid as well."""
     scene, state, t_end = KINDS["guide"](np.random.default_rng(3))
-    found = gradient(o.displacement(1), scene, state, t_end, t_end / 200, exact=True)
-    plain = gradient(o.displacement(1), scene, state, t_end, t_end / 200)
+    found = gradient(o.displacement(1), scene, state, t_end, dt=t_end / 200, exact=True)
+    plain = gradient(o.displacement(1), scene, state, t_end, dt=t_end / 200)
     assert found.reversal == 0
     np.testing.assert_allclose(found.u, plain.u, rtol=1e-6, atol=1e-6 * np.abs(plain.u).max())

@@ -129,7 +129,13 @@ def suzuki(**changed):
     a = 1 / (4 - 4 ** (1 / 3))
     drifts = (a, a, 1 - 4 * a, a, a)
     kicks = [(x + y) / 2 for x, y in zip((0.0, *drifts), (*drifts, 0.0), strict=True)]
-    given = {"name": "suzuki4", "order": 4, "step": 0.1, "kicks": kicks, "drifts": drifts}
+    given = {
+        "name": "suzuki4",
+        "order": 4,
+        "default_fraction": 0.1,
+        "kicks": kicks,
+        "drifts": drifts,
+    }
     return Splitting(**given | changed)
 
 
@@ -138,7 +144,7 @@ def midpoint(**changed):
     given = {
         "name": "midpoint",
         "order": 2,
-        "step": 0.05,
+        "default_fraction": 0.05,
         "nodes": (0, 0.5),
         "matrix": ((0, 0),) * 2,
     }
@@ -149,7 +155,7 @@ def midpoint(**changed):
 KUTTA = Nystrom(
     "kutta3",
     order=3,
-    step=0.05,
+    default_fraction=0.05,
     **nystrom_of(((0, 0, 0), (1 / 2, 0, 0), (-1, 2, 0)), (1 / 6, 2 / 3, 1 / 6)),
 )
 
@@ -185,7 +191,7 @@ def test_rows_become_tuples_of_plain_floats():
     method = suzuki(kicks=np.array(suzuki().kicks), drifts=list(suzuki().drifts))
     assert method == suzuki()
     assert hash(method) == hash(suzuki())
-    assert all(type(x) is float for x in (*method.kicks, *method.drifts, method.step))
+    assert all(type(x) is float for x in (*method.kicks, *method.drifts, method.default_fraction))
 
 
 @pytest.mark.parametrize(
@@ -203,7 +209,7 @@ def test_rows_become_tuples_of_plain_floats():
         (lambda: suzuki(kicks=("1", 0, 0, 0, 0, 0)), "kicks of 'suzuki4' '1' is not a number"),
         (lambda: suzuki(drifts=1.0), r"drifts of 'suzuki4' 1\.0 must be a sequence"),
         (lambda: suzuki(order=0), "order of 'suzuki4' 0 must be at least 1"),
-        (lambda: suzuki(step=0), "step of 'suzuki4' 0 must be above 0"),
+        (lambda: suzuki(default_fraction=0), "step of 'suzuki4' 0 must be above 0"),
         (lambda: suzuki(name=4), "name of a method 4 is not a str"),
         (lambda: midpoint(matrix=((0, 0), (0, 0.5))), "0 on its diagonal and above"),
         (lambda: midpoint(matrix=((0, 0), (0,))), "must have 2 entries a row"),
@@ -227,7 +233,7 @@ def test_a_splitting_that_does_not_claim_to_be_reversible_need_not_be_a_palindro
     class OneWay(Splitting):
         reversible = False
 
-    method = OneWay("euler", order=1, step=0.05, kicks=(1, 0), drifts=(1,))
+    method = OneWay("euler", order=1, default_fraction=0.05, kicks=(1, 0), drifts=(1,))
     chain = prism_chain(8)
     assert simulate(chain, smooth_blow(chain), 2.0, dt=0.01, method=method).energy_error < 1e-2
 
@@ -238,7 +244,7 @@ def test_gradients_refuse_methods_with_more_than_kicks_and_drifts():
 
     chain, method = prism_chain(4), Other("own", 2, 0.05, (0.5, 0.5), (1.0,))
     with pytest.raises(TensegrityError, match="more than kicks and drifts"):
-        gradient(objective.displacement(1), chain, chain.at_rest(), 2.0, 0.1, method=method)
+        gradient(objective.displacement(1), chain, chain.at_rest(), 2.0, dt=0.1, method=method)
 
 
 def test_a_base_of_corrections_must_be_a_splitting():

@@ -136,7 +136,7 @@ def refused(folder):
         "simulate": lambda: simulate(chain, start, 1.0, tol=1e-6, record=kept),
         "driven": lambda: simulate(driven, driven.at_rest(), 1.0, dt=0.1, record=kept),
         "resume": lambda: resume(folder / "old.npy"),
-        "gradient": lambda: gradient(objective.displacement(2), chain, start, 1.0, 0.1),
+        "gradient": lambda: gradient(objective.displacement(2), chain, start, 1.0, dt=0.1),
         "tuned": lambda: simulate(tuned, start, 1.0, dt=0.1),
         "sweep": lambda: sweep(lambda t: simulate(chain, start, t), [1, 2], None, file),
         "threads": lambda: sweep(lambda t: simulate(chain, start, t), [1, 2], pool, file),

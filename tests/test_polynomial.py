@@ -220,7 +220,7 @@ def test_a_rough_polynomial_keeps_its_own_energy():
     chain = Chain(spring, 40)
     run = simulate(chain, chain.at_rest({0: 0.1}), 40.0, method="rkn6", dt=0.01)
     assert run.energy_error < 2e-13
-    assert run.force.startswith("polynomial of degree 7 on [-0.15")
+    assert run.force_model.startswith("polynomial of degree 7 on [-0.15")
 
 
 def test_the_loop_takes_polynomials():
@@ -257,7 +257,7 @@ def error_of(run, u, v):
 def fitted_degree(run):
     """Of the polynomial that took part in it."""
     assert "polynomial of degree" in str(run)
-    return int(run.force.removeprefix("polynomial of degree ").split()[0])
+    return int(run.force_model.removeprefix("polynomial of degree ").split()[0])
 
 
 @cache
@@ -276,7 +276,7 @@ def test_a_tolerance_is_kept_with_polynomials_that_get_better_with_it():
         assert error_of(run, *reference(40.0)) < tol
         assert run.error_estimate < tol
         assert np.isclose(run.energy[-1], chain.energy(run.final), rtol=1e-15)  # the exact one
-        low, high = (float(x) for x in run.force.split("[")[1].split("]")[0].split(", "))
+        low, high = (float(x) for x in run.force_model.split("[")[1].split("]")[0].split(", "))
         assert low < run.elongation_range[0, 0] < 0 < run.elongation_range[0, 1] < high
     assert degrees == sorted(set(degrees))
 
@@ -294,29 +294,29 @@ def test_a_range_left_is_widened(monkeypatch):
     monkeypatch.setattr("tensegrity.runs.tolerance.MARGINS", (-0.2, 0.5))
     chain, state = soft_blow()
     run = simulate(chain, state, 40.0, tol=1e-7)
-    low, high = (float(x) for x in run.force.split("[")[1].split("]")[0].split(", "))
+    low, high = (float(x) for x in run.force_model.split("[")[1].split("]")[0].split(", "))
     assert low < 1.3 * run.elongation_range[0, 0] < 0
     assert high > 1.3 * run.elongation_range[0, 1] > 0
     monkeypatch.setattr("tensegrity.runs.tolerance.MARGINS", (-0.2,))
-    assert simulate(chain, state, 40.0, tol=1e-7).force == "exact"
+    assert simulate(chain, state, 40.0, tol=1e-7).force_model == "exact"
 
 
 def test_contacts_that_open_stay_exact():
     """No polynomial comes near a stiffness that has a kink."""
     chain = Chain(PowerLaw(1.0, 1.5), 2000)
-    assert simulate(chain, chain.at_rest({0: 1.0}), 10.0, tol=1e-5).force == "exact"
+    assert simulate(chain, chain.at_rest({0: 1.0}), 10.0, tol=1e-5).force_model == "exact"
 
 
 def test_runs_without_a_tolerance_and_short_ones_are_exact():
     chain, state = soft_blow(10)
     for options in ({"tol": 1e-4}, {"dt": 0.1}, {}):
-        assert simulate(chain, state, 2.0, **options).force == "exact"
+        assert simulate(chain, state, 2.0, **options).force_model == "exact"
 
 
 def test_a_state_that_is_kept_says_what_the_forces_are(tmp_path):
     """So that a run with polynomials is not kept."""
     record = Record(path=tmp_path / "run.npy", checkpoint=1e9)
-    assert simulate(*soft_blow(), 40.0, tol=1e-7, record=record).force == "exact"
+    assert simulate(*soft_blow(), 40.0, tol=1e-7, record=record).force_model == "exact"
 
 
 def test_polynomial_and_exact_waves_agree_within_the_tolerance():

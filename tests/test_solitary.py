@@ -26,7 +26,7 @@ from tensegrity.measure.observables import speed
 from tensegrity.waves import family
 from tensegrity.waves.asymptotics import sound_speed
 from tensegrity.waves.solitary import largest_speed
-from tensegrity.waves.travelling import Grid, Profile, Scaled, amplitude_is, solved
+from tensegrity.waves.travelling import Grid, Profile, Scaled, amplitude_is, newton
 
 R = sp.Symbol("r")
 TODA = Potential(sp.exp(-R) + R - 1, R, length=1.0)
@@ -156,7 +156,7 @@ def test_two_domain_lengths_agree():
     rho = wave.elongation(grid.x) / wave.amplitude
     nu = wave.speed**2 * law.reference / law.force - law.rest
     longer = Grid(2 * grid.points, 2 * grid.half_length)
-    again = solved(Profile(law, grid, rho, nu).on(longer), amplitude_is(1.0))
+    again = newton(Profile(law, grid, rho, nu).on(longer), amplitude_is(1.0))
     assert again.nu == pytest.approx(nu, rel=1e-13)
     assert np.abs(again.rho[: grid.points + 1] - rho).max() < 1e-13
 
@@ -167,7 +167,7 @@ def test_a_domain_too_short_for_the_tail_shows():
     law, grid = Scaled(PRISM, wave.amplitude), Grid(192, wave._shape.grid.half_length / 4)
     rho = wave.elongation(grid.x) / wave.amplitude
     nu = wave.speed**2 * law.reference / law.force - law.rest
-    short = solved(Profile(law, grid, rho, nu), amplitude_is(1.0))
+    short = newton(Profile(law, grid, rho, nu), amplitude_is(1.0))
     assert short.residual() < 1e-12
     assert short.tail > 1e-5
     assert abs(short.nu / nu - 1) > 1e-9
@@ -343,7 +343,7 @@ def test_largest_speed_is_the_limit_from_two_sets_of_waves(shape):
 def test_softening_ends_a_family_at_the_speed_of_a_front():
     """Near it the wave has a flat top at the level the front joins to rest."""
     spring, _ = ELASTIC[1]
-    rise = family.Family(spring, -1).rise
+    rise = family.Family(spring, -1).rising_part
     size, above = rise.top, rise.ceiling
     wave = solitary_wave(spring, amplitude=-0.998 * size)
     assert wave.speed**2 == pytest.approx(spring.stiffness(0.0) + above, rel=1e-5)

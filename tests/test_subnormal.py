@@ -77,7 +77,7 @@ def test_derivatives_below_the_smallest_normal_number_are_0():
 
         chain = SCENES["chain"]
         number = objective.of([objective.displacement(2)], rule)
-        return gradient(number, chain, moving(chain, 0.1), 4.0, 0.1, method="verlet")
+        return gradient(number, chain, moving(chain, 0.1), 4.0, dt=0.1, method="verlet")
 
     assert not last(TINY).u.any()
     assert last(1e10 * TINY).u.any()

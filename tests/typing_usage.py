@@ -353,7 +353,7 @@ def of_methods() -> list[float]:
     verlet = methods.find("verlet")
     assert_type(verlet, methods.Method)
     assert_type(verlet.symplectic, bool)
-    own = methods.Splitting("own", 2, 0.05, (0.5, 0.5), drifts=(1.0,), when_not="never")
+    own = methods.Splitting("own", 2, 0.05, (0.5, 0.5), drifts=(1.0,), limitations="never")
     assert_type(own.step_matrix(0.1)[0], Array)
     methods.Splitting("own", 2, 0.05, kicks=0.5, drifts=1.0)  # type: ignore[arg-type]
     methods.Splitting("own", 2, 0.05, (0.5, 0.5), (1.0,), "none")  # type: ignore[call-arg]
@@ -369,10 +369,10 @@ def differentiated(chain: Chain, state: State) -> Array:
     more = [objective.impulse(wall=0), objective.arrival(2, displacement=0.1), other]
     more += [objective.p_norm(objective.velocity(1), p=8, over=(0.0, 1.0))]
     more += [objective.misfit(objective.displacement(1), [0.5], values=[0.1])]
-    gradient(more, chain, state, 10.0, 0.05, method="rkn6", exact=True, checkpoints=10)
+    gradient(more, chain, state, 10.0, dt=0.05, method="rkn6", exact=True, checkpoints=10)
     objective.peak(3.0)  # type: ignore[arg-type]
     objective.load("bond")  # type: ignore[arg-type]
-    gradient(3.0, chain, state, 10.0, 0.05)  # type: ignore[arg-type]
+    gradient(3.0, chain, state, 10.0, dt=0.05)  # type: ignore[arg-type]
     by: Array = found.by("prestrain")
     return by
 

@@ -44,7 +44,7 @@ def text() -> str:
         "CLOSING": int(METHOD.kicks[-1] != 0),
         "KICKS": ", ".join(map(repr, METHOD.kicks)),
         "DRIFTS": ", ".join(map(repr, METHOD.drifts)),
-        "STEP": repr(METHOD.step),
+        "STEP": repr(METHOD.default_fraction),
         "LIMIT": repr(METHOD.stability_limit),
         "RIGID_PARAMETERS": len(rigid_law().parameters),
         "ELASTIC_PARAMETERS": len(ELASTIC.values),

@@ -3,7 +3,7 @@
 A step of a `Splitting` is a sequence of kicks (velocities by kicks[i] dt) and drifts (positions
 by drifts[i] dt), closed by a last kick.  Such methods are explicit, symplectic and, being
 palindromes, time-reversible.  They keep their order where sites are driven or damped, or springs
-change with time: see `keeps`.  A step of a `Nystrom` method evaluates accelerations at points
+change with time: see `preserves`.  A step of a `Nystrom` method evaluates accelerations at points
 inside the step and sums them; it is none of the latter two.  `Midpoint` is implicit, symplectic
 and time-reversible, and stable with any step.
 """
@@ -67,9 +67,9 @@ _RKN6 = Splitting(
     order=6,
     kicks=_BLANES_MOAN_KICKS,
     drifts=_BLANES_MOAN_DRIFTS,
-    step=0.15,
+    default_fraction=0.15,
     reference="S. Blanes, P. C. Moan, J. Comput. Appl. Math. 142, 313 (2002), SRKN 11b",
-    when_not="springs whose stiffness jumps (opening contacts): the order falls below 3",
+    limitations="springs whose stiffness jumps (opening contacts): the order falls below 3",
 )
 
 LOOSE = 1e-3  # tolerance from which openings need no correction
@@ -81,26 +81,26 @@ METHODS = {
             order=2,
             kicks=(0.5, 0.5),
             drifts=(1.0,),
-            step=0.05,
+            default_fraction=0.05,
             reference="L. Verlet, Phys. Rev. 159, 98 (1967)",
-            when_not="errors below about 1e-3 are wanted: a method of higher order is cheaper",
+            limitations="errors below about 1e-3 are wanted: a method of higher order is cheaper",
         ),
         _RKN6,
         Nystrom(
             name="rk4",
             order=4,
             **nystrom_of(_CLASSICAL, _CLASSICAL_WEIGHTS),
-            step=0.05,
+            default_fraction=0.05,
             reference="W. Kutta, Z. Math. Phys. 46, 435 (1901)",
-            when_not="long runs, since it loses energy, or where cost counts: rkn6 is cheaper at "
+            limitations="long runs, since it loses energy, or where cost counts: rkn6 is cheaper at "
             "every accuracy; it is here to compare with results that were made with it",
         ),
         Midpoint(
             name="midpoint",
             order=2,
-            step=0.1,
+            default_fraction=0.1,
             reference="E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration, VI.3",
-            when_not="motions at the highest frequency matter, since it slows them down; errors "
+            limitations="motions at the highest frequency matter, since it slows them down; errors "
             "below about 1e-3 are wanted; or networks are wide: work grows with the square of how "
             "many sites a cut through them meets.  It is here for few bonds far stiffer than the "
             "rest, whose vibrations are not excited; a step takes some ten evaluations of forces",
@@ -109,9 +109,9 @@ METHODS = {
             name="corrected6",
             order=6,
             base=_RKN6,
-            step=0.15,
+            default_fraction=0.15,
             reference="rkn6 and own corrections; the idea: I. Navot, J. Math. Phys. 40, 271 (1961)",
-            when_not="no contact opens: steps are those of rkn6, which is reversible in time to "
+            limitations="no contact opens: steps are those of rkn6, which is reversible in time to "
             "round-off and symplectic.  Corrections are neither: run backwards, it comes back "
             "where it began to its error only",
         ),

@@ -48,10 +48,10 @@ class Method:
     name : str
     order : int
         Global error ~ dt^order on smooth springs.
-    step : float
+    default_fraction : float
         Default dt over the stability limit, or over 1/omega where there is none.
     reference : str, optional
-    when_not : str, optional
+    limitations : str, optional
         Where another method serves better.
     keeps : str
         What it keeps in scenes that are driven, damped or tuned.
@@ -59,13 +59,13 @@ class Method:
 
     name: str
     order: int
-    step: float
+    default_fraction: float
     reference: str = field(default="", kw_only=True)
-    when_not: str = field(default="", kw_only=True)
+    limitations: str = field(default="", kw_only=True)
 
     explicit = True
     reversible = True
-    keeps: ClassVar[str] = "not for scenes that are driven, damped or tuned"
+    preserves: ClassVar[str] = "not for scenes that are driven, damped or tuned"
     if TYPE_CHECKING:  # what each kind of method brings
         symplectic: ClassVar[bool]
         _slack: ClassVar[float]
@@ -77,15 +77,18 @@ class Method:
         def _excess(self, z: Array) -> Array: ...
 
     def __post_init__(self) -> None:
-        for name in ("name", "reference", "when_not"):
+        for name in ("name", "reference", "limitations"):
             check.kind(f"{name} of a method", getattr(self, name), str)
         self._set("order", check.whole(f"order of {self.name!r}", self.order, least=1))
-        self._set("step", check.number(f"step of {self.name!r}", self.step, above=0))
+        self._set(
+            "default_fraction",
+            check.number(f"default_fraction of {self.name!r}", self.default_fraction, above=0),
+        )
 
     def fraction(self, exponents: Iterable[float] = ()) -> float:
         """Default dt over the stability limit, or over 1/omega where there is none, where forces
         have kinks that grow with these exponents from there on."""
-        return self.step * min((self._kinked(n) for n in exponents), default=1.0)
+        return self.default_fraction * min((self._kinked(n) for n in exponents), default=1.0)
 
     def _kinked(self, exponent: float) -> float:
         """What a kink leaves of it: less where it lowers the order."""
@@ -113,7 +116,7 @@ class Method:
 
     @property
     def scale(self) -> float:
-        """The dt * omega that `step` is a fraction of."""
+        """The dt * omega that `default_fraction` is a fraction of."""
         return self.stability_limit
 
     @cached_property
@@ -151,7 +154,7 @@ class Splitting(Method):
     >>> a = 1 / (4 - 4 ** (1 / 3))
     >>> parts = (a, a, 1 - 4 * a, a, a)
     >>> kicks = [(x + y) / 2 for x, y in zip((0, *parts), (*parts, 0))]
-    >>> suzuki = Splitting("suzuki4", order=4, step=0.1, kicks=kicks, drifts=parts)
+    >>> suzuki = Splitting("suzuki4", order=4, default_fraction=0.1, kicks=kicks, drifts=parts)
     >>> chain = Chain(Prism(1.0, 0.7, 0.01, 1.0).potential(), 20)
     >>> simulate(chain, chain.at_rest({0: 0.01}), 5.0, method=suzuki).method
     'suzuki4'
@@ -160,7 +163,7 @@ class Splitting(Method):
     kicks: tuple[float, ...]
     drifts: tuple[float, ...]
     symplectic = True
-    keeps = (
+    preserves = (
         "its order under drives, springs that change, and dashpots, which drifts solve exactly, "
         "or, where damped bonds of a network turn, to that order; it is symplectic, with time as "
         "one more coordinate, as long as there are no dashpots; with them volumes shrink at the "

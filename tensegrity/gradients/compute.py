@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 
@@ -33,7 +33,7 @@ from tensegrity.runs.problem import Problem, count
 from tensegrity.runs.record import Record
 from tensegrity.scenes.dynamics import HasDynamics, dynamics
 from tensegrity.scenes.ensemble import Ensemble
-from tensegrity.scenes.forcing import refuse
+from tensegrity.scenes.forcing import refuse_driven
 from tensegrity.scenes.scene import Scene, State
 from tensegrity.typing import Array
 
@@ -55,17 +55,69 @@ class _Task:
     checkpoints: int | None
 
 
+@overload
 def gradient(
-    objective: Trace | Objective | Sequence[Trace | Objective],
+    objective: Trace | Objective,
     scene: Scene,
     state: State,
     t_end: float,
-    dt: float | None = None,
-    method: str | methods.Method = "verlet",
+    *,
+    method: str | methods.Method | None = ...,
+    dt: float,
+    wanted: Sequence[str] | None = ...,
+    exact: bool = ...,
+    checkpoints: int | None = ...,
+) -> Gradient: ...
+@overload
+def gradient(
+    objective: Trace | Objective,
+    scene: Ensemble,
+    state: State,
+    t_end: float,
+    *,
+    method: str | methods.Method | None = ...,
+    dt: float,
+    wanted: Sequence[str] | None = ...,
+    exact: bool = ...,
+    checkpoints: int | None = ...,
+) -> BatchGradient: ...
+@overload
+def gradient(
+    objective: Sequence[Trace | Objective],
+    scene: Scene,
+    state: State,
+    t_end: float,
+    *,
+    method: str | methods.Method | None = ...,
+    dt: float,
+    wanted: Sequence[str] | None = ...,
+    exact: bool = ...,
+    checkpoints: int | None = ...,
+) -> list[Gradient]: ...
+@overload
+def gradient(
+    objective: Sequence[Trace | Objective],
+    scene: Ensemble,
+    state: State,
+    t_end: float,
+    *,
+    method: str | methods.Method | None = ...,
+    dt: float,
+    wanted: Sequence[str] | None = ...,
+    exact: bool = ...,
+    checkpoints: int | None = ...,
+) -> list[BatchGradient]: ...
+def gradient(
+    objective: Trace | Objective | Sequence[Trace | Objective],
+    scene: Scene | Ensemble,
+    state: State,
+    t_end: float,
+    *,
+    method: str | methods.Method | None = None,
+    dt: float,
     wanted: Sequence[str] | None = None,
     exact: bool = False,
     checkpoints: int | None = None,
-    tol: None = None,
 ) -> Any:
     """A number that a run gives, and its derivatives by all that the run depends on.
 
@@ -79,10 +131,12 @@ def gradient(
     state : State
     t_end : float
         [s], >= 0.
-    dt : float
-        Step [s], as for `simulate`.
     method : str or Method, optional
-        A splitting: "verlet", "rkn6", or one of your own.
+        A splitting: "verlet", the default with a fixed step as in `simulate`; "rkn6", or one of
+        your own.
+    dt : float
+        Step [s], as for `simulate`.  A gradient is that of one run with one step: find the step
+        that a tolerance needs with `simulate(..., tol=)` first.
     wanted : sequence of str, optional
         What `by` will be asked for; by default all that it can be.  Fewer cost less.
     exact : bool, optional
@@ -93,8 +147,6 @@ def gradient(
         some more only where it strays from the run by more than 1e-9.  Chains of beads that touch
         without overlap at the start need about 10 where derivatives by their initial state are to
         have more than 5 digits; their `reversal` does not see that.
-    tol : None
-        Not taken: choose a step with `simulate` first.
 
     Returns
     -------
@@ -114,15 +166,11 @@ def gradient(
         raise TensegrityError("objective is an empty sequence: nothing to differentiate")
     if not isinstance(scene, HasDynamics):
         raise TensegrityError(f"scene {check.shown(scene)} is not a scene, such as a Chain")
-    refuse(scene, "a gradient")
+    refuse_driven(scene, "a gradient")
     scene.check(state)
     t_end = check.number("t_end", t_end, least=0, unit="s")
-    if tol is not None or dt is None:
-        raise TensegrityError(
-            f"tol {tol!r}, dt {dt!r}: a gradient is that of one run with one step, choose dt first"
-        )
     dt = check.number("dt", dt, above=0, unit="s")
-    splitting = _splitting(method)
+    splitting = _splitting(methods.default(dt, None, False) if method is None else method)
     exact = check.truth("exact", exact)
     if checkpoints is not None:
         checkpoints = check.whole("checkpoints", checkpoints, least=1)

@@ -20,13 +20,13 @@ from numpy.typing import ArrayLike
 from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.lens.radiation import Ends, Focusing, focusing
-from tensegrity.lens.struck import Arrivals, Reach, Struck, reach, wider
+from tensegrity.lens.struck import ArrivalRange, Arrivals, Struck, arrival_range, sufficient_range
 from tensegrity.notebook import progress
 from tensegrity.prisms.prism import Prism
 from tensegrity.readonly import fixed
 from tensegrity.runs.record import Record
 from tensegrity.runs.run import Run
-from tensegrity.scenes.scene import PER_SITE, SMALLEST_MASS
+from tensegrity.scenes.scene import BYTES_PER_SITE, SMALLEST_MASS
 from tensegrity.typing import Array
 
 MARGIN = 0.5  # of sqrt(m/k): the first pulse comes so much later than the soonest of the range
@@ -122,7 +122,7 @@ class Lens:
             self._set(name, check.whole(name, getattr(self, name), least=least))
         check.room(
             f"a run of {self.sites} sites in {self.chains} chains",
-            PER_SITE * self.sites * self.chains,
+            BYTES_PER_SITE * self.sites * self.chains,
         )
         units = {"spacing": "m", "host_speed": "m/s", "host_density": "kg/m3", "area": "m2"}
         for name, unit in (units | {"velocity": "m/s"}).items():
@@ -171,18 +171,18 @@ class Lens:
     def _choose(self) -> None:
         """Prestrains by interpolated arrivals, corrected once by what their own run radiates."""
         low, high = self.prestrains
-        found = reach(self._struck, low, high)
-        delays = self._possible(found, self.delays)
+        found = arrival_range(self._struck, low, high)
+        delays = self._attainable(found, self.delays)
         first = found.prestrain(found.t[-1] + self._margin(found, delays) + delays)
-        reached = self._struck.arrivals(first)
-        late = self._heard(first, reached) - reached.t  # of arrivals of all of an end's face
-        delays = self._possible(found, late.max() - late)
+        arrivals = self._struck.arrivals(first)
+        late = self._focus_peaks(first, arrivals) - arrivals.t  # travel time from the whole face
+        delays = self._attainable(found, late.max() - late)
         leave = found.t[-1] + self._margin(found, delays) + delays
-        missed = reached.t - leave
+        missed = arrivals.t - leave
         chosen = np.clip(first * np.exp(-found.slope(leave) * missed), low, high)
-        reached = self._struck.arrivals(chosen)
-        heard, wanted = self._heard(chosen, reached), float(leave[0] + late[0])
-        miss, pulse = np.abs(heard - wanted).max(), reached.width.min()
+        arrivals = self._struck.arrivals(chosen)
+        peaks, wanted = self._focus_peaks(chosen, arrivals), float(leave[0] + late[0])
+        miss, pulse = np.abs(peaks - wanted).max(), arrivals.width.min()
         if not miss <= MISS * pulse:
             raise TensegrityError(
                 f"prestrains {low:g} to {high:g}: peaks at the focus miss their instant by "
@@ -190,30 +190,32 @@ class Lens:
                 "change too quickly with the prestrain; narrow the range"
             )
         self._set("chain_prestrains", fixed(chosen))
-        self._set("arrivals", fixed(reached.t))
-        self._set("pulse_widths", fixed(reached.width))
-        self._set("focus_arrivals", fixed(heard))
+        self._set("arrivals", fixed(arrivals.t))
+        self._set("pulse_widths", fixed(arrivals.width))
+        self._set("focus_arrivals", fixed(peaks))
         self._set("focus_time", wanted)
 
-    def _margin(self, found: Reach, delays: Array) -> float:
+    def _margin(self, found: ArrivalRange, delays: Array) -> float:
         """How much later than the soonest of a range the first pulse leaves [s]."""
         return min(MARGIN * self._unit, (found.span - float(delays.max())) / 2)
 
-    def _heard(self, prestrains: Array, reached: Arrivals) -> Array:
+    def _focus_peaks(self, prestrains: Array, arrivals: Arrivals) -> Array:
         """When what each end radiates is largest at the focus [s], (chains,)."""
-        t_end = AFTERWARDS * float(reached.t.max())
+        t_end = AFTERWARDS * float(arrivals.t.max())
         ends = _ends(self, tuple(prestrains.tolist()), t_end)
-        within = reached.width + ends.radius / self.host_speed
-        rays = reached.t + self.distances / self.host_speed
+        within = arrivals.width + ends.radius / self.host_speed
+        rays = arrivals.t + self.distances / self.host_speed
         return ends.peaks(np.array(self.focus), rays, within)
 
-    def _possible(self, found: Reach, delays: Array) -> Array:
+    def _attainable(self, found: ArrivalRange, delays: Array) -> Array:
         """The same delays, of which the least is 0, if a range of prestrains can give them."""
         (low, high), delays = self.prestrains, delays - delays.min()
         longest = float(delays.max())
         if longest > (1 - SPARE) * found.span:
             with np.errstate(over="ignore"):
-                suffices = wider(self._struck, low, high, longest + 2 * MARGIN * self._unit)
+                suffices = sufficient_range(
+                    self._struck, low, high, longest + 2 * MARGIN * self._unit
+                )
             raise TensegrityError(
                 f"focus {self.focus} m asks for delays of up to {longest:.4g} s, prestrains "
                 f"{low:g} to {high:g} give {found.span:.4g} s at most; {suffices}"

@@ -29,10 +29,10 @@ from tensegrity.typing import Array
 TOLERANCE = 1e-10  # of the runs: arrivals are then within 1e-8 s or so
 SAMPLES = 32  # prestrains of a range that are run: as many chains as a processor likes
 LEAST = 1e-2  # of the blow's velocity: a last mass that was never so fast has seen no pulse
-LONGER = 1.6  # a run in which some pulse does not arrive is done again, so much longer
-SOON = 0.5  # of the time that sound takes for a site: so long the first prism is watched
+EXTENSION = 1.6  # a run in which some pulse does not arrive is done again, so much longer
+EARLY = 0.5  # of the time that sound takes for a site: so long the first prism is watched
 PATIENCE = 4.0  # of the time that sound takes: no pulse comes later
-WIDER = 64.0  # to how many times smaller or larger prestrains a range that suffices is looked for
+SEARCH_RATIO = 64.0  # factor by which the search for a sufficient range extends either end
 
 
 class Arrivals(NamedTuple):
@@ -50,7 +50,7 @@ class Arrivals(NamedTuple):
     width: Array
 
 
-class Reach(NamedTuple):
+class ArrivalRange(NamedTuple):
     """Arrivals over a range of prestrains; later for smaller ones.
 
     Attributes
@@ -148,7 +148,7 @@ class Struck:
                     f"prestrain {missing:g}: no pulse comes to the end of the chain within "
                     f"{t_end:.4g} s, {t_end / travel.max():.2g} times what sound takes"
                 )
-            t_end *= LONGER
+            t_end *= EXTENSION
 
     def _arrival(self, run: Run) -> tuple[float, float] | None:
         """Instant and width [s] of one chain's pulse, or None where it is not seen as a whole."""
@@ -171,7 +171,7 @@ class Struck:
 
 
 @lru_cache(maxsize=64)
-def reach(struck: Struck, low: float, high: float) -> Reach:
+def arrival_range(struck: Struck, low: float, high: float) -> ArrivalRange:
     """Arrivals between two prestrains, in equal ratios.
 
     Raises
@@ -179,14 +179,15 @@ def reach(struck: Struck, low: float, high: float) -> Reach:
     TensegrityError
         If arrivals do not fall throughout: at large blows they do not depend on a small prestrain.
     """
-    soon = SOON / float(struck.sound_speed([low])[0])
-    struck.run([low, high], soon, Record(sites=(0,)))  # bars that meet do so at once, near the blow
+    early = EARLY / float(struck.sound_speed([low])[0])
+    # where bars come into contact they do so at the start, near the struck mass
+    struck.run([low, high], early, Record(sites=(0,)))
     coarse = np.geomspace(low, high, SAMPLES // 4)  # at large blows runs take long: refuse early
     _require_falling(struck, coarse, struck.arrivals(coarse).t)
     prestrains = np.geomspace(low, high, SAMPLES)
     t = struck.arrivals(prestrains).t
     _require_falling(struck, prestrains, t)
-    return Reach(fixed(prestrains), fixed(t))
+    return ArrivalRange(fixed(prestrains), fixed(t))
 
 
 def _require_falling(struck: Struck, prestrains: Array, t: Array) -> None:
@@ -202,29 +203,29 @@ def _require_falling(struck: Struck, prestrains: Array, t: Array) -> None:
     )
 
 
-def wider(struck: Struck, low: float, high: float, span: float) -> str:
+def sufficient_range(struck: Struck, low: float, high: float, span: float) -> str:
     """Which prestrains can give such a span [s], in words; smaller ones first, then larger."""
-    for least, largest in ((low / WIDER, high), (low, high * WIDER)):
-        found = _monotone(struck, low, high, least, largest)
+    for least, largest in ((low / SEARCH_RATIO, high), (low, high * SEARCH_RATIO)):
+        found = _monotone_range(struck, low, high, least, largest)
         if found is None or found.span < span:
             continue
         if least < low:
             return f"{found.prestrain(found.t[-1] + span):.3g} to {high:.3g} can"
         return f"{low:.3g} to {found.prestrain(found.t[0] - span):.3g} can"
     return (
-        f"neither smaller ones, to {low / WIDER:.3g}, nor larger ones, to {high * WIDER:.3g}, "
-        "can: longer chains can, or a focus farther away"
+        f"neither smaller ones, to {low / SEARCH_RATIO:.3g}, nor larger ones, to "
+        f"{high * SEARCH_RATIO:.3g}, can: longer chains can, or a focus farther away"
     )
 
 
-def _monotone(
+def _monotone_range(
     struck: Struck, low: float, high: float, least: float, largest: float
-) -> Reach | None:
+) -> ArrivalRange | None:
     """Arrivals over as much of a range, from one of its ends, as they fall over; it has to be
     wider than from low to high."""
     while least < low or largest > high:
         try:
-            return reach(struck, least, largest)
+            return arrival_range(struck, least, largest)
         except TensegrityError:  # not monotone, or the bars meet
             least, largest = min(least * 2, low), max(largest / 2, high)
     return None

@@ -31,7 +31,7 @@ from tensegrity.scenes.scene import State
 from tensegrity.typing import Array, Indices
 
 ROUND_OFF = 1e-12  # of a crest: less is nothing
-CREST = 0.5  # an extremum counts as the pulse if it is this part of the largest
+PEAK_FRACTION = 0.5  # an extremum counts as the pulse if it is this part of the largest
 NEIGHBOURS = 5  # recorded instants on either side that locate a crest
 DEGREE = 7  # of the spline that a budget integrates
 
@@ -55,11 +55,11 @@ def passage(t: Array, elongation: Array, rate: Array) -> float:
 
     t, elongation, rate = _columns(t=t, elongation=elongation, rate=rate)
     size = np.abs(elongation)
-    large = size >= CREST * size.max()
-    turns = (rate[:-1] * rate[1:] <= 0) & (large[:-1] | large[1:]) & (size.max() > 0)
-    if not turns.any():
+    large = size >= PEAK_FRACTION * size.max()
+    sign_changes = (rate[:-1] * rate[1:] <= 0) & (large[:-1] | large[1:]) & (size.max() > 0)
+    if not sign_changes.any():
         raise TensegrityError("no crest passes this bond within the run")
-    first = int(np.argmax(turns))
+    first = int(np.argmax(sign_changes))
     part = slice(max(first + 1 - NEIGHBOURS, 0), first + 1 + NEIGHBOURS)
     start = t[first]
     curve = BarycentricInterpolator(t[part] - start, rate[part])
@@ -175,8 +175,8 @@ def pulses(chain: Chain, state: State, fraction: float = 0.1) -> list[Pulse]:
     r = chain.elongation(state.u)
     site_energy = chain.site_energy(state.u, state.v)
     found = []
-    for j in _crests(r, fraction)[::-1].tolist():
-        low, high = _cut(r, j, -1), _cut(r, j, 1)
+    for j in _peaks(r, fraction)[::-1].tolist():
+        low, high = _pulse_end(r, j, -1), _pulse_end(r, j, 1)
         inside = slice(low + 1, high + 1)
         shift, top = _parabola(r, j)
         found.append(
@@ -204,7 +204,7 @@ def tail_front(chain: Chain, state: State, level: float = 0.5) -> float:
         of the largest one behind it; to about a tenth of a site.
     """
     level = check.number("level", level, above=0, below=1)
-    lead = pulses(chain, state, CREST)[0]
+    lead = pulses(chain, state, PEAK_FRACTION)[0]
     behind = np.abs(chain.elongation(state.u)[: lead.first])
     if behind.max(initial=0.0) <= ROUND_OFF * abs(lead.elongation):
         raise TensegrityError("nothing follows the leading pulse")
@@ -224,7 +224,7 @@ def _columns(**given: ArrayLike) -> list[Array]:
     return [check.vector(name, x, shape) for name, x in zip(given, arrays, strict=True)]
 
 
-def _crests(r: Array, fraction: float) -> Indices:
+def _peaks(r: Array, fraction: float) -> Indices:
     """Bonds whose |elongation| is a maximum between neighbours of `fraction` of the largest."""
     size = np.abs(r)
     if size.max() == 0:
@@ -234,7 +234,7 @@ def _crests(r: Array, fraction: float) -> Indices:
     return np.flatnonzero(peak)
 
 
-def _cut(r: Array, crest: int, step: int) -> int:
+def _pulse_end(r: Array, crest: int, step: int) -> int:
     """Bond at which a pulse ends: where |r| stops falling, or the sign changes."""
     sign, j = np.sign(r[crest]), crest
     while 0 <= j + step < len(r) and abs(r[j + step]) <= abs(r[j]) and r[j + step] * sign > 0:
@@ -260,7 +260,7 @@ def crest(elongation: ArrayLike) -> tuple[float, float]:
         At one instant [m].  The parabola through the extremum and its neighbours refines both.
     """
     (r,) = _columns(elongation=elongation)
-    inner = [j for j in _crests(r, CREST) if 0 < j < len(r) - 1] if r.any() else []
+    inner = [j for j in _peaks(r, PEAK_FRACTION) if 0 < j < len(r) - 1] if r.any() else []
     if not inner:
         raise TensegrityError("no crest within the chain")
     shift, top = _parabola(r, int(inner[-1]))
@@ -331,7 +331,7 @@ def wall_gaps(network: Network, u: ArrayLike) -> Array:
     Parameters as for `directions`; (..., wall contacts).
     """
     check.kind("network", network, Network)
-    return check.finite("gap", dynamics(network).stretch(u)[..., len(network.bonds) :])
+    return check.finite("gap", dynamics(network).elongations(u)[..., len(network.bonds) :])
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,6 @@ where the bars meet (twist pi), where the path ends, and base strings where they
 
 from __future__ import annotations
 
-import inspect
 import math
 from collections.abc import Iterable
 from concurrent.futures import Executor
@@ -21,7 +20,6 @@ from tensegrity import check
 from tensegrity.branches.table import Event, Table
 from tensegrity.errors import TensegrityError
 from tensegrity.notebook import progress
-from tensegrity.once import once
 from tensegrity.prisms.closed import rigid_path
 from tensegrity.prisms.elastic_path import elastic_path
 from tensegrity.prisms.prism import Prism
@@ -29,7 +27,7 @@ from tensegrity.structures.path import structure_path
 from tensegrity.structures.structure import Structure
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
     from typing import Any
 
     from matplotlib.axes import Axes
@@ -152,95 +150,95 @@ def equilibrium_path(
     loads: Mapping[int, Sequence[float]] | None = ...,
     max_shortening: float = ...,
 ) -> StructurePath: ...
-def equilibrium_path(prism: Any, **given: Any) -> Any:
-    """Equilibria of a prism, or of a structure between plates or under loads that grow.
-
-    Parameters
-    ----------
-    prism : Prism or Structure
-        Others are as of `prism_path` for a prism: min_height, max_load, max_height, past_contact.
-    supports : Supports
-        Of a structure: `plates(lower, upper)`, of which the upper one comes down, or any with
-        `loads`.
-    max_load : float, optional
-        Load at which to end [N].
-    branch : {"stable", "symmetric"}, optional
-        What is followed where strings go slack together, and where a path loses stability at
-        given shortening: the branch of least energy, or that on which all of them do the same.
-        "stable" ends with "the structure snaps" where a search finds no stable branch: not along
-        any lost mode, nor among minima of the energy within 0.1 of the size of the structure at
-        shortenings 1e-7, 1e-5 and 1e-3 of it beyond, from starts along all directions without
-        stiffness, whichever strings at natural length are slack.  Jumps below 1e-4 are followed.
-    loads : dict, optional
-        {node: force (dim,)}: their directions and ratios; load and shortening belong to their
-        sum of sizes.
-    max_shortening : float, optional
-        Shortening at which to end [m]; in the other sense too, where a path turns back.
-
-    Returns
-    -------
-    EquilibriumPath or StructurePath
-
-    Raises
-    ------
-    TensegrityError
-        If an argument does not belong to what is given, or is outside its bounds.
-    """
-    of = structure_path if isinstance(prism, Structure) else prism_path
-    known = _options(of)
-    wrong = sorted(set(given) - known)
-    if wrong:
-        raise TensegrityError(
-            f"{wrong[0]} does not belong to a path of a {type(prism).__name__}, only "
-            f"{', '.join(sorted(known))}"
-        )
-    if of is structure_path and "supports" not in given:
-        raise TensegrityError("a path of a structure needs supports: held(...) or plates(...)")
-    return of(prism, **given)
-
-
-@once
-def _options(of: Callable[..., Any]) -> set[str]:
-    """What a path is asked for besides what it is of."""
-    return set(inspect.signature(of).parameters) - {"prism", "structure"}
-
-
-def prism_path(
-    prism: Prism,
+def equilibrium_path(
+    prism: Prism | Structure,
     *,
     min_height: float = 0.0,
     max_load: float = math.inf,
     max_height: float | None = None,
     past_contact: bool = False,
-) -> EquilibriumPath:
-    """Equilibria of a prism from its self-stressed state into compression, and into tension.
+    supports: Supports | None = None,
+    branch: str = "stable",
+    loads: Mapping[int, Sequence[float]] | None = None,
+    max_shortening: float = math.inf,
+) -> EquilibriumPath | StructurePath:
+    """Equilibria of a prism from its self-stressed state into compression, and into tension; or
+    of a structure between plates, or under loads that grow.
 
     Parameters
     ----------
-    prism : Prism
+    prism : Prism or Structure
     min_height : float, optional
-        Height at which to end [m], >= 0.
+        Of a prism: height at which to end [m], >= 0.
     max_load : float, optional
-        Axial load at which to end [N], compression > 0.
+        Load at which to end [N], compression > 0.
     max_height : float, optional
-        With it the tension side up to this height [m] comes first.
+        Of a prism: with it the tension side up to this height [m] comes first.
     past_contact : bool, optional
-        Continue the smooth energy where the bars meet: bars pass through each other and strings
-        carry compression (also where base strings unload).  For comparison with other codes.
+        Of a prism: continue the smooth energy where the bars meet, so that bars pass through each
+        other and strings carry compression (also where base strings unload).  For comparison with
+        other codes.
+    supports : Supports
+        Of a structure, for which it is required: `plates(lower, upper)`, of which the upper one
+        comes down, or any with `loads`.
+    branch : {"stable", "symmetric"}, optional
+        Of a structure: the branch that is followed where strings go slack together, and where the
+        path loses stability at given shortening: that of least energy, or that on which all of
+        them do the same.
+        "stable" ends with "the structure snaps" where a search finds no stable branch: not along
+        any lost mode, nor among minima of the energy within 0.1 of the size of the structure at
+        shortenings 1e-7, 1e-5 and 1e-3 of it beyond, from starts along all directions without
+        stiffness, whichever strings at natural length are slack.  Jumps below 1e-4 are followed.
+    loads : dict, optional
+        Of a structure: {node: force (dim,)}, the directions and ratios of the forces; load and
+        shortening belong to the sum of their sizes.
+    max_shortening : float, optional
+        Of a structure: shortening at which to end [m]; in the other sense too, where a path turns
+        back.
 
     Returns
     -------
-    EquilibriumPath
-        It ends at contact, flat, or at the bounds asked for.  The rows of a prism with rigid
-        bases and bars stay finite; its contact event carries load = inf.  Threads may trace
+    EquilibriumPath or StructurePath
+        That of a prism ends at contact, flat, or at the bounds given.  The rows of a prism with
+        rigid bases and bars stay finite; its contact event carries load = inf.  Threads may trace
         paths at once, and processes send them.
 
     Raises
     ------
     TensegrityError
-        If a bound is outside its range: 0 <= min_height < height < max_height, max_load > 0.
+        If an argument does not belong to what is given, or is outside its bounds:
+        0 <= min_height < height < max_height, max_load > 0.
     """
+    if isinstance(prism, Structure):
+        smooth = past_contact is not False
+        bounded = max_height is not None
+        _refuse(prism, min_height=min_height != 0, max_height=bounded, past_contact=smooth)
+        if supports is None:
+            raise TensegrityError("a path of a structure needs supports: held(...) or plates(...)")
+        return structure_path(
+            prism,
+            supports=supports,
+            max_load=max_load,
+            branch=branch,
+            loads=loads,
+            max_shortening=max_shortening,
+        )
+    check.kind("prism", prism, Prism)
+    _refuse(
+        prism,
+        supports=supports is not None,
+        branch=branch != "stable",
+        loads=loads is not None,
+        max_shortening=max_shortening != math.inf,
+    )
     return _followed(*_bounds(prism, min_height, max_load, max_height, past_contact))
+
+
+def _refuse(of: object, **given: bool) -> None:
+    """Refuse arguments that were given, though they do not belong to a path of this kind."""
+    for name, was_given in given.items():
+        if was_given:
+            raise TensegrityError(f"{name} does not belong to a path of a {type(of).__name__}")
 
 
 def equilibrium_paths(

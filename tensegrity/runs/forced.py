@@ -143,18 +143,18 @@ class ForcedMotion(Motion):
         r = np.tile(r, len(at))
         largest = float(np.max(self.tuning.evaluate(2, p, r)))
         if of.turns:  # tension resists motion across a bond
-            shortest = min(low, 0.0) - float(np.max(of.closing))
+            shortest = min(low, 0.0) - float(np.max(of.zero_length_elongation))
             across = float(np.max(self.tuning.evaluate(1, p, r)))
             largest = max(largest, across / shortest if shortest > 0 else math.inf)
         if not math.isfinite(largest):
             return math.inf
-        return of.frequency_of(np.full(len(of.scene.springs), max(largest, 0.0)))
+        return of.bond_frequency_bound(np.full(len(of.scene.springs), max(largest, 0.0)))
 
     def first_frequency(self) -> float:
         """As of `Motion`."""
         if self.tuning is None:
             return super().first_frequency()
-        r = self.dynamics.stretch(self.point.shown[0][: self._sites])
+        r = self.dynamics.elongations(self.point.shown[0][: self._sites])
         return self._omega(float(r.min()), float(r.max()), self.point.done)
 
     # what was reached
@@ -164,7 +164,7 @@ class ForcedMotion(Motion):
         of, scene = self.dynamics, self.problem.scene
         if self.tuning is None:
             return of.energies(u, v)
-        stored = self.tuning.energies(t, of.stretch(u))
+        stored = self.tuning.energies(t, of.elongations(u))
         mass = scene.mass.reshape(-1, *[1] * (v.ndim - 2))
         motion = (mass * v**2 / 2 - scene.loads * u).reshape(len(u), -1)
         return np.sum(motion, axis=1) + np.sum(stored, axis=-1)
@@ -208,7 +208,7 @@ class ForcedMotion(Motion):
         low = self.tuning.domain(np.array([locked.t]))[0, 0]
         side = int(locked.range[0] > low)
         error = self.tuning.beyond(locked.t, float(locked.range[side]))
-        where = self.dynamics.extreme(0, self._bound.u[: self._sites], side)
+        where = self.dynamics.where_extreme(0, self._bound.u[: self._sites], side)
         return type(error)(f"{error}: the spring {where} got there at t = {locked.t:.6g} s")
 
     def _endless(self, t: float) -> StabilityError:

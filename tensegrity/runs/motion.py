@@ -18,7 +18,7 @@ from tensegrity.engine.march import STOPPED, Wanted
 from tensegrity.engine.methods import Corrected, Splitting
 from tensegrity.errors import LockingError, StabilityError
 from tensegrity.runs.problem import MOST_STEPS, Guard
-from tensegrity.scenes.clearance import CAUTION
+from tensegrity.scenes.clearance import SAFETY_FACTOR
 from tensegrity.typing import Array
 
 SPARE = 4  # prepared loops that a scene keeps for each method: one for each thread at work
@@ -93,8 +93,8 @@ class Motion:
                 elongation_range=elongation_range
             )
         near = problem.moved.clearance
-        self._tracker = near and near.tracker(self.point.shown[0][: self._sites])
-        self._samples_do = not problem.moved.follows or near.may_last(
+        self._monitor = near and near.monitor(self.point.shown[0][: self._sites])
+        self._samples_do = not problem.moved.follows or near.may_stay_valid(
             problem.state.v, problem.t_end
         )
         self.restore()
@@ -147,7 +147,7 @@ class Motion:
     def first_frequency(self) -> float:
         """Bound on the angular frequency at the start [rad/s]; 0 where a step like this one is
         known to be stable."""
-        present = self._listed.present_ranges(self.point.shown[0][: self._sites])
+        present = self._listed.ranges_at(self.point.shown[0][: self._sites])
         return 0.0 if self._guard.is_known(present) else self._listed.frequency(present)
 
     # attempts
@@ -168,14 +168,14 @@ class Motion:
         self._list_anew()
         steps, bound = end - self.point.done, self._bound
         bound.forget_range()
-        if self._tracker is not None:
+        if self._monitor is not None:
             wanted = [one.with_travel() for one in self._with_looks(end, wanted)]
         finite = self._go(end, wanted)
         elongation_range = bound.range
         self._range_met = self._range(elongation_range, finite)
         if not (finite and self._allows(self._range_met, end)):
             return False
-        if self._tracker is not None and not self._is_clear(steps, end, wanted):
+        if self._monitor is not None and not self._is_clear(steps, end, wanted):
             return False
         self.reached = self._point(end, widened(self.point.elongation_range, elongation_range))
         return True
@@ -188,15 +188,15 @@ class Motion:
     @property
     def most(self) -> int:
         """Steps that an attempt should do at most."""
-        if self._tracker is not None and self._unseen:
+        if self._monitor is not None and self._unseen:
             steps, travel, u = self._unseen, self._bound.travel, self.point.u[: self._sites]
             self._unseen = 0
-            if self._tracker.share(travel) < 1:
-                self._tracker.accept(u, travel)
+            if self._monitor.fraction_used(travel) < 1:
+                self._monitor.accept(u, travel)
             elif steps > 1:
-                self._tracker.look(u)
-            share = self._tracker.share(travel)
-            clear = CAUTION * steps / share if share else math.inf
+                self._monitor.update(u)
+            share = self._monitor.fraction_used(travel)
+            clear = SAFETY_FACTOR * steps / share if share else math.inf
             self._most = max(1, int(min(clear, MOST_STEPS)))
         return min(self._most, self._at_once)
 
@@ -220,7 +220,7 @@ class Motion:
         if not finite or isinstance(self.problem.method, (Splitting, Corrected)):
             return elongation_range
         return widened(
-            elongation_range, self._listed.present_ranges(self._bound.shown[0][: self._sites])
+            elongation_range, self._listed.ranges_at(self._bound.shown[0][: self._sites])
         )
 
     def _allows(self, elongation_range: Array, end: int) -> bool:
@@ -229,15 +229,15 @@ class Motion:
     def _is_clear(self, steps: int, end: int, wanted: Any) -> bool:
         """Whether no unlisted contact can have formed, as the way travelled says, or states on the
         way, or at last those after all steps."""
-        share = self._tracker.share(self._bound.travel)
+        share = self._monitor.fraction_used(self._bound.travel)
         if share < 1:
             return True
         if steps == 1:
-            self._tracker.verify(self._bound.u[: self._sites], end * self.dt)
+            self._monitor.verify(self._bound.u[: self._sites], end * self.dt)
             return True
         if self._samples_do and (self._keeps(end, wanted) or self._keeps_each(end)):
             return True
-        self._most = max(1, min(steps // 2, int(CAUTION * steps / share)))
+        self._most = max(1, min(steps // 2, int(SAFETY_FACTOR * steps / share)))
         return False
 
     def _keeps(self, end: int, wanted: Any, each: bool = False) -> bool:
@@ -253,7 +253,9 @@ class Motion:
         rows, travel = [first, found.u], found.travel
         if found.at[-1] < end:
             rows, travel = [*rows, last], np.append(travel, self._bound.travel)
-        return self._tracker.keeps(np.concatenate(rows), np.diff(travel, prepend=0.0), each)
+        return self._monitor.excludes_contact(
+            np.concatenate(rows), np.diff(travel, prepend=0.0), each
+        )
 
     def _with_looks(self, end: int, wanted: Any) -> Any:
         """What is wanted, and some states on the way where nobody else wants as many."""
@@ -278,9 +280,9 @@ class Motion:
 
     def _list_anew(self) -> None:
         """Go on with the contacts that may form from here on."""
-        if self._tracker is None or not self._tracker.is_new():
+        if self._monitor is None or not self._monitor.needs_new_list():
             return
-        listed = self.problem.moved.listed(self._tracker.at)
+        listed = self.problem.moved.listed(self._monitor.at)
         if listed is self._listed:
             return
         elongation_range, fastest = np.zeros((len(listed.springs), 2)), self.fastest
@@ -297,8 +299,8 @@ class Motion:
     @property
     def fastest(self) -> float:
         """Bound on the largest angular frequency over all elongations met [rad/s]."""
-        within = self._listed.stiffness_within(self.point.elongation_range)
-        return max(self._fastest, self._listed.fastest(within))
+        within = self._listed.stiffness_bounds(self.point.elongation_range)
+        return max(self._fastest, self._listed.spring_frequency_bound(within))
 
     @property
     def done(self) -> int:
@@ -360,7 +362,7 @@ class Motion:
         for row, side in np.argwhere(
             np.stack([elongation_range[:, 0] <= low, elongation_range[:, 1] >= high], axis=1)
         ):
-            spring, where = listed.springs.different[row], listed.extreme(int(row), u, side)
+            spring, where = listed.springs.different[row], listed.where_extreme(int(row), u, side)
             barrier = self._barrier(spring, side)
             if barrier is not None:
                 barrier, given = barrier
@@ -384,7 +386,7 @@ class Motion:
             f"{self.problem.step_words(self.dt)} is beyond "
             f"{self.allowed * self._guard.limit:.6g} s, {self.allowed:g} of the stability limit of "
             f"{self.problem.method.name} at the stiffness met at t = {t:.6g} s "
-            f"{self._listed.stiffest(u, elongation_range)}"
+            f"{self._listed.where_stiffest(u, elongation_range)}"
         )
 
 

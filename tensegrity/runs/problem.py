@@ -62,7 +62,7 @@ class AprioriBounds:
     @cached_property
     def near(self) -> tuple[Indices, Indices]:
         """What is near at the start and has to be watched."""
-        return self._dynamics.clearance.watched(self._state.u)
+        return self._dynamics.clearance.near_contacts(self._state.u)
 
 
 class Reach(NamedTuple):
@@ -87,8 +87,8 @@ def reach(of: Dynamics, energy: float) -> Reach:
     found = known.get(energy)
     if found is None:
         ranges = within(of, energy)
-        stiffness = of.stiffness_within(ranges)
-        found = Reach(ranges, stiffness, of.fastest(stiffness))
+        stiffness = of.stiffness_bounds(ranges)
+        found = Reach(ranges, stiffness, of.spring_frequency_bound(stiffness))
         if len(known) * len(ranges) > REMEMBERED:
             known.clear()
         known[energy] = found
@@ -111,7 +111,7 @@ def within(of: Dynamics, energy: float) -> Array:
         half = springs.domains[locks] / 2
         ranges[locks, 0] = np.maximum(ranges[locks, 0], half[:, 0])
         ranges[locks, 1] = np.minimum(ranges[locks, 1], half[:, 1])
-    np.maximum(ranges[:, 0], of.closing / 2, out=ranges[:, 0])
+    np.maximum(ranges[:, 0], of.zero_length_elongation / 2, out=ranges[:, 0])
     return ranges
 
 
@@ -162,9 +162,9 @@ class Problem:
         return self.dynamics.is_driven
 
     @property
-    def force(self):
+    def force_model(self):
         """What the tensions of the springs are computed by."""
-        return self.moved.springs.force
+        return self.moved.springs.force_model
 
     def largest_step(self, omega):
         """Stability limit [s] at an angular frequency [rad/s]; inf where it is 0."""
@@ -241,7 +241,7 @@ class Guard:
         if self._stiffness is None:
             if self._expects():
                 return self.allows(elongation_range)
-            self._stiffness = self._dynamics.stiffness_within(self._safe)
+            self._stiffness = self._dynamics.stiffness_bounds(self._safe)
         below, above = (
             elongation_range[:, 0] < self._safe[:, 0],
             elongation_range[:, 1] > self._safe[:, 1],
@@ -252,8 +252,8 @@ class Guard:
             wider[below, 0] = _towards(low[below], elongation_range[below, 0], margin)
             wider[above, 1] = _towards(high[above], elongation_range[above, 1], margin)
             stiffness = self._stiffness.copy()
-            stiffness[grown] = self._dynamics.stiffness_within(wider, grown)
-            omega = self._dynamics.fastest(stiffness)
+            stiffness[grown] = self._dynamics.stiffness_bounds(wider, grown)
+            omega = self._dynamics.spring_frequency_bound(stiffness)
             self.limit = self._problem.largest_step(omega)
             if self._dt <= self._allowed * self.limit:
                 self._safe, self._stiffness = wider, stiffness

@@ -362,7 +362,7 @@ class Recorder(Instants):
             scene=problem.scene, t=table["t"], u=table["u"], v=table["v"],
             energy=self._energies(table) if self._in_place else table["energy"],
             final=unchecked_state(*final), method=problem.method.name, dt=motion.dt, steps=done,
-            sites=self._sites, complete=complete, stopped=stopped, force=problem.force,
+            sites=self._sites, complete=complete, stopped=stopped, force_model=problem.force_model,
             impulse=table["impulse"] if of.wall_count else None,
             elongation_range=motion.point.elongation_range,
             fastest=motion.fastest if of.follows else None,

@@ -96,7 +96,7 @@ class Run:
         False if the run was interrupted or failed; what it had recorded is kept.
     error_estimate : float or None
         Estimated max(|du|/max|u|, |dv|/max|v|), where a tolerance was asked for.
-    force : str
+    force_model : str
         What the tensions were computed by: "exact", or the polynomials that a tolerance allowed.
         Recorded energies are exact anyhow.
     met : ndarray, (runs of equal springs, 2)
@@ -129,7 +129,7 @@ class Run:
     sites: tuple[int, ...]
     complete: bool = True
     error_estimate: float | None = None
-    force: str = "exact"
+    force_model: str = "exact"
     elongation_range: Array = field(default=None, repr=False)  # type: ignore[arg-type]
     fastest: float | None = field(default=None, repr=False)
     wall_time: float = 0.0
@@ -224,7 +224,7 @@ class Run:
         check.truth("complete", self.complete)
         if self.complete and self.stopped is not None:
             raise TensegrityError(f"complete, but stopped: {check.shown(self.stopped)}")
-        for name in ("method", "force", *["stopped"] * (self.stopped is not None)):
+        for name in ("method", "force_model", *["stopped"] * (self.stopped is not None)):
             check.kind(name, getattr(self, name), str)
         return self
 
@@ -240,7 +240,7 @@ class Run:
         return (
             f"{self.method}, dt = {self.dt:.4g} s, {self.steps} steps to t = {end} s"
             f"{ended}\n"
-            f"force: {self.force}\n"
+            f"force model: {self.force_model}\n"
             f"{len(self.t)} instants of {len(self.sites)} sites recorded\n"
             f"error: energy {self.energy_error:.1e}{estimate}\n"
             f"wall time {self.wall_time:.3g} s"
@@ -255,7 +255,7 @@ class Run:
             "end": f"{self.t[-1] if len(self.t) else 0:.6g} s"
             + ("" if self.complete else f" ({self.stopped or 'incomplete'})"),
             "recorded": f"{len(self.t)} instants of {len(self.sites)} sites",
-            "force": self.force,
+            "force_model": self.force_model,
             "energy error": f"{self.energy_error:.1e}",
             "wall time": f"{self.wall_time:.3g} s",
         }
@@ -292,7 +292,7 @@ class RunBatch(Run):
             if values[name] is not None:
                 values[name] = np.ascontiguousarray(values[name][..., k])
         final = (np.ascontiguousarray(x[..., k]) for x in (self.final.u, self.final.v))
-        elongation_range = self.elongation_range[dynamics(self.scene).places_of(k)]
+        elongation_range = self.elongation_range[dynamics(self.scene).spring_numbers(k)]
         return unchecked(
             Run,
             values,

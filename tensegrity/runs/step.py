@@ -22,8 +22,8 @@ from tensegrity.errors import (
 from tensegrity.runs.march import march
 from tensegrity.runs.problem import count
 from tensegrity.runs.run import unchecked_replace
-from tensegrity.scenes.forcing import functions_of_time
-from tensegrity.scenes.signals import quickest
+from tensegrity.scenes.forcing import time_signals
+from tensegrity.scenes.signals import largest_frequency
 from tensegrity.springs.kinks import TAUT
 from tensegrity.springs.potential import Potential, PowerLaw
 
@@ -149,8 +149,8 @@ def order_left(problem, elongation_range):
     A force that grows like overlap^n leaves n + 1, or n + 3 where that is corrected.
     """
     of = problem.dynamics
-    driven = functions_of_time(problem.scene) if of.is_driven else ()
-    order = min((signal.leaves for signal in driven), default=math.inf)
+    driven = time_signals(problem.scene) if of.is_driven else ()
+    order = min((signal.order_limit for signal in driven), default=math.inf)
     corrects = isinstance(problem.method, Corrected)
     for exponent in exponents_within(of, elongation_range):
         treated = corrects and is_treated(exponent)
@@ -219,7 +219,7 @@ def default_step(problem):
     What the state at the start cannot tell, the run does: whether contacts opened, and how far
     loads drove them.  Where that asks for a finer step, it is run again.
     """
-    fraction = _fraction(problem, problem.dynamics.present_ranges(problem.state.u))
+    fraction = _fraction(problem, problem.dynamics.ranges_at(problem.state.u))
     alone = unchecked_replace(problem, observe=(), rows=not problem.observe)
     found = settled(alone, refined(alone, expected_steps(problem, fraction), MARGIN * fraction))
     if problem.observe and found.complete:
@@ -257,7 +257,7 @@ def steps_at(problem, fraction, omega, least):
     """Steps that are a fraction of the natural one at an angular frequency [rad/s], or at that of
     what drives the scene; at least so many."""
     if problem.dynamics.is_driven:
-        omega = max(omega, quickest(functions_of_time(problem.scene), problem.t_end))
+        omega = max(omega, largest_frequency(time_signals(problem.scene), problem.t_end))
     return max(count(problem, fraction * problem.natural_step(omega)), least)
 
 
@@ -318,7 +318,7 @@ def rests(problem, seen):
     length = min((x for x in lengths if x), default=0.0)
     if np.max(np.abs(seen[1] - u)) > FAINT * length:
         return None
-    stiffness = of.stiffness_within(of.present_ranges(u))
+    stiffness = of.stiffness_bounds(of.ranges_at(u))
     pull = np.max(np.abs(of.forces(u)), initial=0.0)
     return length if pull <= REST * np.max(stiffness, initial=0.0) * length else None
 

@@ -198,7 +198,7 @@ def to_tolerance(problem, tol):
     if not problem.t_end:
         return march(problem, 0).run()
     if may_jump(problem.dynamics):
-        refuse_jumps(problem, problem.dynamics.present_ranges(problem.state.u), tol)
+        refuse_jumps(problem, problem.dynamics.ranges_at(problem.state.u), tol)
     apart, fewest = (DENSE, AT_FIRST) if problem.dynamics.smooth else (1, CHECKPOINTS)
     least = steps_at(problem, TRIAL, problem.a_priori.first_frequency, fewest)
     instants = min(math.ceil(least / apart), max(FEWEST, MOST_KEPT // problem.state.u.size))

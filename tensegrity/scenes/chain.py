@@ -18,8 +18,8 @@ from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.readonly import fixed
 from tensegrity.scenes.dynamics import Dynamics, dynamics
-from tensegrity.scenes.forcing import begun
-from tensegrity.scenes.scene import PER_SITE, SMALLEST_MASS, Scene, State, velocities
+from tensegrity.scenes.forcing import start_driven_sites
+from tensegrity.scenes.scene import BYTES_PER_SITE, SMALLEST_MASS, Scene, State, velocities
 from tensegrity.springs.potential import Potential
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ class Chain(Scene):
         tune: Tune | None = None,
     ) -> None:
         self.sites = check.whole("sites", sites, least=2)
-        check.room(f"a run of {self.sites} sites", PER_SITE * self.sites)
+        check.room(f"a run of {self.sites} sites", BYTES_PER_SITE * self.sites)
         self.springs = self._springs(spring)
         self.mass = self._masses(mass)
         if (
@@ -114,7 +114,7 @@ class Chain(Scene):
         return masses
 
     @property
-    def _words(self) -> str:
+    def _shape_text(self) -> str:
         return f"chain has ({self.sites},) sites"
 
     @property
@@ -131,7 +131,7 @@ class Chain(Scene):
         for site, value in velocities(velocity):
             site = check.whole("site", site, least=0, below=self.sites)
             v[site] = check.number(f"velocity of site {site}", value, unit="m/s")
-        begun(self, u, v)
+        start_driven_sites(self, u, v)
         state = State(u, v)
         self.check(state)
         return state
@@ -148,7 +148,7 @@ class Chain(Scene):
 
     def elongation(self, u: ArrayLike) -> Array:
         """r_j = u[j+1] - u[j] [m] along the last axis."""
-        return check.finite("elongation", dynamics(self).stretch(u))
+        return check.finite("elongation", dynamics(self).elongations(u))
 
     def bond_energy(self, u: ArrayLike) -> Array:
         """Energy of each bond [J]; u of shape (..., sites) gives (..., sites - 1)."""
@@ -167,7 +167,7 @@ class Chain(Scene):
 
     def site_energy(self, u: Array, v: Array) -> Array:
         """Kinetic energy of each site and half that of its bonds [J]; (..., sites)."""
-        u, v = self._rows(u, v)
+        u, v = self._checked_rows(u, v)
         half = self.bond_energy(u) / 2
         edge = np.zeros((*half.shape[:-1], 1))
         left, right = np.concatenate([edge, half], -1), np.concatenate([half, edge], -1)
@@ -194,7 +194,7 @@ class Chain(Scene):
 class ChainDynamics(Dynamics):
     """Of masses in a row; see `tensegrity.scenes.dynamics`."""
 
-    def stretch(self, u: ArrayLike) -> Array:
+    def elongations(self, u: ArrayLike) -> Array:
         """Elongation of each bond [m]; (..., sites - 1), nan where u is."""
         u = check.rows("displacements", u, self.shape, are_finite=False)
         return u[..., 1:] - u[..., :-1]
@@ -226,14 +226,14 @@ class ChainDynamics(Dynamics):
         other.__dict__.update(drive=of.drive, damping=of.damping, tune=of.tune)
         return other
 
-    def frequency_of(self, stiffness: Array) -> float:
+    def bond_frequency_bound(self, stiffness: Array) -> float:
         """Bound on the largest angular frequency [rad/s] for stiffnesses of the bonds [N/m].
 
         The eigenvalues of M^-1 K are at most max over bonds of 2 k (1/m_left + 1/m_right).
         """
         return float(np.sqrt(np.max(2 * stiffness * self._mobilities)))
 
-    def fastest(self, stiffness: Array) -> float:
+    def spring_frequency_bound(self, stiffness: Array) -> float:
         """The same for a bound of the stiffness of each spring [N/m], (springs,)."""
         return math.sqrt(2 * (stiffness * self._largest_mobilities).max())
 
@@ -249,14 +249,14 @@ class ChainDynamics(Dynamics):
         np.maximum.at(found, self.springs.group, self._mobilities)
         return fixed(found)
 
-    def extreme(self, spring: int, u: Array, side: int) -> str:
+    def where_extreme(self, spring: int, u: Array, side: int) -> str:
         """Where an elongation of that spring is lowest (side 0) or highest (1), in words."""
         bonds = np.flatnonzero(self.springs.group == spring)
-        r = self.stretch(u)[bonds]
+        r = self.elongations(u)[bonds]
         bond = int(bonds[np.argmax(r) if side else np.argmin(r)])
         return f"between sites {bond} and {bond + 1}"
 
-    def stiffest(self, u: Array, ranges: Array) -> str:
+    def where_stiffest(self, u: Array, ranges: Array) -> str:
         """Where the elongation is largest, in words."""
-        bond = int(np.argmax(np.abs(self.stretch(u))))
+        bond = int(np.argmax(np.abs(self.elongations(u))))
         return f"between sites {bond} and {bond + 1}"

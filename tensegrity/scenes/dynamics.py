@@ -109,7 +109,7 @@ class Dynamics:
 
     batch: tuple[int, ...] = ()
     wall_count: int = 0
-    closing: Any = -np.inf
+    zero_length_elongation: Any = -np.inf
     spring_lengths: Array | None = None
     turns: bool = False
     follows: bool = False
@@ -131,11 +131,11 @@ class Dynamics:
         def energies_in_one_call(self) -> Energies | None: ...
         @property
         def cost(self) -> int: ...
-        def stretch(self, u: Array) -> Array: ...
+        def elongations(self, u: Array) -> Array: ...
         def energies(self, u: Array, v: Array) -> Array: ...
-        def frequency_of(self, stiffness: Array) -> float: ...
-        def extreme(self, spring: int, u: Array, side: int) -> str: ...
-        def stiffest(self, u: Array, ranges: Array) -> str: ...
+        def bond_frequency_bound(self, stiffness: Array) -> float: ...
+        def where_extreme(self, spring: int, u: Array, side: int) -> str: ...
+        def where_stiffest(self, u: Array, ranges: Array) -> str: ...
         def by_argument(
             self, name: str, by_mass: Array, by_spring: Callable[[str], Array], by_gap: Any
         ) -> Array: ...
@@ -219,7 +219,7 @@ class Dynamics:
         """What one spring could get of the energy [J]: all; `checked` says it, where known."""
         return self.scene.energy(state) if energy is None else energy
 
-    def stiffness_within(self, ranges: Array, numbers: Indices | None = None) -> Array:
+    def stiffness_bounds(self, ranges: Array, numbers: Indices | None = None) -> Array:
         """Bound on the stiffness of a bond of each spring, along it and across.
 
         Parameters
@@ -236,10 +236,10 @@ class Dynamics:
         """
         springs = self.springs
         if numbers is None:
-            if not self.turns and (ranges[:, 0] > self.closing).all():
+            if not self.turns and (ranges[:, 0] > self.zero_length_elongation).all():
                 return springs.largest("stiffness", ranges)
             numbers = np.arange(len(springs))
-        shortest = ranges[:, 0] - self.closing
+        shortest = ranges[:, 0] - self.zero_length_elongation
         k, apart = np.full(len(numbers), np.inf), shortest[numbers] > 0
         within = numbers[apart]
         k[apart] = springs.largest("stiffness", ranges, within)
@@ -250,17 +250,17 @@ class Dynamics:
 
     def frequency(self, ranges: Array) -> float:
         """Bound on the largest angular frequency [rad/s] over given ranges (springs, 2)."""
-        return self.fastest(self.stiffness_within(np.asarray(ranges, dtype=float)))
+        return self.spring_frequency_bound(self.stiffness_bounds(np.asarray(ranges, dtype=float)))
 
-    def fastest(self, stiffness: Array) -> float:
+    def spring_frequency_bound(self, stiffness: Array) -> float:
         """The same for a bound of the stiffness of each spring [N/m], (springs,)."""
         if np.isinf(stiffness).any():
             return np.inf  # the two sites of a bond coincide
-        return self.frequency_of(stiffness[self.springs.group])
+        return self.bond_frequency_bound(stiffness[self.springs.group])
 
-    def present_ranges(self, u: Array) -> Array:
+    def ranges_at(self, u: Array) -> Array:
         """Smallest and largest elongation, 0 included, of each different spring; (springs, 2)."""
-        r, group = self.stretch(u), self.springs.group
+        r, group = self.elongations(u), self.springs.group
         if len(self.springs) == 1:
             return np.array([[min(float(r.min()), 0.0), max(float(r.max()), 0.0)]])
         group = np.broadcast_to(group.reshape(*group.shape, *[1] * (r.ndim - group.ndim)), r.shape)

@@ -23,7 +23,7 @@ from tensegrity.errors import TensegrityError
 from tensegrity.readonly import fixed
 from tensegrity.scenes.dynamics import Dynamics, HasDynamics, dynamics
 from tensegrity.scenes.scene import (
-    PER_SITE,
+    BYTES_PER_SITE,
     Scene,
     State,
     refuse_other,
@@ -34,8 +34,8 @@ from tensegrity.springs.collection import Springs
 from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array, Indices
 
-TOGETHER = (64, 48, 32, 24, 16, 8)  # scenes that one compiled loop takes
-MANY, MOST = 32, 1024  # and multiples of, at most
+BATCH_SIZES = (64, 48, 32, 24, 16, 8)  # scenes that one compiled loop takes
+BATCH_MULTIPLE, LARGEST_BATCH = 32, 1024  # and multiples of, at most
 
 
 class Part(NamedTuple):
@@ -70,28 +70,28 @@ class BatchDynamics(Dynamics):
         super().__init__(ensemble)
         self.batch = (ensemble.lanes,)
         self.scenes = ensemble.scenes
-        self.each = [dynamics(scene) for scene in ensemble.scenes]
-        self.wall_count, self.turns = self.each[0].wall_count, self.each[0].turns
+        self.members = [dynamics(scene) for scene in ensemble.scenes]
+        self.wall_count, self.turns = self.members[0].wall_count, self.members[0].turns
         self._same = all(scene is self.scenes[0] for scene in self.scenes)
         self._first = 0  # number of the first scene, of a part of another batch
 
     @cached_property
     def inverse_mass(self) -> Array:
         """1/m [1/kg], 0 for a held site; (sites, scenes)."""
-        return fixed(np.stack([one.inverse_mass for one in self.each], axis=1))
+        return fixed(np.stack([one.inverse_mass for one in self.members], axis=1))
 
     @property
     def is_driven(self) -> bool:
         """Whether some scene is."""
-        return any(one.is_driven for one in self.each)
+        return any(one.is_driven for one in self.members)
 
     @cached_property
     def springs(self) -> Springs:
         """The different springs, and which bond has which, in all scenes or in each its own."""
         if self._same:
-            return self.each[0].springs
+            return self.members[0].springs
         each = zip(*(scene.springs for scene in self.scenes), strict=True)
-        lengths = [one.spring_lengths for one in self.each]
+        lengths = [one.spring_lengths for one in self.members]
         return Springs(
             tuple(spring for bond in each for spring in bond),
             (len(self.scenes[0].springs), len(self.scenes)),
@@ -103,9 +103,9 @@ class BatchDynamics(Dynamics):
         group = self.springs.group
         return group[:, None] if group.ndim == 1 else group
 
-    def places_of(self, number: int) -> Indices:
+    def spring_numbers(self, number: int) -> Indices:
         """The number in `springs` of each different spring of a scene."""
-        springs, group = self.each[number].springs, self._group
+        springs, group = self.members[number].springs, self._group
         place = np.zeros(len(springs), dtype=int)
         place[springs.group] = group[:, number if group.shape[1] > 1 else 0]
         return place
@@ -114,35 +114,35 @@ class BatchDynamics(Dynamics):
         """The same scenes with other springs, one for each of the different `springs`."""
         kind = type(self.scene)
         if self._same:
-            return kind(self.each[0].with_springs(springs), len(self.each))
-        places = (self.places_of(number).tolist() for number in range(len(self.each)))
-        each = zip(self.each, places, strict=True)
+            return kind(self.members[0].with_springs(springs), len(self.members))
+        places = (self.spring_numbers(number).tolist() for number in range(len(self.members)))
+        each = zip(self.members, places, strict=True)
         return kind([one.with_springs([springs[k] for k in place]) for one, place in each])
 
     @property
     def cost(self) -> int:
         """Work of one evaluation of all forces, in bonds."""
-        return sum(one.cost for one in self.each)
+        return sum(one.cost for one in self.members)
 
     @property
-    def closing(self) -> Any:
+    def zero_length_elongation(self) -> Any:
         """As for each of the scenes."""
         if self._same:
-            return self.each[0].closing
+            return self.members[0].zero_length_elongation
         found = np.full(len(self.springs), -np.inf)
-        for number, one in enumerate(self.each):
-            mine = np.broadcast_to(one.closing, len(one.springs))
+        for number, one in enumerate(self.members):
+            mine = np.broadcast_to(one.zero_length_elongation, len(one.springs))
             np.maximum.at(found, self._group[:, number], mine[one.springs.group])
         return found
 
     @property
     def is_loaded(self) -> bool:
         """Whether constant loads act on some scene."""
-        return any(one.is_loaded for one in self.each)
+        return any(one.is_loaded for one in self.members)
 
     def forces(self, u: Array) -> Array:
         """Forces on all sites [N], shape of u."""
-        each = [one.forces(np.ascontiguousarray(u[..., k])) for k, one in enumerate(self.each)]
+        each = [one.forces(np.ascontiguousarray(u[..., k])) for k, one in enumerate(self.members)]
         return np.stack(each, axis=-1)
 
     # parts
@@ -153,7 +153,7 @@ class BatchDynamics(Dynamics):
 
     @cached_property
     def _parts(self) -> list[Part]:
-        return self._split(1 if self._bonds is None else MOST)
+        return self._split(1 if self._bonds is None else LARGEST_BATCH)
 
     @cached_property
     def _singles(self) -> list[Part]:
@@ -171,7 +171,7 @@ class BatchDynamics(Dynamics):
 
     def _part(self, first: int, count: int) -> Any:
         """Some scenes, and the last one as often as one compiled loop lacks scenes."""
-        scenes, width = self.scenes[first : first + count], filled(count)
+        scenes, width = self.scenes[first : first + count], padded_count(count)
         if count == len(self.scenes) == width:
             return self.scene
         kind, more = type(self.scene), scenes[-1:] * (width - count)
@@ -184,7 +184,7 @@ class BatchDynamics(Dynamics):
     @cached_property
     def _bonds(self) -> Bonds | None:
         """Those of a loop over all scenes; None where they must run one after the other."""
-        bonds = [one.loop_bonds for one in self.each]
+        bonds = [one.loop_bonds for one in self.members]
         if self.is_driven or any(one.contacts is not None for one in bonds):
             return None
         laws, law, parameters = self.springs.table
@@ -196,14 +196,14 @@ class BatchDynamics(Dynamics):
 
     def arrays(self, state: State) -> tuple[Array, Array]:
         """u and v as the loop advances them."""
-        each = [one.arrays(self.scene.lane(state, k)) for k, one in enumerate(self.each)]
+        each = [one.arrays(self.scene.lane(state, k)) for k, one in enumerate(self.members)]
         u, v = (np.ascontiguousarray(np.stack(x, axis=-1)) for x in zip(*each, strict=True))
         return u, v
 
     def bind(self, u: Array, v: Array, method: Method, dt: float) -> Any:
         """The loop over all scenes, where there is one for so many."""
         count = len(self.scenes)
-        if self._bonds is None or filled(count) != count or count > MOST:
+        if self._bonds is None or padded_count(count) != count or count > LARGEST_BATCH:
             raise TensegrityError(f"no loop takes {count} lanes of {self.scenes[0]!r} at once")
         return kernel.bind(u, v, self._bonds, method, dt)
 
@@ -211,7 +211,7 @@ class BatchDynamics(Dynamics):
         """Refuse a state of another shape, or one that a scene alone refuses; the largest energy
         of a scene [J]."""
         self.scene.lane(state, 0)
-        one = self.each[0]
+        one = self.members[0]
         held = list(self.scenes[0].held)
         if self._same and not (one.clearance or state.u[held].any() or state.v[held].any()):
             try:
@@ -220,7 +220,7 @@ class BatchDynamics(Dynamics):
                 energy = math.nan  # let the scene say it
             if math.isfinite(energy):
                 return energy
-        return max(each.checked(self.scene.lane(state, k)) for k, each in enumerate(self.each))
+        return max(each.checked(self.scene.lane(state, k)) for k, each in enumerate(self.members))
 
     def available_energy(self, state: State, energy: float | None = None) -> float:
         """What one spring could get: the largest energy of a scene [J]."""
@@ -233,45 +233,50 @@ class BatchDynamics(Dynamics):
         moved = [np.ascontiguousarray(np.moveaxis(x, -1, 0)) for x in (u, v)]
         if self._same:  # all of one scene in one call
             rows = (x.reshape(-1, *self.scenes[0].shape) for x in moved)
-            return self.each[0].energies(*rows).reshape(len(self.each), len(u)).T
-        each = zip(self.each, *moved, strict=True)
+            return self.members[0].energies(*rows).reshape(len(self.members), len(u)).T
+        each = zip(self.members, *moved, strict=True)
         return np.stack([one.energies(*states) for one, *states in each], axis=-1)
 
-    def stretch(self, u: Array) -> Array:
+    def elongations(self, u: Array) -> Array:
         """Elongation of every spring [m]; (..., springs, scenes)."""
-        each = [one.stretch(u[..., k]) for k, one in enumerate(self.each)]
+        each = [one.elongations(u[..., k]) for k, one in enumerate(self.members)]
         return np.stack(each, axis=-1)
 
-    def frequency_of(self, stiffness: Array) -> float:
+    def bond_frequency_bound(self, stiffness: Array) -> float:
         """Bound on the largest angular frequency [rad/s] of any scene."""
         if self._same:
-            return self.each[0].frequency_of(stiffness)
-        each = zip(self.each, stiffness.T, strict=True)
-        return max(one.frequency_of(k) for one, k in each)
+            return self.members[0].bond_frequency_bound(stiffness)
+        each = zip(self.members, stiffness.T, strict=True)
+        return max(one.bond_frequency_bound(k) for one, k in each)
 
-    def extreme(self, spring: int, u: Array, side: int) -> str:
+    def where_extreme(self, spring: int, u: Array, side: int) -> str:
         """Where an elongation of that spring is lowest (side 0) or highest (1), in words."""
-        r = self.stretch(u)
+        r = self.elongations(u)
         mine = np.broadcast_to(self._group == spring, r.shape)
         r = np.where(mine, r, np.inf if side == 0 else -np.inf)
         number = int(np.unravel_index(np.argmax(r) if side else np.argmin(r), r.shape)[1])
-        one, bond = self.each[number], np.flatnonzero(mine[:, number])[0]
-        where = one.extreme(int(one.springs.group[bond]), u[..., number], side)
+        one, bond = self.members[number], np.flatnonzero(mine[:, number])[0]
+        where = one.where_extreme(int(one.springs.group[bond]), u[..., number], side)
         return f"{where} of lane {self._first + number}"
 
-    def stiffest(self, u: Array, ranges: Array) -> str:
+    def where_stiffest(self, u: Array, ranges: Array) -> str:
         """Where the elongation is largest, in words."""
-        r = np.abs(self.stretch(u))
+        r = np.abs(self.elongations(u))
         number = int(np.unravel_index(np.argmax(r), r.shape)[1])
-        where = self.each[number].stiffest(u[..., number], ranges[self.places_of(number)])
+        where = self.members[number].where_stiffest(
+            u[..., number], ranges[self.spring_numbers(number)]
+        )
         return f"{where} of lane {self._first + number}"
 
 
-def filled(count: int) -> int:
+def padded_count(count: int) -> int:
     """The least number of scenes, not below this, that one compiled loop takes."""
-    if count == 1 or count > MOST:
+    if count == 1 or count > LARGEST_BATCH:
         return count
-    return min((n for n in TOGETHER if n >= count), default=MANY * math.ceil(count / MANY))
+    return min(
+        (n for n in BATCH_SIZES if n >= count),
+        default=BATCH_MULTIPLE * math.ceil(count / BATCH_MULTIPLE),
+    )
 
 
 class Ensemble(HasDynamics):
@@ -303,7 +308,8 @@ class Ensemble(HasDynamics):
         if isinstance(scenes, Scene) and lanes is not None:
             lanes = check.whole("lanes", lanes, least=1)
             check.room(
-                f"a run of {scenes.sites} sites in {lanes} lanes", PER_SITE * scenes.sites * lanes
+                f"a run of {scenes.sites} sites in {lanes} lanes",
+                BYTES_PER_SITE * scenes.sites * lanes,
             )
             scenes = (scenes,) * lanes
         elif lanes is not None or isinstance(scenes, Scene) or not isinstance(scenes, Sequence):

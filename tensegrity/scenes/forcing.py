@@ -137,7 +137,7 @@ class Damping:
         return np.broadcast_to(values, (count,)).copy()
 
 
-def checked(scene: Any, drive: Any, damping: Any, tune: Any = None) -> dict[str, Any]:
+def checked_forcing(scene: Any, drive: Any, damping: Any, tune: Any = None) -> dict[str, Any]:
     """What a scene is driven and damped by, if it fits: attributes of it."""
     drive = {} if drive is None else drive
     if not isinstance(drive, Mapping):
@@ -158,10 +158,10 @@ def checked(scene: Any, drive: Any, damping: Any, tune: Any = None) -> dict[str,
         if not (damping.bond.any() or damping.ground.any()):
             damping = None
     found = {"drive": FixedDict(drive), "damping": damping}
-    return found | {"tune": _tuned(scene, {} if tune is None else tune)}
+    return found | {"tune": _checked_tune(scene, {} if tune is None else tune)}
 
 
-def _tuned(scene: Any, tune: Any) -> Any:
+def _checked_tune(scene: Any, tune: Any) -> Any:
     """What changes the springs of a scene in time, if it fits."""
     if not callable(tune) and not isinstance(tune, Mapping):
         raise TensegrityError(
@@ -197,40 +197,42 @@ def _bonds(scene: Any) -> int:
     return len(getattr(scene, "bonds", scene.springs))
 
 
-def refuse(scene: Any, what: str) -> None:
+def refuse_driven(scene: Any, what: str) -> None:
     """Refuse a driven or damped scene, for what knows conservative ones only."""
     if dynamics(scene).is_driven:
         raise TensegrityError(f"{what}: not for scenes that are driven, damped or tuned")
 
 
-def begun(scene: Any, u: Array, v: Array) -> None:
+def start_driven_sites(scene: Any, u: Array, v: Array) -> None:
     """Put driven sites where they begin, with the velocity that they have there; in place."""
     for site, drive in scene.drive.items():
         if drive.prescribes:
-            _, prescribed, here = components(scene, site, drive)
+            _, prescribed, here = driven_components(scene, site, drive)
             u.reshape(-1)[here] = drive.at(0.0)[prescribed]
             v.reshape(-1)[here] = drive.at(0.0, 1)[prescribed]
 
 
-def components(scene: Any, site: int, drive: Drive) -> tuple[list[Any], list[int], list[int]]:
+def driven_components(
+    scene: Any, site: int, drive: Drive
+) -> tuple[list[Any], list[int], list[int]]:
     """Functions of a drive, the coordinates that they are for, and the entries of u."""
     axes = [k for k, signal in enumerate(drive.signals) if signal is not None]
     return [drive.signals[k] for k in axes], axes, [site * scene.dim + k for k in axes]
 
 
-def entries(scene: Any, prescribed: bool) -> tuple[Any, Any]:
+def driven_entries(scene: Any, prescribed: bool) -> tuple[Any, Any]:
     """Entries of u that are moved, or that get a force, and the functions of t for them."""
     numbers: list[int] = []
     signals: list[Any] = []
     for site, drive in scene.drive.items():
         if drive.prescribes == prescribed:
-            found, _, here = components(scene, site, drive)
+            found, _, here = driven_components(scene, site, drive)
             numbers += here
             signals += found
     return np.array(numbers, dtype=int), tuple(signals)
 
 
-def functions_of_time(scene: Any) -> list[Any]:
+def time_signals(scene: Any) -> list[Any]:
     """All that drives or tunes a scene, or the lanes of an ensemble."""
     found: list[Any] = []
     for lane in getattr(scene, "scenes", (scene,)):
@@ -245,7 +247,7 @@ def check_start(scene: Any, u: Array) -> None:
     for site, drive in scene.drive.items():
         if not drive.prescribes:
             continue
-        signals, axes, here = components(scene, site, drive)
+        signals, axes, here = driven_components(scene, site, drive)
         for signal, axis, entry in zip(signals, axes, here, strict=True):
             wanted, found = float(signal(np.array(0.0))), float(u.reshape(-1)[entry])
             if abs(found - wanted) > ATOL + RTOL * abs(wanted):
@@ -263,7 +265,10 @@ def forcing_of(scene: Any, t_end: float, tuning: Any = None) -> Forcing:
     TensegrityError
         A drive that is not finite, jumps, or does not reach to `t_end`.
     """
-    (moved, motions), (forced, scattered_forces) = entries(scene, True), entries(scene, False)
+    (moved, motions), (forced, scattered_forces) = (
+        driven_entries(scene, True),
+        driven_entries(scene, False),
+    )
     check_signals((*motions, *scattered_forces), t_end)
 
     def together(signals: tuple[Any, ...]) -> Any:
@@ -273,7 +278,7 @@ def forcing_of(scene: Any, t_end: float, tuning: Any = None) -> Forcing:
         return values
 
     bonds, mass = dynamics(scene).loop_bonds, np.repeat(scene.mass, scene.dim)
-    heavy = mass[moved]
+    driven_mass = mass[moved]
     mass[moved] = 0.0
     damping = scene.damping or Damping()
     ground = np.repeat(damping.each("ground", scene.sites), scene.dim)
@@ -293,7 +298,7 @@ def forcing_of(scene: Any, t_end: float, tuning: Any = None) -> Forcing:
         together(motions),
         together(scattered_forces),
         mass,
-        heavy,
+        driven_mass,
         ground,
         bond,
         tuning,

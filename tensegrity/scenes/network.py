@@ -18,19 +18,19 @@ from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.notebook import page, wires
 from tensegrity.scenes.dynamics import dynamics
-from tensegrity.scenes.following import followed_law
-from tensegrity.scenes.forcing import begun
+from tensegrity.scenes.forcing import start_driven_sites
+from tensegrity.scenes.neighbour_list import new_contact_law
 from tensegrity.scenes.network_dynamics import NetworkDynamics
 from tensegrity.scenes.network_input import (
+    checked_bonds,
+    checked_wall_contacts,
     contact_geometry,
     held_sites,
-    joined_pairs,
     numbers,
     per_site,
     plane_walls,
     site_number,
     springs_of,
-    touching,
     whole_pairs,
 )
 from tensegrity.scenes.scene import Scene, State, velocities
@@ -118,14 +118,14 @@ class Network(Scene):
             )
         self.sites, self.dim = self.positions.shape
         check.whole("sites", self.sites, least=1)
-        self.bonds = joined_pairs(bonds, self.sites)
+        self.bonds = checked_bonds(bonds, self.sites)
         self.mass = per_site("mass", mass, "kg", self.sites)
         self.radius = None if radius is None else per_site("radius", radius, "m", self.sites)
         self.walls = plane_walls(walls, self.dim)
         pairs = whole_pairs("wall_contacts", wall_contacts)
         if len(pairs) and self.radius is None:
             raise TensegrityError(f"{len(pairs)} wall contacts need the radius of the sites")
-        self.wall_contacts = touching(pairs, self.walls, self.positions)
+        self.wall_contacts = checked_wall_contacts(pairs, self.walls, self.positions)
         springs = springs_of(spring, len(self.bonds), "bond")
         if len(self.wall_contacts) or wall_spring is not None:
             springs += springs_of(wall_spring, len(self.wall_contacts), "wall contact")
@@ -136,7 +136,7 @@ class Network(Scene):
             self.positions, self.bonds, lengths, self.walls, self.wall_contacts, self.radius,
             wall_gaps,
         )  # fmt: skip
-        self._law = followed_law(contacts, law, self.radius)
+        self._law = new_contact_law(contacts, law, self.radius)
         of = dynamics(self)
         _ = of.loop_bonds  # refuses springs that the compiled loop cannot take
         of.refuse_unlisted(np.zeros(self.shape))
@@ -148,7 +148,7 @@ class Network(Scene):
         return NetworkDynamics(self)
 
     @property
-    def _words(self) -> str:
+    def _shape_text(self) -> str:
         return f"network has {self.shape} (sites, dim)"
 
     @property
@@ -181,7 +181,7 @@ class Network(Scene):
         for site, value in velocities(velocity):
             site = site_number("site", site, self.sites)
             v[site] = numbers(f"velocity of site {site}", value, (self.dim,))
-        begun(self, u, v)
+        start_driven_sites(self, u, v)
         state = State(u, v)
         self.check(state)
         return state
@@ -202,25 +202,25 @@ class Network(Scene):
 
     def elongation(self, u: ArrayLike) -> Array:
         """Elongation of each bond [m]; (..., bonds)."""
-        return check.finite("elongation", dynamics(self).stretch(u)[..., : len(self.bonds)])
+        return check.finite("elongation", dynamics(self).elongations(u)[..., : len(self.bonds)])
 
     def bond_energy(self, u: ArrayLike) -> Array:
         """Energy of each bond [J]; (..., bonds)."""
-        return dynamics(self).each("energy", u)[..., : len(self.bonds)]
+        return dynamics(self).evaluate("energy", u)[..., : len(self.bonds)]
 
     def bond_tension(self, u: ArrayLike) -> Array:
         """Tension of each bond [N]; (..., bonds)."""
-        return dynamics(self).each("tension", u)[..., : len(self.bonds)]
+        return dynamics(self).evaluate("tension", u)[..., : len(self.bonds)]
 
     def wall_load(self, u: ArrayLike) -> Array:
         """Contact force of each wall contact [N], compression > 0; (..., wall contacts)."""
-        return -dynamics(self).each("tension", u)[..., len(self.bonds) :]
+        return -dynamics(self).evaluate("tension", u)[..., len(self.bonds) :]
 
     def site_energy(self, u: Array, v: Array) -> Array:
         """Energy of each site [J]: motion, half its bonds, walls, load; (..., sites)."""
-        u, v = self._rows(u, v)
+        u, v = self._checked_rows(u, v)
         result = 0.5 * self.mass * np.sum(v**2, axis=-1) - np.sum(self.loads * u, axis=-1)
-        bonds, walls = np.split(dynamics(self).each("energy", u), [len(self.bonds)], axis=-1)
+        bonds, walls = np.split(dynamics(self).evaluate("energy", u), [len(self.bonds)], axis=-1)
         bonds = bonds / 2
         rows = np.moveaxis(result, -1, 0)  # a view: sites first
         for sites, energy in (

@@ -15,9 +15,9 @@ from tensegrity.engine import forces
 from tensegrity.engine.bonds import PAIR, WALL, Bonds, Contacts
 from tensegrity.engine.energies import Energies
 from tensegrity.readonly import fixed
-from tensegrity.scenes.clearance import Clearance, crowding
+from tensegrity.scenes.clearance import Clearance, neighbour_counts
 from tensegrity.scenes.dynamics import Dynamics
-from tensegrity.scenes.following import Following, contacts_with
+from tensegrity.scenes.neighbour_list import NeighbourList, contacts_with
 from tensegrity.scenes.scene import State
 from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array, Indices
@@ -56,7 +56,7 @@ class NetworkDynamics(Dynamics):
         second = np.concatenate([scene.bonds[:, 1], scene.wall_contacts[:, 0]])
         arrays = (fixed(x) for x in (kind, first, second))
         places = self.geometry, scene.positions
-        behind = scene.loads, self.wall_count, self.crowding
+        behind = scene.loads, self.wall_count, self.neighbour_counts
         contacts = Contacts(*arrays, *places, *behind)  # type: ignore[call-arg]
         return Bonds(*springs.table, springs.group, self.inverse_mass, contacts, springs.openings)
 
@@ -74,11 +74,11 @@ class NetworkDynamics(Dynamics):
         return bonds
 
     @cached_property
-    def crowding(self) -> Indices | None:
+    def neighbour_counts(self) -> Indices | None:
         """How many sites of higher numbers each one about touches at the reference places; None
         where sites have no radius, so that one list of contacts is all there is."""
         radius = self.scene.radius
-        return None if radius is None else fixed(crowding(self.scene.positions, radius))
+        return None if radius is None else fixed(neighbour_counts(self.scene.positions, radius))
 
     @cached_property
     def clearance(self) -> Any:
@@ -86,7 +86,7 @@ class NetworkDynamics(Dynamics):
         scene = self.scene
         if scene.radius is None:
             return None
-        kind = Following if self.follows else Clearance
+        kind = NeighbourList if self.follows else Clearance
         return kind(scene.positions, scene.radius, scene.bonds, scene.walls, scene.wall_contacts)
 
     def refuse_unlisted(self, u: Array) -> None:
@@ -124,7 +124,7 @@ class NetworkDynamics(Dynamics):
             most = max(1, AT_ONCE // (len(listed.scene.springs) + 1))
             last = min(len(u), row + most)
             if self.follows:
-                last = row + self.clearance.lasting(u[row:last])
+                last = row + self.clearance.rows_valid(u[row:last])
             yield slice(row, last), listed
             row = last
 
@@ -142,7 +142,7 @@ class NetworkDynamics(Dynamics):
         """That of the scene with a fixed list of contacts, over which nothing watches."""
         scene = self.scene._varied(_law=None, **changed)
         found = type(self)(scene)
-        found.__dict__.update(clearance=None, crowding=self.crowding)
+        found.__dict__.update(clearance=None, neighbour_counts=self.neighbour_counts)
         scene._in_thread.dynamics = found
         return found
 
@@ -150,7 +150,7 @@ class NetworkDynamics(Dynamics):
         """The same network with other springs, one for each of the different `springs`."""
         scene = self.scene._varied(springs=tuple(springs[k] for k in self.springs.group))
         scene._in_thread.dynamics = found = type(self)(scene)
-        found.__dict__["crowding"] = self.crowding
+        found.__dict__["neighbour_counts"] = self.neighbour_counts
         return scene
 
     # the engine's view
@@ -168,14 +168,14 @@ class NetworkDynamics(Dynamics):
         u[: self.sites], v[: self.sites] = state.u, state.v
         return u, v
 
-    def stretch(self, u: ArrayLike) -> Array:
+    def elongations(self, u: ArrayLike) -> Array:
         """Elongation of each bond [m], and gap of each wall contact; (..., springs)."""
         u = check.rows("displacements", u, self.shape, are_finite=False)
         return forces.stretch(self.contact_bonds, u)
 
-    def each(self, name: str, u: ArrayLike) -> Array:
+    def evaluate(self, name: str, u: ArrayLike) -> Array:
         """Energy [J] or tension [N] of each bond and wall contact; (..., springs)."""
-        return self.springs.evaluate(name, check.finite("elongation", self.stretch(u)))
+        return self.springs.evaluate(name, check.finite("elongation", self.elongations(u)))
 
     def energies(self, u: Array, v: Array) -> Array:
         """Total energy [J] of each of many states; u and v (states, sites, dim)."""
@@ -190,7 +190,7 @@ class NetworkDynamics(Dynamics):
         with np.errstate(over="ignore"):  # to inf, which `checked` refuses
             kinetic = 0.5 * np.sum((scene.mass[:, None] * v**2).reshape(rows), axis=-1)
         some = max(IN_CACHE // max(len(scene.bonds) + len(scene.wall_contacts), 1), 1)
-        parts = [np.sum(self.each("energy", u[k : k + some]), axis=-1)
+        parts = [np.sum(self.evaluate("energy", u[k : k + some]), axis=-1)
                  for k in range(0, len(u), some)]  # fmt: skip
         stored = np.concatenate(parts) if parts else np.zeros(0)
         return kinetic + stored - np.sum((scene.loads * u).reshape(rows), axis=-1)
@@ -204,13 +204,13 @@ class NetworkDynamics(Dynamics):
     # bounds, and words
 
     @cached_property
-    def closing(self) -> Array:
+    def zero_length_elongation(self) -> Array:
         """Elongation [m] at which the ends of each different spring's shortest bond meet."""
         found, pairs = np.full(len(self.springs), -np.inf), len(self.scene.bonds)
         np.maximum.at(found, self.springs.group[:pairs], -self.scene.lengths)
         return fixed(found)
 
-    def frequency_of(self, stiffness: Array) -> float:
+    def bond_frequency_bound(self, stiffness: Array) -> float:
         """Bound on the largest angular frequency [rad/s] for stiffnesses of the contacts [N/m].
 
         Gershgorin's circles of M^-1 K: a bond's block stands twice in the rows of a site, a
@@ -224,10 +224,10 @@ class NetworkDynamics(Dynamics):
         np.add.at(total, contacts.second, k)
         return float(np.sqrt(np.max(total[: self.sites] * self.inverse_mass)))
 
-    def extreme(self, spring: int, u: Array, side: int) -> str:
+    def where_extreme(self, spring: int, u: Array, side: int) -> str:
         """Where a contact of that spring is shortest (side 0) or longest (1), in words."""
         contacts = np.flatnonzero(self.springs.group == spring)
-        r = self.stretch(u)[contacts]
+        r = self.elongations(u)[contacts]
         return self._where(int(contacts[np.argmax(r) if side else np.argmin(r)]))
 
     def _where(self, contact: int) -> str:
@@ -238,12 +238,14 @@ class NetworkDynamics(Dynamics):
         site, wall = self.scene.wall_contacts[contact - len(bonds)].tolist()
         return f"between site {site} and wall {wall}"
 
-    def stiffest(self, u: Array, ranges: Array) -> str:
+    def where_stiffest(self, u: Array, ranges: Array) -> str:
         """Where the contact is that was stretched most, or whose ends met, in words."""
         if not len(self.scene.springs):
             return ""
-        apart = ranges[:, 0] - self.closing
+        apart = ranges[:, 0] - self.zero_length_elongation
         if np.any(apart <= 0):
-            return f"{self.extreme(int(np.argmin(apart)), u, 0)}, which came to the same place"
+            return (
+                f"{self.where_extreme(int(np.argmin(apart)), u, 0)}, which came to the same place"
+            )
         spring = int(np.nanargmax(np.max(np.abs(ranges), axis=1)))
-        return self.extreme(spring, u, int(ranges[spring, 1] > -ranges[spring, 0]))
+        return self.where_extreme(spring, u, int(ranges[spring, 1] > -ranges[spring, 0]))

@@ -31,21 +31,21 @@ def contact_geometry(
     separation is 1 or -1.
     """
     exact = positions.astype(np.longdouble)
-    apart = exact[bonds[:, 1]] - exact[bonds[:, 0]]
-    distance = np.sqrt(np.sum(apart**2, axis=1))
-    lengths, opening = _lengths(lengths, bonds, distance)
+    separation = exact[bonds[:, 1]] - exact[bonds[:, 0]]
+    distance = np.sqrt(np.sum(separation**2, axis=1))
+    lengths, elongation = _lengths(lengths, bonds, distance)
     site, wall = wall_contacts.T
     dim = positions.shape[1]
     normals = np.array([w.normal for w in walls]).reshape(-1, dim)[wall]
     heights = [walls[w].height(exact[s]) for s, w in wall_contacts.tolist()]
-    room = np.zeros(0) if radius is None else radius[site]
-    gaps = (np.array(heights, dtype=np.longdouble) - room).astype(float)
+    radii = np.zeros(0) if radius is None else radius[site]
+    gaps = (np.array(heights, dtype=np.longdouble) - radii).astype(float)
     if wall_gaps is not None:
-        gaps = near_positions(wall_gaps, gaps, room)
+        gaps = checked_wall_gaps(wall_gaps, gaps, radii)
     geometry = np.zeros((dim + 2, len(bonds) + len(gaps)))
-    reference = np.sign(apart) if dim == 1 else apart
+    reference = np.sign(separation) if dim == 1 else separation
     geometry[:dim] = np.concatenate([reference.astype(float), normals]).T
-    geometry[dim] = np.concatenate([opening, gaps])
+    geometry[dim] = np.concatenate([elongation, gaps])
     geometry[-1, : len(bonds)] = lengths
     return lengths, geometry
 
@@ -68,7 +68,7 @@ def _lengths(lengths: ArrayLike | None, bonds: Indices, distance: Array) -> tupl
     return lengths, (distance - lengths).astype(float)
 
 
-GAP_ROOM = 0.1  # of the radius: what a given wall gap may differ from that of the positions
+GAP_TOLERANCE = 0.1  # of the radius: what a given wall gap may differ from that of the positions
 
 
 def site_number(name: str, value: object, sites: int) -> int:
@@ -96,7 +96,7 @@ def held_sites(held: Iterable[int], sites: int) -> list[int]:
     return sorted({site_number("held site", site, sites) for site in numbers})
 
 
-def joined_pairs(bonds: ArrayLike, sites: int) -> Indices:
+def checked_bonds(bonds: ArrayLike, sites: int) -> Indices:
     """Pairs of different sites, none twice; (bonds, 2)."""
     bonds = whole_pairs("bonds", bonds)
     for number, (i, j) in enumerate(bonds.tolist()):
@@ -106,7 +106,7 @@ def joined_pairs(bonds: ArrayLike, sites: int) -> Indices:
             )
         if i == j:
             raise TensegrityError(f"bond {number} joins site {i} to itself")
-    _refuse_twins("bond", np.sort(bonds, axis=1))
+    _refuse_duplicates("bond", np.sort(bonds, axis=1))
     return bonds
 
 
@@ -123,7 +123,7 @@ def plane_walls(walls: Iterable[Wall], dim: int) -> tuple[Wall, ...]:
     return walls
 
 
-def touching(contacts: Indices, walls: Sequence[Wall], positions: Array) -> Indices:
+def checked_wall_contacts(contacts: Indices, walls: Sequence[Wall], positions: Array) -> Indices:
     """Pairs of a site and a wall that reaches beside it, none twice; (contacts, 2)."""
     for number, (site, wall) in enumerate(contacts.tolist()):
         site_number(f"site of wall contact {number}:", site, len(positions))
@@ -134,19 +134,20 @@ def touching(contacts: Indices, walls: Sequence[Wall], positions: Array) -> Indi
         beyond = walls[wall].overhang(positions[site])
         if beyond > 0:
             raise TensegrityError(f"site {site} is {beyond:.3g} m beyond the end of wall {wall}")
-    _refuse_twins("wall contact", contacts)
+    _refuse_duplicates("wall contact", contacts)
     return contacts
 
 
-def near_positions(gaps: ArrayLike, found: Array, radius: Array) -> Array:
+def checked_wall_gaps(gaps: ArrayLike, found: Array, radius: Array) -> Array:
     """Gaps of wall contacts, none far from what the positions give; (contacts,)."""
     gaps = numbers("wall_gaps", gaps, found.shape)
-    far = np.flatnonzero(np.abs(gaps - found) > GAP_ROOM * radius)
+    far = np.flatnonzero(np.abs(gaps - found) > GAP_TOLERANCE * radius)
     if far.size:
         k = int(far[0])
         raise TensegrityError(
-            f"gap {gaps[k]:.6g} m of wall contact {k} must be within {GAP_ROOM * radius[k]:.3g} m, "
-            f"{GAP_ROOM:g} of the radius, of {found[k]:.6g} m, which the positions give"
+            f"gap {gaps[k]:.6g} m of wall contact {k} must be within "
+            f"{GAP_TOLERANCE * radius[k]:.3g} m, {GAP_TOLERANCE:g} of the radius, of "
+            f"{found[k]:.6g} m, which the positions give"
         )
     return gaps
 
@@ -172,7 +173,7 @@ def whole_pairs(name: str, pairs: ArrayLike) -> Indices:
     return array.astype(int)
 
 
-def _refuse_twins(name: str, pairs: Indices) -> None:
+def _refuse_duplicates(name: str, pairs: Indices) -> None:
     _, back, count = np.unique(pairs, axis=0, return_inverse=True, return_counts=True)
     if np.any(count > 1):
         twins = np.flatnonzero(back.ravel() == np.argmax(count > 1))

@@ -13,7 +13,7 @@ from tensegrity.engine import forces
 from tensegrity.errors import TensegrityError
 from tensegrity.readonly import FixedDict
 from tensegrity.scenes.dynamics import HasDynamics, dynamics
-from tensegrity.scenes.forcing import checked
+from tensegrity.scenes.forcing import checked_forcing
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from tensegrity.springs.potential import Potential
     from tensegrity.typing import Array
 
-PER_SITE = 176  # bytes that a run takes for each site, its rows apart
+BYTES_PER_SITE = 176  # bytes that a run takes for each site, its rows apart
 SMALLEST_MASS = 1e-300  # kg: its inverse is still a number
 
 
@@ -113,7 +113,7 @@ class Scene(HasDynamics):
     springs: tuple[Potential, ...]
     held: Sequence[int]
     shape: tuple[int, ...]
-    _words: str
+    _shape_text: str
     if TYPE_CHECKING:
 
         def elongation(self, u: ArrayLike) -> Array: ...
@@ -126,7 +126,7 @@ class Scene(HasDynamics):
 
     def _set_forcing(self, drive: Any, damping: Any, tune: Any = None) -> None:
         """Keep what drives, damps and tunes the scene, if it fits."""
-        self.__dict__.update(checked(self, drive, damping, tune))
+        self.__dict__.update(checked_forcing(self, drive, damping, tune))
 
     def check(self, state: State) -> None:
         """Refuse a state that is not one of this scene.
@@ -205,9 +205,9 @@ class Scene(HasDynamics):
         return u, *forces.elongations(dynamics(self).contact_bonds, u)
 
     def _refuse_other(self, state: object) -> None:
-        refuse_other(state, self.shape, self._words)
+        refuse_other(state, self.shape, self._shape_text)
 
-    def _rows(self, u: ArrayLike, v: ArrayLike) -> tuple[Array, Array]:
+    def _checked_rows(self, u: ArrayLike, v: ArrayLike) -> tuple[Array, Array]:
         """Displacements and velocities of one state or of many, checked."""
         u, v = check.rows("displacements", u, self.shape), check.rows("velocities", v, self.shape)
         if u.shape != v.shape:

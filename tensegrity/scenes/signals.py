@@ -15,23 +15,25 @@ from tensegrity.once import once
 from tensegrity.readonly import fixed
 from tensegrity.typing import Array
 
-LOOKS = 4096  # intervals in which a jump is looked for
-SUSPECTS = 8  # of them that are halved
+INTERVALS = 4096  # intervals in which a jump is looked for
+CANDIDATES = 8  # of them that are halved
 HALVINGS = 40
 JUMP = 1e-4  # of the largest change from one look to the next, left in the smallest interval
-CORNER = 2.0  # order that is left where a rate jumps
+KINK_ORDER = 2.0  # order that is left where a rate jumps
 RTOL = 1e-9  # relative: what begins, or ends, where it should
 
 
 class Expression:
-    """A SymPy expression of t as a function of instants; `leaves` is the order of a method that
-    its corners leave."""
+    """A SymPy expression of t as a function of time.
+
+    `order_limit` is the order to which kinks of the expression reduce any method.
+    """
 
     def __init__(self, name: str, expression: Any) -> None:
         self.name, self.expression = name, expression
         _functions(expression)  # refuses what cannot be translated
         self.span = -np.inf, np.inf
-        self.leaves = CORNER if in_pieces(expression) else np.inf
+        self.order_limit = KINK_ORDER if in_pieces(expression) else np.inf
 
     def __call__(self, t: Array, order: int = 0) -> Array:
         """Values, or rates for order 1; of the shape of t."""
@@ -53,7 +55,7 @@ class Expression:
 class Samples:
     """Samples joined by a cubic spline, whose third derivative jumps."""
 
-    leaves = 4.0
+    order_limit = 4.0
 
     def __init__(self, name: str, t: Array, values: Array) -> None:
         self.name, self._t, self._values = name, t, values
@@ -75,7 +77,7 @@ class Samples:
 
 def signals_of(name: str, given: Any) -> tuple[Any, ...]:
     """Functions of t for each coordinate, None where there is none."""
-    if isinstance(given, (tuple, list)) and len(given) == 2 and _many(given[0]):
+    if isinstance(given, (tuple, list)) and len(given) == 2 and _is_array(given[0]):
         t, values = (check.floats(f"samples of the {name}", x) for x in given)
         if t.ndim != 1 or len(t) < 2 or values.ndim not in (1, 2) or len(values) != len(t):
             raise TensegrityError(
@@ -99,7 +101,7 @@ def signals_of(name: str, given: Any) -> tuple[Any, ...]:
     return tuple(None if one is None else expression_of(name, one) for one in given)
 
 
-def _many(x: Any) -> bool:
+def _is_array(x: Any) -> bool:
     return isinstance(x, (list, tuple)) or (isinstance(x, np.ndarray) and x.ndim > 0)
 
 
@@ -147,39 +149,39 @@ def check_signals(signals: Sequence[Any], t_end: float) -> None:
             _refuse_jump(signal, t_end)
 
 
-def quickest(signals: Sequence[Any], t_end: float) -> float:
+def largest_frequency(signals: Sequence[Any], t_end: float) -> float:
     """Largest rate over half of what the values differ by, the largest of all [rad/s]: the angular
     frequency of a sine, whatever it is added to."""
-    return max((_quickness(signal, t_end) for signal in signals), default=0.0)
+    return max((_frequency(signal, t_end) for signal in signals), default=0.0)
 
 
-def _quickness(signal: Any, t_end: float) -> float:
-    t = np.concatenate([np.linspace(0, t_end, LOOKS + 1), *_steepest(signal, t_end)])
+def _frequency(signal: Any, t_end: float) -> float:
+    t = np.concatenate([np.linspace(0, t_end, INTERVALS + 1), *_steepest(signal, t_end)])
     half = float(np.ptp(signal(t))) / 2
     return float(np.max(np.abs(signal(t, 1)))) / half if half else 0.0
 
 
 def _steepest(signal: Any, t_end: float) -> list[Array]:
     """Instants in ever smaller intervals, of which each is the half that changes most."""
-    t = np.linspace(0, t_end, LOOKS + 1)
-    suspects = np.argsort(np.abs(np.diff(signal(t))))[-SUSPECTS:]
-    low, high = t[suspects], t[suspects + 1]
-    seen = [low, high]
+    t = np.linspace(0, t_end, INTERVALS + 1)
+    candidates = np.argsort(np.abs(np.diff(signal(t))))[-CANDIDATES:]
+    low, high = t[candidates], t[candidates + 1]
+    instants = [low, high]
     for _ in range(HALVINGS):
         middle = (low + high) / 2
         values = [signal(x) for x in (low, middle, high)]
         first = np.abs(values[1] - values[0]) > np.abs(values[2] - values[1])
         low, high = np.where(first, low, middle), np.where(first, middle, high)
-        seen += [low, high]
-    return seen
+        instants += [low, high]
+    return instants
 
 
 def _refuse_jump(signal: Any, t_end: float) -> None:
     """Halve the intervals of largest change: a jump stays as large."""
-    low, high = np.reshape(_steepest(signal, t_end), (-1, 2, SUSPECTS)).swapaxes(0, 1)
+    low, high = np.reshape(_steepest(signal, t_end), (-1, 2, CANDIDATES)).swapaxes(0, 1)
     change = np.abs(signal(high) - signal(low))
     left, largest = change[-1], float(change.max())
-    scale = float(np.max(np.abs(signal(np.linspace(0, t_end, LOOKS + 1)))))
+    scale = float(np.max(np.abs(signal(np.linspace(0, t_end, INTERVALS + 1)))))
     if largest > 0 and left.max() > max(JUMP * largest, 1e-9 * scale):
         at = low[-1][int(left.argmax())]
         raise TensegrityError(

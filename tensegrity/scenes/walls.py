@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from tensegrity.typing import Array, Indices
 
-SQUARE = 1e-9  # cosine of the angle of directions that pass as perpendicular
+PERPENDICULAR = 1e-9  # cosine of the angle of directions that pass as perpendicular
 
 
 def floats(name: str, value: ArrayLike) -> Array:
@@ -70,7 +70,7 @@ class Wall(ReadOnly):
         if not np.all(sides > 0):
             raise TensegrityError(f"wall extent {sides} m must be above 0")
         unit = np.vstack([extent / sides[:, None], self.normal])
-        if np.max(np.abs(unit @ unit.T - np.eye(len(unit)))) > SQUARE:
+        if np.max(np.abs(unit @ unit.T - np.eye(len(unit)))) > PERPENDICULAR:
             raise TensegrityError("wall extent is not perpendicular to the normal and to itself")
         object.__setattr__(self, "extent", fixed(extent))
 
@@ -88,23 +88,23 @@ class Wall(ReadOnly):
 
     def height(self, x: Array) -> Array:
         """Distance of points x (..., dim) from the wall's plane [m], > 0 on the normal's side."""
-        return self._alone("height", x)
+        return self._evaluate("height", x)
 
     def overhang(self, x: Array) -> Array:
         """How far the foot of points x (..., dim) lies beyond the nearest edge [m]; < 0 inside."""
-        return self._alone("overhang", x)
+        return self._evaluate("overhang", x)
 
     def distance(self, x: Array) -> Array:
         """Distance of points x (..., dim) from the nearest point of the wall [m]."""
-        return self._alone("distance", x)
+        return self._evaluate("distance", x)
 
-    def _alone(self, name: str, x: Array) -> Array:
+    def _evaluate(self, name: str, x: Array) -> Array:
         x = check.rows("points", x, self.point.shape)
-        pieces = Pieces((self,), self.point.size)
-        return getattr(pieces, name)(x[..., None, :], np.zeros(1, dtype=int))[..., 0]
+        arrays = WallArrays((self,), self.point.size)
+        return getattr(arrays, name)(x[..., None, :], np.zeros(1, dtype=int))[..., 0]
 
 
-class Pieces:
+class WallArrays:
     """Walls with their numbers side by side, asked for points x (..., n, dim), each with the
     number of a wall, (n,)."""
 

@@ -20,13 +20,13 @@ from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array, Flags, Indices
 
 ORDERS = ("energy", "tension", "stiffness")
-CLOSE = np.logspace(-16, 0, 321)  # shares of a range at which a search looks
-EVERY = np.concatenate([CLOSE, np.linspace(0, 1, 201)])
-FINER = [np.arange(1, 65) / 64] * 4
+NEAR_END = np.logspace(-16, 0, 321)  # shares of a range at which a search looks
+SEARCH_FRACTIONS = np.concatenate([NEAR_END, np.linspace(0, 1, 201)])
+REFINEMENTS = [np.arange(1, 65) / 64] * 4
 WAYS = Ways(
-    [np.sort(np.concatenate([CLOSE, 1 - CLOSE[:-1]])), *FINER],
+    [np.sort(np.concatenate([NEAR_END, 1 - NEAR_END[:-1]])), *REFINEMENTS],
     np.ldexp(1.0, np.arange(-1000, 1001, 4)),  # where the range has no end
-    [2.0 ** (np.arange(-324, 1) / 6), *FINER],  # a narrow barrier may stand before it
+    [2.0 ** (np.arange(-324, 1) / 6), *REFINEMENTS],  # a narrow barrier may stand before it
 )
 
 
@@ -60,7 +60,7 @@ class Springs:
         known: dict[tuple, int] = {}
         numbers: dict[tuple, int] = {}
         group = np.zeros(len(springs), dtype=int)
-        sizes = [0] * len(springs) if lengths is None else _sizes(lengths)
+        sizes = [0] * len(springs) if lengths is None else _length_classes(lengths)
         for k, (spring, size) in enumerate(zip(springs, sizes, strict=True)):
             same = id(spring), size
             if same not in known:
@@ -133,9 +133,9 @@ class Springs:
         return fixed(np.array([spring.reach for spring in self.different]).reshape(-1, 2))
 
     @cached_property
-    def force(self) -> str:
+    def force_model(self) -> str:
         """What the tensions are computed by."""
-        return ", ".join(dict.fromkeys(spring.force for spring in self.different))
+        return ", ".join(dict.fromkeys(spring.force_model for spring in self.different))
 
     @cached_property
     def domains(self) -> Array:
@@ -143,7 +143,7 @@ class Springs:
         return fixed(np.array([spring.domain for spring in self.different]).reshape(-1, 2))
 
     @cached_property
-    def _alike(self):
+    def _group_numbers(self):
         """The set that each spring is in: several of one law, which one call evaluates, or one."""
         sets: dict[object, int] = {}
         found = np.zeros(len(self), dtype=int)
@@ -152,16 +152,16 @@ class Springs:
             found[k] = sets.setdefault(spring.law if plain else k, len(sets))
         return fixed(found)
 
-    def _sorted(self, numbers):
+    def _grouped(self, numbers):
         """Bonds of springs of these numbers, those of each set together, and their places."""
-        kind = self._alike[numbers]
+        kind = self._group_numbers[numbers]
         places = [np.flatnonzero(kind == k) for k in np.unique(kind)]
-        return [(_Alike(self, numbers[columns]), columns) for columns in places]
+        return [(_SpringGroup(self, numbers[columns]), columns) for columns in places]
 
     @cached_property
-    def _sets(self):
+    def _groups(self):
         """All bonds."""
-        return self._sorted(self.group.ravel())
+        return self._grouped(self.group.ravel())
 
     def evaluate(self, name: str, r: np.ndarray) -> np.ndarray:
         """Energy [J], tension [N] or stiffness [N/m] of each bond.
@@ -175,7 +175,7 @@ class Springs:
         if len(self) == 1:
             return getattr(self.different[0], name)(r)
         flat = r.reshape(*r.shape[: r.ndim - self.group.ndim], -1)
-        return _evaluated(self._sets, name, flat).reshape(r.shape)
+        return _evaluated(self._groups, name, flat).reshape(r.shape)
 
     def energies(self, mass: Array, contacts: Contacts | None = None) -> Energies | None:
         """The energies of a scene with these bonds; None where no compiled loop has them.
@@ -188,16 +188,16 @@ class Springs:
             Where the bonds are those of a network.
         """
         found = []
-        for alike, columns in self._sets:
-            loop = single(alike.law)
-            if loop is None or "energy" not in alike.law.compiled:
+        for one, columns in self._groups:
+            loop = single(one.law)
+            if loop is None or "energy" not in one.law.compiled:
                 return None
-            found.append((loop, alike.values, self.reach[alike.rows].T, columns))
+            found.append((loop, one.values, self.reach[one.rows].T, columns))
         return Energies(mass, found, contacts)
 
-    def _each(self, name, r, numbers):
+    def _evaluate_springs(self, name, r, numbers):
         """Those of springs of these numbers at points r (points, numbers)."""
-        return _evaluated(self._sorted(numbers), name, r)
+        return _evaluated(self._grouped(numbers), name, r)
 
     def largest(self, name: str, ranges: Array, numbers: Indices | None = None) -> Array:
         """Largest size of the tension [N], or largest stiffness [N/m], of each spring.
@@ -217,13 +217,13 @@ class Springs:
         """
         ranges = ranges if numbers is None else ranges[numbers]
         search = self._searches.get(name)
-        found = search and search.largest(ORDERS.index(name), ranges, numbers, EVERY)
+        found = search and search.largest(ORDERS.index(name), ranges, numbers, SEARCH_FRACTIONS)
         if found:
             largest, is_finite = found
         else:
             numbers = np.arange(len(self)) if numbers is None else numbers
-            points = np.concatenate([end * EVERY[:, None] for end in ranges.T])
-            values = self._each(name, points, numbers)
+            points = np.concatenate([end * SEARCH_FRACTIONS[:, None] for end in ranges.T])
+            values = self._evaluate_springs(name, points, numbers)
             largest = np.max(np.abs(values) if name == "tension" else values, axis=0, initial=0.0)
             is_finite = bool(np.isfinite(largest).all())
         if not is_finite:
@@ -251,20 +251,20 @@ class Springs:
         held, free = np.flatnonzero(np.isfinite(ends)), np.flatnonzero(np.isinf(ends))
         last, locks = np.empty(len(ends)), np.zeros(len(ends), dtype=bool)
         if held.size:
-            last[held], found = self._first(energy, ends[held], numbers[held], WAYS.to_end)
+            last[held], found = self._first_above(energy, ends[held], numbers[held], WAYS.to_end)
             locks[held] = ~found
         if free.size:
             sizes = self._size(energy, np.sign(ends[free]), numbers[free])
-            last[free], _ = self._first(energy, sizes, numbers[free], WAYS.to_size)
+            last[free], _ = self._first_above(energy, sizes, numbers[free], WAYS.to_size)
         return last.reshape(-1, 2), locks[::2] | locks[1::2]
 
-    def _first(self, energy, ends, numbers, looks):
+    def _first_above(self, energy, ends, numbers, levels):
         """As `first` in energies.c, of springs side by side, which need not be compiled."""
         before, beyond, every, found = np.zeros(len(ends)), ends, np.arange(len(ends)), []
-        for shares in looks:
-            r = before + shares[:, None] * (beyond - before)
-            r[shares == 1] = beyond
-            outside = ~(self._each("energy", r, numbers) <= energy)
+        for fractions in levels:
+            r = before + fractions[:, None] * (beyond - before)
+            r[fractions == 1] = beyond
+            outside = ~(self._evaluate_springs("energy", r, numbers) <= energy)
             found.append(outside.any(axis=0))
             first = np.where(found[-1], np.argmax(outside, axis=0), len(r))
             before = np.where(first > 0, r[first - 1, every], before)
@@ -275,9 +275,12 @@ class Springs:
         """As `size` in energies.c."""
         r = signs * WAYS.sizes[:, None]
         with np.errstate(all="ignore"):  # powers over- and underflow
-            known = np.isfinite(self._each("stiffness", r, numbers))
+            known = np.isfinite(self._evaluate_springs("stiffness", r, numbers))
             begun = np.logical_or.accumulate(known, axis=0)
-            unknown, high = begun & ~known, begun & ~(self._each("energy", r, numbers) <= energy)
+            unknown, high = (
+                begun & ~known,
+                begun & ~(self._evaluate_springs("energy", r, numbers) <= energy),
+            )
         ended = unknown | high
         at = np.where(ended.any(axis=0), np.argmax(ended, axis=0), len(r) - 1)
         every = np.arange(len(signs))
@@ -304,7 +307,7 @@ class Springs:
         return dict.fromkeys(names, Search([loops[k] for k in law], parameters, self.domains))
 
 
-class _Alike:
+class _SpringGroup:
     """Bonds whose springs have one law, or are one spring, with their numbers side by side."""
 
     def __init__(self, springs, group):
@@ -339,12 +342,12 @@ def _evaluated(sets, name, r):
     if len(sets) == 1:
         return sets[0][0].evaluate(name, r)
     out = np.empty_like(r)
-    for alike, columns in sets:
-        out[..., columns] = alike.evaluate(name, r[..., columns])
+    for one, columns in sets:
+        out[..., columns] = one.evaluate(name, r[..., columns])
     return out
 
 
-def _sizes(lengths):
+def _length_classes(lengths):
     """A number for each length, the same within a percent or two; -1 for a length of 0."""
     numbers, bonds = np.full(len(lengths), -1), lengths > 0
     if bonds.any():

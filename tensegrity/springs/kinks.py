@@ -18,13 +18,13 @@ from tensegrity.engine.law import in_pieces
 from tensegrity.once import once
 
 DIGITS = 400
-NEAR = "1e-40"  # distance [m] at which a border is looked at: below what any law resolves
+OFFSET = "1e-40"  # distance [m] at which a border is looked at: below what any law resolves
 HIGHEST = 4  # derivative whose jump counts: those of higher ones leave order 5
 LEAST = 1e-10  # jump of a derivative over its size, below which it is round-off of what was typed
 SAME = 1e-17  # of an exponent, and the fraction or the float that it is
 PURE = 1e-15  # coefficient of the next power [1/m] over that of a power that is alone
-MOST = 64  # borders of a law that are told apart
-LOOKS = range(-240, 81)  # powers of 2^(1/4) at which zeros are looked for, where they have no form
+MOST_BORDERS = 64  # borders of a law that are told apart
+SEARCH_EXPONENTS = range(-240, 81)  # of 2^(1/4): sizes between which zeros are bracketed
 Kink = tuple[float, float, float, float]
 TAUT = 1e-10  # of its natural length, by which a string that counts as taut may be shorter
 UNKNOWN: Kink = (math.nan, math.nan, math.nextafter(1.0, 0.0), math.nan)
@@ -69,12 +69,12 @@ def kinks(
             for (_, left), (place, right) in pairwise(pieces):
                 if left != right:
                     found += _kinks_at(law, place, left, right)
-        except (_UnclearError, ArithmeticError, ValueError, TypeError, NotImplementedError):
+        except (_AmbiguousError, ArithmeticError, ValueError, TypeError, NotImplementedError):
             return (UNKNOWN,)
     return tuple(found)
 
 
-class _UnclearError(Exception):
+class _AmbiguousError(Exception):
     pass
 
 
@@ -118,7 +118,7 @@ class _Law:
 
         value = mpmath.mpmathify(self(expression, at, derivative))
         if not mpmath.isfinite(value) or mpmath.im(value):
-            raise _UnclearError
+            raise _AmbiguousError
         return mpmath.re(value)
 
     def pieces(self, energy: Any, low: Any, high: Any) -> list[tuple[Any, Any]]:
@@ -128,19 +128,21 @@ class _Law:
         inner = _innermost(energy)
         if inner is None:
             return [(low, energy)]
-        zeros = {x for g in _deciding(inner) for x in self.zeros(g, low, high)}
+        zeros = {x for g in _switching_functions(inner) for x in self.zeros(g, low, high)}
         borders, found = [low, *sorted(zeros), high], []
-        if len(borders) > MOST:
-            raise _UnclearError
+        if len(borders) > MOST_BORDERS:
+            raise _AmbiguousError
         for start, end in pairwise(borders):
             if mpmath.isinf(start):
                 inside = end - abs(end) - 1 if mpmath.isfinite(end) else mpmath.mpf(1) / 3
             else:
                 inside = (start + end) / 2 if mpmath.isfinite(end) else start + abs(start) + 1
-            found += self.pieces(energy.xreplace({inner: self._chosen(inner, inside)}), start, end)
+            found += self.pieces(
+                energy.xreplace({inner: self._branch_at(inner, inside)}), start, end
+            )
         return found
 
-    def _chosen(self, part: Any, at: Any) -> Any:
+    def _branch_at(self, part: Any, at: Any) -> Any:
         """The smooth expression that a part is near a place."""
         import sympy as sp
 
@@ -148,7 +150,7 @@ class _Law:
             for expression, condition in part.args:
                 if self(condition, at):
                     return expression
-            raise _UnclearError
+            raise _AmbiguousError
         value = [self.real(argument, at) for argument in part.args]
         if isinstance(part, (sp.Max, sp.Min)):
             pick = max if isinstance(part, sp.Max) else min
@@ -163,7 +165,11 @@ class _Law:
         r = self._symbols[0]
         if not g.has(r):
             return []
-        found = self._roots(_coefficients(g, r)) if g.is_polynomial(r) else self._seen(g, low, high)
+        found = (
+            self._roots(_coefficients(g, r))
+            if g.is_polynomial(r)
+            else self._bracketed_zeros(g, low, high)
+        )
         return [x for x in found if low < x < high]
 
     def _roots(self, coefficients: Sequence[Any]) -> list[Any]:
@@ -179,17 +185,20 @@ class _Law:
         rational = [sp.Rational(str(x)) for x in numbers]
         return [_number(x) for x in set(sp.real_roots(sp.Poly(rational, self._symbols[0])))]
 
-    def _seen(self, g: Any, low: Any, high: Any) -> list[Any]:
+    def _bracketed_zeros(self, g: Any, low: Any, high: Any) -> list[Any]:
         """Zeros of an expression that is no polynomial, where its sign changes between looks."""
         import mpmath
 
-        sizes = [mpmath.mpf(2) ** (mpmath.mpf(k) / 4) for k in LOOKS]
-        looks = {mpmath.mpf(0), *sizes, *(-x for x in sizes), low, high} - {mpmath.inf, -mpmath.inf}
-        looks = sorted(x for x in looks if low <= x <= high)
+        sizes = [mpmath.mpf(2) ** (mpmath.mpf(k) / 4) for k in SEARCH_EXPONENTS]
+        points = {mpmath.mpf(0), *sizes, *(-x for x in sizes), low, high} - {
+            mpmath.inf,
+            -mpmath.inf,
+        }
+        points = sorted(x for x in points if low <= x <= high)
         with mpmath.workdps(15):
-            signs = [_sign(self(g, x)) for x in looks]
-        found = [x for x, sign in zip(looks, signs, strict=True) if sign == 0]
-        for a, b, one, other in zip(looks, looks[1:], signs, signs[1:], strict=False):
+            signs = [_sign(self(g, x)) for x in points]
+        found = [x for x, sign in zip(points, signs, strict=True) if sign == 0]
+        for a, b, one, other in zip(points, points[1:], signs, signs[1:], strict=False):
             if one * other < 0:
                 value = lambda x: self(g, x)  # noqa: E731
                 found.append(mpmath.findroot(value, (a, b), solver="anderson", verify=False))
@@ -205,7 +214,7 @@ def _innermost(energy: Any) -> Any:
     return min(inner, key=str, default=None)
 
 
-def _deciding(part: Any) -> list[Any]:
+def _switching_functions(part: Any) -> list[Any]:
     """Expressions at whose zeros another piece may begin."""
     import sympy as sp
 
@@ -246,7 +255,7 @@ def _kinks_at(law: _Law, place: Any, left: Any, right: Any) -> list[Kink]:
     """Kinks at a border between two smooth energies."""
     found, regular = [], []
     for side, energy in ((-1, left), (1, right)):
-        powers, values = _side(law, energy, place, side)
+        powers, values = _one_sided_terms(law, energy, place, side)
         regular.append(values)
         for factor, exponent in powers:  # the energy has the part factor x^exponent
             found.append((float(place), float(factor * exponent), float(exponent - 1), float(side)))
@@ -264,7 +273,7 @@ def _jumps(left: list[Any], right: list[Any]) -> dict[int, Any]:
     """Which derivatives jump where a place is passed, and by how much."""
     import mpmath
 
-    found, far = {}, 100 * mpmath.mpf(NEAR)
+    found, far = {}, 100 * mpmath.mpf(OFFSET)
     size = [max(abs(a), abs(b)) for a, b in zip(left, right, strict=False)]
     for k, (a, b, next_size) in enumerate(zip(left, right, size[1:], strict=False)):
         if abs(b - a) > max(LEAST * size[k], far * next_size):
@@ -272,21 +281,21 @@ def _jumps(left: list[Any], right: list[Any]) -> dict[int, Any]:
     return found
 
 
-def _side(law: _Law, energy: Any, place: Any, side: int) -> tuple[list[Any], list[Any]]:
+def _one_sided_terms(law: _Law, energy: Any, place: Any, side: int) -> tuple[list[Any], list[Any]]:
     """How an energy begins on one side of a place: powers that are no whole numbers, and its
     derivatives as far as they are finite, with one more."""
     import mpmath
 
-    near, order = mpmath.mpf(NEAR), HIGHEST + 1
+    near, order = mpmath.mpf(OFFSET), HIGHEST + 1
     values = [law.real(energy, place + side * near, k) for k in range(order)]
     distance = [near, 2 * near, 4 * near]
     steep = [law.real(energy, place + side * x, order) for x in distance]
     grows = mpmath.log(abs(steep[1] / steep[0]), 2) if steep[0] and steep[1] else mpmath.mpf(0)
     if grows > -SAME:
         return [], [*values, steep[0]]
-    exponent = _named(order + grows)
+    exponent = _recognised(order + grows)
     if exponent <= 1:  # the force is infinite
-        raise _UnclearError
+        raise _AmbiguousError
     powers = exponent, exponent + 1, mpmath.mpf(order)
     rows = [[mpmath.ff(p, order) * x ** (p - order) for p in powers] for x in distance]
     one, next_one, _ = mpmath.lu_solve(mpmath.matrix(rows), mpmath.matrix(steep)) * side**order
@@ -296,7 +305,7 @@ def _side(law: _Law, energy: Any, place: Any, side: int) -> tuple[list[Any], lis
     return found, [*values, steep[0]][: math.ceil(exponent) + 1]
 
 
-def _named(exponent: Any) -> Any:
+def _recognised(exponent: Any) -> Any:
     """The fraction, or the float, that a number is which was found to many digits."""
     import mpmath
 
@@ -304,4 +313,4 @@ def _named(exponent: Any) -> Any:
     for known in (mpmath.mpf(plain.numerator) / plain.denominator, mpmath.mpf(float(exponent))):
         if abs(known - exponent) < SAME:
             return known
-    raise _UnclearError
+    raise _AmbiguousError

@@ -171,7 +171,7 @@ class Polynomial(Potential):
         )
 
     @property
-    def force(self) -> str:
+    def force_model(self) -> str:
         """What stands for the tension."""
         low, high = self.domain
         return f"polynomial of degree {self.degree} on [{low:.4g}, {high:.4g}] m"

@@ -211,7 +211,7 @@ class Potential:
         return self._domain
 
     @property
-    def force(self) -> str:
+    def force_model(self) -> str:
         """What a run computes the tension by."""
         return "exact"
 
@@ -223,7 +223,7 @@ class Potential:
 
     def energy(self, r: ArrayLike) -> Array:
         """Energy V [J] at elongations r [m] of any shape, the ends of the domain included."""
-        return self._known(0, r, closed=True)
+        return self._finite_derivative(0, r, closed=True)
 
     def tension(self, r: ArrayLike) -> Array:
         """Tension dV/dr at given elongations.
@@ -243,17 +243,17 @@ class Potential:
         LockingError
             If any r lies outside `domain`, or at an end of it.
         """
-        return self._known(1, r)
+        return self._finite_derivative(1, r)
 
     def stiffness(self, r: ArrayLike) -> Array:
         """Tangent stiffness d2V/dr2 [N/m] at elongations r [m] of any shape."""
-        return self._known(2, r)
+        return self._finite_derivative(2, r)
 
     def stiffness_slope(self, r: ArrayLike) -> Array:
         """Third derivative d3V/dr3 [N/m^2] at elongations r [m] of any shape."""
-        return self._known(3, r)
+        return self._finite_derivative(3, r)
 
-    def _known(self, order: int, r: ArrayLike, closed: bool = False) -> Array:
+    def _finite_derivative(self, order: int, r: ArrayLike, closed: bool = False) -> Array:
         """A derivative of the energy, refused where the law gives no number."""
         found = self.derivative(order, r, closed)
         if np.isnan(found).any():
@@ -312,21 +312,23 @@ class Potential:
     def __repr__(self) -> str:
         if self.origin:
             return self.origin
-        values = ", ".join(f"{name!r}: {shown(value)}" for name, value in self.parameters.items())
-        length = "" if self._length is None else f", length={shown(self._length)}"
-        domain = ", ".join(map(shown, self._domain))
+        values = ", ".join(
+            f"{name!r}: {number_text(value)}" for name, value in self.parameters.items()
+        )
+        length = "" if self._length is None else f", length={number_text(self._length)}"
+        domain = ", ".join(map(number_text, self._domain))
         law = self.law
         return f"Potential({law.energy}, {law.elongation}, {{{values}}}{length}, domain=({domain}))"
 
 
-def shown(number: float) -> str:
+def number_text(number: float) -> str:
     """The shortest text that reads back as this number: 1 rather than 1.0."""
     return repr(float(number)).removesuffix(".0")
 
 
 def call(name: str, **given: Any) -> str:
     """The text of a call with these numbers, such as f(x=1, y=2)."""
-    return f"{name}({', '.join(f'{key}={shown(value)}' for key, value in given.items())})"
+    return f"{name}({', '.join(f'{key}={number_text(value)}' for key, value in given.items())})"
 
 
 class PowerLaw(Potential):

@@ -29,14 +29,14 @@ from tensegrity.typing import Array
 SIZES = (5, 9, 17, 33, 65)  # nodes of the series in each argument
 LONG = (*SIZES, 129, 257, 513)  # and in time
 PER_NODE = 4  # instants for each node at which a series in time is compared with the springs
-BETWEEN = np.array([-0.99, -0.437, 0.211, 0.683, 0.97])  # where one in arguments is
+TEST_POINTS = np.array([-0.99, -0.437, 0.211, 0.683, 0.97])  # where one in arguments is
 MOST_NODES = 1100  # in all
 WIDER = 1e-3  # of the range of an argument, on either side
-STAYS = 1e-14  # of a parameter: a change that is round-off
+CONSTANT = 1e-14  # of a parameter: a change that is round-off
 GOOD, MISFIT = 1e-13, 1e-11  # of the tension: where series end, and what is refused
-LOOKS = 2001  # instants at which the range of an argument is looked for
+SAMPLES = 2001  # instants at which the range of an argument is looked for
 HALVINGS = 50
-SHARES = np.array([0.02, 0.2, 0.5, 0.8, 0.95])  # of either side of the domain: compared there
+FRACTIONS = np.array([0.02, 0.2, 0.5, 0.8, 0.95])  # of either side of the domain: compared there
 
 
 @dataclass(frozen=True)
@@ -110,7 +110,7 @@ class Tuned:
         self._given, self._tune, self._t_end = spring, tune, t_end
         self._signals = {"time": _clock} if callable(tune) else dict(tune)
         self._first = self._spring(self._arguments(np.array([0.0]), 0)[0])
-        box = self._box()
+        box = self._argument_ranges()
         self.law, self.series, self._low, self._half = self._fit(*box)
         flat = np.abs(self.series.reshape(-1, self.series.shape[-1]))
         self._moves = flat[1:].max(axis=0, initial=0.0) > 0  # the others have one coefficient
@@ -144,13 +144,13 @@ class Tuned:
             return spring_at(self._tune, min(max(t, 0.0), self._t_end))
         return self._given.varied(dict(zip(self._signals, arguments.tolist(), strict=True)))
 
-    def _box(self) -> tuple[Array, Array]:
+    def _argument_ranges(self) -> tuple[Array, Array]:
         """Lowest and highest arguments, up to the first instant at which one has no spring."""
         if callable(self._tune):
             return np.zeros(1), np.full(1, self._t_end)
         while True:
             end = min(self._t_end, self.until)
-            t = np.linspace(0, end, LOOKS)
+            t = np.linspace(0, end, SAMPLES)
             values = self._arguments(t, 0)
             far = np.unique([values.argmin(axis=0), values.argmax(axis=0)])
             bad = [k for k in far if self._refused(values[k])]
@@ -203,7 +203,7 @@ class Tuned:
                                                             zip(sizes, at, strict=True)]))
                 for at in product(*map(range, sizes))
             }  # fmt: skip
-            law, values = self._numbers(list(springs.values()))
+            law, values = self._tabulated(list(springs.values()))
             series = values.reshape(*sizes, -1)
             for axis, n in enumerate(sizes):
                 x = chebyshev.chebpts1(n)
@@ -213,10 +213,10 @@ class Tuned:
                 )  # fmt: skip
             series = np.ascontiguousarray(series)
             flat = series.reshape(-1, series.shape[-1])  # a view
-            flat[1:, np.abs(flat[1:]).max(axis=0, initial=0.0) <= STAYS * np.abs(flat[0])] = 0.0
+            flat[1:, np.abs(flat[1:]).max(axis=0, initial=0.0) <= CONSTANT * np.abs(flat[0])] = 0.0
             found = max(
                 self._misfit(law, series, middle, half, np.where(moves, place, 0.0))
-                for place in self._between(size)
+                for place in self._test_points(size)
             )
             if found <= GOOD:
                 return law, series
@@ -229,7 +229,7 @@ class Tuned:
             f"nodes misses its tension by {worst:.2g} of it, must by {MISFIT:g} at most"
         )
 
-    def _numbers(self, springs: list[Potential]) -> tuple[Any, Array]:
+    def _tabulated(self, springs: list[Potential]) -> tuple[Any, Array]:
         """A law that springs have in common; parameters, and ends of the domain, of each."""
         laws = list(dict.fromkeys(spring.law for spring in springs))
         law: Any = laws[0]
@@ -250,10 +250,10 @@ class Tuned:
             law, rows = Shifted(law), np.column_stack([rows, shifts])
         return law, np.column_stack([rows, np.clip(ends, -NO_END, NO_END)])
 
-    def _between(self, size: int) -> Array:
+    def _test_points(self, size: int) -> Array:
         """Places in [-1, 1] at which a series of that many nodes is compared with the springs."""
         if not callable(self._tune):
-            return BETWEEN
+            return TEST_POINTS
         count = PER_NODE * size
         return 2 * (np.arange(count) + 0.5) / count - 1
 
@@ -265,7 +265,7 @@ class Tuned:
         places = [abs(x[0]) for x in spring.openings if np.isfinite(x[0])]
         size = max(places, default=0.0) or 1.0
         reach = [end if np.isfinite(end) else np.copysign(size, end) for end in spring.reach]
-        r = np.concatenate([reach[0] * SHARES, reach[1] * SHARES])
+        r = np.concatenate([reach[0] * FRACTIONS, reach[1] * FRACTIONS])
         right = spring.tension(r)
         wrong = np.abs(evaluated(law, 1, p, np.ascontiguousarray(r - shift)) - right)
         worst = float(np.max(wrong) / np.max(np.abs(right)))

@@ -16,7 +16,7 @@ import numpy as np
 from tensegrity import check
 from tensegrity.errors import ResolutionError, TensegrityError
 from tensegrity.waves.family import SIGNS
-from tensegrity.waves.travelling import NoWave, amplitude_is, energy_is, speed_is
+from tensegrity.waves.travelling import NoWaveError, amplitude_is, energy_is, speed_is
 
 MOST = 1000  # families of one sign that can be named
 SEARCHES = 60
@@ -38,49 +38,51 @@ def _with_size(family, size, mass):
     def crest(profile):
         return abs(profile.law.reference)
 
-    def say(size):
+    def describe(size):
         return f"crest {family.sign * size:.6g} m"
 
-    if not family.sizes[0] <= size < family.rise.top:
+    if not family.sizes[0] <= size < family.rising_part.top:
         family.wave(size)  # says why not
     profile = _search(
-        family, lambda profile: math.log(crest(profile) / size), size, say(size),
-        lambda profile: say(crest(profile)),
+        family, lambda profile: math.log(crest(profile) / size), size, describe(size),
+        lambda profile: describe(crest(profile)),
     )  # fmt: skip
     return profile, amplitude_is(size / crest(profile))
 
 
 def _with_stiffness(family, above, mass):
-    def say(above):
+    def describe(above):
         return f"speed {math.sqrt((family.rest + above) / mass):.6g} sites/s"
 
     def level(profile):
         return profile.nu * profile.law.secant
 
-    rise = family.rise
-    if above >= rise.ceiling and family.top_stiffness >= 0:
+    part = family.rising_part
+    if above >= part.ceiling and family.top_stiffness >= 0:
         raise TensegrityError(
-            f"{say(above)} must be below {say(rise.ceiling)}: the spring softens, and as "
+            f"{describe(above)} must be below {describe(part.ceiling)}: the spring softens, and as "
             f"waves of {family.name} approach that speed their tops grow flat and endless"
         )
-    if above <= rise.floor:
+    if above <= part.floor:
         raise TensegrityError(
-            f"{say(above)} must be above {say(rise.floor)}, that of the front at which the "
-            f"waves before those of {family.name} end"
+            f"{describe(above)} must be above {describe(part.floor)}, that of the front at which "
+            f"the waves before those of {family.name} end"
         )
 
     def place(value):  # from -inf to inf within the family
-        left = rise.ceiling - value if family.flattens else 1.0
-        return math.log(value - rise.floor) - math.log(left)
+        left = part.ceiling - value if family.ends_in_plateau else 1.0
+        return math.log(value - part.floor) - math.log(left)
 
     def excess(profile):
         value = level(profile)
-        if value <= rise.floor or (family.flattens and value >= rise.ceiling):
-            raise NoWave(f"a wave with {say(value)} is none of {family.name}")
+        if value <= part.floor or (family.ends_in_plateau and value >= part.ceiling):
+            raise NoWaveError(f"a wave with {describe(value)} is none of {family.name}")
         return place(value) - place(above)
 
     start = _start(family, family.long_wave > above)
-    profile = _search(family, excess, start, say(above), lambda profile: say(level(profile)))
+    profile = _search(
+        family, excess, start, describe(above), lambda profile: describe(level(profile))
+    )
     return profile, speed_is(above / profile.law.secant)
 
 
@@ -98,14 +100,14 @@ def _with_energy(family, target, mass):
 
 def _start(family, enough):
     """The first size at which a wave may exist and has enough of something, or the last."""
-    inside = (family.sizes > family.rise.start) & (family.sizes < family.rise.top)
-    found = np.flatnonzero(enough & inside & (family.long_wave > family.rise.floor))
+    inside = (family.sizes > family.rising_part.start) & (family.sizes < family.rising_part.top)
+    found = np.flatnonzero(enough & inside & (family.long_wave > family.rising_part.floor))
     return family.sizes[found[0]] if found.size else _last(family)
 
 
 def _last(family):
     """Size of the largest wave that is looked for [m]: crests beyond kinks, see `pieces`."""
-    return min(family.sizes[-1], FRONT * min(family.end, family.rise.top), family.kink)
+    return min(family.sizes[-1], FRONT * min(family.end, family.rising_part.top), family.kink)
 
 
 def _search(family, excess, start, target, reached):
@@ -114,7 +116,7 @@ def _search(family, excess, start, target, reached):
     Steps are those of log(a/(end - a)), or log a where there is no end.  Where waves end on the
     way, the last one found is described by `reached`.
     """
-    largest, (place, size_at) = _last(family), _coordinate(min(family.end, family.rise.top))
+    largest, (place, size_at) = _last(family), _coordinate(min(family.end, family.rising_part.top))
     size, before = min(start, largest), None
     low, high = -math.inf, math.inf  # coordinates between which the wave must lie
     below = above = None  # waves found there
@@ -124,7 +126,7 @@ def _search(family, excess, start, target, reached):
         try:
             profile = family.wave(size)
             gap = excess(profile)
-        except (NoWave, ResolutionError) as error:
+        except (NoWaveError, ResolutionError) as error:
             profile, reason = None, error
         if gap is not None and abs(gap) < CLOSE:
             return profile
@@ -134,7 +136,7 @@ def _search(family, excess, start, target, reached):
             low, below = max(low, here), profile or below
         one_sided = high - low < NARROW and not (below and above)
         if one_sided or (below and size == largest):
-            raise _beyond(family, target, reached, below, above)
+            raise _out_of_range(family, target, reached, below, above)
         if (gap is None and size == largest) or high - low < SETTLED * (1 + abs(high)):
             break
         new = _next(here, gap, before, low, high)
@@ -164,7 +166,7 @@ def _next(here, gap, before, low, high):
     return (low + high) / 2 if math.isfinite(high - low) else here + step / 8
 
 
-def _beyond(family, target, reached, below, above):
+def _out_of_range(family, target, reached, below, above):
     """The error for what lies beyond the last wave found on one side."""
     side, profile, last = ("above", below, "largest") if below else ("below", above, "smallest")
     range_ = f"the {last} found before the end of the domain or of the family"

@@ -13,17 +13,17 @@ from functools import cached_property
 import numpy as np
 
 from tensegrity.errors import ResolutionError, TensegrityError
-from tensegrity.waves.excess import excess, rising_parts
+from tensegrity.waves.nonlinear_part import nonlinear_part, rising_parts
 from tensegrity.waves.travelling import (
     Grid,
-    NoWave,
+    NoWaveError,
     Profile,
     Scaled,
     amplitude_is,
     cosine_sum,
     decay_rate,
-    solved,
-    started,
+    initial_profile,
+    newton,
 )
 
 SIGNS = {"compression": -1, "rarefaction": 1}  # of the elongation
@@ -57,54 +57,54 @@ NODES = 6  # waves, the stroke left halved from one to the next, from which a li
 class Family:
     """Waves of one sign, ordered by the size a > 0 [m] of the crest's elongation.
 
-    Those of one rise of Q = 2V/r^2, see `excess`: of the first one by default.
+    Those of one rise of Q = 2V/r^2, see `nonlinear_part`: of the first one by default.
     """
 
     def __init__(self, potential, sign, number=0) -> None:
         self.potential, self.sign = potential, sign
         self.name = next(name for name, s in SIGNS.items() if s == sign)
         self.end = sign * potential.domain[int(sign > 0)]
-        self.beyond = excess(potential)
-        self.rest, self.power = self.beyond.rest, self.beyond.growth(sign)[0]
+        self.nonlinear = nonlinear_part(potential)
+        self.rest, self.power = self.nonlinear.rest, self.nonlinear.growth(sign)[0]
         self.sizes, self.gain, self.energy, self.stiffness = self._table()
         self.secant = self.rest + self.gain  # |V'|/a
-        self.rising_parts = rising_parts(self.beyond, sign, self.sizes)
+        self.rising_parts = rising_parts(self.nonlinear, sign, self.sizes)
         self._check_existence()
         if number >= len(self.rising_parts):
             raise TensegrityError(
                 f"no solitary wave of {self.name} {number + 1}: 2V/r^2 rises above what it was "
                 f"before {len(self.rising_parts)} times only"
             )
-        self.rise = self.rising_parts[number]
+        self.rising_part = self.rising_parts[number]
         self.name += f" {number + 1}" if number else ""
         self.long_wave = self.long_wave_at(self.sizes)
 
     def holding(self, name, value):
         """The family of this sign, or the last one, to which a target belongs, see `by_target`."""
         number = next(
-            (k for k, rise in enumerate(self.rising_parts) if value < rise.bound(name)),
+            (k for k, part in enumerate(self.rising_parts) if value < part.bound(name)),
             len(self.rising_parts) - 1,
         )
-        same = self.rise is self.rising_parts[number]
+        same = self.rising_part is self.rising_parts[number]
         return self if same else Family(self.potential, self.sign, number)
 
     def force(self, size):
         """|V'| [N] at sizes of elongation."""
-        return self.rest * size + self.sign * self.beyond.tension(self.sign * size)
+        return self.rest * size + self.sign * self.nonlinear.tension(self.sign * size)
 
     def slope(self, size):
         """V'' [N/m]."""
-        return self.rest + self.beyond.stiffness(self.sign * size)
+        return self.rest + self.nonlinear.stiffness(self.sign * size)
 
     def stored(self, size):
         """V - V(0) [J]."""
-        return self.rest * size * size / 2 + self.beyond.energy(self.sign * size)
+        return self.rest * size * size / 2 + self.nonlinear.energy(self.sign * size)
 
     def _table(self):
         """Sizes a up to the end of the domain, |V'|/a - V''(0), V - V''(0) a^2/2 and V'' there,
         while the spring resists and all is finite; (4, n)."""
-        scale = min(self.beyond.scale, self.end)
-        least = (LEAST if math.isfinite(self.beyond.scale) else LEAST_OF_END) * scale
+        scale = min(self.nonlinear.scale, self.end)
+        least = (LEAST if math.isfinite(self.nonlinear.scale) else LEAST_OF_END) * scale
         if math.isinf(self.end):
             first = math.log2(TINY) if math.isinf(least) else math.log2(least)
             sizes = 2.0 ** (np.arange(PER_BINADE * (MOST_BINADES - first)) / PER_BINADE + first)
@@ -114,7 +114,7 @@ class Family:
             sizes = self.end * np.sort(np.concatenate([near, far[far > 1 / 16]]))
         rows, good = self._rows(sizes)
         # without a scale the energies of the smallest crests underflow
-        first = 0 if math.isfinite(self.beyond.scale) else int(np.argmax(good))
+        first = 0 if math.isfinite(self.nonlinear.scale) else int(np.argmax(good))
         last = len(good) if good[first:].all() else first + int(np.argmin(good[first:]))
         rows = rows[:, first:last]
         if first < last < len(good):  # Q may have its maximum close to where the force ends
@@ -130,8 +130,10 @@ class Family:
         """Lines of the table, and where the spring resists and all is finite."""
         r = self.sign * sizes
         with np.errstate(all="ignore"):
-            gain = self.beyond.tension(r) / r
-            rows = np.array([sizes, gain, self.beyond.energy(r), self.potential.derivative(2, r)])
+            gain = self.nonlinear.tension(r) / r
+            rows = np.array(
+                [sizes, gain, self.nonlinear.energy(r), self.potential.derivative(2, r)]
+            )
             energy = (self.rest + gain) * sizes**2
             return rows, np.isfinite(rows).all(axis=0) & np.isfinite(energy) & (energy > SMALLEST)
 
@@ -143,10 +145,10 @@ class Family:
         T'^2/24 = m c^2 (r T - V) - T^2/2, which vanishes at the crest.
         """
         r = self.sign * size
-        gain = self.beyond.tension(r) / r
+        gain = self.nonlinear.tension(r) / r
         unit = self.rest + np.abs(gain)
         gain, rest = gain / unit, self.rest / unit
-        energy = 2 * self.beyond.energy(r) / size / size / unit
+        energy = 2 * self.nonlinear.energy(r) / size / size / unit
         twice = rest + 2 * gain - energy  # 2 (r T - V)/a^2: not positive where the spring gives way
         good = (twice > 0) & (gain > 0)
         above = (rest * energy + gain**2) / np.where(good, twice, 1.0)
@@ -188,24 +190,25 @@ class Family:
         """The wave of that size, roughly resolved."""
         if size < self.sizes[0]:
             why = "its speed would be that of sound" if self.rest else "its energy would be 0"
-            raise NoWave(
+            raise NoWaveError(
                 f"crest {self.sign * size:g} m must be at least {self.sizes[0]:g} m in size: {why} "
                 "to round-off"
             )
-        if size >= self.rise.top:
+        if size >= self.rising_part.top:
             flat = f", and as waves of {self.name} approach that, their tops grow flat and endless"
-            raise NoWave(
-                f"crest {self.sign * size:g} m must be below {self.rise.top:g} m in size, where "
-                f"2V/r^2 is largest: the spring softens{flat if self.top_stiffness >= 0 else ''}"
+            flat = flat if self.top_stiffness >= 0 else ""
+            raise NoWaveError(
+                f"crest {self.sign * size:g} m must be below {self.rising_part.top:g} m in size, "
+                f"where 2V/r^2 is largest: the spring softens{flat}"
             )
         law = Scaled(self.potential, self.sign * size)
-        if size > (1 - FLAT) * self.rise.top and self.flattens:
+        if size > (1 - FLAT) * self.rising_part.top and self.ends_in_plateau:
             return self._near_front(law)
         nu = float(self.long_wave_at(size)) / law.secant
         points, length = FIRST_POINTS, 0.0
         while points <= MOST_POINTS:
             if not nu > 0:
-                raise NoWave(
+                raise NoWaveError(
                     f"no solitary wave of {self.name} with a crest of {self.sign * size:g} m: it "
                     "would be slower than sound"
                 )
@@ -213,24 +216,24 @@ class Family:
             if needed > 1.2 * length:
                 length, decay = needed, -math.log(ROUGH_TAIL) / (needed - CORE)
                 decay, grid = min(decay, 2.5), Grid(points, length)
-                profile = started(law, grid, decay, self._rough(size), nu, self.power)
+                profile = initial_profile(law, grid, decay, self._rough(size), nu, self.power)
             else:
                 profile = profile.on(Grid(points, length))
-            profile = solved(profile, amplitude_is(1.0), ROUGH)
+            profile = newton(profile, amplitude_is(1.0), ROUGH)
             nu = profile.nu
             if profile.tail > ROUGH and length < LONGEST * needed:
                 length *= 2  # the core is wide, as for a force hardly steeper than linear
             elif profile.tail > NO_TAIL:
-                raise NoWave(f"no localised wave with a crest of {self.sign * size:g} m")
+                raise NoWaveError(f"no localised wave with a crest of {self.sign * size:g} m")
             elif profile.defect() < ROUGH:
                 return profile
             points *= 2
         raise _unresolved(law)
 
     @property
-    def flattens(self):
+    def ends_in_plateau(self):
         """Whether the family ends at a front that its waves come to with flat tops."""
-        return math.isfinite(self.rise.top) and self.top_stiffness > 0
+        return math.isfinite(self.rising_part.top) and self.top_stiffness > 0
 
     @property
     def top_stiffness(self):
@@ -238,19 +241,21 @@ class Family:
 
     def stiffness_from_top(self, part):
         """V'' at `part` of the size at which 2V/r^2 is largest [N/m]; 0 where it is round-off."""
-        found = float(self.potential.stiffness(self.sign * part * self.rise.top))
-        return found if abs(found) > NO_STIFFNESS * (self.rest + self.rise.ceiling) else 0.0
+        found = float(self.potential.stiffness(self.sign * part * self.rising_part.top))
+        return found if abs(found) > NO_STIFFNESS * (self.rest + self.rising_part.ceiling) else 0.0
 
     @cached_property
-    def _flat(self):
+    def _with_plateau(self):
         """A wave with a top that begins to be flat."""
-        return self.wave((1 - FLAT) * self.rise.top)
+        return self.wave((1 - FLAT) * self.rising_part.top)
 
     def _near_front(self, law):
-        speed_squared = (self.rest + self.rise.ceiling) / self.top_stiffness
-        start = _lengthened(self._flat, law, self.rise, decay_rate(speed_squared - 1))
+        speed_squared = (self.rest + self.rising_part.ceiling) / self.top_stiffness
+        start = _lengthened(
+            self._with_plateau, law, self.rising_part, decay_rate(speed_squared - 1)
+        )
         while start.grid.points <= MOST_POINTS:
-            profile = solved(start, amplitude_is(1.0), ROUGH)
+            profile = newton(start, amplitude_is(1.0), ROUGH)
             if profile.defect() < ROUGH:
                 return profile
             start = profile.on(Grid(2 * profile.grid.points, profile.grid.half_length))
@@ -297,7 +302,7 @@ class Family:
             try:
                 near = self.wave(abs(law.reference))
                 profile, _ = refined(near, amplitude_is(1.0))
-            except (NoWave, ResolutionError):
+            except (NoWaveError, ResolutionError):
                 crest = math.nextafter(self.end, 0.0) if finite else abs(law.reference)
                 return self._collision(crest)
             values.append(profile.mu * law.secant)
@@ -317,7 +322,7 @@ class Family:
         return 4 * stored / sigma**2
 
 
-def _lengthened(wave, law, rise, rate):
+def _lengthened(wave, law, rising_part, rate):
     """A rough profile with the crest `law.reference`, closer to the front that ends a rise of Q
     than that of `wave`.
 
@@ -325,19 +330,19 @@ def _lengthened(wave, law, rise, rate):
     the `rate` per site at which small deviations from that state grow in the linear lattice there.
     So a smaller gap lengthens the top and changes little else; see `derivations.softening`.
     """
-    far, near = (rise.top - abs(x.reference) for x in (wave.law, law))  # gaps
+    far, near = (rising_part.top - abs(x.reference) for x in (wave.law, law))  # gaps
     longer = math.log(far / near) / rate
     length = wave.grid.half_length + longer
     grid = Grid(math.ceil(wave.grid.points * length / wave.grid.half_length), length)
     place = grid.x - longer
     outside = np.maximum(place, 0.0)
     series = wave.grid.coefficients(wave.rho * abs(wave.law.reference))
-    slope = rise.top - cosine_sum(series, wave.grid.wave_numbers, outside)
+    slope = rising_part.top - cosine_sum(series, wave.grid.wave_numbers, outside)
     slope += near / 2 * np.exp(-rate * grid.x) - far / 2 * np.exp(-rate * outside)
     top = near * np.cosh(rate * np.minimum(grid.x, longer))
-    rho = (rise.top - np.where(place < 0, top, slope)) / abs(law.reference)
-    left = (rise.ceiling - wave.nu * wave.law.secant) * (near / far) ** 2
-    return Profile(law, grid, rho, (rise.ceiling - left) / law.secant)
+    rho = (rising_part.top - np.where(place < 0, top, slope)) / abs(law.reference)
+    left = (rising_part.ceiling - wave.nu * wave.law.secant) * (near / far) ** 2
+    return Profile(law, grid, rho, (rising_part.ceiling - left) / law.secant)
 
 
 def _unresolved(law):
@@ -358,7 +363,7 @@ def refined(profile, condition):
     density = profile.grid.points / profile.grid.half_length
     previous, tail = math.inf, math.inf
     while (points := _even(length * density)) <= MOST_POINTS:
-        profile = solved(profile.on(Grid(points, length)), condition)
+        profile = newton(profile.on(Grid(points, length)), condition)
         defect = profile.defect()
         if defect <= TARGET or previous / 4 < defect <= LARGEST:
             round_off = 4 * np.finfo(float).eps

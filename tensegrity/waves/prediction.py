@@ -18,8 +18,8 @@ from tensegrity.once import once
 from tensegrity.root import root
 from tensegrity.springs.potential import Potential
 from tensegrity.waves.asymptotics import sound_speed
-from tensegrity.waves.excess import excess, grows_from_rest
 from tensegrity.waves.family import NEAREST, SIGNS, STEADY, Family
+from tensegrity.waves.nonlinear_part import grows_from_rest, nonlinear_part
 from tensegrity.waves.travelling import decay_rate
 
 GROWTH = 1e-6  # relative rise of Q over the last factor of 2 in size, where it has no bound
@@ -132,15 +132,15 @@ class PredictedFamily:
 
         scale = math.log(4 * strength / self._mass) - 2 * math.log(speed)
 
-        def surplus(log_left: float) -> float:
+        def mismatch(log_left: float) -> float:
             sigma = stroke - beta * math.exp(log_left)
             return scale - 2 * math.log(sigma) - power * log_left
 
         high = math.log(stroke / max(beta, 1.0) * (1 - 1e-9))
         low = min((scale - 2 * math.log(stroke)) / power - 1.0, high - 1.0)
-        if surplus(high) > 0:
+        if mismatch(high) > 0:
             raise TensegrityError(f"speed {speed:g} sites/s is too slow for the limit of the tent")
-        left = math.exp(root(surplus, low, high, 1e-14))
+        left = math.exp(root(mismatch, low, high, 1e-14))
         return math.copysign(stroke - left, self.crests[1])
 
     def __str__(self) -> str:
@@ -219,7 +219,7 @@ def predict(potential: Potential, mass: float = 1.0) -> Prediction:
     check.kind("potential", potential, Potential)
     mass = check.number("mass", mass, above=0, unit="kg")
     families, absent = [], {}
-    excess(potential)  # says where the spring is not at rest
+    nonlinear_part(potential)  # says where the spring is not at rest
     sound = sound_speed(potential, mass)  # refuses one that does not return to it
     for name, sign in SIGNS.items():
         try:
@@ -233,24 +233,24 @@ def predict(potential: Potential, mass: float = 1.0) -> Prediction:
 
 
 def _predicted(side: Family, mass: float) -> PredictedFamily:
-    rise, sign = side.rise, side.sign
-    from_rest = rise.start == 0
+    part, sign = side.rising_part, side.sign
+    from_rest = part.start == 0
     first = 0.0 if from_rest else _first_crest(side)
-    why = [_start_in_words(side, from_rest)]
-    holds = [] if math.isinf(rise.ceiling) else [
+    why = [_describe_start(side, from_rest)]
+    holds = [] if math.isinf(part.ceiling) else [
         Hypothesis(
             "V''(r*) > 0 where 2V/r^2 is largest, or V'' = 0 from there on", side.top_stiffness,
-            side.flattens or _plateau(side),
+            side.ends_in_plateau or _is_constant_beyond(side),
         )
     ]  # fmt: skip
-    rate, wall, last = math.nan, (math.nan, math.nan), sign * rise.top
-    if math.isfinite(rise.ceiling):
-        ends, top = "front", rise.ceiling
+    rate, wall, last = math.nan, (math.nan, math.nan), sign * part.top
+    if math.isfinite(part.ceiling):
+        ends, top = "front", part.ceiling
         why.append("2V/r^2 has a maximum, at which tops grow flat and endless")
-        if side.flattens:
+        if side.ends_in_plateau:
             rate = decay_rate((side.rest + top) / side.top_stiffness - 1)
         else:
-            why.append(_unflattened(side))
+            why.append(_describe_degenerate_front(side))
     elif math.isfinite(side.end):
         ends, wall, top, reason = _wall(side)
         why.append(reason)
@@ -264,52 +264,57 @@ def _predicted(side: Family, mass: float) -> PredictedFamily:
         bounded = grows < GROWTH * (side.rest + abs(level[-1]))
         ends, top, last = "none", float(level[-1]) if bounded else math.inf, sign * math.inf
         why.append(f"2V/r^2 rises on and on, {'to a bound' if bounded else 'without bound'}")
-    speeds = [math.sqrt((side.rest + above) / mass) for above in (rise.floor, top)]
-    smooth = side.beyond.rest, side.beyond.slope, side.beyond.bend
+    speeds = [math.sqrt((side.rest + above) / mass) for above in (part.floor, top)]
+    smooth = side.nonlinear.rest, side.nonlinear.slope, side.nonlinear.bend
     return PredictedFamily(
         side.name, "rest" if from_rest else "threshold", ends, (speeds[0], speeds[1]),
         (first, last), rate, wall, tuple(holds), "; ".join(why), mass, smooth,
-        side.beyond.growth(sign),
+        side.nonlinear.growth(sign),
     )  # fmt: skip
 
 
-def _plateau(side: Family) -> bool:
+def _is_constant_beyond(side: Family) -> bool:
     """Whether the force is constant from where 2V/r^2 is largest on."""
     return side.top_stiffness == side.stiffness_from_top(1.01) == 0
 
 
-def _unflattened(side: Family) -> str:
+def _describe_degenerate_front(side: Family) -> str:
     """What the tops of a family do whose front is at a state with V'' <= 0."""
     if side.top_stiffness < 0:
         return "but V'' < 0 there: tops do not grow flat, speeds may pass the limit"
-    if _plateau(side):
+    if _is_constant_beyond(side):
         return "V'' = 0 from there on: tops are flat and as wide as their energy asks"
     return "but V'' = 0 there: there is no rate at which tops grow flat"
 
 
-def _start_in_words(side: Family, from_rest: bool) -> str:
+def _describe_start(side: Family, from_rest: bool) -> str:
     if side.rest == 0:
         return "a sonic vacuum: any amplitude has its wave"
-    if from_rest and grows_from_rest(side.beyond, side.sign):
-        power, _ = side.beyond.growth(side.sign)
+    if from_rest and grows_from_rest(side.nonlinear, side.sign):
+        power, _ = side.nonlinear.growth(side.sign)
         turns = {2.0: "V'''(0)", 3.0: "V''''(0), with V'''(0) = 0,"}
         turn = turns.get(power, f"a force beyond the linear one that goes like |r|^{power:g}")
         return f"{turn} stiffens the spring on this side, so waves start from zero"
-    level = "that of rest" if side.rise.floor == 0 else "that of the front before"
-    return f"2V/r^2 rises above {level} only beyond |r| = {side.rise.start:.6g} m: a threshold"
+    level = "that of rest" if side.rising_part.floor == 0 else "that of the front before"
+    return (
+        f"2V/r^2 rises above {level} only beyond |r| = {side.rising_part.start:.6g} m: a threshold"
+    )
 
 
 def _first_crest(side: Family) -> float:
     """Where the long-wave equation has the level from which the family starts."""
-    below = side.sizes <= side.rise.start
+    below = side.sizes <= side.rising_part.start
     level = side.long_wave[below]
-    slower = np.flatnonzero(level <= side.rise.floor)
+    slower = np.flatnonzero(level <= side.rising_part.floor)
     sizes = side.sizes[below]
     if not slower.size or slower[-1] + 1 >= sizes.size:
-        return side.sign * side.rise.start
+        return side.sign * side.rising_part.start
     low, high = sizes[slower[-1]], sizes[slower[-1] + 1]
     return side.sign * root(
-        lambda size: float(side.long_wave_at(size)) - side.rise.floor, low, high, relative=1e-12
+        lambda size: float(side.long_wave_at(size)) - side.rising_part.floor,
+        low,
+        high,
+        relative=1e-12,
     )
 
 

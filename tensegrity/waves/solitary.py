@@ -26,11 +26,11 @@ from tensegrity.typing import Array
 from tensegrity.waves.asymptotics import sound_speed
 from tensegrity.waves.by_target import near, sign_and_number, stiffness_above
 from tensegrity.waves.family import STROKE, Family, refined
-from tensegrity.waves.pieces import Integrals, beyond_kink, in_pieces
-from tensegrity.waves.travelling import NoWave, Series
+from tensegrity.waves.multidomain import Integrals, may_cross_kink, multidomain_wave
+from tensegrity.waves.travelling import NoWaveError, Series
 
 LEAST_LEVEL = 1e-8  # of the crest, at which a width is asked for
-SHOWN = 1e-3  # of the crest, where a notebook's picture ends
+PLOTTED = 1e-3  # of the crest, where a notebook's picture ends
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,7 +218,7 @@ class SolitaryWave:
 
     def _repr_html_(self) -> str:
         def draw(figure: Any) -> None:
-            near = np.abs(self.x) <= self.reach(SHOWN)
+            near = np.abs(self.x) <= self.reach(PLOTTED)
             axes = figure.subplots()
             axes.plot(self.x[near], self._on_x[near])
             axes.set(xlabel="distance from the crest [sites]", ylabel="elongation [m]")
@@ -273,7 +273,7 @@ def solitary_wave(
     Notes
     -----
     Where the crest is beyond a kink of the force, as where contacts open, the wave is solved in
-    pieces, see `tensegrity.waves.pieces`: seconds, not a tenth of one.
+    pieces, see `tensegrity.waves.multidomain`: seconds, not a tenth of one.
     """
     check.kind("potential", potential, Potential)
     mass = check.number("mass", mass, above=0, unit="kg")
@@ -302,22 +302,22 @@ def solitary_wave(
     try:
         profile, condition = near(side, name, value, mass)
         try:
-            solution = _of(*refined(profile, condition))
-        except NoWave:
-            found = _wave(side, mass, sound, *_of(profile, profile.residual()))
+            solution = _characteristics(*refined(profile, condition))
+        except NoWaveError:
+            found = _wave(side, mass, sound, *_characteristics(profile, profile.residual()))
             raise TensegrityError(
                 f"no solitary wave of {side.name} with {label}: the nearest one found has a "
                 f"crest of {found.amplitude:.6g} m, speed {found.speed:.6g} sites/s and energy "
                 f"{found.energy:.6g} J, where the family ends"
             ) from None
     except TensegrityError:
-        if not beyond_kink(side, name, value):
+        if not may_cross_kink(side, name, value):
             raise
-        solution = in_pieces(side, name, value)
+        solution = multidomain_wave(side, name, value)
     return _wave(side, mass, sound, *solution)
 
 
-def rough_wave(side: Family, mass: float, size: float) -> SolitaryWave:
+def approximate_wave(side: Family, mass: float, size: float) -> SolitaryWave:
     """A wave of a family as it is first found, several times faster than `solitary_wave`.
 
     Parameters
@@ -342,10 +342,10 @@ def rough_wave(side: Family, mass: float, size: float) -> SolitaryWave:
     mass = check.number("mass", mass, above=0, unit="kg")
     profile = side.wave(check.number("size", size, above=0, unit="m"))
     sound = sound_speed(side.potential, mass)
-    return _wave(side, mass, sound, *_of(profile, profile.residual()))
+    return _wave(side, mass, sound, *_characteristics(profile, profile.residual()))
 
 
-def _of(profile, residual):
+def _characteristics(profile, residual):
     """m c^2 [N/m] and that over V''(0), less 1, of a profile that was found by Fourier's series;
     amplitude, energy, residual and shape."""
     law, grid = profile.law, profile.grid
@@ -406,8 +406,8 @@ def largest_speed(
         raise TensegrityError(f"closest {closest:g} must be at most 0.1")
     sign, number = sign_and_number(potential, family, None)
     side = Family(potential, sign, number or 0)
-    if math.isfinite(side.rise.ceiling):
-        return math.sqrt((side.rest + side.rise.ceiling) / mass)
+    if math.isfinite(side.rising_part.ceiling):
+        return math.sqrt((side.rest + side.rising_part.ceiling) / mass)
     if math.isinf(side.end):
         raise TensegrityError("no largest speed: the spring does not lock (its domain is open)")
     return math.sqrt(side.stiffness_at_end(closest) / mass)

@@ -22,7 +22,7 @@ from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.minimum import lowest, round_off
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.ensemble import Ensemble
-from tensegrity.scenes.forcing import entries
+from tensegrity.scenes.forcing import driven_entries
 from tensegrity.scenes.scene import SMALLEST_MASS, Scene, State
 from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array
@@ -85,7 +85,7 @@ def modes(scene: Scene, about: State | None = None, count: int = 10) -> Modes:
     _refuse_moving(listed, u, stiffness)
     moves = np.ones(scene.shape, dtype=bool)
     moves[list(scene.held)] = False
-    moves.reshape(-1)[entries(scene, True)[0]] = False
+    moves.reshape(-1)[driven_entries(scene, True)[0]] = False
     free = np.flatnonzero(moves.ravel())
     count = min(count, free.size)
     mass = np.repeat(scene.mass, moves.size // scene.sites)[free]
@@ -117,7 +117,7 @@ def _equilibrium(scene: Scene, about: State) -> Array:
 def _refuse_moving(scene: Scene, u: Array, stiffness: Any) -> None:
     """Refuse displacements at which the forces on some site do not balance."""
     of, left = dynamics(scene), float(np.max(np.abs(scene.forces(u)), initial=0.0))
-    tensions = np.abs(of.springs.evaluate("tension", of.stretch(u)))
+    tensions = np.abs(of.springs.evaluate("tension", of.elongations(u)))
     meet = float(np.max(tensions, initial=0.0)) + float(np.max(np.abs(scene.loads), initial=0.0))
     lengths = [spring.length or 1.0 for spring in of.springs.different]
     stiffest = float(np.max(stiffness.diagonal(), initial=0.0))

@@ -11,8 +11,8 @@ m c^2 = mu V'(A)/A.  So mu rho = K f(rho), with f(1) = 1, for compression and fo
 
 Near the sound speed that equation says next to nothing: f is almost rest rho, mu almost rest.
 What it says beyond the linear law is nu rho + rest (1 - K) rho = K g(rho), nu = mu - rest and
-g = f - rest rho, see `excess`.  It is solved as rho = P g(rho), P = K/(nu + rest (1 - K)), which
-is as well conditioned at the sound speed as far above it.
+g = f - rest rho, see `nonlinear_part`.  It is solved as rho = P g(rho),
+P = K/(nu + rest (1 - K)), which is as well conditioned at the sound speed as far above it.
 Starting values come from the map rho -> K f/(K f)(0): at given norm it climbs the energy of
 a convex law (M. Herrmann, Proc. R. Soc. Edinburgh A 140, 753 (2010)), so it needs no small wave
 to begin with.  Newton's method does the rest, mu nu being an unknown beside rho.  The amplitude
@@ -29,7 +29,7 @@ import numpy as np
 
 from tensegrity.errors import TensegrityError
 from tensegrity.root import root
-from tensegrity.waves.excess import excess
+from tensegrity.waves.nonlinear_part import nonlinear_part
 
 SWEEPS = 400  # of the map that starts Newton's method
 ROUGHLY = 1e-3  # change of rho in a sweep that ends them
@@ -45,7 +45,7 @@ FINER = 4  # the residual is taken on a grid so many times finer
 SINE_RISE = [(-1) ** n / math.factorial(2 * n + 3) for n in range(8, -1, -1)]  # (1 - sin y/y)/y^2
 
 
-class NoWave(TensegrityError):
+class NoWaveError(TensegrityError):
     """Newton's method found no localised wave."""
 
 
@@ -54,10 +54,10 @@ class Scaled:
 
     def __init__(self, potential, reference) -> None:
         self.potential, self.reference = potential, reference
-        self._excess = excess(potential)
-        gain = float(self._excess.tension(reference)) / reference
-        self.secant = self._excess.rest + gain  # V'(A)/A [N/m]
-        self.rest, self.gain = self._excess.rest / self.secant, gain / self.secant
+        self._nonlinear = nonlinear_part(potential)
+        gain = float(self._nonlinear.tension(reference)) / reference
+        self.secant = self._nonlinear.rest + gain  # V'(A)/A [N/m]
+        self.rest, self.gain = self._nonlinear.rest / self.secant, gain / self.secant
         self.force = self.secant * reference  # V'(A) [N]
 
     def tension(self, rho):
@@ -65,14 +65,14 @@ class Scaled:
 
     def beyond(self, rho):
         """g = f - rest rho."""
-        return self._excess.tension(self.reference * rho) / self.reference / self.secant
+        return self._nonlinear.tension(self.reference * rho) / self.reference / self.secant
 
     def slope(self, rho):
         """g'."""
-        return self._excess.stiffness(self.reference * rho) / self.secant
+        return self._nonlinear.stiffness(self.reference * rho) / self.secant
 
     def energy(self, rho):
-        beyond = self._excess.energy(self.reference * rho) / self.reference / self.reference
+        beyond = self._nonlinear.energy(self.reference * rho) / self.reference / self.reference
         return self.rest * rho * rho / 2 + beyond / self.secant
 
 
@@ -122,7 +122,7 @@ class Grid:
         return _cosines(a) / 2
 
     @cached_property
-    def unsmooth(self):
+    def complement(self):
         """Symbol of 1 - K, also where it is small."""
         half = self.wave_numbers / 2
         series = np.polyval(SINE_RISE, np.minimum(half, 1) ** 2)
@@ -227,7 +227,7 @@ class Profile:
 
     @property
     def _resistance(self):
-        return self.nu + self.law.rest * self.grid.unsmooth
+        return self.nu + self.law.rest * self.grid.complement
 
     @property
     def symbol_rate(self):
@@ -298,7 +298,7 @@ def energy_is(energy):
     return condition
 
 
-def started(law, grid, decay, tension, nu, power=2.0):
+def initial_profile(law, grid, decay, tension, nu, power=2.0):
     """A rough profile with rho(0) = 1: a bump of given decay, swept until it hardly changes.
 
     `tension` is f, or a cheaper function close to it; `nu` a guess that stands where the sweeps
@@ -312,17 +312,17 @@ def started(law, grid, decay, tension, nu, power=2.0):
         change, rho = np.max(np.abs(new - rho)), new
         if change < ROUGHLY:
             break
-    pull = grid.smooth(law.beyond(rho)) - law.rest * grid.apply(grid.unsmooth, rho)
+    pull = grid.smooth(law.beyond(rho)) - law.rest * grid.apply(grid.complement, rho)
     mean = float(grid.weights @ (rho * pull) / (grid.weights @ rho**2))
     return Profile(law, grid, rho, mean if mean > 0 else nu)
 
 
-def solved(profile, condition, converged=CONVERGED):
+def newton(profile, condition, converged=CONVERGED):
     """Newton's method on mu rho = K f(rho) and a condition, from a profile close enough.
 
     Raises
     ------
-    NoWave
+    NoWaveError
         If it does not converge.
     """
     previous = best = math.inf
@@ -331,7 +331,7 @@ def solved(profile, condition, converged=CONVERGED):
         try:
             step_rho, step_nu = _newton_step(profile, condition)
         except (np.linalg.LinAlgError, ValueError) as error:
-            raise NoWave(f"the tangent of the travelling wave is singular: {error}") from None
+            raise NoWaveError(f"the tangent of the travelling wave is singular: {error}") from None
         size = max(np.max(np.abs(step_rho)), abs(step_nu / profile.nu))
         profile = _stepped(profile, step_rho, step_nu)
         if size < converged or (size < STUCK and size > previous / 4):
@@ -340,7 +340,7 @@ def solved(profile, condition, converged=CONVERGED):
         previous, best = size, min(best, size)
         if since_best == PATIENCE:
             break
-    raise NoWave(f"no travelling wave found: the last iteration still moved {previous:.1e}")
+    raise NoWaveError(f"no travelling wave found: the last iteration still moved {previous:.1e}")
 
 
 def _stepped(profile, step_rho, step_nu):
@@ -352,7 +352,7 @@ def _stepped(profile, step_rho, step_nu):
         if new.nu > 0 and low < r.min() and r.max() < high:
             return new
         step_rho, step_nu = step_rho / 2, step_nu / 2
-    raise NoWave("no travelling wave found faster than sound and within the spring's domain")
+    raise NoWaveError("no travelling wave found faster than sound and within the spring's domain")
 
 
 def _newton_step(profile, condition):
@@ -387,7 +387,7 @@ def _by_gmres(grid, symbol, slope, column, row, corner, right):
     operator = LinearOperator((n, n), matvec=tangent, dtype=float)
     step, failed = gmres(operator, right, rtol=1e-6, restart=100, maxiter=1)
     if failed:
-        raise NoWave("the linear solver of the travelling wave did not converge")
+        raise NoWaveError("the linear solver of the travelling wave did not converge")
     return step
 
 
@@ -400,7 +400,7 @@ def decay_rate(gain):
         return math.inf
     wanted = math.log1p(gain) / 2
 
-    def surplus(half):
+    def mismatch(half):
         square = half * half
         series = square / 6 * (1 + square / 20 * (1 + square / 42 * (1 + square / 72)))
         return (
@@ -409,4 +409,4 @@ def decay_rate(gain):
 
     # sinh(y)/y > exp(y)/(4 y) and > 1 + y^2/6
     high = min(2 * wanted + 4, 1.001 * math.sqrt(6 * math.expm1(wanted)))
-    return 2 * root(surplus, high / 8, high, relative=1e-14)
+    return 2 * root(mismatch, high / 8, high, relative=1e-14)

@@ -16,7 +16,7 @@ import numpy as np
 
 from tensegrity.errors import ContactError, StabilityError, TensegrityError
 from tensegrity.readonly import fixed
-from tensegrity.scenes.clearance import Clearance, Tracker
+from tensegrity.scenes.clearance import Clearance, ClearanceMonitor
 from tensegrity.scenes.network_input import contact_geometry
 from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array
@@ -26,7 +26,7 @@ ROWS = 64  # of displacements that are compared at once
 NEAREST = 6  # sites that one may well touch in a run
 
 
-class Following(Clearance):
+class NeighbourList(Clearance):
     """Spheres and walls whose contacts are listed as they come near; as `Clearance`."""
 
     def __init__(self, positions, radius, bonds, walls, wall_contacts):
@@ -54,20 +54,20 @@ class Following(Clearance):
         before = self._by_wall("height", x, walls) > 0
         return _sorted(pairs), _sorted(walls[beside & before]), walls[~(beside & before)]
 
-    def watched(self, u):
+    def near_contacts(self, u):
         """What has to be looked at from displacements u on: ends of walls, listed walls."""
         _, listed, ends = self._near(u)
         return ends, listed
 
-    def room(self, x, moved, ends, listed):
-        """How far every site may move until something could be wrong [m]; as `Clearance.room`."""
+    def free_travel(self, x, moved, ends, listed):
+        """Distance [m] that every site may move before a contact could be missed."""
         found = np.asarray(self.skin / 2 - moved)  # what is not in the lists
         inside = -self._by_wall("overhang", x, listed)
-        for ways in (self.wall_gaps(x, ends), self.hold(x), inside):
+        for ways in (self.wall_gaps(x, ends), self.law_margin(x), inside):
             found = np.asarray(np.minimum(found, np.min(ways, axis=-1, initial=math.inf)))
         return found
 
-    def lasting(self, u):
+    def rows_valid(self, u):
         """How many of some rows of displacements (rows, sites, dim) the list at the first does
         for."""
         for k in range(1, len(u), ROWS):
@@ -78,7 +78,7 @@ class Following(Clearance):
                 return k + int(far[0])
         return len(u)
 
-    def may_last(self, v, t):
+    def may_stay_valid(self, v, t):
         """Whether one list may do for a time t [s] from velocities v on, to go by these."""
         return t * np.sqrt(np.max(np.sum(v**2, axis=-1), initial=0.0)) < self.skin / 2
 
@@ -101,9 +101,9 @@ class Following(Clearance):
     def check(self, u):
         """Nothing to refuse: what touches is listed."""
 
-    def tracker(self, u):
+    def monitor(self, u):
         """A watch that starts at displacements u."""
-        return Follower(self, u)
+        return NeighbourListMonitor(self, u)
 
 
 def _sorted(pairs):
@@ -132,7 +132,7 @@ def contacts_with(scene, geometry, pairs, walls):
 
 
 @dataclass(frozen=True)
-class FollowedLaw:
+class NewContactLaw:
     """The spring of a contact that forms, from what a user gave."""
 
     given: Potential | Callable[..., Any]
@@ -150,7 +150,7 @@ class FollowedLaw:
         return spring
 
 
-def followed_law(contacts: str, law: Any, radius: Array | None) -> Any:
+def new_contact_law(contacts: str, law: Any, radius: Array | None) -> Any:
     """The law of contacts that are followed; None where they are fixed."""
     if not isinstance(contacts, str) or contacts not in ("fixed", "follow"):
         raise TensegrityError(f"contacts {contacts!r} must be 'fixed' or 'follow'")
@@ -158,10 +158,10 @@ def followed_law(contacts: str, law: Any, radius: Array | None) -> Any:
         raise TensegrityError("contacts 'follow' need the radius of the sites")
     if contacts == "fixed" and law is not None:
         raise TensegrityError("law given, but contacts are 'fixed'")
-    return FollowedLaw(law) if contacts == "follow" else None
+    return NewContactLaw(law) if contacts == "follow" else None
 
 
-class Follower(Tracker):
+class NeighbourListMonitor(ClearanceMonitor):
     """Follows one run, and says where the list has to be made anew.
 
     Attributes
@@ -170,7 +170,7 @@ class Follower(Tracker):
         Displacements at which the list is to be made.
     """
 
-    def is_new(self):
+    def needs_new_list(self):
         """Whether contacts have to be listed anew since this was asked."""
         new, self._new = self._new, False
         return new
@@ -182,7 +182,7 @@ class Follower(Tracker):
 
     def verify(self, u, t):
         """Look again after one step that may have gone too far; raise if it did."""
-        of, x = self._of, self._of.positions + u
+        of, x = self._clearance, self._clearance.positions + u
         moved = float(np.sqrt(np.max(np.sum((u - self.at) ** 2, axis=1), initial=0.0)))
         if moved >= of.skin / 2:
             raise StabilityError(
@@ -194,7 +194,7 @@ class Follower(Tracker):
             site, wall = self._pairs[int(np.argmin(gaps))].tolist()
             words = f"site {site} touches the end of wall {wall}"
             if of.walls[wall].overhang(x[site]) < 0:
-                words = of.behind(site, wall, x)
+                words = of.penetration(site, wall, x)
             raise ContactError(f"{words} at t = {t:.6g} s")
         self._list(u)
-        self.look(u)
+        self.update(u)

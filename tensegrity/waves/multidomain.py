@@ -119,10 +119,10 @@ class Integrals:
         values = np.concatenate([values[: mesh.nodes // 2][::-1], values]).reshape(-1, mesh.nodes)
         widths = np.diff(self._edges)[:, None]
         series = (values * mesh.rate * widths) @ mesh.to_series.T
-        self._once = _left(series)
+        self._once = _integrated_to_infinity(series)
         at_nodes = legendre.legval(legendre.leggauss(mesh.nodes)[0], self._once.T)
         series = (at_nodes * mesh.rate * widths) @ mesh.to_series.T
-        self._twice = _left(series)
+        self._twice = _integrated_to_infinity(series)
 
     def once(self, x):
         """Integral from x to infinity."""
@@ -170,7 +170,7 @@ class Integrals:
         return np.where(x < self._edges[-1], value.reshape(x.shape), 0.0)
 
 
-def _left(series):
+def _integrated_to_infinity(series):
     """Series of the integrals from a place in each cell to infinity."""
     found = -legendre.legint(series, lbnd=1, axis=1) / 2
     whole = legendre.legval(-1.0, found.T)
@@ -178,7 +178,7 @@ def _left(series):
     return found
 
 
-def _solved(side, mesh, size, squared):
+def _newton(side, mesh, size, squared):
     """Sizes of elongation on the nodes, and m c^2, by Newton's method."""
     n = len(size)
     for _ in range(ITERATIONS):
@@ -201,13 +201,13 @@ def _solved(side, mesh, size, squared):
     )
 
 
-def beyond_kink(side, name, value):
+def may_cross_kink(side, name, value):
     """Whether a wave of that amplitude, speed or energy may have its crest beyond a kink."""
     low = side.kink if name == "amplitude" else 0.0
-    return side.kink < side.rise.top and low <= value < side.rise.bound(name)
+    return side.kink < side.rising_part.top and low <= value < side.rising_part.bound(name)
 
 
-def in_pieces(side, name, value):
+def multidomain_wave(side, name, value):
     """The wave of a family whose crest is beyond a kink.
 
     Parameters
@@ -229,7 +229,7 @@ def in_pieces(side, name, value):
     """
     kink = side.kink
     try:
-        profile = side.wave(kink + min(side.rise.top - kink, kink) / 2)
+        profile = side.wave(kink + min(side.rising_part.top - kink, kink) / 2)
     except TensegrityError:  # its series does not settle: begin before the kink
         profile = side.wave(BEFORE * kink)
     known = profile.grid.half_length
@@ -257,7 +257,7 @@ def in_pieces(side, name, value):
         for _ in range(SEARCHES):
             mesh = Mesh(place, length, nodes)
             start = size(mesh.x) * kink / float(size(np.array(place)))
-            sizes, squared = _solved(side, mesh, start, squared)
+            sizes, squared = _newton(side, mesh, start, squared)
             size = Integrals(mesh, side.force(sizes) / squared).elongation
             gap = reached(mesh, sizes, squared) / value - 1
             if before and before[0] != place:

@@ -41,7 +41,7 @@ NODES = chebyshev.chebpts1(DEGREE + 1)
 TO_SERIES = np.linalg.inv(chebyshev.chebvander(NODES, DEGREE))
 
 
-class Excess:
+class NonlinearPart:
     """A potential V as V(0) + V''(0) r^2/2 and the excess over it.
 
     Attributes
@@ -209,9 +209,9 @@ def _means(slope, x, zeros=0):
 
 
 @lru_cache(maxsize=256)
-def excess(potential: Potential) -> Excess:
+def nonlinear_part(potential: Potential) -> NonlinearPart:
     """The excess of a potential, worked out once."""
-    return Excess(potential)
+    return NonlinearPart(potential)
 
 
 class RisingPart(NamedTuple):
@@ -239,7 +239,7 @@ class RisingPart(NamedTuple):
         return {"amplitude": self.top, "above": self.ceiling, "energy": math.inf}[name]
 
 
-def rising_parts(beyond, sign, sizes) -> list[RisingPart]:
+def rising_parts(nonlinear, sign, sizes) -> list[RisingPart]:
     """All rises of Q.
 
     Parameters
@@ -252,11 +252,11 @@ def rising_parts(beyond, sign, sizes) -> list[RisingPart]:
     """
 
     def level_at(size):  # Q - V''(0)
-        return 2 * beyond.energy(sign * size) / size / size
+        return 2 * nonlinear.energy(sign * size) / size / size
 
     def slope(size):  # r^3 Q'/2
         r = sign * size
-        return float(r * beyond.tension(r) - 2 * beyond.energy(r))
+        return float(r * nonlinear.tension(r) - 2 * nonlinear.energy(r))
 
     def crossing(low, high, floor):
         if level_at(low) >= floor:
@@ -264,19 +264,19 @@ def rising_parts(beyond, sign, sizes) -> list[RisingPart]:
         return root(lambda size: float(level_at(size)) - floor, low, high, relative=1e-14)
 
     flat = FLAT
-    if beyond.core == 0 < beyond.rest:  # differences of energies, which are round-off near rest
-        sizes, flat = sizes[sizes > NEAR * beyond.scale], ROUGH
+    if nonlinear.core == 0 < nonlinear.rest:  # differences of energies: round-off near rest
+        sizes, flat = sizes[sizes > NEAR * nonlinear.scale], ROUGH
     level = level_at(sizes)
-    unit = beyond.rest + np.abs(level)
+    unit = nonlinear.rest + np.abs(level)
     found: list[RisingPart] = []
     floor, place = 0.0, 0
-    if beyond.rest == 0 and level[1] - level[0] <= flat * unit[0]:  # as steep as a line, or less
+    if nonlinear.rest == 0 and level[1] - level[0] <= flat * unit[0]:  # as steep as a line, or less
         floor = float(level[0])
     while place < len(sizes):
         above = np.flatnonzero(level[place:] - floor > flat * unit[place:])
         if not above.size:
             break
-        if place == floor == 0 and grows_from_rest(beyond, sign):
+        if place == floor == 0 and grows_from_rest(nonlinear, sign):
             above[0] = 0
         first = place + int(above[0])
         start = crossing(sizes[first - 1], sizes[first], floor) if first else 0.0
@@ -288,13 +288,13 @@ def rising_parts(beyond, sign, sizes) -> list[RisingPart]:
         last = first + int(np.argmax(level[first : first + falls[0]]))
         ends = sizes[max(last - 1, 0) : last + 2]
         top = root(slope, ends[0], ends[-1], relative=1e-14)
-        ceiling = float(beyond.tension(sign * top)) / (sign * top)
+        ceiling = float(nonlinear.tension(sign * top)) / (sign * top)
         found.append(RisingPart(start, floor, top, ceiling))
         floor, place = max(floor, ceiling), first + int(falls[0])
     return found
 
 
-def grows_from_rest(beyond, sign) -> bool:
+def grows_from_rest(nonlinear, sign) -> bool:
     """Whether waves of one sign start from zero amplitude: by what V' grows with beyond its linear
     law there."""
-    return beyond.rest == 0 or beyond.growth(sign)[1] > 0
+    return nonlinear.rest == 0 or nonlinear.growth(sign)[1] > 0
