@@ -5,8 +5,8 @@ as the histories of a search.  Its tables stand in one compressed .npz of number
 pickles: in `figures/data`, under version control, or, where they were computed again here, in
 `figures/output/data`.  A file counts as long as it is of the same sources: the module of the
 function, what that imports from `figures`, however far, and the modules in which what these
-import from the packages is defined; comments, docstrings and layout aside.  What lies deeper in
-the packages is left to a slow test, which computes every result again.
+import from the packages is defined; names of modules, comments, docstrings and layout aside.  What
+lies deeper in the packages is left to a slow test, which computes every result again.
 """
 
 from __future__ import annotations
@@ -133,9 +133,12 @@ def read(path):
 
 
 def changed(about, of):
-    """Modules that are not as they were when a result was computed."""
-    was = about[SOURCES]
-    return sorted(name for name in was.keys() | of.keys() if was.get(name) != of.get(name))
+    """Modules that are not as one was when a result was computed, whatever they are called."""
+    was, now = about[SOURCES], set(of.values())
+    return sorted(
+        [name for name, one in of.items() if one not in was.values()]
+        + [name for name, one in was.items() if one not in now and name not in of]
+    )
 
 
 @cache
@@ -161,16 +164,17 @@ def used(module):
 
 @cache
 def digest(path):
-    """What stays the same while only comments, docstrings and layout of a source change."""
+    """What stays the same while comments, docstrings, imports or layout of a source change."""
     text = path.read_bytes()
     text = repr(form(ast.parse(text))).encode() if path.suffix == ".py" else text
     return hashlib.sha256(text).hexdigest()[:16]
 
 
 def form(node):
-    """A syntax tree as nested tuples, the same in every version of Python, without docstrings."""
+    """A syntax tree as nested tuples, the same in every version of Python, without docstrings and
+    imports: what these name is a source by itself, and may be called otherwise."""
     if isinstance(node, list):
-        return [form(one) for one in node]
+        return [form(one) for one in node if not isinstance(one, (ast.Import, ast.ImportFrom))]
     if not isinstance(node, ast.AST):
         return node
     fields = dict(ast.iter_fields(node))
