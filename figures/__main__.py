@@ -25,7 +25,6 @@ from figures._gallery import made, shown, title, write_index, write_page
 HERE = Path(__file__).parent
 OUTPUT, SHOWN = HERE / "output", HERE.parent / "docs" / "pictures"
 SECONDS = _stored.DATA / "seconds.csv"  # of a processor, that each picture takes
-TRUSTED = 30.0  # s of drawing, after which this machine's speed counts as much as that file's
 
 
 def print_table(rows):
@@ -65,7 +64,7 @@ def draw_all(jobs, processes, total):
     """
     known = costs()
     expected = {job.name: known.get(job.name, median(known.values())) for job in jobs}
-    done, left, took, should = total - len(jobs), sum(expected.values()), 0.0, 0.0
+    done, left, slower = total - len(jobs), sum(expected.values()), [1.0] * 5
     for job, one in _draw.finished(_draw.draw, jobs, processes):
         done += 1
         left -= expected[job.name]
@@ -74,8 +73,8 @@ def draw_all(jobs, processes, total):
             traceback.print_exception(one)
             print(f"{place}  FAILED  {job.name}", flush=True)
             continue
-        took, should = took + one.seconds, should + expected[job.name]
-        rest = left / processes * (took + TRUSTED) / (should + TRUSTED)
+        slower += [one.seconds / expected[job.name]] * (expected[job.name] > 1)
+        rest = left / processes * median(slower)
         ending = f"; {span(rest)} left" if rest > 10 else ""
         words = title(pictures()[job.name])
         print(f"{place} {one.seconds:6.1f} s  {one.group}/{job.name}: {words}{ending}", flush=True)
@@ -91,19 +90,19 @@ def write_groups(complete, output):
             write_table(folder / "printed.csv", side_by_side(rows))
 
 
-def update(found, drawn, output):
+def update(found, drawn, output, shown_in=SHOWN, data=_stored.DATA):
     """Refresh what is under version control: pictures that README and site show, results that
     were computed again, and seconds."""
     for group in {module.GROUP for module in found.values()}:
         for name in [group, *found]:
             for path in (output / group).glob(f"{name}.*"):
-                if (SHOWN / path.name).is_file():
-                    shutil.copyfile(path, SHOWN / path.name)
+                if (shown_in / path.name).is_file():
+                    shutil.copyfile(path, shown_in / path.name)
     for path in _stored.MADE.glob("*.npz"):
-        shutil.move(path, _stored.DATA / path.name)
+        shutil.move(path, data / path.name)
     known = costs() | {one.name: round(one.work, 1) for one in drawn}
     names = sorted(known.keys() & pictures().keys())
-    write_table(SECONDS, {"picture": names, "seconds": [known[name] for name in names]})
+    write_table(data / SECONDS.name, {"picture": names, "seconds": [known[name] for name in names]})
 
 
 def arguments_of():

@@ -126,6 +126,7 @@ def finished(function, cases, processes):
                 child.kill()
                 with suppress(ProcessLookupError):
                     os.killpg(child.pid, SIGKILL)
+                child.join()
             raise
 
 
