@@ -108,6 +108,7 @@ def draw(figure: Figure, demo: Demo) -> Callable[[float], None]:
     hit.add_collection(beads)
     (left, low), (right, high) = 1e3 * places.min(axis=0), 1e3 * places.max(axis=0)
     hit.set(xlim=(left - 6, right + 6), ylim=(low - 6, high + 6), aspect="equal", xlabel="x [mm]")
+    hit.set(ylabel="z [mm]")
     hit.set_title(f"a pack of steel beads, struck: motion {MAGNIFIED} times")
     figure.colorbar(beads, ax=hit, label="speed of a bead [m/s]", shrink=0.7, extend="max")
     x = np.linspace(-SEEN, SEEN, 20 * SEEN)
@@ -140,7 +141,7 @@ def main() -> int:
         show(float(part))
         canvas.draw()
         figure.set_layout_engine("none")  # every frame as the first is laid out
-        images.append(Image.fromarray(np.array(canvas.buffer_rgba())).convert("RGB").quantize(64))
+        images.append(Image.fromarray(np.array(canvas.buffer_rgba())).convert("RGB").quantize(128))
     picture, film = (Path(f"tensegrity-demo.{kind}") for kind in ("png", "gif"))
     images[0].save(film, save_all=True, append_images=images[1:], duration=1000 // RATE, loop=0)
     show(0.8)
