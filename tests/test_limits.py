@@ -18,7 +18,8 @@ from figures import (
     limits_stability,
     limits_stiffness,
 )
-from figures.__main__ import render, write_page
+from figures._draw import render
+from figures._gallery import write_page
 from figures._limits import DIFFERENT, EXPLICIT, moved
 
 PAGE = Path(__file__).parent.parent / "docs" / "pictures" / "limits.md"
