@@ -100,7 +100,7 @@ def draw(figure: Figure, demo: Demo) -> Callable[[float], None]:
     strike.set(xlabel="bond", ylabel="compression [m]", xlim=(0, SITES))
     strike.set(ylim=(-0.01, 1.5 * abs(demo.wave.amplitude)), title="a chain, its first site struck")
     press.legend(fontsize=8, loc="upper right")
-    strike.legend(fontsize=8)
+    strike.legend(fontsize=8, loc="upper left")  # where it stays in every frame
     places, u, v = demo.pack.scene.positions, demo.pack.u, demo.pack.v
     size = [1e3 * bead.diameter for bead in demo.pack.scene.beads]
     on, colours = hit.transData, {"cmap": "inferno_r", "clim": (0, FASTEST), "edgecolors": "0.4"}
@@ -108,8 +108,7 @@ def draw(figure: Figure, demo: Demo) -> Callable[[float], None]:
     hit.add_collection(beads)
     (left, low), (right, high) = 1e3 * places.min(axis=0), 1e3 * places.max(axis=0)
     hit.set(xlim=(left - 6, right + 6), ylim=(low - 6, high + 6), aspect="equal", xlabel="x [mm]")
-    hit.set(ylabel="z [mm]")
-    hit.set_title(f"a pack of steel beads, struck: motion {MAGNIFIED} times")
+    hit.set(ylabel="z [mm]", title=f"a pack of steel beads, struck: motion {MAGNIFIED} times")
     figure.colorbar(beads, ax=hit, label="speed of a bead [m/s]", shrink=0.7, extend="max")
     x = np.linspace(-SEEN, SEEN, 20 * SEEN)
 
