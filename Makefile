@@ -14,6 +14,33 @@ READY = .venv/ready
 figures: $(READY)
 	$(BIN)/python -m figures
 
+.PHONY: gallery pictures help
+gallery: $(READY)
+	$(BIN)/python -m figures --all
+
+# What README and site show, under version control: draw it again, with what is stored for it.
+pictures: $(READY)
+	$(BIN)/python -m figures --update $(filter-out benchmark_%,$(basename $(notdir \
+		$(wildcard docs/pictures/*.png))))
+
+define HELP
+make figures       what to see first: 14 pictures in a minute or two, in figures/output
+make gallery       all pictures, slow ones last; goes on where it was stopped
+make derivations   every formula, derived and checked, as a page
+make site          guide, gallery and reference, in docs/_build/site
+make live          a page with a chain that runs in it
+make test          the tests; `make quick` some of them, `make test-slow` the slow ones
+make site-test     the site with a few pictures, opened in a browser
+make faults        how many faults, put into a copy of the code, the tests notice; hours
+make lint          ruff and mypy
+make bench         benchmarks beside other programs
+make pictures      refresh docs/pictures, which README and site show
+make clean         remove .venv and what was built
+endef
+export HELP
+help:
+	@echo "$$HELP"
+
 derivations: $(READY)
 	$(BIN)/python -m derivations --output derivations/output
 

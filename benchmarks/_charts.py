@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from contextlib import contextmanager
 
-from figures.__main__ import OUTPUT, STYLE, write, write_table
+from figures.__main__ import OUTPUT
+from figures._draw import STYLE
+from figures._files import write, write_table
 
 FOLDER = OUTPUT / "benchmarks"
 

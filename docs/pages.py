@@ -23,8 +23,7 @@ from claims import VERDICTS, claims, numbers
 from derivations import ledger, report
 from figures import pictures
 from figures._files import read_printed
-from figures._gallery import in_order, short
-from figures._gallery import title as _title
+from figures._gallery import in_order, named, short, title
 from figures._gallery import words as _words
 
 ROOT = Path(__file__).parent.parent
@@ -53,21 +52,9 @@ ROOMS = {  # page: (title, modules whose public names it holds, modules document
 }  # fmt: skip
 
 
-def named(text):
-    """The two sources by what they are."""
-    for short_name, name in report.SOURCES.items():
-        text = text.replace(short_name, name)
-    return text
-
-
-def title(module):
-    """The first line of a picture's docstring."""
-    return named(_title(module))
-
-
 def words(module):
-    """The paragraphs below it, as Markdown that says what they say."""
-    return [re.sub(r"([*_<\[\]`|])", r"\\\1", named(part)) for part in _words(module)]
+    """The paragraphs of a picture's docstring, as Markdown that says what they say."""
+    return [re.sub(r"([*_<\[\]`|])", r"\\\1", part) for part in _words(module)]
 
 
 def write(path, *parts):
@@ -158,7 +145,7 @@ def gallery(source):
     if missing:
         parts.append(
             f":::{{note}}\n{len(missing)} of {len(pictures())} pictures were not made before this "
-            "site was built: `make figures` makes them all.\n:::"
+            "site was built: `make gallery` makes them all.\n:::"
         )
     for group, found in in_order(groups).items():
         cards = []
@@ -258,26 +245,19 @@ def claim_page(source):
 
 
 def limits(source):
-    """The page on limits as `python -m figures limits` wrote it, and its kin."""
+    """The pages on limits and on those of gradients: as `python -m figures` wrote them, or as they
+    are under version control."""
     parts = []
     for group in ("limits", "gradients"):
-        page = OUTPUT / group / f"{group}.md"
+        made, shown = OUTPUT / group / f"{group}.md", source / "pictures" / f"{group}.md"
+        page = made if made.is_file() else shown
         if page.is_file():
             text = page.read_text(encoding="utf-8")
             for name in re.findall(r"\]\(([\w.]+\.png)\)", text):
                 copied(page.parent / name, source / "limits_pictures")
             text = re.sub(r"\]\(([\w.]+\.png)\)", r"](limits_pictures/\1)", text)
             parts.append(text.replace("# ", "## ", 1) if parts else text)
-        elif not parts:
-            parts.append("# Limits of the methods\n\nRun `python -m figures limits` first.")
     write(source / "limits.md", *parts)
-
-
-def speed(source):
-    """The chart of speed against accuracy, for the written page."""
-    chart = OUTPUT / "benchmarks" / "benchmark_work_precision.png"
-    copied(chart, source / "speed_pictures")
-    copied(OUTPUT / "waves" / "wave_supersonic.png", source / "speed_pictures")
 
 
 def public(modules):
@@ -392,7 +372,6 @@ def make(source):
     derived(source)
     claim_page(source)
     limits(source)
-    speed(source)
     reference(source)
     live(source)
     if missing:

@@ -12,6 +12,24 @@ from __future__ import annotations
 import importlib
 import pkgutil
 
+FIRST = (
+    "prism_drawing",
+    "constitutive_rigid",
+    "derivations_ledger",
+    "response_prestrain",
+    "response_limit_load",
+    "structures_icosahedron",
+    "wave_supersonic",
+    "solitary_profiles",
+    "solitary_families",
+    "wave_collision",
+    "granular_fig2",
+    "granular_motion",
+    "packs_space",
+    "gradients_guide",
+)
+"""What `make figures` draws: what somebody who is new here wants to see, quick ones first."""
+
 
 def pictures():
     """{name: module} of all pictures, in the order of their names."""

@@ -1,65 +1,30 @@
-"""Draw pictures: `python -m figures [NAME...] [--list] [--output FOLDER]`.
+"""Draw pictures: `python -m figures [NAME...] [--all]`; without a name, those to see first.
 
 A group has a folder; a picture has `name.png`, `name.csv` with all its numbers (`figures._files`)
 and, where it moves, `name.gif`.  The lines that a group prints are in `printed.csv`, and
-`index.html` shows all pictures that are there.
+`index.html` shows all pictures that are there.  What is named is drawn; otherwise pictures that
+are there, of the same sources, are left as they are: a command that was stopped goes on.
 """
 
 from __future__ import annotations
 
 import argparse
+import csv
+import shutil
+import signal
 import sys
+import traceback
 from pathlib import Path
+from statistics import median
 
-from tqdm import tqdm
+from figures import FIRST, _draw, _stored, chosen, pictures
+from figures._draw import Job
+from figures._files import read_printed, side_by_side, write_table
+from figures._gallery import made, shown, title, write_index, write_page
 
-from figures import chosen
-from figures._files import side_by_side, write, write_table, write_tables
-from figures._gallery import shown, title, write_index, write_page
-
-OUTPUT = Path(__file__).parent / "output"
-STYLE = {
-    "figure.figsize": (8, 4.5),
-    "figure.dpi": 110,
-    "axes.grid": True,
-    "grid.alpha": 0.25,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "legend.frameon": False,
-    "font.size": 10,
-}
-
-
-def render(name, module, folder):
-    """Compute and draw one picture; returns the files and its lines of the group's table."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    tables = module.data()
-    lines = module.table(tables) if hasattr(module, "table") else []
-    path = folder / f"{name}.csv"
-    write_tables(path, tables, lines)
-    files = [path]
-    with plt.rc_context(STYLE):
-        figure = plt.figure(layout="constrained")
-        module.draw(figure, tables)
-        path = folder / f"{name}.png"
-        write(path, figure.savefig)
-        plt.close(figure)
-        files.insert(0, path)
-        if hasattr(module, "animate"):
-            path = folder / f"{name}.gif"
-            write(path, lambda beside: module.animate(tables, beside))
-            plt.close("all")
-            files.insert(1, path)
-    if hasattr(module, "text"):
-        section = f"## {title(module)}\n\n![{title(module)}]({name}.png)\n\n{module.text(tables)}\n"
-        path = folder / f"{name}.md"
-        write(path, lambda beside: Path(beside).write_text(section))
-        files.append(path)
-    return files, lines
+HERE = Path(__file__).parent
+OUTPUT, SHOWN = HERE / "output", HERE.parent / "docs" / "pictures"
+SECONDS = _stored.DATA / "seconds.csv"  # of a processor, that each picture takes
 
 
 def print_table(rows):
@@ -71,47 +36,159 @@ def print_table(rows):
         print("  ".join(cell.ljust(w) for cell, w in zip(line, widths, strict=True)).rstrip())
 
 
+def costs():
+    """{picture: seconds of a processor that it takes}."""
+    with open(SECONDS, newline="") as file:
+        return {line["picture"]: float(line["seconds"]) for line in csv.DictReader(file)}
+
+
+def span(seconds):
+    """A time in words."""
+    return f"{seconds:.0f} s" if seconds < 90 else f"{seconds / 60:.0f} min"
+
+
+def draw_all(jobs, processes, total):
+    """Draw pictures, and say so of each as it is done.
+
+    Parameters
+    ----------
+    jobs : sequence of Job
+    processes : int
+    total : int
+        Of all pictures, also those that were there before.
+
+    Yields
+    ------
+    Drawn
+        Of each that did not fail.
+    """
+    known = costs()
+    expected = {job.name: known.get(job.name, median(known.values())) for job in jobs}
+    done, left, slower = total - len(jobs), sum(expected.values()), [1.0] * 5
+    for job, one in _draw.finished(_draw.draw, jobs, processes):
+        done += 1
+        left -= expected[job.name]
+        place = f"{done:{len(str(total))}}/{total}"
+        if isinstance(one, BaseException):
+            traceback.print_exception(one)
+            print(f"{place}  FAILED  {job.name}", flush=True)
+            continue
+        slower += [one.seconds / expected[job.name]] * (expected[job.name] > 1)
+        rest = left / processes * median(slower)
+        ending = f"; {span(rest)} left" if rest > 10 else ""
+        words = title(pictures()[job.name])
+        print(f"{place} {one.seconds:6.1f} s  {one.group}/{job.name}: {words}{ending}", flush=True)
+        yield one
+
+
+def write_groups(complete, output):
+    """A page of each group whose pictures are complete, and a table of what is there of each."""
+    for group, there in made(output).items():
+        folder = output / group
+        write_page(group, complete, folder)
+        if rows := [row for name in there for row in read_printed(folder / f"{name}.csv")]:
+            write_table(folder / "printed.csv", side_by_side(rows))
+
+
+def update(found, drawn, output, shown_in=SHOWN, data=_stored.DATA):
+    """Refresh what is under version control: pictures that README and site show, results that
+    were computed again, and seconds."""
+    for group in {module.GROUP for module in found.values()}:
+        for name in [group, *found]:
+            for path in (output / group).glob(f"{name}.*"):
+                if (shown_in / path.name).is_file():
+                    shutil.copyfile(path, shown_in / path.name)
+    for path in _stored.MADE.glob("*.npz"):
+        shutil.move(path, data / path.name)
+    known = costs() | {one.name: round(one.work, 1) for one in drawn}
+    names = sorted(known.keys() & pictures().keys())
+    write_table(data / SECONDS.name, {"picture": names, "seconds": [known[name] for name in names]})
+
+
+def arguments_of():
+    """What the command takes."""
+    parser = argparse.ArgumentParser(prog="python -m figures", description=__doc__.splitlines()[0])
+    add = parser.add_argument
+    add("names", nargs="*", metavar="NAME", help="pictures or groups")
+    add("--all", action="store_true", help="draw all pictures, slow ones last")
+    add("--list", action="store_true", help="name the pictures and their groups")
+    add("--output", type=Path, default=OUTPUT, help="folder for PNG and CSV")
+    add("--processes", type=int, default=2, metavar="N", help="pictures drawn at a time: 2")
+    words = "draw what is there again, and compute again what is stored in figures/data"
+    add("--fresh", action="store_true", help=words)
+    words = "refresh docs/pictures and figures/data by what was drawn"
+    add("--update", action="store_true", help=words)
+    return parser
+
+
+def selected(options):
+    """{name: module} of the pictures that are wanted, in the order in which to draw them."""
+    if options.names:
+        return chosen(options.names)
+    if not (options.all or options.list):
+        return {name: pictures()[name] for name in FIRST}
+    known = costs()
+    return dict(sorted(pictures().items(), key=lambda one: known.get(one[0], 0.0)))
+
+
 def main(arguments=None):
     """Entry point; returns the exit code."""
-    parser = argparse.ArgumentParser(prog="python -m figures", description=__doc__.splitlines()[0])
-    parser.add_argument("names", nargs="*", metavar="NAME", help="pictures or groups")
-    parser.add_argument("--list", action="store_true", help="name the pictures and their groups")
-    parser.add_argument("--output", type=Path, default=OUTPUT, help="folder for PNG and CSV")
+    parser = arguments_of()
     options = parser.parse_args(arguments)
     try:
-        found = chosen(options.names)
+        found = selected(options)
     except ValueError as error:
         parser.error(str(error))
     if options.list:
-        for name, module in found.items():
-            print(f"{name:24} {module.GROUP:14} {module.__doc__.splitlines()[0]}")
+        for name, module in sorted(found.items()):
+            print(f"{name:24} {module.GROUP:14} {title(module)}")
         return 0
-    lines = {}  # of each group's table
+    output, of = options.output, _stored.everything()
+    if options.fresh:
+        shutil.rmtree(_stored.MADE, ignore_errors=True)
+    jobs = [Job(name, output, of, options.fresh) for name in found]
+    if not (options.names or options.fresh):
+        jobs = [job for job in jobs if not _draw.is_there(job)]
+        if there := len(found) - len(jobs):
+            print(f"{there} of {len(found)} pictures are there, of the same sources", flush=True)
+    drawn = []
     try:
-        with tqdm(found.items(), unit="picture", disable=None) as bar:
-            for name, module in bar:
-                bar.set_description(name)
-                folder = options.output / module.GROUP
-                folder.mkdir(parents=True, exist_ok=True)
-                files, rows = render(name, module, folder)
-                lines.setdefault(module.GROUP, []).extend(rows)
-                for path in files:
-                    tqdm.write(f"{path}", file=sys.stdout)
+        for one in draw_all(jobs, max(1, min(options.processes, len(jobs))), len(found)):
+            drawn.append(one)
     except KeyboardInterrupt:
-        print("interrupted; the pictures named above are complete", file=sys.stderr)
-        if options.output.is_dir():
-            write_index(options.output)
+        print("stopped: what is named above is complete; the same command goes on", flush=True)
         return 130
-    for group, rows in lines.items():
-        for path in write_page(group, found, options.output / group):
-            print(path)
-        if rows:
-            print(f"\n{group}")
-            print_table(rows)
-            write_table(options.output / group / "printed.csv", side_by_side(rows))
-    print(write_index(options.output))
-    return 0
+    finally:
+        if output.is_dir():
+            write_groups([name for name in found if _draw.is_there(Job(name, output, of))], output)
+            write_index(output)
+    if options.names:
+        for group in dict.fromkeys(one.group for one in drawn):
+            if rows := [row for one in drawn if one.group == group for row in one.lines]:
+                print(f"\n{group}")
+                print_table(rows)
+    if options.update:
+        update(found, [] if options.fresh else drawn, output)
+    print(last_line(options, output))
+    return int(len(drawn) < len(jobs))
+
+
+def last_line(options, output):
+    """Where to look, and what comes next."""
+    page = (output / "index.html").resolve()
+    page = page.relative_to(Path.cwd()) if page.is_relative_to(Path.cwd()) else page
+    line = f"{page} shows all that is there, with its numbers"
+    if options.names:
+        return line
+    if options.all:
+        return f"{line}; next: `make site` builds the guide, the gallery and the reference"
+    minutes = span(sum(costs().values()) / 2)
+    return (
+        f"{line}; next: README.md has code to start from, `make gallery` draws all "
+        f"{len(pictures())} pictures in {minutes}, `make help` lists the rest"
+    )
 
 
 if __name__ == "__main__":
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # as Ctrl-C
     sys.exit(main())

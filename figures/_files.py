@@ -18,7 +18,7 @@ HEADER = ["table", "column", "row", "value"]
 
 def write(path, save):
     """Have `save(temporary path)` write beside the path, then rename: never half a file."""
-    handle, beside = tempfile.mkstemp(dir=path.parent, suffix=path.suffix)
+    handle, beside = tempfile.mkstemp(prefix=".", suffix=path.suffix, dir=path.parent)
     os.close(handle)
     try:
         save(beside)

@@ -7,6 +7,7 @@ from html import escape
 from inspect import cleandoc
 from pathlib import Path
 
+from derivations.report import SOURCES
 from figures import chosen, pictures
 from figures._files import read_printed, write
 
@@ -28,14 +29,21 @@ code { font-size: .9em; }
 """
 
 
+def named(text):
+    """Text with the two sources by what they are."""
+    for short_name, name in SOURCES.items():
+        text = text.replace(short_name, name)
+    return text
+
+
 def title(module):
     """The first line of a picture's docstring."""
-    return module.__doc__.splitlines()[0].rstrip(".")
+    return named(module.__doc__.splitlines()[0].rstrip("."))
 
 
 def words(module):
     """The paragraphs of a picture's docstring after the first line."""
-    rest = cleandoc(module.__doc__).partition("\n")[2].strip()
+    rest = named(cleandoc(module.__doc__).partition("\n")[2].strip())
     return [" ".join(part.split()) for part in re.split(r"\n\s*\n", rest) if part]
 
 

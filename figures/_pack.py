@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from concurrent.futures import ProcessPoolExecutor
-from functools import cache
 
 import numpy as np
 
+from figures import _searches
+from figures._stored import stored
 from granular import Bead, Striker, hexagonal_pack, materials
 from granular.design import Choice, Order, objective, search
 from granular.design.objective import wall_peak
 from tensegrity import sweep
 
+GROUP = "protectors"
 STEEL, PTFE = materials["steel"], materials["ptfe"]
 DIAMETER = 9.53e-3  # m
 HARD, SOFT = Bead(DIAMETER, STEEL), Bead(DIAMETER, PTFE)
@@ -59,23 +61,32 @@ def peak(beads):
     return wall_peak(build, beads, T_END, FINE)
 
 
-@cache
+@stored(GROUP)
+def searches():
+    """The search of each of the spaces, as columns."""
+    with ProcessPoolExecutor() as pool:
+        return {
+            name: _searches.columns(search(
+                space, striker=STRIKER, wall=STEEL, t_end=T_END, build=build, budget=BUDGET,
+                executor=pool,
+            )) for name, space in SPACES.items()
+        }  # fmt: skip
+
+
+def best(name):
+    """The result of the search of one of the spaces."""
+    return _searches.found(searches()[name])
+
+
+@stored(GROUP)
 def peaks():
-    """{design: (force [N], time [s])} of what is compared, and of all random orders."""
+    """Force on the floor [N] and its time [s] of what is compared, and of all random orders."""
     space = SPACES["order of half steel, half PTFE"]
     drawn = [space.beads(row) for row in space.random(np.random.default_rng(0), DRAWN)]
     with ProcessPoolExecutor() as pool:
-        found = sweep(peak, [*COMPARED.values(), *drawn], pool)
-    return dict(zip(COMPARED, found, strict=False)), np.array(
-        [f for f, _ in found[len(COMPARED) :]]
-    )
-
-
-@cache
-def best(name):
-    """The result of the search of one of the spaces."""
-    with ProcessPoolExecutor() as pool:
-        return search(
-            SPACES[name], striker=STRIKER, wall=STEEL, t_end=T_END, build=build, budget=BUDGET,
-            executor=pool,
-        )  # fmt: skip
+        found = np.array(sweep(peak, [*COMPARED.values(), *drawn], pool))
+    compared, drawn = found[: len(COMPARED)].T, found[len(COMPARED) :].T
+    return {
+        "compared": {"design": list(COMPARED), "force [N]": compared[0], "time [s]": compared[1]},
+        "drawn": {"force [N]": drawn[0], "time [s]": drawn[1]},
+    }

@@ -13,10 +13,13 @@ from functools import cache
 
 import numpy as np
 
+from figures import _searches
+from figures._stored import stored
 from granular import Bead, Striker, chain, energies, materials, simulate, wall_force
 from granular.design import Choice, Order, Sizes, objective, peak_force, search
 from tensegrity import Record, largest_peak, sweep
 
+GROUP = "protectors"
 STEEL = materials["steel"]
 BIG, SMALL = Bead(10e-3, STEEL), Bead(4e-3, STEEL)
 SOFT = Bead(10e-3, materials["ptfe"])
@@ -26,6 +29,7 @@ COUNT = 20
 RANDOM, SEEDS = 1000, 5  # designs drawn with each seed
 PART = 2048  # designs of one case of a sweep
 ROWS = 3000  # recorded rows of a trace
+QUANTILES = (0.0001, 0.001, 0.01, 0.1, 0.5)  # of the forces of all orders
 
 
 @dataclass(frozen=True)
@@ -108,9 +112,9 @@ def found(case):
     )  # fmt: skip
 
 
-@cache
-def searches():
-    """{(scene, method): results of all seeds}, on all processors."""
+@stored(GROUP)
+def histories():
+    """Every search, as columns: {"scene method seed": columns}."""
     cases = [
         (name, method, seed)
         for name, scene in SCENES.items()
@@ -119,10 +123,20 @@ def searches():
     ]
     with ProcessPoolExecutor() as pool:
         results = sweep(found, cases, executor=pool)
-    kept = {}
-    for (name, method, _), result in zip(cases, results, strict=True):
-        kept.setdefault((name, method), []).append(result)
-    return kept
+    return {
+        " ".join(map(str, case)): _searches.columns(one)
+        for case, one in zip(cases, results, strict=True)
+    }
+
+
+@cache
+def searches():
+    """{(scene, method): what each seed found}."""
+    together = {}
+    for name, columns in histories().items():
+        scene, method, _ = name.split()
+        together.setdefault((scene, method), []).append(_searches.found(columns))
+    return together
 
 
 @cache
@@ -139,8 +153,7 @@ def drawn(name):
     """Forces of random designs, in the order in which they were drawn [N]; (seeds, designs)."""
     space = SCENES[name].space
     rows = [space.random(np.random.default_rng(seed), RANDOM) for seed in range(SEEDS)]
-    with ProcessPoolExecutor() as pool:
-        return np.array(sweep(some, [(name, one) for one in rows], executor=pool))
+    return np.array([some((name, one)) for one in rows])
 
 
 def some(case):
@@ -153,15 +166,23 @@ def some(case):
     return objective.largest(designs, STRIKER, STEEL, scene.t_end, steps).force
 
 
-@cache
-def every_order(name):
-    """All rows of genes of an order of two kinds, and their forces [N]."""
+@stored(GROUP)
+def every_order():
+    """All 184756 orders of T1: the best thousandth of them with their forces, and quantiles."""
     places = np.array(list(itertools.combinations(range(COUNT), COUNT // 2)))
     rows = np.ones((len(places), COUNT), dtype=int)
     np.put_along_axis(rows, places, 0, axis=1)
-    cases = [(name, rows[k : k + PART]) for k in range(0, len(rows), PART)]
+    cases = [("T1", rows[k : k + PART]) for k in range(0, len(rows), PART)]
     with ProcessPoolExecutor() as pool:
-        return rows, np.concatenate(sweep(some, cases, executor=pool))
+        forces = np.concatenate(sweep(some, cases, executor=pool))
+    top = np.argsort(forces)[: round(1e-3 * len(forces))]
+    return {
+        "best": {
+            "force [N]": forces[top],
+            "design": ["".join("Ab"[k] for k in rows[j]) for j in top],
+        },
+        "quantiles": {"share": QUANTILES, "force [N]": np.quantile(forces, QUANTILES)},
+    }
 
 
 def letters(name, beads):

@@ -21,7 +21,7 @@ COLOURS = {"steel": "0.45", "ptfe": "#f4f1e6", "rubber": "#303030", "bronze": "#
 
 def data():
     """Floor peaks of all designs, the searches, floor forces in time, the best in motion."""
-    compared, drawn = common.peaks()
+    compared, drawn = common.peaks()["compared"], common.peaks()["drawn"]["force [N]"]
     found = {name: common.best(name) for name in common.SPACES}
     rows = {"design": [], "floor peak [N]": [], "at [us]": [], "designs": [], "seed": []}
 
@@ -29,17 +29,17 @@ def data():
         for column, value in zip(rows.values(), values, strict=True):
             column.append(value)
 
-    for name, (force, time) in compared.items():
+    for name, force, time in zip(*compared.values(), strict=True):
         add(name, force, 1e6 * time, 1, "")
     add("random orders, median", float(np.median(drawn)), "", len(drawn), 0)
     add("random orders, best", float(drawn.min()), "", len(drawn), 0)
     tables = {"peaks": rows}
     for name, best in found.items():
         add(f"{name}, evolution", best.peak_force, 1e6 * common.peak(best.beads)[1],
-            best.evaluations, best.seed)  # fmt: skip
+            len(best.least), best.seed)  # fmt: skip
         tables[f"history {name}"] = {
-            "designs": np.arange(1, best.evaluations + 1),
-            "least [N]": np.minimum.accumulate(best.history),
+            "designs": np.arange(1, len(best.least) + 1),
+            "least [N]": best.least,
         }
     columns = {}
     shown = {

@@ -14,10 +14,10 @@ BETTER = "random ones better than the stepped one"
 COLOURS = {"ga": "C0", "cma": "C1"}
 
 
-def curve(history):
+def curve(least):
     """Designs computed, and the least force so far, at some of them."""
-    marks = MARKS[len(history) >= MARKS]
-    return marks, np.minimum.accumulate(history)[marks - 1]
+    marks = MARKS[len(least) >= MARKS]
+    return marks, least[marks - 1]
 
 
 def data():
@@ -26,14 +26,14 @@ def data():
     for (name, method), results in common.searches().items():
         columns = {}
         for one in results:
-            marks, least = curve(one.history)
+            marks, least = curve(one.least)
             columns["designs"] = max(columns.get("designs", marks), marks, key=len)
             columns[f"seed {one.seed} [N]"] = least
         tables[f"{name} {method}"] = columns
     for name, scene in common.SCENES.items():
         drawn = common.drawn(name)
         tables[f"{name} random"] = {"designs": curve(drawn[0])[0]}
-        for seed, one in enumerate(drawn):
+        for seed, one in enumerate(np.minimum.accumulate(drawn, axis=1)):
             tables[f"{name} random"][f"seed {seed} [N]"] = curve(one)[1]
         forces = common.forces(list(scene.compared.values()), scene.t_end)
         known = dict(zip(scene.compared, forces, strict=True))
@@ -45,21 +45,16 @@ def data():
     for (name, method), results in common.searches().items():
         for one in results:
             for key, value in {
-                "scene": name, "method": method, "seed": one.seed, "designs": one.evaluations,
+                "scene": name, "method": method, "seed": one.seed, "designs": len(one.least),
                 "force [N]": one.peak_force, "converged in time": one.converged_in_time,
                 "rejected": one.rejected, "design": common.letters(name, one.beads),
             }.items():  # fmt: skip
                 columns.setdefault(key, []).append(value)
     tables["found"] = columns
-    rows, forces = common.every_order("T1")
-    order = np.argsort(forces)
-    tables["T1 all"] = {
-        "rank": np.arange(1, 21),
-        "force [N]": forces[order[:20]],
-        "design": ["".join("Ab"[k] for k in rows[j]) for j in order[:20]],
-    }
-    shares = (0.0001, 0.001, 0.01, 0.1, 0.5)
-    tables["T1 quantiles"] = {"share": shares, "force [N]": np.quantile(forces, shares)}
+    orders = common.every_order()
+    tables["T1 all"] = {"rank": np.arange(1, 21)}
+    tables["T1 all"] |= {name: values[:20] for name, values in orders["best"].items()}
+    tables["T1 quantiles"] = orders["quantiles"]
     return tables
 
 

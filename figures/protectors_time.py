@@ -7,6 +7,7 @@ import time
 import numpy as np
 
 from figures import _protectors as common
+from figures._stored import stored
 from granular.design import search
 
 NAME = "protectors_time"
@@ -30,6 +31,7 @@ def timed(method, seed, budget):
     return found, time.process_time() - began
 
 
+@stored("protectors_time")
 def data():
     """Least force against processor time, of each method and seed; what was reached."""
     tables, reached = {}, {}

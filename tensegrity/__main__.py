@@ -4,7 +4,8 @@ It prints versions, the compiler, the cache folder and the number of threads, th
 numbers with independent values: a derived stiffness, the speed of an exact wave, the impact of two
 beads, a path of equilibria.  The exit code is 0 if all agree, otherwise 1.
 
-`python -m tensegrity --clean` empties the cache folder instead.
+`python -m tensegrity --clean` empties the cache folder instead; `python -m tensegrity demo` presses
+a prism, strikes a chain and a pack, and draws what it finds.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import platform
 import sys
 import time
 from argparse import ArgumentParser
+from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from typing import NamedTuple
 
@@ -35,6 +37,7 @@ from tensegrity.waves.solitary import solitary_wave
 
 PACKAGES = ("numpy", "scipy", "sympy", "casadi", "matplotlib", "tqdm", "cmaes", "ziglang", "dask",
             "mpi4py", "xarray", "pandas")  # fmt: skip
+DEMO = "granular.demo"  # by its name, since no room here imports that package
 
 
 class Check(NamedTuple):
@@ -115,7 +118,7 @@ def installed() -> str:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Print what is installed and the self-test, or empty the cache.
+    """Print what is installed and the self-test, empty the cache, or run the demonstration.
 
     Returns
     -------
@@ -124,7 +127,12 @@ def main(arguments: list[str] | None = None) -> int:
     """
     parser = ArgumentParser(prog="python -m tensegrity", description=__doc__)
     parser.add_argument("--clean", action="store_true", help="empty the cache of compiled kernels")
-    if parser.parse_args(arguments).clean:
+    words = "write tensegrity-demo.png and .gif"
+    parser.add_argument("command", nargs="?", choices=["demo"], help=words)
+    given = parser.parse_args(arguments)
+    if given.command == "demo":
+        return int(import_module(DEMO).main())
+    if given.clean:
         print(f"{trim(0, age=0.0) / 1e6:.1f} MB freed in {cache_folder()}")
         return 0
     print(installed())

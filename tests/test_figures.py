@@ -1,6 +1,9 @@
 """The pictures: their numbers make the claims, their files are whole."""
 
+import multiprocessing
 import os
+import re
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -8,8 +11,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from figures import chosen, constitutive_rigid, pictures, prism_drawing, wave_supersonic
-from figures.__main__ import main
+from figures import (
+    FIRST,
+    _draw,
+    _stored,
+    chosen,
+    constitutive_rigid,
+    derivations_ledger,
+    pictures,
+    prism_drawing,
+    wave_supersonic,
+)
+from figures.__main__ import arguments_of, costs, main, selected, update
+from figures._draw import Job
 from figures._files import PRINTED, read_printed, read_tables, write_tables
 from figures._gallery import made, write_index
 
@@ -63,6 +77,9 @@ def test_pictures_are_written_with_their_tables(tmp_path, capsys):
     folder = tmp_path / "constitutive"
     assert (folder / "constitutive_rigid.png").read_bytes().startswith(b"\x89PNG")
     assert {path.suffix for path in folder.iterdir()} == {".png", ".csv"}
+    said = capsys.readouterr().out
+    assert re.search(r"1/1 +[0-9.]+ s  constitutive/constitutive_rigid: Load and energy", said)
+    assert said.splitlines()[-1].startswith(f"{tmp_path / 'index.html'} shows all")
     written = read_tables(folder / "constitutive_rigid.csv")
     computed = constitutive_rigid.data()
     assert set(written) == set(computed)
@@ -125,3 +142,115 @@ def test_the_second_start_compiles_nothing(tmp_path):
         kernels = (tmp_path / "tensegrity").glob("**/*.so")
         found.append({path: path.stat().st_ctime_ns for path in kernels})
     assert found[0] == found[1] != {}
+
+
+def test_the_first_pictures_are_few_of_many_jobs_and_take_two_minutes_at_most():
+    assert 12 <= len(FIRST) <= 16
+    assert len(set(FIRST)) == len(FIRST)
+    groups = {pictures()[name].GROUP for name in FIRST}
+    assert {"derivations", "constitutive", "response", "waves", "granular", "packs"} <= groups
+    assert list(selected(arguments_of().parse_args([]))) == list(FIRST)
+    assert sum(costs()[name] for name in FIRST) / 2 < 120
+    assert costs()[FIRST[0]] + costs()[FIRST[1]] < 5
+
+
+def test_all_pictures_have_a_cost_and_the_slow_ones_come_last():
+    assert costs().keys() == pictures().keys()
+    order = [costs()[name] for name in selected(arguments_of().parse_args(["--all"]))]
+    assert order == sorted(order)
+    assert sum(order) / 2 < 12 * 60
+
+
+def test_names_of_pictures_are_those_of_their_modules():
+    for name, module in pictures().items():
+        assert module.__name__ == f"figures.{name}"
+
+
+def test_what_was_stopped_goes_on_where_it_was(tmp_path, capsys):
+    """All but one of the first pictures are there, of the same sources."""
+    of, last = _stored.everything(), "prism_drawing"
+    for name in set(FIRST) - {last}:
+        mark = _draw.mark_of(Job(name, tmp_path, of))
+        mark.parent.mkdir(exist_ok=True)
+        mark.write_text("other sources" if name == "constitutive_rigid" else of)
+    assert main(["--output", str(tmp_path), "--processes", "1"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    n = len(FIRST)
+    assert lines[0] == f"{n - 2} of {n} pictures are there, of the same sources"
+    assert [line.split()[0] for line in lines[1:3]] == [f"{n - 1}/{n}", f"{n}/{n}"]
+    assert "start/prism_drawing: A prism, labelled" in lines[1]
+    assert "make gallery" in lines[3]
+    assert len(lines) == 4
+    assert main(["--output", str(tmp_path)]) == 0
+    assert f"{n} of {n} pictures are there" in capsys.readouterr().out
+
+
+def works(case):
+    """What is given back, what fails, what never ends."""
+    if case < 0:
+        raise ValueError("negative")
+    return case if case < 10 else signal.sigwait([signal.SIGUSR1])
+
+
+def test_pictures_are_drawn_by_processes_and_one_that_fails_stops_no_other():
+    found = dict(_draw.finished(works, [1, -1, 2, 3], 2))
+    assert isinstance(found.pop(-1), ValueError)
+    assert found == {1: 1, 2: 2, 3: 3}
+
+
+def test_what_stops_drawing_stops_its_processes():
+    drawing = _draw.finished(works, [1, 10, 11, 12], 2)
+    assert next(drawing) == (1, 1)
+    assert multiprocessing.active_children() != []
+    drawing.close()
+    assert multiprocessing.active_children() == []
+
+
+def test_nothing_under_version_control_lies_where_pictures_are_drawn():
+    assert "figures/output/" in (ROOT / ".gitignore").read_text().splitlines()
+    if (ROOT / ".git").exists():
+        command = ["git", "ls-files", "figures/output"]
+        answer = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+        assert answer.stdout == ""
+
+
+def test_only_pictures_that_are_shown_elsewhere_are_refreshed(tmp_path):
+    output, shown, data = (tmp_path / name for name in ("output", "shown", "data"))
+    for folder in (output / "start", shown, data):
+        folder.mkdir(parents=True)
+    for name in ("prism_drawing.png", "prism_drawing.csv"):
+        (output / "start" / name).write_text("new")
+    (shown / "prism_drawing.png").write_text("old")
+    (shown / "wave_supersonic.png").write_text("old")
+    one = _draw.Drawn("prism_drawing", "start", [], 3.0, 2.04)
+    update(chosen(["prism_drawing"]), [one], output, shown, data)
+    assert {path.name: path.read_text() for path in shown.iterdir()} == {
+        "prism_drawing.png": "new",
+        "wave_supersonic.png": "old",
+    }
+    assert "prism_drawing,2.0" in (data / "seconds.csv").read_text()
+
+
+@pytest.mark.slow
+def test_the_ledger_is_drawn_as_it_is_decided():
+    tables = derivations_ledger.data()
+    here = {line["quantity"]: line["here"] for line in derivations_ledger.table(tables)}
+    count = len(tables["entries"]["name"])
+    assert here["verdicts that the derivations confirm"] == count
+    assert (
+        sum(here[name] for name in ("holds", "holds under a convention", "slip"))
+        + here["a claim without formula"]
+        == count
+    )
+    assert len(tables["slips"]["printed"]) == here["slip"] > 0
+    for printed, derived in zip(
+        tables["slips"]["printed"], tables["slips"]["derived"], strict=True
+    ):
+        assert printed != derived
+
+
+def test_make_help_names_every_target():
+    text = (ROOT / "Makefile").read_text()
+    targets = {x for line in re.findall(r"^\.PHONY: (.*)$", text, re.M) for x in line.split()}
+    answer = subprocess.run(["make", "help"], cwd=ROOT, capture_output=True, text=True)
+    assert targets - {"help"} == set(re.findall(r"make ([a-z-]+)", answer.stdout))

@@ -21,7 +21,8 @@ from figures import (
     granular_steps,
     granular_uniform,
 )
-from figures.__main__ import main, print_table, render, shown
+from figures.__main__ import main, print_table, shown
+from figures._draw import render
 
 
 @pytest.fixture(scope="module")

@@ -18,10 +18,11 @@ from figures import (
     limits_stability,
     limits_stiffness,
 )
-from figures.__main__ import render, write_page
+from figures._draw import render
+from figures._gallery import write_page
 from figures._limits import DIFFERENT, EXPLICIT, moved
 
-PAGE = Path(__file__).parent.parent / "figures" / "output" / "limits" / "limits.md"
+PAGE = Path(__file__).parent.parent / "docs" / "pictures" / "limits.md"
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 ROUND_OFF = 1e-10  # numbers below are sizes of round-off: other processors have others
 

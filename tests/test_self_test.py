@@ -1,13 +1,19 @@
 """`python -m tensegrity`: what a bug report says."""
 
 import math
+import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
+from PIL import Image
 
+from granular import demo
 from tensegrity import __main__ as own
 from tensegrity.errors import CompilerError, EquilibriumError
+
+PATHS = os.environ | {"PYTHONPATH": str(Path(__file__).parent.parent)}
 
 
 def test_it_names_what_is_installed_and_finds_its_numbers_right():
@@ -50,8 +56,32 @@ def test_without_a_compiler_it_says_so_and_goes_on(monkeypatch, capsys):
 
 
 @pytest.mark.parametrize(("word", "code"), [("--help", 0), ("-h", 0), ("--no", 2), ("no", 2)])
-def test_it_takes_no_arguments_but_help_and_clean(word, code, capsys):
+def test_it_takes_no_arguments_but_help_clean_and_demo(word, code, capsys):
     with pytest.raises(SystemExit) as left:
         own.main([word])
     assert left.value.code == code
     assert "self-test" in capsys.readouterr().out or code
+
+
+def test_the_demonstration_finds_its_numbers_right_and_draws(tmp_path):
+    command = [sys.executable, "-m", "tensegrity", "demo"]
+    answer = subprocess.run(
+        command, cwd=tmp_path, env=PATHS, capture_output=True, text=True, timeout=300
+    )
+    assert answer.returncode == 0, answer.stdout + answer.stderr
+    assert answer.stdout.count(": off by ") == 4
+    assert "575.76 N on the floor after 220 us" in answer.stdout
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "tensegrity-demo.png",
+        "tensegrity-demo.gif",
+    }
+    assert (tmp_path / "tensegrity-demo.png").read_bytes().startswith(b"\x89PNG")
+    with Image.open(tmp_path / "tensegrity-demo.gif") as film:
+        assert film.n_frames == demo.FRAMES
+
+
+def test_a_number_of_the_demonstration_that_is_wrong_is_seen():
+    found = demo.computed()
+    assert all(error <= bound for _, error, bound in demo.checks(found))
+    late = found._replace(passed=found.passed + 0.001)
+    assert [error <= bound for _, error, bound in demo.checks(late)] == [True, True, False, True]

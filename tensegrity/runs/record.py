@@ -63,16 +63,14 @@ class Record:
     sites : sequence of int, optional
         Sites to record, in this order; by default all.
     path : str or path, optional
-        A new .npy file for the rows, which then take no memory except 48 bytes per instant.  The
-        file is valid after every row, even if the process is killed:
-        numpy.load(path, mmap_mode="r") gives a structured array with fields t, energy, u, v, and
-        work, loss of scenes that are driven, damped or tuned.  Another run with the same path is
-        refused before it writes.
+        A new .npy file for the rows, which then take no memory except 48 bytes per instant; valid
+        after every row, even if the process is killed.  numpy.load(path, mmap_mode="r") gives a
+        structured array with fields t, energy, u, v, and work, loss of scenes that are driven,
+        damped or tuned.  Another run with the same path is refused before it writes.
     checkpoint : float, optional
         With a path: interval of computing time [s] after which the whole state is saved for
-        `resume`, to a file named like that of the rows with .state.npz added; also saved when the
-        run ends, be it by an error or by Ctrl-C.  0 saves it after every block of steps.  With a
-        `tol`, no forces are fitted then.
+        `resume`, in a file with .state.npz added; also when the run ends, be it by an error or by
+        Ctrl-C.  0 saves it after every block of steps.  With a `tol`, no forces are fitted then.
 
     Raises
     ------

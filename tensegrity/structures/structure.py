@@ -305,27 +305,23 @@ class Structure(ReadOnly):
         EquilibriumError
             If no member is stressed there.
         """
-        x = equilibrium_positions(
-            self.members, self.freedom(None), self.positions, 0 * self.positions
-        )
+        loads = np.zeros_like(self.positions)
+        x = equilibrium_positions(self.members, self.freedom(None), self.positions, loads)
         found = self.at(x)
         if not (np.abs(found.tensions) > 1e-12 * self.stiffnesses * self.natural_lengths).any():
             longest = np.max(self.lengths / self.natural_lengths)
+            most = f"largest tension {np.abs(found.tensions).max():.3g} N"
             raise EquilibriumError(
                 "these natural lengths leave all members without stress: no prestress holds a "
-                f"shape (largest tension {np.abs(found.tensions).max():.3g} N; before, lengths "
-                f"were up to {longest:.6g} of natural ones)"
+                f"shape ({most}; before, lengths were up to {longest:.6g} of natural ones)"
             )
         return found
 
     # stiffness
 
     def stiffness(self) -> Any:
-        """Tangent stiffness at the positions [N/m], SciPy sparse array (nodes dim, nodes dim).
-
-        Slack strings contribute nothing; strings at their natural length count as taut, see the
-        notes of the class.
-        """
+        """Tangent stiffness [N/m] at the positions, a SciPy sparse array (nodes dim, nodes dim);
+        slack strings contribute nothing, strings at their natural length count as taut."""
         return self.members.tangent(self.positions)
 
     def modes(self, count: int = 6, supports: Supports | None = None) -> Modes:
@@ -418,9 +414,8 @@ class Structure(ReadOnly):
             What is no axes, or not of the dimension of the structure.
         """
         drawn: Axes = plotting.axes(ax, in_space=self.dim == 3)
-        plotting.members(
-            drawn, self.positions, self.ends, self.is_string, self.slack, self.tensions
-        )
+        members = self.ends, self.is_string, self.slack, self.tensions
+        plotting.members(drawn, self.positions, *members)
         return drawn
 
     def _repr_html_(self) -> str:
@@ -431,21 +426,19 @@ class Structure(ReadOnly):
             "tensions": f"{self.tensions.min():.6g} to {self.tensions.max():.6g} N",
             "mass": f"{self.mass.sum():.6g} kg",
         }
-        return page(
-            "Structure",
-            rows,
-            lambda figure: self.plot(plotting.subplot(figure, self.dim == 3)),
-            size=(4.0, 3.2),
-        )
+
+        def draw(figure: Any) -> Axes:
+            return self.plot(plotting.subplot(figure, self.dim == 3))
+
+        return page("Structure", rows, draw, size=(4.0, 3.2))
 
     def __str__(self) -> str:
         lines = [repr(self)]
         for name, chosen in (("bars", ~self.is_string), ("strings", self.is_string)):
             if chosen.any():
-                lines.append(
-                    f"  {name}: lengths {span(self.lengths[chosen], 'm')}, tensions "
-                    f"{span(self.tensions[chosen], 'N')}"
-                )
+                lengths, tensions = self.lengths[chosen], self.tensions[chosen]
+                words = f"lengths {span(lengths, 'm')}, tensions {span(tensions, 'N')}"
+                lines.append(f"  {name}: {words}")
         if self.slack.any():
             lines.append(f"  slack: strings {listed(np.flatnonzero(self.slack))}")
         return filled("\n".join(lines))

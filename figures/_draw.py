@@ -1,0 +1,143 @@
+"""Drawing: one picture with all its files, and many of them, on several processes."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import suppress
+from importlib import import_module
+from multiprocessing import active_children, connection, get_context, parent_process
+from pathlib import Path
+from signal import SIGKILL
+from typing import NamedTuple
+
+from figures import _stored
+from figures._files import write, write_tables
+from figures._gallery import title
+
+STYLE = {
+    "figure.figsize": (8, 4.5),
+    "figure.dpi": 110,
+    "axes.grid": True,
+    "grid.alpha": 0.25,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "legend.frameon": False,
+    "font.size": 10,
+}
+ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "TENSEGRITY_THREADS": "1", "TQDM_DISABLE": "1"}
+
+
+def render(name, module, folder):
+    """Compute and draw one picture; returns the files and its lines of the group's table."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    tables = module.data()
+    lines = module.table(tables) if hasattr(module, "table") else []
+    path = folder / f"{name}.csv"
+    write_tables(path, tables, lines)
+    files = [path]
+    with plt.rc_context(STYLE):
+        figure = plt.figure(layout="constrained")
+        module.draw(figure, tables)
+        path = folder / f"{name}.png"
+        write(path, figure.savefig)
+        plt.close(figure)
+        files.insert(0, path)
+        if hasattr(module, "animate"):
+            path = folder / f"{name}.gif"
+            write(path, lambda beside: module.animate(tables, beside))
+            plt.close("all")
+            files.insert(1, path)
+    if hasattr(module, "text"):
+        section = f"## {title(module)}\n\n![{title(module)}]({name}.png)\n\n{module.text(tables)}\n"
+        path = folder / f"{name}.md"
+        write(path, lambda beside: Path(beside).write_text(section))
+        files.append(path)
+    return files, lines
+
+
+class Job(NamedTuple):
+    """A picture to draw."""
+
+    name: str
+    output: Path
+    sources: str  # digest of all of them
+    is_fresh: bool = False  # whether stored results are computed again
+
+
+class Drawn(NamedTuple):
+    """A picture with its lines of the group's table, and the time that it took."""
+
+    name: str
+    group: str
+    lines: list
+    seconds: float
+    work: float  # s of processors
+
+
+def draw(job):
+    """Draw a picture, and note in the output folder of which sources it is."""
+    began, work, _stored.fresh = time.perf_counter(), _stored.spent(), job.is_fresh
+    module = import_module(f"figures.{job.name}")
+    folder = job.output / module.GROUP
+    folder.mkdir(parents=True, exist_ok=True)
+    _, lines = render(job.name, module, folder)
+    mark = mark_of(job)
+    mark.parent.mkdir(exist_ok=True)
+    write(mark, lambda beside: Path(beside).write_text(job.sources))
+    took, work = time.perf_counter() - began, _stored.spent() - work
+    return Drawn(job.name, module.GROUP, lines, took, work)
+
+
+def mark_of(job):
+    """The file that says of which sources a picture is, written when it is complete."""
+    return job.output / ".drawn" / job.name
+
+
+def is_there(job):
+    """Whether a picture was drawn from the same sources before."""
+    mark = mark_of(job)
+    return mark.is_file() and mark.read_text() == job.sources
+
+
+def finished(function, cases, processes):
+    """(case, result or exception) of each, in the order in which they are done.
+
+    With one process the function is called here, and what it raises is raised.  What stops this
+    generator, such as Ctrl-C, stops the processes at once, with those that they have begun.
+    """
+    if processes == 1:
+        yield from ((case, function(case)) for case in cases)
+        return
+    with ProcessPoolExecutor(processes, get_context("spawn"), begin) as pool:
+        try:
+            futures = {pool.submit(function, case): case for case in cases}
+            for future in as_completed(futures):
+                yield futures[future], future.exception() or future.result()
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            for child in active_children():
+                child.kill()
+                with suppress(ProcessLookupError):
+                    os.killpg(child.pid, SIGKILL)
+                child.join()
+            raise
+
+
+def begin():
+    """Make a process the first of a group of its own, which ends with the process that began it:
+    Ctrl-C in a terminal reaches the latter alone."""
+    os.setpgrp()
+    os.environ.update(ONE_THREAD)
+
+    def follow():
+        connection.wait([parent_process().sentinel])
+        os.killpg(0, SIGKILL)
+
+    threading.Thread(target=follow, daemon=True).start()

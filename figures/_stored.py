@@ -1,0 +1,194 @@
+"""Results that take long, stored with the sources and the command that they come from.
+
+`stored` is for a function without arguments that returns tables {table: {column: sequence}}, such
+as the histories of a search.  Its tables stand in one compressed .npz of numbers and text, without
+pickles: in `figures/data`, under version control, or, where they were computed again here, in
+`figures/output/data`.  A file counts as long as it is of the same sources: the module of the
+function, what that imports from `figures`, however far, and the modules in which what these
+import from the packages is defined; names of modules, comments, docstrings and layout aside.  What
+lies deeper in the packages is left to a slow test, which computes every result again.
+"""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import inspect
+import os
+import sys
+from contextlib import contextmanager
+from functools import cache, wraps
+from pathlib import Path
+
+import numpy as np
+
+from figures._files import write
+
+HERE = Path(__file__).parent
+ROOT = HERE.parent
+DATA, MADE = HERE / "data", HERE / "output" / "data"
+PACKAGES = ("derivations", "tensegrity", "granular", "figures")
+NAMES, SOURCES, COMMAND, SECONDS = "names", "sources", "command", "seconds"
+RESULTS = {}  # {name: the function itself}, of all modules imported so far
+fresh = False  # whether only results that were computed here count
+
+
+def stored(picture):
+    """Let the tables that a function returns be stored; it is called at most once in a process.
+
+    Parameters
+    ----------
+    picture : str
+        Name of a picture, or a group, that shows them.
+    """
+
+    def decorate(make):
+        name = f"{make.__module__.rpartition('.')[2].strip('_')}_{make.__name__}"
+        RESULTS[name] = make
+
+        @cache
+        @wraps(make)
+        def tables():
+            command = f"python -m figures {picture} --fresh --update"
+            folders = (MADE,) if fresh else (MADE, DATA)
+            return current(name, make, sources(make.__module__), command, folders)
+
+        return tables
+
+    return decorate
+
+
+def current(name, make, of, command, folders):
+    """The tables of a result: from the first folder whose file is of these sources, or made now
+    and written to the first folder.
+
+    Parameters
+    ----------
+    name : str
+    make : callable () -> {table: {column: sequence}}
+    of : {source: digest}
+    command : str
+    folders : sequence of Path
+    """
+    path = folders[0] / f"{name}.npz"
+    folders[0].mkdir(parents=True, exist_ok=True)
+    with locked(path.with_suffix(".lock")):  # another process may be at it: its result is taken
+        there = [folder / path.name for folder in folders if (folder / path.name).is_file()]
+        for one in there:
+            tables, about = read(one)
+            if not changed(about, of):
+                return tables
+        why, before = "there is no stored one", ""
+        if there:
+            why = f"{', '.join(changed(about, of))} changed since it was stored"
+            before = f"; it took {about[SECONDS]:.0f} s of processor time then"
+        print(f"computing {name}: {why}{before}", flush=True)
+        began = spent()
+        tables = make()
+        about = {SOURCES: of, COMMAND: command, SECONDS: spent() - began}
+        write(path, lambda beside: save(beside, tables, about))
+        return read(path)[0]
+
+
+def spent():
+    """Processor time of this process and of those that it has waited for [s]."""
+    return sum(os.times()[:4])
+
+
+@contextmanager
+def locked(path):
+    """Hold the lock of a file, where the system has such locks."""
+    try:
+        import fcntl
+    except ImportError:
+        yield
+        return
+    with open(path, "w") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        yield
+
+
+def save(path, tables, about):
+    """Write tables, and what they come from, as arrays: the columns by their number."""
+    names = [(table, column) for table, columns in tables.items() for column in columns]
+    arrays = {str(k): np.asarray(tables[table][column]) for k, (table, column) in enumerate(names)}
+    if any(array.dtype.kind not in "biufU" for array in arrays.values()):
+        raise ValueError(f"columns of {Path(path).name} that are neither numbers nor text")
+    parts = {name: np.array(value) for name, value in about.items() if name != SOURCES}
+    parts |= {NAMES: np.array(names), SOURCES: np.array(list(about[SOURCES].items()))}
+    np.savez_compressed(path, **parts, **arrays)
+
+
+def read(path):
+    """The tables of a file, and what they come from; text comes back as lists."""
+    tables = {}
+    with np.load(path, allow_pickle=False) as arrays:
+        for k, (table, column) in enumerate(arrays[NAMES]):
+            values = arrays[str(k)]
+            values = values.tolist() if values.dtype.kind == "U" else values
+            tables.setdefault(str(table), {})[str(column)] = values
+        about = {COMMAND: str(arrays[COMMAND]), SECONDS: float(arrays[SECONDS])}
+        about[SOURCES] = {str(name): str(digest) for name, digest in arrays[SOURCES]}
+    return tables, about
+
+
+def changed(about, of):
+    """Modules that are not as one was when a result was computed, whatever they are called."""
+    was, now = about[SOURCES], set(of.values())
+    return sorted(
+        [name for name, one in of.items() if one not in was.values()]
+        + [name for name, one in was.items() if one not in now and name not in of]
+    )
+
+
+@cache
+def sources(name):
+    """{module: digest} of what a result of a module depends on."""
+    todo, seen = [name], {}
+    while todo:
+        one = todo.pop()
+        if one not in seen:
+            seen[one] = digest(Path(sys.modules[one].__file__))
+            if one.split(".")[0] == "figures":
+                todo += sorted(used(sys.modules[one]))
+    return seen
+
+
+def used(module):
+    """Names of the modules of ours, this one aside, in which what a module imports is defined."""
+    for value in vars(module).values():
+        name = value.__name__ if inspect.ismodule(value) else getattr(value, "__module__", None)
+        if isinstance(name, str) and name.split(".")[0] in PACKAGES and name != __name__:
+            yield name
+
+
+@cache
+def digest(path):
+    """What stays the same while comments, docstrings, imports or layout of a source change."""
+    text = path.read_bytes()
+    text = repr(form(ast.parse(text))).encode() if path.suffix == ".py" else text
+    return hashlib.sha256(text).hexdigest()[:16]
+
+
+def form(node):
+    """A syntax tree as nested tuples, the same in every version of Python, without docstrings and
+    imports: what these name is a source by itself, and may be called otherwise."""
+    if isinstance(node, list):
+        return [form(one) for one in node if not isinstance(one, (ast.Import, ast.ImportFrom))]
+    if not isinstance(node, ast.AST):
+        return node
+    fields = dict(ast.iter_fields(node))
+    if isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)):
+        fields["body"] = node.body[ast.get_docstring(node, clean=False) is not None :]
+    if isinstance(node, ast.JoinedStr):  # some versions put empty text between its parts
+        fields["values"] = [x for x in node.values if getattr(x, "value", None) != ""]
+    parts = [(k, form(value)) for k, value in fields.items() if value is not None and value != []]
+    return type(node).__name__, parts
+
+
+@cache
+def everything():
+    """The digest of all that a picture may depend on: of the sources of all packages."""
+    paths = [p for package in PACKAGES for p in sorted((ROOT / package).rglob("*.*"))]
+    parts = [digest(p) for p in paths if p.suffix in (".py", ".c", ".h")]
+    return hashlib.sha256(" ".join(parts).encode()).hexdigest()[:16]

@@ -1,0 +1,102 @@
+"""Every printed formula of the two sources, derived again: which hold, and which do not.
+
+A square is a formula or a claim.  Each is held against what SymPy derives from energies and
+geometry, symbolically or at 50 random points to 30 digits; what is a convention or a slip must
+also disagree as it is printed.  `make derivations` writes every derivation, step by step.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import sympy as sp
+
+from derivations import ledger
+from derivations.argument import NAMES, Verdict, derivation
+
+NAME = "derivations_ledger"
+GROUP = "derivations"
+
+COLOURS = {"holds": "C2", "holds under a convention": "C1", "slip": "C3",
+           "no data in the seed": "0.75"}  # fmt: skip
+SHOWN = {"no data in the seed": "a claim without formula"}
+
+
+def data():
+    """Entries with their verdicts; slips as they are printed and as they are derived."""
+    checks = [ledger.check(entry) for entry in ledger.entries()]
+    slips = [check.entry for check in checks if check.entry.verdict is Verdict.SLIP]
+    return {
+        "entries": {
+            "name": [check.entry.name for check in checks],
+            "derivation": [derivation(check.entry.derivation).TITLE for check in checks],
+            "place": [check.entry.place for check in checks],
+            "verdict": [check.entry.verdict.value for check in checks],
+            "confirmed": [check.confirmed for check in checks],
+            "how": [check.how for check in checks],
+        },
+        "slips": {
+            "place": [entry.place for entry in slips],
+            "printed": [equation(entry.left, entry.printed) for entry in slips],
+            "derived": [equation(entry.left, ledger.derived(entry)) for entry in slips],
+            "note": [entry.note for entry in slips],
+        },
+        "derivations": {"title": [derivation(name).TITLE for name in NAMES]},
+    }
+
+
+def equation(left, right):
+    """A side and what it equals, as text with TeX in it."""
+    if isinstance(right, list):
+        return "decided by cases in which it must be true or false"
+    side = f"{left}:" if " " in str(left) else f"${sp.latex(left)} =$"
+    return f"{side} ${sp.latex(right)}$"
+
+
+def table(tables):
+    """How many there are of each verdict, and how they were decided."""
+    entries = tables["entries"]
+    counts = Counter(entries["verdict"])
+    decided = sum(entries["confirmed"])
+    lines = [{"quantity": SHOWN.get(kind, kind), "here": counts[kind]} for kind in COLOURS]
+    symbolic = entries["how"].count("symbolic")
+    return [
+        *lines,
+        {"quantity": "verdicts that the derivations confirm", "here": decided},
+        {"quantity": "decided symbolically", "here": symbolic},
+    ]
+
+
+def draw(figure, tables):
+    """A row of squares for each derivation; below them the slips, printed and derived."""
+    figure.set_size_inches(12.5, 9.5)
+    upper, lower = figure.subfigures(2, 1, height_ratios=(1.1, 1))
+    axes = upper.subplots()
+    entries, titles = tables["entries"], tables["derivations"]["title"]
+    points, place = {kind: [] for kind in COLOURS}, Counter()
+    pairs = list(zip(entries["derivation"], entries["verdict"], strict=True))
+    for kind, several in points.items():
+        for title in [one for one, verdict in pairs if verdict == kind]:
+            several.append((place[title], titles.index(title)))
+            place[title] += 1
+        label = f"{SHOWN.get(kind, kind)}: {len(several)}"
+        axes.scatter(*zip(*several, strict=True), 130, COLOURS[kind], marker="s", label=label)
+    for row, title in enumerate(titles):
+        if not place[title]:
+            axes.text(-0.3, row, "not printed in the sources", color="0.6", va="center")
+    axes.set_yticks(range(len(titles)), titles)
+    axes.set(xticks=[], ylim=(len(titles) - 0.4, -0.6), xlim=(-0.7, 27))
+    axes.grid(False)
+    for side in axes.spines.values():
+        side.set_visible(False)
+    axes.tick_params(length=0)
+    axes.legend(loc="lower right")
+    upper.suptitle(f"{len(pairs)} printed formulas and claims, by the derivation that decides them")
+    for x, head in ((0.02, "a slip, as it is printed"), (0.3, "as it is derived")):
+        lower.text(x, 0.96, head, weight="bold")
+    slips = list(zip(*tables["slips"].values(), strict=True))
+    for k, (where, printed, derived, note) in enumerate(slips):
+        y = 0.94 * (1 - k / len(slips))
+        lower.text(0.02, y - 0.06, printed, color="C3", va="center", fontsize=13)
+        lower.text(0.3, y - 0.06, derived, color="C2", va="center", fontsize=13)
+        lower.text(0.02, y - 0.13, f"{where}: {note}", fontsize=9, color="0.3", va="center")

@@ -1,0 +1,159 @@
+"""`python -m tensegrity demo`: a prism pressed, a chain struck, a pack struck, in some seconds.
+
+It prints numbers beside what is known of them otherwise, and writes `tensegrity-demo.png` and
+`tensegrity-demo.gif` into the working folder.  The exit code is 0 where all are right, else 1.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from granular.beads import Bead, Striker
+from granular.lattices import hexagonal_pack
+from granular.materials import materials
+from granular.observables import wall_force
+from tensegrity import (
+    Chain,
+    Prism,
+    Record,
+    arrival,
+    equilibrium_path,
+    largest_peak,
+    simulate,
+    solitary_wave,
+    speed,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from matplotlib.figure import Figure
+
+    from tensegrity import Run, SolitaryWave
+    from tensegrity.prisms.path import EquilibriumPath
+
+FRAMES, RATE = 40, 12
+SITES, TIMED, SEEN = 60, 40, 6  # bond that the leading wave is timed at; bonds around it
+MAGNIFIED, FASTEST = 60, 0.15  # displacements of beads, as drawn; m/s, of the colours
+
+
+class Demo(NamedTuple):
+    """What is shown: paths of an elastic and a rigid prism, a run of a chain, the exact wave as
+    fast as what leads there and when that passes bond `TIMED` [s], and a run of a pack."""
+
+    elastic: EquilibriumPath
+    rigid: EquilibriumPath
+    chain: Run
+    wave: SolitaryWave
+    passed: float
+    pack: Run
+
+    def crest(self, row: int) -> float:
+        """Bond where the crest of the exact wave is in a row of the run of the chain."""
+        return float(TIMED + self.wave.speed * (self.chain.t[row] - self.passed))
+
+
+def computed() -> Demo:
+    """All runs of the demonstration."""
+    rigid = Prism(base=1.0, height=0.5, prestrain=0.1, k_cross=1.0)
+    elastic = Prism(base=1.0, height=0.5, prestrain=0.1, k_cross=1.0, k_base=5.0, k_bar=50.0)
+    spring = Prism(base=1.0, height=0.7, prestrain=0.01, k_cross=1.0).potential()
+    chain = Chain(spring, SITES)
+    blow, dense = chain.at_rest({0: 0.07}), Record(interval=0.02)
+    struck = simulate(chain, blow, t_end=48.0, tol=1e-8, record=dense)
+    wave = solitary_wave(spring, speed=speed(struck, (TIMED - 15, TIMED)))
+    steel, soft = materials["steel"], materials["ptfe"]
+    bead = Bead(9.53e-3, steel)
+    striker = Striker(bead, speed=1.0)
+    pack = hexagonal_pack(12, 21, bead=bead, floor=steel, sides=soft, striker=striker)
+    hit = simulate(pack, pack.start(), t_end=3e-4, tol=1e-8, record=Record(interval=4e-7))
+    paths = equilibrium_path(elastic), equilibrium_path(rigid)
+    return Demo(*paths, struck, wave, arrival(struck, TIMED), hit)
+
+
+def checks(demo: Demo) -> list[tuple[str, float, float]]:
+    """What is found, in words, with an error of it and the bound of that."""
+    elastic, rigid, wave, pack = demo.elastic, demo.rigid, demo.wave, demo.pack
+    fold = next(event for event in elastic.events if event.kind == "fold")
+    left = float(elastic.prism.potential().stiffness(-fold.shortening))
+    lock = rigid.prism.locking_height()
+    bonds = np.arange(round(demo.crest(-1)) - SEEN, SITES - 1)
+    off = np.diff(demo.chain.final.u)[bonds] - wave.elongation(bonds - demo.crest(-1))
+    at, force = largest_peak(pack.t, wall_force(pack, "floor"))
+    prism = f"prism  limit load {fold.load:.6f} N, where the derived potential has no stiffness"
+    rigid_one = f"       rigid, it locks at a height of {lock:.6f} m, as in closed form"
+    chain = f"chain  a wave at {wave.speed_ratio:.4f} times the speed of sound, as the exact one"
+    beads = f"pack   {force:.2f} N on the floor after {1e6 * at:.0f} us; energy is conserved"
+    return [
+        (prism, abs(left) / elastic.prism.axial_stiffness(), 1e-9),
+        (rigid_one, abs(float(rigid.height[-1]) / lock - 1), 1e-6),
+        (chain, float(np.abs(off).max()) / abs(wave.amplitude), 1e-5),
+        (beads, pack.energy_error, 1e-8),
+    ]
+
+
+def draw(figure: Figure, demo: Demo) -> Callable[[float], None]:
+    """Draw all three; returns what shows an instant, by its part of the time."""
+    from matplotlib.collections import EllipseCollection
+
+    press, strike, hit = figure.subplots(1, 3, width_ratios=(1, 1.2, 1.2))
+    press.plot(demo.rigid.shortening, demo.rigid.load, label="rigid bases and bars: it locks")
+    soft = demo.elastic.shortening, demo.elastic.load
+    press.plot(*soft, label="elastic ones: it snaps at the limit load")
+    (state,) = press.plot([], [], "C1o")
+    press.set(xlabel="shortening [m]", ylabel="load [N]", ylim=(0, 0.4), title="a prism, pressed")
+    (exact,) = strike.plot([], [], "C1", lw=3, alpha=0.6, label="exact wave of that speed")
+    (sites,) = strike.plot([], [], "C0.-", lw=0.8, label=f"chain of {SITES} prisms")
+    strike.set(xlabel="bond", ylabel="compression [m]", xlim=(0, SITES))
+    strike.set(ylim=(-0.01, 1.5 * abs(demo.wave.amplitude)), title="a chain, its first site struck")
+    press.legend(fontsize=8, loc="upper right")
+    strike.legend(fontsize=8, loc="upper left")  # where it stays in every frame
+    places, u, v = demo.pack.scene.positions, demo.pack.u, demo.pack.v
+    size = [1e3 * bead.diameter for bead in demo.pack.scene.beads]
+    on, colours = hit.transData, {"cmap": "inferno_r", "clim": (0, FASTEST), "edgecolors": "0.4"}
+    beads = EllipseCollection(size, size, 0, units="xy", offset_transform=on, lw=0.3, **colours)
+    hit.add_collection(beads)
+    (left, low), (right, high) = 1e3 * places.min(axis=0), 1e3 * places.max(axis=0)
+    hit.set(xlim=(left - 6, right + 6), ylim=(low - 6, high + 6), aspect="equal", xlabel="x [mm]")
+    hit.set(ylabel="z [mm]", title=f"a pack of steel beads, struck: motion {MAGNIFIED} times")
+    figure.colorbar(beads, ax=hit, label="speed of a bead [m/s]", shrink=0.7, extend="max")
+    x = np.linspace(-SEEN, SEEN, 20 * SEEN)
+
+    def show(part: float) -> None:
+        step, row, k = (round(part * (len(one) - 1)) for one in (soft[0], demo.chain.t, u))
+        state.set_data([soft[0][step]], [soft[1][step]])
+        sites.set_data(range(SITES - 1), -np.diff(demo.chain.u[row]))
+        exact.set_data(demo.crest(row) + x, -demo.wave.elongation(x))
+        beads.set_offsets(1e3 * (places + MAGNIFIED * u[k]))
+        beads.set_array(np.linalg.norm(v[k], axis=1))
+
+    return show
+
+
+def main() -> int:
+    """Run it; returns the exit code."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+    from PIL import Image
+
+    demo, failed = computed(), 0
+    for words, error, bound in checks(demo):
+        failed += not error <= bound  # also not a number is wrong
+        print(f"{words}: {'off by' if error <= bound else 'WRONG by'} {error:.1e}", flush=True)
+    figure = Figure(figsize=(15, 4.2), dpi=80, layout="constrained")
+    canvas: Any = FigureCanvasAgg(figure)
+    show, images = draw(figure, demo), []
+    for part in np.linspace(0.02, 1, FRAMES):
+        show(float(part))
+        canvas.draw()
+        figure.set_layout_engine("none")  # every frame as the first is laid out
+        images.append(Image.fromarray(np.array(canvas.buffer_rgba())).convert("RGB").quantize(128))
+    picture, film = (Path(f"tensegrity-demo.{kind}") for kind in ("png", "gif"))
+    images[0].save(film, save_all=True, append_images=images[1:], duration=1000 // RATE, loop=0)
+    show(0.8)
+    figure.savefig(picture, dpi=110)
+    print(f"{picture}, {film}: all three at an instant, and in motion")
+    return int(failed > 0)
