@@ -32,16 +32,16 @@ FORMULAS = tomllib.loads((Path(__file__).parent / "formulas.toml").read_text())[
 ROOMS = {  # page: (title, modules whose public names it holds, modules documented whole)
     "prisms": ("Prisms and their paths", ["tensegrity.prisms", "tensegrity.branches"],
                ["tensegrity.prisms.fold_curve", "tensegrity.prisms.stability"]),
-    "springs": ("Springs", ["tensegrity.springs"], ["tensegrity.export"]),
+    "springs": ("Springs", ["tensegrity.springs"], []),
     "scenes": ("Chains and networks", ["tensegrity.scenes"], []),
     "runs": ("Runs", ["tensegrity.runs"], []),
-    "methods": ("Methods of integration", [], ["tensegrity.engine.methods"]),
+    "methods": ("Methods of integration", ["tensegrity.engine"], []),
     "waves": ("Solitary waves", ["tensegrity.waves"],
               ["tensegrity.waves.asymptotics", "tensegrity.waves.solitary"]),
     "lens": ("Lenses of chains", ["tensegrity.lens"], ["tensegrity.lens.radiation"]),
     "structures": ("Structures", ["tensegrity.structures"], ["tensegrity.catalogue"]),
-    "gradients": ("Gradients", ["tensegrity.gradients"], ["tensegrity.gradients.objective"]),
-    "measure": ("Measures", ["tensegrity.measure"], ["tensegrity.measure.observables"]),
+    "gradients": ("Gradients", ["tensegrity.gradients"], ["tensegrity.objective"]),
+    "measure": ("Measures and films", ["tensegrity.measure", "tensegrity.animation"], []),
     "granular": ("Granular crystals", ["granular"],
                  ["granular.materials", "granular.observables", "granular.lammps",
                   "granular.design"]),
@@ -50,6 +50,9 @@ ROOMS = {  # page: (title, modules whose public names it holds, modules document
                      "derivations.report", "derivations.prism", "derivations.waves"]),
     "errors": ("Errors and types", ["tensegrity.errors"], ["tensegrity.typing"]),
 }  # fmt: skip
+
+
+TABLES = {"METHODS": "tensegrity.engine.methods"}  # of public tables, which have no module
 
 
 def words(module):
@@ -265,7 +268,7 @@ def public(modules):
     for package in ("tensegrity", "granular"):
         offered = importlib.import_module(package)
         for name in offered.__all__:
-            defined = getattr(getattr(offered, name), "__module__", None) or package
+            defined = getattr(getattr(offered, name), "__module__", TABLES.get(name, package))
             if package == "granular" and not defined.startswith("granular"):
                 continue
             if any(defined == m or defined.startswith(f"{m}.") for m in modules):

@@ -144,7 +144,7 @@ def test_a_file_that_cannot_be_written_leaves_the_old_one(tmp_path, monkeypatch)
 
 def test_a_prism_too_stiff_for_a_few_iterations_is_refused(tmp_path, monkeypatch):
     stiff = Prism(1.0, 0.7, 0.01, 1.0, k_base=20.0, k_bar=200.0).potential()
-    monkeypatch.setattr(type(stiff), "_settled", lambda *_: None)
+    monkeypatch.setattr(type(stiff), "_compiled_on", lambda *_: None)
     with pytest.raises(EquilibriumError, match="too stiff"):
         stiff.to_c(tmp_path / "spring.c")
     assert list(tmp_path.iterdir()) == []

@@ -23,7 +23,7 @@ def test_prestrains_found_bring_the_peak_18_times_below_the_best_uniform_chain()
         load, chain, start, one.WINDOW, dt=0.1, method=SPLITTINGS["kahan-li 6"], wanted=()
     )
     assert other.value == pytest.approx(peaks[1], rel=one.MOVED)
-    top = one.asked(one.FOUND, o.peak(o.load(wall=0)), wanted=("prestrain",))
+    top = one.differentiated(one.FOUND, o.peak(o.load(wall=0)), wanted=("prestrain",))
     assert top.digits >= one.DIGITS
     assert one.RANGE[0] <= one.FOUND.min() < one.FOUND.max() <= one.RANGE[1]
 
@@ -32,7 +32,7 @@ def test_maxima_of_a_chain_are_pressed_down(monkeypatch):
     one = gradients_protector
     monkeypatch.setattr(one, "WINDOW", 300.0)
     monkeypatch.setattr(one, "PROGRAMS", 3)
-    monkeypatch.setattr(one.asked, "__defaults__", (300.0, (), one.DT))
+    monkeypatch.setattr(one.differentiated, "__defaults__", (300.0, (), one.DT))
     start = np.geomspace(0.05, 0.02, one.BONDS)
     way = one.pressed(start)
     assert min(top for top, _ in way) < 0.95 * way[0][0]

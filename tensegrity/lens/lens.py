@@ -417,7 +417,7 @@ class Lens:
             f"lens of {self.chains} chains of {self.sites} masses, spacing {self.spacing:g} m, "
             f"struck at {self.velocity:g} m/s\n"
             f"prestrains {low:.5f} to {high:.5f}, delays up to {self.delays.max():.4f} s\n"
-            f"pulses meet at ({x:g}, {y:g}) m after {self.focus_time:.6g} s, within {miss:.0e} s; "
+            f"pulses meet at ({x:g}, {y:g}) m after {self.focus_time:.6g} s, within {miss:.0e} s\n"
             f"smallest pulse width {self.pulse_widths.min():.3g} s\n"
             f"fluid: {self.host_speed:g} m/s, {self.host_density:g} kg/m3, reaction neglected, "
             f"rho c A/(m cs) = {self.coupling:.2g}"
