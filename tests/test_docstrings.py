@@ -13,6 +13,10 @@ MOST_BARE = 2  # arguments of a function that one sentence may describe
 FEWEST = 30  # public functions and classes with an example
 
 
+def is_overload(node):
+    return any("overload" in ast.dump(one) for one in node.decorator_list)
+
+
 def public(body, within=""):
     """Functions and methods without an underscore, (name, node), overloads left out."""
     for node in body:
@@ -21,9 +25,8 @@ def public(body, within=""):
             continue
         if isinstance(node, ast.ClassDef):
             yield from public(node.body, f"{within}{name}.")
-        elif isinstance(node, ast.FunctionDef):
-            if not any("overload" in ast.dump(one) for one in node.decorator_list):
-                yield f"{within}{name}", node
+        elif isinstance(node, ast.FunctionDef) and not is_overload(node):
+            yield f"{within}{name}", node
 
 
 def wanted_sections(node):
