@@ -1,7 +1,7 @@
-"""Pages made of what is there: pictures, what they printed, the ledger, and public names.
+"""Pages generated from the figures, their printed tables, the ledger, and the public names.
 
-Written beside the written pages when the site is built, as Markdown, and ignored by version
-control.  What a picture says is read from its files; a picture that was not made is named.
+They are written as Markdown when the site is built and are not under version control.  The numbers
+of a figure are read from its files; a figure that was not made is named.
 """
 
 from __future__ import annotations
@@ -118,13 +118,13 @@ def picture_page(name, module, folder):
         f"# {head}",
         *words(module),
         f"![{head}]({copied(image, folder)})" if image.is_file() else
-        ":::{note}\nThis picture was not made before the site was built.\n:::",
+        ":::{note}\nThis figure was not made before the site was built.\n:::",
         f"![{head}, in motion]({copied(film, folder)})" if film.is_file() else "",
         limits_text(made / f"{name}.md"),
         table(map(escape, lines[0]), [list(map(cell, line.values())) for line in lines])
         if lines else "",
         f"```sh\npython -m figures {name}\n```",
-        f"{{download}}`All numbers <{copied(data, folder)}>`: one a line, as table, column, row, "
+        f"{{download}}`All numbers <{copied(data, folder)}>`: one per line, as table, column, row, "
         "value." if data.is_file() else "",
         raw("<details><summary>Code</summary>"),
         f"```{{literalinclude}} code/{name}.py\n:language: python\n```",
@@ -134,7 +134,7 @@ def picture_page(name, module, folder):
 
 
 def gallery(source):
-    """A page a picture, and one that shows all; names of pictures that were not made."""
+    """A page for each figure and an overview; returns the names of figures that were not made."""
     folder, missing, groups = source / "gallery", [], {}
     for name, module in pictures().items():
         if not picture_page(name, module, folder):
@@ -142,12 +142,12 @@ def gallery(source):
         groups.setdefault(module.GROUP, []).append((name, module))
     parts = [
         "# Gallery",
-        "Every picture is a module of `figures`, made from public calls only; each page has its "
-        "words, the table that it prints, its numbers and its code.",
+        "Every figure is made by a module of `figures` from public calls only; its page contains "
+        "a description, the printed table, the data and the code.",
     ]
     if missing:
         parts.append(
-            f":::{{note}}\n{len(missing)} of {len(pictures())} pictures were not made before this "
+            f":::{{note}}\n{len(missing)} of {len(pictures())} figures were not made before this "
             "site was built: `make gallery` makes them all.\n:::"
         )
     for group, found in in_order(groups).items():
@@ -165,7 +165,7 @@ def gallery(source):
 
 
 def derived(source):
-    """The derivations with the ledger, kept while their sources are the same."""
+    """The derivations with the ledger, cached until their sources change."""
     digest = hashlib.sha256()
     for path in sorted((ROOT / "derivations").glob("*.py")):
         digest.update(path.read_bytes())
@@ -179,9 +179,9 @@ def derived(source):
         write(kept, json.dumps(found))
     parts = [
         "# Derivations and ledger",
-        "Every formula of the two sources, derived from energies and geometry by program, and "
-        "compared with its printed form. The page itself is written by "
-        "`python -m derivations`; `--check` fails on a disagreement.",
+        "Every formula of the two sources is derived from energies and geometry by computer "
+        "algebra and compared with its published form. `python -m derivations` prints this page; "
+        "with `--check` it fails on a disagreement.",
     ]
     for key, head, body in found["sections"]:
         parts += [f"({key})=\n## {head}", raw(body)]
@@ -202,7 +202,7 @@ def _claim(claim):
     ]
     for number, value, error in numbers(claim, OUTPUT):
         what = escape(f"{number['row']}, {number['of']}" if "of" in number else number["row"])
-        shown = f"<strong>{escape(short(value))}</strong>" if value else "picture not made"
+        shown = f"<strong>{escape(short(value))}</strong>" if value else "figure not made"
         spread = f" (error {escape(short(error))})" if error else ""
         pieces.append(
             f"<p>{what}: {shown}{spread} · "
@@ -222,10 +222,10 @@ def claim_page(source):
     counts = {kind: sum(c["verdict"] == kind for c in everything) for kind in VERDICTS}
     parts = [
         "# Claims",
-        "What the two sources say, sentence by sentence, and what is found here: the talk "
+        "The results stated by the two sources, each with the result found here: the talk "
         "*Wave Dynamics of Innovative Nonlinear Lattices* and the paper *Highly nonlinear pulse "
         "splitting and recombination in a two-dimensional granular network*. Numbers are read "
-        "from the files that the pictures write when this site is built; verdicts on formulas "
+        "from the data files of the figures when this site is built; verdicts on formulas "
         "come from the ledger, below.",
         raw("<p>" + " · ".join(f"{n} {_verdict(k)}" for k, n in counts.items() if n) + "</p>"),
     ]
@@ -307,7 +307,7 @@ def rooms():
 
 
 def reference(source):
-    """A page a room with every public name; objects that were already described are not again."""
+    """A page for each package with every public name; no object is described twice."""
     folder, everything = source / "reference", rooms()
     for page, (head, modules, whole) in everything.items():
         parts, seen = [f"# {head}"], set()
@@ -330,8 +330,8 @@ def reference(source):
     write(
         folder / "index.md",
         "# Reference",
-        "Every public name, with units, shapes, signs and errors. Formulas are linked to their "
-        "derivations.",
+        "Every public name, with units, shapes, sign conventions and exceptions. Formulas are "
+        "linked to their derivations.",
         "```{toctree}\n:maxdepth: 2\n\n" + "\n".join(everything) + "\n```",
     )
 
@@ -358,15 +358,15 @@ LIVE = ROOT / "docs" / "live" / "output" / "index.html"  # made by `python -m do
 
 
 def copy_live(out):
-    """The live chain beside the other pages."""
+    """Copy the live chain to the other pages."""
     if LIVE.is_file():
         shutil.copy2(LIVE, out / "live.html")
 
 
 def live(source):
     """The sentence on the start page that leads to the live chain, where there is one."""
-    told_of = '<p><a href="live.html">A live chain</a> runs in your browser, from the same C.</p>'
-    write(source / "_made" / "live.html", told_of if LIVE.is_file() else "<!-- no live chain -->")
+    link = '<p><a href="live.html">A live chain</a> runs in your browser, with the same C code.</p>'
+    write(source / "_made" / "live.html", link if LIVE.is_file() else "<!-- no live chain -->")
 
 
 def make(source):

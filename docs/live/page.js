@@ -48,7 +48,7 @@ function load(scene, units, own) {
   for (const button of $("scenes").children)
     button.setAttribute("aria-pressed", String(!own && button.dataset.scene === scene));
   $("note").textContent = own
-    ? "Your own chain: the first mass of equal rigid prisms is struck." : given.note;
+    ? "Your own chain: equal rigid prisms, the first mass of which is struck." : given.note;
   for (const name of OWN.slice(0, 3)) {
     put(name, spring[name]);
     $(name).disabled = !own && (spring.elastic || Boolean(given.far));
@@ -58,9 +58,9 @@ function load(scene, units, own) {
   $("units").value = chain.units;
   label("units", chain.units);
   $("fixed").textContent = $("height").disabled ? (spring.elastic
-    ? "This prism has elastic members; its numbers came with the page, so its sliders rest."
-    : "Two kinds of prism are joined here, so the sliders of one rest.")
-    : !own && chain.waves.length ? "A slider moved replaces the exact wave by a blow." : "";
+    ? "This prism has elastic members and was computed in advance, so its sliders are disabled."
+    : "This chain consists of two kinds of prism, so the sliders are disabled.")
+    : !own && chain.waves.length ? "Moving a slider replaces the exact wave by an impact." : "";
   say();
   draw();
 }
@@ -127,17 +127,17 @@ function facts(overlays) {
 function about(overlays) {
   if (chain.ended) return "";
   if (!overlays.length)
-    return chain.leader() ? "The leading pulse has come to the end of the chain; nothing is laid "
-      + "over it." : chain.springs.length > 1 ? "Beyond the interface nothing is laid over the chain."
-      : chain.waves.length ? "" : "Waiting for a leading pulse to separate from the blow.";
+    return chain.leader() ? "The leading pulse has reached the end of the chain; no exact wave "
+      + "is drawn." : chain.springs.length > 1 ? "Beyond the interface no exact wave is drawn."
+      : chain.waves.length ? "" : "The leading pulse has not yet separated from the tail.";
   const parts = [];
   if (overlays.some(({ wave }) => wave)) parts.push(chain.waves.length
-    ? "The exact wave is drawn where it would be undisturbed."
-    : "The exact wave is that of the crest of the leading pulse.");
-  else parts.push("No exact wave is drawn: none has the crest of the leading pulse.");
+    ? "The exact wave is drawn at its undisturbed position."
+    : "The exact wave has the amplitude of the leading pulse.");
+  else parts.push("No exact wave is drawn: none has the amplitude of the leading pulse.");
   if (!chain.sech2(overlays[0].speed))
-    parts.push("No sech²: the pulse is not faster than sound, or there is no sound.");
-  if (!chain.tent()) parts.push("No tent: this prism softens and has no stroke to use up.");
+    parts.push("No sech²: the pulse is not supersonic, or the sound speed is zero.");
+  if (!chain.tent()) parts.push("No tent: this prism softens and has no locking stroke.");
   return parts.join(" ");
 }
 
@@ -316,10 +316,10 @@ function draw() {
 function closer(overlays) {
   const one = overlays[0], length = chain.lengths[0];
   if (!one) {
-    const { pen, box } = axes("near", { x: [-5, 5], y: [0, 1], across: "distance from the crest [units]",
-      up: "compressive strain over its crest" });
+    const { pen, box } = axes("near", { x: [-5, 5], y: [0, 1], across: "distance from the peak [units]",
+      up: "compressive strain / peak strain" });
     pen.textBaseline = "middle";
-    pen.fillText("no pulse to look at closely", (box.l + box.r) / 2, (box.t + box.b) / 2);
+    pen.fillText("no leading pulse", (box.l + box.r) / 2, (box.t + box.b) / 2);
     view.trail = [];
     return;
   }
@@ -335,7 +335,7 @@ function closer(overlays) {
   if (view.running) view.trail = view.trail.concat([here]).slice(-TRAIL);
   const top = 1.3 * size, bottom = -0.12 * size;
   const paper = axes("near", { x: [-reach, reach], y: [Math.min(top, bottom), Math.max(top, bottom)],
-    across: "distance from the crest [units]", up: "compressive strain" });
+    across: "distance from the peak [units]", up: "compressive strain" });
   if (tent) curve(paper, sampled(tent, 0, 1.6, -1 / length), "tent", [2, 3]);
   if (sech) curve(paper, sampled(sech, 0, reach, -1 / length), "sech", [7, 4]);
   if (wave) curve(paper, around(wave.elongation, wave.step, 0, size), "exact", [5, 3], 2.2);
@@ -444,12 +444,12 @@ function describe(overlays) {
   if (performance.now() - (view.described || -Infinity) < SPOKEN) return;
   view.described = performance.now();
   const lead = overlays.map(({ place }) => `a wave near unit ${Math.round(place)}`).join(", ");
-  $("strain").setAttribute("aria-label", `Compressive strain along the chain; ${lead || "no wave named"}.`);
+  $("strain").setAttribute("aria-label", `Compressive strain along the chain; ${lead || "no wave identified"}.`);
   $("near").setAttribute("aria-label",
     "Compressive strain around the first pulse, with the exact wave, sech squared and the tent.");
   $("velocity").setAttribute("aria-label", "Velocity of the masses along the chain.");
   $("curve").setAttribute("aria-label",
-    "Load against shortening of a prism, with the part of it where the units now are.");
+    "Load against shortening of a prism, with the range currently occupied by the units.");
 }
 
 /* ---- start ---- */

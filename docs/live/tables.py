@@ -54,42 +54,42 @@ SCENES: dict[str, dict[str, Any]] = {  # the first is shown at the start
     "12.16": {
         "label": "12.16 \u00d7 sound",
         "near": FAST, "units": 200, "blow": 0.16,
-        "note": "Little prestrain and a hard blow: the pulse that leads goes some twelve times as "
-        "fast as sound and is about two prisms wide, almost the tent.",
+        "note": "Small prestrain and a strong impact: the leading pulse travels at about twelve "
+        "times the sound speed and is about two prisms wide, close to the tent.",
     },
     "2-3": {
         "label": "2\u20133 \u00d7 sound",
         "near": SLOW, "units": 300, "blow": 0.09,
-        "note": "A blow on the first mass becomes a solitary wave of about three prisms, and a "
-        "tail that is slower than sound.",
+        "note": "An impact on the first mass generates a solitary wave about three prisms wide and "
+        "a subsonic tail.",
     },
     "1.05": {
         "label": "1.05 \u00d7 sound",
         "near": SLOW, "units": 400, "waves": [{"wave": "slow 1.05", "at": 40, "way": 1}],
         "blow": 0.011,
-        "note": "An exact wave just above sound, about seven prisms wide and unchanged for as long "
-        "as it runs. With so little prestrain sech\u00b2 is too tall already at this speed.",
+        "note": "An exact wave just above the sound speed, about seven prisms wide, of permanent "
+        "form. At this small prestrain sech\u00b2 overestimates its amplitude.",
     },
     "collision": {
         "label": "Collision",
         "near": MEDIUM, "units": 240, "blow": 0.06,
         "waves": [{"wave": "medium 1.6", "at": 60, "way": 1},
                   {"wave": "medium 1.6", "at": -60, "way": -1}],
-        "note": "Two exact waves head-on. The dashed waves show where they would be undisturbed: "
-        "the real ones come out ahead, and leave a little radiation behind.",
+        "note": "Head-on collision of two exact waves. Dashed: their undisturbed positions; "
+        "the actual waves emerge ahead of them and leave some radiation behind.",
     },
     "softening": {
         "label": "Softening",
         "near": SOFT, "units": 400, "blow": 0.15, "held": True,
         "note": "A thick prism with elastic bases and bars softens under its preload. The first "
-        "mass is held and the next one pushed: an extension wave, a rarefaction, runs ahead.",
+        "mass is held and the next one struck: a rarefaction (extension) wave leads.",
     },
     "hard-soft": {
         "label": "Hard\u2013soft",
         "near": HARD, "far": LOOSE, "units": 400, "blow": 0.1,
         "waves": [{"wave": "hard 1.05", "at": 130, "way": 1}],
-        "note": "An exact wave in a hard chain meets a soft one at the middle. A narrow pulse of "
-        "compression goes on; a wave of extension with an oscillating tail comes back.",
+        "note": "An exact wave in a hard chain is incident on a soft one at the middle. A narrow "
+        "compression pulse is transmitted; an extension wave with a tail is reflected.",
     },
 }  # fmt: skip
 
