@@ -1,4 +1,4 @@
-"""Exact solitary waves from just above to far above the sound speed, and both asymptotic profiles."""
+"""Exact solitary waves just above and far above the sound speed, with both asymptotic profiles."""
 
 from __future__ import annotations
 

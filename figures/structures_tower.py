@@ -1,4 +1,4 @@
-"""A two-stage tensegrity tower: form finding from natural lengths, and compression between plates."""
+"""A two-stage tensegrity tower: form finding from natural lengths, then axial compression."""
 
 from __future__ import annotations
 
