@@ -93,7 +93,7 @@ def text(tables):
     return (
         f"The loop in double precision against the same text in extended precision, {METHOD}, "
         f"root of the mean square over {RUNS} starts. Rounding errors are independent: the energy "
-        "grows with a power of the number of steps, and the phase, hence also the elongations, "
+        "error grows with a power of the number of steps, and the phase, hence the elongations, "
         "with a higher one. Elongations are differences of displacements: a chain that drifts as "
         f"a whole, here at {DRIFT:g} m/s, loses digits as it moves away from its origin. Run in a "
         f"frame in which the chain stays.\n\n{grid(head, rows)}\n\n"
