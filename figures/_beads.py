@@ -1,4 +1,4 @@
-"""Straight chains of beads in colours: density of energy, and what is left of a pulse."""
+"""Straight chains of beads: runs, and colour maps of the energy density."""
 
 from __future__ import annotations
 

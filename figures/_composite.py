@@ -1,8 +1,8 @@
-"""Interfaces of two chains: what leads back from them and what goes on.
+"""Interfaces of two chains: reflected and transmitted waves.
 
-An exact rarefaction wave comes along the near chain and meets the far one.  What leads back and
-what goes on is judged at one instant by `figures._solitons`; the acoustic front left the interface
-as the incident crest met it.  What a run shows counts where neither end was reached.
+An exact rarefaction wave travels along the near chain and meets the far one.  Reflected and
+transmitted pulses are classified at one instant by `figures._solitons`; the acoustic front leaves
+the interface when the incident peak arrives.  A result counts if the wave reached neither end.
 """
 
 from __future__ import annotations
@@ -30,17 +30,17 @@ from tensegrity.prisms.condensed import ElasticPotential
 from tensegrity.springs.polynomial import Polynomial
 
 TRAIN = 2  # compression pulses that make one
-CUT = 1e-10  # of the crest, cut off where the wave is launched
-QUIET = 1e-8  # of the incident crest: less has not reached an end
+CUT = 1e-10  # of the peak, at which the launched wave is truncated
+QUIET = 1e-8  # of the incident peak: an end with less has not been reached
 
-ENDS = 5  # bonds that are an end
+ENDS = 5  # bonds that form an end
 COVERED, FIT = (0.95, 0.8, 0.65, 0.5), 1e-9  # parts of a domain for a polynomial, and its error
 ROWS = 200  # recorded instants
 
 
 @dataclass(frozen=True)
 class Interface:
-    """Two chains and the wave that comes along the first one.
+    """Two chains and the wave incident along the first one.
 
     Attributes
     ----------
@@ -58,12 +58,12 @@ class Interface:
 
     @property
     def sounds(self):
-        """Speeds of sound [sites/s]."""
+        """Sound speeds of both chains [sites/s]."""
         return self.near.sound_speed(self.masses[0]), self.far.sound_speed(self.masses[1])
 
     @property
     def impedances(self):
-        """Of small waves [kg/s]."""
+        """Acoustic impedances of both chains [kg/s]."""
         near, far = self.sounds
         return self.masses[0] * near, self.masses[1] * far
 
@@ -72,14 +72,14 @@ class Interface:
         return solitary_wave(self.near, self.masses[0], amplitude=self.crest)
 
     def chain(self, before, after):
-        """So many bonds of the near and of the far chain."""
+        """The chain with `before` near and `after` far bonds."""
         return interface(self.near, self.far, (before, after + 1), self.masses)
 
 
 class Start(NamedTuple):
     """A wave on its way to the interface, at site `before`.
 
-    `met` is when its crest is there [s].
+    `met` is the time at which its peak arrives there [s].
     """
 
     chain: Chain
@@ -89,29 +89,29 @@ class Start(NamedTuple):
 
 
 def start(interface, wave, before, after):
-    """The wave as close to the interface as its tail lets it be."""
+    """The wave launched as close to the interface as its tail permits."""
     away = wave.reach(CUT) + 2
     chain = interface.chain(before, after)
     return Start(chain, wave.launch(chain, before - away, tail=CUT), before, away / wave.speed)
 
 
 def parts(r, v, before):
-    """Elongations and velocities of both parts, each from the interface on.
+    """Elongations and velocities of both parts, each counted from the interface.
 
-    The near part is seen in a mirror: its velocities change sign.
+    The near part is mirrored, so that its velocities change sign.
     """
     return (r[:before][::-1], -v[: before + 1][::-1]), (r[before:], v[before:])
 
 
 class Answer(NamedTuple):
-    """What one instant of a run shows.
+    """The pulses at one instant of a run.
 
     Attributes
     ----------
     back, leading, train : list of Found
         Rarefaction pulses in the near chain, rarefaction and compression pulses in the far one.
     ends : float
-        Largest elongation at an end over the incident crest.
+        Largest elongation at an end over the incident peak.
     """
 
     back: list
@@ -133,7 +133,7 @@ def _exact(spring, mass, crest):
 
 
 def answer(interface, run, row, before, met, least=0.01):
-    """What is seen at a recorded instant; `least` is over the largest elongation of each part."""
+    """The pulses at a recorded instant; `least` is relative to the largest elongation of a part."""
     u, v, t = run.u[row], run.v[row], run.t[row] - met
     r = np.diff(u)
     sides = parts(r, v, before)
@@ -152,7 +152,7 @@ def answer(interface, run, row, before, met, least=0.01):
 
 
 class Outcome(NamedTuple):
-    """What becomes of one incidence, in chains whose ends nothing reaches.
+    """The outcome of one incidence, in chains whose ends no wave reaches.
 
     Attributes
     ----------
@@ -184,7 +184,7 @@ class Outcome(NamedTuple):
 
     @property
     def moved(self):
-        """Largest relative change of a solitary wave's crest from one step to the other."""
+        """Largest relative change of the peak of a solitary wave from one step to the other."""
         least = self.incident.energy
         several = [
             [x.crest for x in (*one.back, *one.train) if x.is_solitary(least)]
@@ -193,8 +193,8 @@ class Outcome(NamedTuple):
         return max((abs(a / b - 1) for a, b in zip(*several, strict=False)), default=0.0)
 
     def momenta(self):
-        """Shares of the incident momentum at last: what the near chain holds, what the far one
-        does, and how much of that its solitary compressions carry."""
+        """Final momenta over the incident one: of the near chain, of the far chain, and of the
+        solitary compression waves in the far chain."""
         mass, v = self.run.scene.mass, self.run.final.v
         near = float(np.sum((mass * v)[: self.begun.before])) / self.incident.momentum
         far = float(np.sum((mass * v)[self.begun.before :])) / self.incident.momentum
@@ -203,15 +203,15 @@ class Outcome(NamedTuple):
 
 
 def outcome(interface, duration, after, dt=None, rows=ROWS):
-    """An incidence followed for so long after crest and interface have met [s].
+    """Simulate one incidence for some time after the peak arrives at the interface.
 
     Parameters
     ----------
     interface : Interface
     duration : float
-        [s].
+        Time after the arrival of the peak [s].
     after : int
-        Bonds of the far chain, to begin with: doubled until nothing reaches its end.
+        Initial number of bonds of the far chain, doubled until nothing reaches its end.
     dt : float, optional
         The coarser step [s]; by default what `simulate` takes.
     rows : int, optional
@@ -238,7 +238,7 @@ def outcome(interface, duration, after, dt=None, rows=ROWS):
 
 
 def fitted(interface):
-    """The same with polynomials for elastic prisms: an order of magnitude cheaper to run."""
+    """The interface with polynomials for elastic prisms: an order of magnitude cheaper to run."""
     return replace(interface, near=_fitted(interface.near), far=_fitted(interface.far))
 
 
@@ -247,7 +247,7 @@ def _fitted(spring):
 
 
 def fits(spring, parts, error):
-    """Polynomials for an elastic prism, over those parts of its domain where there is one."""
+    """Polynomials for an elastic prism, over the parts of its domain where a fit exists."""
     for part in parts if isinstance(spring, ElasticPotential) else ():
         with contextlib.suppress(TensegrityError):
             yield Polynomial(spring, part * spring.domain[0], part * spring.domain[1], error)

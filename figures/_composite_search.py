@@ -1,9 +1,9 @@
 """Interfaces of prisms searched for both waves: `python -m figures._composite_search`.
 
-Genes are numbers from 0 to 1, for what `LIMITS` names.  Each seed draws interfaces evenly first,
-then moves a normal distribution (covariance matrix adaptation, `cmaes`) from the best of them.
-A coarse run, velocity Verlet with polynomials for the springs, several interfaces in the lanes of
-an `Ensemble`, tells what an interface is worth; `figures.composite` computes the best ones again.
+Genes are numbers from 0 to 1, for what `LIMITS` names.  Each seed first draws interfaces uniformly,
+then adapts a normal distribution (covariance matrix adaptation, `cmaes`) from the best of them.  A
+coarse run, velocity Verlet with polynomials for the springs, several interfaces as a batch of an
+`Ensemble`, gives the fitness of an interface; `figures.composite` recomputes the best ones.
 """
 
 from __future__ import annotations
@@ -74,9 +74,9 @@ STEP = 0.5  # of a step of Verlet, times the largest frequency
 DEGREE, FIT = 27, 1e-5  # of the polynomials; error
 STIFFEST = 0.8  # part of a domain, whose stiffness sets the step
 KEPT = (0.95, 0.8)  # of a domain that they cover, in turn
-FAINT = 1e-7  # share of energy that counts as nothing
+FAINT = 1e-7  # energy fraction that counts as zero
 AHEAD, BEHIND = 0.1, 1e-5  # what energy before and behind a front counts that is no exact wave
-WORTHY = 1e-5  # share of energy ahead of sound for which exact waves are computed
+WORTHY = 1e-5  # energy fraction ahead of sound above which exact waves are computed
 BARRED = -10.0  # worth of what is no interface, and less the farther from one
 COLUMNS = ("worth", "reflected", "compression 1", "compression 2")
 FOLLOWED = "followed"
@@ -115,7 +115,7 @@ def interface(named):
 
 
 def polynomial(spring):
-    """A polynomial of one degree for all elastic prisms, so that they run in lanes."""
+    """A polynomial of one degree for all elastic prisms, so that they run as a batch."""
     if not isinstance(spring, ElasticPotential):
         return spring
     for fitted in _composite.fits(spring, KEPT, FIT):
@@ -137,7 +137,7 @@ class Lane(NamedTuple):
 
 
 class Worth(NamedTuple):
-    """What an interface is worth, and the shares of energy that say so."""
+    """The fitness of an interface, and the energy fractions that determine it."""
 
     worth: float
     reflected: float = 0.0
@@ -216,7 +216,7 @@ def followed(lanes):
 
 
 def _inside(springs, ranges):
-    """Whether all bonds of each lane stayed where their springs are defined; (LANES,)."""
+    """Whether all bonds of each batch member stayed where their springs are defined; (LANES,)."""
     low, high = springs.domains.T
     good = (ranges[:, 0] > low) & (ranges[:, 1] < high)
     return good[springs.group].all(axis=0)
@@ -270,7 +270,7 @@ def quality(misfit):
 
 
 def rank(reflected, first, second):
-    """Worth of three shares of energy: the least counts most."""
+    """Fitness of three energy fractions: the least counts most."""
     a, b, c = (math.log10(max(x, FAINT) / FAINT) for x in (reflected, first, second))
     return min(a, b) + min(a, b, c) + 0.2 * (a + b + c)
 
@@ -336,7 +336,7 @@ def last_cases(cases, found):
 
 
 def searched(executor=None, checkpoint=None):
-    """Cases and what each computed; files beside the checkpoint keep what was done."""
+    """Cases and what each computed; files next to the checkpoint store completed cases."""
     cases, found = [], []
     for number in range(ROUNDS):
         files = [None if checkpoint is None else f"{checkpoint}.{number}.{k}" for k in (1, 2)]
@@ -388,8 +388,10 @@ def main(arguments=None):
     parser = argparse.ArgumentParser(
         prog="python -m figures._composite_search", description=__doc__.splitlines()[0]
     )
-    parser.add_argument("--output", type=Path, default=FOLDER, help="CSV of what was found")
-    parser.add_argument("--checkpoint", type=Path, help="file to go on from")
+    parser.add_argument(
+        "--output", type=Path, default=FOLDER, help="folder for CSV files of the results"
+    )
+    parser.add_argument("--checkpoint", type=Path, help="file from which to resume")
     parser.add_argument("--processes", type=int, default=2)
     options = parser.parse_args(arguments)
     with ProcessPoolExecutor(options.processes) as pool:

@@ -1,4 +1,4 @@
-"""What is said of interfaces of prisms: the claim, the definition, the verdict and its reason."""
+"""Text of the page on interfaces of prisms: the claim, the definition, the verdict, its reason."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def quantities(table):
 
 
 def cases_of(tables):
-    """Names of what was computed again."""
+    """Names of the recomputed interfaces."""
     return [name for name in tables if f"{name} pulses" in tables]
 
 
@@ -29,9 +29,9 @@ def pulses_in_words(table, where):
     mine = [row for row in lines(table) if row["where"] == where and row["solitary"]]
     return (
         "; ".join(
-            f"crest {row['crest']:.4g} m, {row['ratio']:.4f} times sound, misfit "
+            f"peak {row['crest']:.4g} m, {row['ratio']:.4f} times the sound speed, misfit "
             f"{100 * row['misfit']:.2g} %, energy {row['energy']:.2g}, {row['ahead']:.0f} sites "
-            "ahead of sound"
+            "ahead of the acoustic front"
             for row in mine
         )
         or "none"
@@ -39,7 +39,7 @@ def pulses_in_words(table, where):
 
 
 def table(tables):
-    """A row for each incidence."""
+    """One row per incidence."""
     rows = []
     for name in cases_of(tables):
         value, pulses = quantities(tables[name]), tables[f"{name} pulses"]
@@ -52,7 +52,7 @@ def table(tables):
                     f"{value[f'momentum of the {part}']:+.5f}"
                     for part in ("near chain", "far chain", "compressions")
                 ),
-                "at half the step": f"crests move by {value[CHANGE]:.1g}",
+                "at half the step": f"peaks change by {value[CHANGE]:.1g}",
             }
         )
     return rows
@@ -62,7 +62,7 @@ CHANGE = "largest change of a crest at half the step"
 
 
 def searched(tables):
-    """Interfaces computed, and how many showed one wave, the other, or both."""
+    """Numbers of interfaces computed, and of those that showed one wave, the other, or both."""
     found, least = tables["search"], _solitons.LEAST
     back = np.array(found["reflected"], dtype=float) >= least
     one, two = (np.array(found[key], dtype=float) >= least for key in COLUMNS[2:4])
@@ -87,34 +87,34 @@ def text(tables):
     ]  # fmt: skip
     verdict = (
         f"**Verdict: reproduced with prisms, in {len(both)} of {len(names) - 1} interfaces "
-        "computed again from scratch.**" if both else
-        "**Verdict: not reproduced in one interface of prisms; below are the nearest ones.**"
+        "recomputed from scratch.**" if both else
+        "**Verdict: not reproduced by any interface of prisms; the nearest ones follow.**"
     )  # fmt: skip
     lines = [
         f"The talk: \"{CLAIM}\".", "", verdict, "",
-        f"A pulse counts as solitary where the exact wave of its crest differs by at most "
-        f"{_solitons.MISFIT:.0%} of the largest in elongation and in velocity, over the width "
-        f"of the wave at {_solitons.LEVEL:.0%}; its crest is ahead of the acoustic front that "
-        f"left the interface as the incident crest met it; and it carries at least "
+        f"A pulse counts as solitary if it differs from the exact wave of the same peak by at most "
+        f"{_solitons.MISFIT:.0%} of the maximum in elongation and in velocity, over the width "
+        f"of the wave at {_solitons.LEVEL:.0%}; if its peak is ahead of the acoustic front that "
+        f"leaves the interface when the incident peak arrives; and if it carries at least "
         f"{_solitons.LEAST:g} of the incident energy.  No end was reached (elongations there "
-        f"below {_composite.QUIET:g} of the incident crest), and half the step says the same.  "
-        f"{_composite.TRAIN} compressions make a train.", "",
-        "Search: seeds draw interfaces evenly; the last ones go on by covariance matrix "
-        "adaptation, from the best of different seeds; from acoustically hard to soft.  "
+        f"below {_composite.QUIET:g} of the incident peak), and half the step gives the same "
+        f"count.  {_composite.TRAIN} compression pulses make a train.", "",
+        "Search, from acoustically hard to soft: interfaces are drawn uniformly for each seed; the "
+        "last cases continue by covariance matrix adaptation from the best of different seeds.  "
         + _seeds_in_words(tables["counts"]), "",
-        "| gene | from | to | even in |", "|---|---|---|---|",
+        "| parameter | from | to | uniform in |", "|---|---|---|---|",
         *(f"| {name} | {low:g} | {high:g} | {'its logarithm' if log else 'itself'} |"
           for name, (low, high, log) in LIMITS.items()), "",
-        "Energies of the search are of short coarse runs, in which slower pulses have not parted "
-        "yet: what is computed again may show more.", "",
-        "| of the interfaces | |", "|---|---|",
+        "Energies of the search come from short coarse runs, in which slower pulses have not yet "
+        "separated: a recomputed interface may show more.", "",
+        "| interfaces | number |", "|---|---|",
         *(f"| {name} | {count:,} |" for name, count in searched(tables).items()), "",
-        "| why others were not followed | |", "|---|---|",
+        "| reason why others were not simulated | number |", "|---|---|",
         *(f"| {reason} | {count:,} |"
           for reason, count in totals(tables["counts"], "reason").items()
           if reason != FOLLOWED), "",
         "| | reflected solitary rarefactions | transmitted solitary compressions | momentum of "
-        "the near chain, the far one, its solitary compressions | at half the step |",
+        "the near chain, the far chain, its solitary compression waves | at half the step |",
         "|---|---|---|---|---|",
         *("| " + " | ".join(row.values()) + " |" for row in table(tables)), "",
         *_genes_in_words(tables["best"], names[1:]),
@@ -124,7 +124,7 @@ def text(tables):
 
 
 def totals(counts, key):
-    """Interfaces computed, by what a column says."""
+    """Numbers of interfaces computed, by the values of a column."""
     found = {}
     for name, count in zip(counts[key], counts["count"], strict=True):
         found[name] = found.get(name, 0) + int(count)
@@ -138,7 +138,7 @@ def _seeds_in_words(counts):
 
 
 def _genes_in_words(columns, names):
-    """Parameters of what was computed again."""
+    """Parameters of the recomputed interfaces."""
     found = [named for _, _, named in best(columns)]
     rows = [f"| {gene} | " + " | ".join(f"{found[k][gene]:.6g}" for k in range(len(names))) + " |"
             for gene in LIMITS]  # fmt: skip
@@ -148,14 +148,14 @@ def _genes_in_words(columns, names):
 def _reason(tables, names):
     lines = ["Momentum is conserved: near + far = incident (to "
              f"{max(quantities(tables[n])['momentum error'] for n in names):.0e}).  A rarefaction "
-             "that goes back alone would ask for a far chain that holds more than the incident "
-             "momentum, all of it tension; compression pulses push, so each is paid, in the far "
-             "chain by more tension or in the near one by the compression that follows the "
-             "reflected rarefaction."]  # fmt: skip
+             "reflected alone would require the far chain to hold more than the incident momentum, "
+             "all of it tensile; compression pulses carry momentum of the other sign, so each is "
+             "balanced by more tension in the far chain or by the compression that follows the "
+             "reflected rarefaction in the near one."]  # fmt: skip
     for name in names:
         value = quantities(tables[name])
         lines.append(
             f"{name}: the far chain holds {value['momentum of the far chain']:.4f} of the incident "
-            f"momentum; its solitary compressions {value['momentum of the compressions']:+.2g}."
+            f"momentum, its solitary compressions {value['momentum of the compressions']:+.2g}."
         )
     return lines

@@ -1,4 +1,4 @@
-"""Beads as disks at their places."""
+"""Beads drawn as disks."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 
 def disks(axes, places, diameter, **style):
-    """Draw beads; returns what takes the colours.
+    """Draw beads; returns the collection that takes the colours.
 
     Parameters
     ----------

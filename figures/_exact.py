@@ -1,4 +1,4 @@
-"""What exact waves are checked by: residuals off the grid, closed forms, launches on a chain."""
+"""Checks of exact waves: residuals off the grid, closed forms, launches on a chain."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def rigid_waves(spring):
 
 
 def launched(wave):
-    """What is lost of a wave's form over 500 sites, and of its speed; relative."""
+    """Relative change of the form and speed of a wave over 500 sites."""
     chain = Chain(wave.potential, SITES)
     duration = 500 / wave.speed
     record = Record(every=2, sites=[x for b in BETWEEN for x in (b, b + 1)])
@@ -41,7 +41,7 @@ def launched(wave):
 
 
 def toda_gap(decay=1.0):
-    """Largest difference from Toda's soliton, over its crest."""
+    """Largest difference from Toda's soliton, over its peak."""
     r = sp.Symbol("r")
     speed = np.sinh(decay) / decay
     wave = solitary_wave(Potential(sp.exp(-r) + r - 1, r), speed=speed)

@@ -1,4 +1,4 @@
-"""What is made of the pictures: a page a group, and `index.html` with all that are there."""
+"""Pages made of the pictures: one page per group, and `index.html` with all finished ones."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What pictures of gradients share: an objective, and the lines of their numbers."""
+"""Common parts of the pictures of gradients: an objective, and the lines of their numbers."""
 
 from __future__ import annotations
 

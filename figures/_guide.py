@@ -19,7 +19,7 @@ HEAVY = Bead.of_mass(5.33e-3, materials["steel"])
 STEM, BRANCH = 19, 47  # beads in each
 DT = 0.1e-6  # s: energy to 2e-8 or better in these scenes
 MIXED = (("stem 1", 16), ("branch 1", 7), ("branch 2", 7), ("stem 2", 5))  # sensors, figs. 4-6
-INSTANTS = (0.6e-3, 1.2e-3, 2.4e-3)  # s, at which shares of energy are told
+INSTANTS = (0.6e-3, 1.2e-3, 2.4e-3)  # s, at which energy fractions are printed
 ROWS = 10  # steps between recorded rows
 
 
@@ -154,7 +154,7 @@ def share(tables, part, instant):
 
 
 def soft_shares(figure, tables, of):
-    """Lines of the share of the energy that the second branch holds at `INSTANTS`."""
+    """Lines of the fraction of the energy in the second branch at `INSTANTS`."""
     return [
         row(figure, f"energy in {of} at {1e3 * t:g} ms", share(tables, "branch 2", t), "trapped")
         for t in INSTANTS

@@ -1,4 +1,4 @@
-"""The lens of the group, and what is read off the pressures that it makes."""
+"""The lens of the group, and measures of its pressure field."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def peaks(one, points, t):
 
 
 def point_peaks(one, points, t):
-    """The same of ends taken as points, which takes a tenth of the time."""
+    """The largest pressures with ends as point sources, at a tenth of the cost."""
     parts = _parts(points, MANY // (len(t) * one.chains))
     return np.concatenate([one.point_pressures(p, t).sum(axis=0).max(axis=0) for p in parts])
 

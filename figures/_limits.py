@@ -1,4 +1,4 @@
-"""What the pictures of limits share: chains, bare loops, words and tables for numbers."""
+"""Common parts of the pictures of limits: chains, bare loops, words and tables for numbers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Numbers read off runs, each with the error that a second resolution shows."""
+"""Numbers measured in runs, each with an error estimated from a second resolution."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ def resolved(scene, read, interval, sites=None, step=None, quiet=0.0):
     ----------
     scene : Scene
     read : callable
-        read(run) gives {name: float}.  The finer run also is recorded twice as densely, so that
-        the error of reading it shows too.
+        read(run) gives {name: float}.  The finer run is also recorded twice as densely, so that
+        the error estimate includes the sampling.
     interval : float
         Largest time between recorded instants of the coarser run [s].
     sites : sequence of int, optional
@@ -87,7 +87,7 @@ def density(run):
 
 
 def density_table(t, energy):
-    """Space-time density of energy: the time and each shown site's share of the largest energy.
+    """Space-time density of energy: the time, and the energy of each shown site over the largest.
 
     Parameters
     ----------

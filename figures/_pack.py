@@ -1,4 +1,4 @@
-"""The hexagonal pack that is optimised, and what it is compared with."""
+"""The hexagonal pack that is optimised, and the reference packs."""
 
 from __future__ import annotations
 

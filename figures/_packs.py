@@ -1,4 +1,4 @@
-"""The packs of the talk: beads, scenes, runs and what is read off them."""
+"""The packs of the talk: beads, scenes, runs and measured quantities."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Protectors of the talk: what is optimised, what it is compared with, and how a wall feels it.
+"""Protectors of the talk: design spaces, reference designs, and the force on the wall.
 
 Part II of seeds/000 names topology (the order of beads), size and material, not the numbers; ours:
 20 beads of 10 mm or below, a free steel striker of 10 mm at 0.44 m/s, a steel wall.
@@ -195,13 +195,13 @@ def letters(name, beads):
 
 
 def trace(beads, t_end, scale=1.0):
-    """How the wall and the beads fare: a run's rows in time.
+    """Histories of the wall force and of the energies of the beads.
 
     Returns
     -------
     dict
-        t [s]; force on the wall [N]; share of the energy of each bead (T, beads), the striker
-        first; number of beads that share it, by entropy and by squares; times of the peak [s].
+        t [s]; force on the wall [N]; fraction of the energy of each bead (T, beads), the
+        striker first; effective number of beads, by entropy and by squares; times of the peak [s].
     """
     scene = chain(beads, striker=STRIKER, end=STEEL)
     t_end = scale * t_end

@@ -1,4 +1,4 @@
-"""What searches found, as columns of numbers and text, and from these again."""
+"""Results of searches, to and from columns of numbers and text."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A detector of solitary waves that says no.
+"""A strict detector of solitary waves.
 
 A pulse counts as solitary where
 
@@ -7,7 +7,7 @@ A pulse counts as solitary where
 * its crest is ahead of the acoustic front;
 * it carries at least `LEAST` of the incident energy.
 
-Velocities tell speed and direction.
+The velocities determine speed and direction.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A solitary rarefaction wave at an interface of prisms: is there a reflected one, and a train."""
+"""Rarefaction wave at an interface of prism chains: reflected wave and transmitted train."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ NAME = "composite"
 GROUP = "composite"
 table, text = _composite_words.table, _composite_words.text
 
-VERIFIED = 2  # of the best, each of another seed, that are computed again
-TRAVEL = 100  # bonds that sound goes in the far chain
+VERIFIED = 2  # best interfaces, from different seeds, that are recomputed
+TRAVEL = 100  # bonds that sound travels in the far chain
 LEAST_TRAVEL = 200  # ... and in the near one
 LONGEST = 3000  # ... at most
 CUBIC = (1.0, 1.0, 0.36), (0.010237, -1.149207, 1.542135), 1.388055, 1.6  # laws, mass, c/cs
@@ -29,7 +29,7 @@ CUBIC_TIME = 700.0  # s
 
 
 def columns_of(path):
-    """Columns of a CSV, numbers where they are."""
+    """Columns of a CSV file, as numbers where they are numeric."""
     columns = {}
     with open(path, newline="") as file:
         for row in csv.DictReader(file):
@@ -41,7 +41,7 @@ def columns_of(path):
 
 
 def duration(real):
-    """How long an interface is followed [s]."""
+    """Duration over which an interface is simulated [s]."""
     near, far = real.sounds
     return min(max(TRAVEL / far, LEAST_TRAVEL / near), LONGEST / near)
 
@@ -49,7 +49,7 @@ def duration(real):
 def verified(named):
     """The interface of named numbers and its `_composite.Outcome`, from scratch.
 
-    With polynomials for elastic prisms, or, where the motion leaves their range, with the prisms.
+    Elastic prisms are replaced by polynomials unless the motion leaves the range of the fit.
     """
     exact = interface(named)
     real = _composite.fitted(exact)
@@ -60,7 +60,7 @@ def verified(named):
 
 
 def cubic():
-    """Interface of two springs with cubic forces that does one and nearly the other."""
+    """Interface of two cubic springs that shows one wave and nearly the other."""
     import sympy as sp
 
     r, k, a, b = sp.symbols("r k a b")
@@ -73,7 +73,7 @@ def cubic():
 
 
 def numbers(real, one):
-    """What is said of one incidence."""
+    """Numbers reported for one incidence."""
     back, train = one.verdict
     near, far, pushed = one.momenta()
     sounds, z = real.sounds, real.impedances
@@ -97,7 +97,7 @@ def numbers(real, one):
 
 
 def pulse_table(one):
-    """Pulses ahead of sound, one in a row."""
+    """Supersonic pulses, one per row."""
     columns = {}
     energy = one.incident.energy
     for name, several in zip(("back", "on", "train"), one.fine[:3], strict=True):
@@ -112,7 +112,7 @@ def pulse_table(one):
 
 
 def profile(real, one, name, number):
-    """A pulse of the last instant, and the exact wave of its crest, where that is."""
+    """A pulse at the last instant, and the exact wave of the same peak at that position."""
     side = int(name == "train")
     found = (one.fine.back, one.fine.train)[side][number]
     r = np.diff(one.run.final.u)
@@ -130,7 +130,7 @@ def profile(real, one, name, number):
 
 
 def data():
-    """Verdicts, pulses, profiles and the density of the best; control and search."""
+    """Verdicts, pulses, profiles and energy density of the best interface; control and search."""
     tables, found = {}, columns_of(BEST)
     control = cubic()
     cases = [("cubic laws", control, _composite.outcome(control, CUBIC_TIME, 2 * TRAVEL))]
@@ -151,7 +151,7 @@ def data():
 
 
 def draw(figure, tables):
-    """The best in space and time, its pulses on exact waves, the search, momenta."""
+    """The best interface in space and time, its pulses on exact waves, the search, momenta."""
     figure.set_size_inches(17, 14)
     axes = figure.subplot_mosaic(
         [["density", "density", "search", "search"], ["p0", "p1", "p2", "p3"],
@@ -172,7 +172,7 @@ def draw(figure, tables):
         ax.plot(one["bond"], one["elongation"], "C0o", ms=4)
         ax.set(xlabel="bonds from the interface", ylabel="elongation [m]")
         where = WHERE[profiles[k].split()[1]]
-        ax.set_title(f"{where}\ndots: run, line: exact wave of its crest", fontsize=9)
+        ax.set_title(f"{where}\ndots: run, line: exact wave of the same peak", fontsize=9)
     verified = [energies(tables[f"{name} pulses"]) for name in cases_of(tables)[1:]]
     _draw_search(axes["search"], tables["search"], verified)
     _draw_momenta(axes["momentum"], tables)
@@ -186,8 +186,8 @@ WHERE = {
 
 
 def energies(pulses):
-    """Energies over that of the incident wave of the first solitary rarefaction that comes back
-    and of the second solitary compression that goes on; 0 where there is none."""
+    """Energies, over that of the incident wave, of the first reflected solitary rarefaction and of
+    the second transmitted solitary compression; 0 where there is none."""
     every = zip(pulses["where"], pulses["energy"], pulses["solitary"], strict=True)
     found = [(where, float(energy)) for where, energy, solitary in every if solitary]
     back, train = (
@@ -205,10 +205,10 @@ def _draw_search(ax, found, verified):
         mine = kinds == kind
         ax.scatter(
             np.maximum(reflected[mine], least), np.maximum(second[mine], least), 9, f"C{k}",
-            alpha=0.5, label=f"{kind}, {mine.sum()} followed", edgecolors="none",
+            alpha=0.5, label=f"{kind}, {mine.sum()} simulated", edgecolors="none",
         )  # fmt: skip
     both = np.maximum(np.array(verified).T, least)
-    ax.scatter(*both, 130, "C3", marker="*", label="best of two seeds, followed longer: verified")
+    ax.scatter(*both, 130, "C3", marker="*", label="best of two seeds, verified by longer runs")
     for line in (ax.axhline, ax.axvline):
         line(LEAST, color="0.4", lw=0.8, ls=":")
     ax.set(
@@ -216,7 +216,9 @@ def _draw_search(ax, found, verified):
         xlabel="energy of the reflected solitary rarefaction / incident",
         ylabel="energy of the second solitary compression / incident",
     )  # fmt: skip
-    ax.set_title("search (both above the dotted lines: the claim); at the edge: none", fontsize=10)
+    ax.set_title(
+        "search: the claim holds beyond both dotted lines; zeros are drawn at the axes", fontsize=10
+    )
     ax.legend(fontsize=8, loc="upper left", frameon=True)
 
 
@@ -227,13 +229,13 @@ def _draw_momenta(ax, tables):
         parts = (
             ("near chain", value["momentum of the near chain"], "C0"),
             ("far chain", value["momentum of the far chain"], "C1"),
-            ("its solitary compressions", value["momentum of the compressions"], "C3"),
+            ("solitary compressions in the far chain", value["momentum of the compressions"], "C3"),
         )
-        for j, (label, share, colour) in enumerate(parts):
-            ax.barh(k + 0.25 * (1 - j), share, 0.22, color=colour, label=None if k else label)
+        for j, (label, fraction, colour) in enumerate(parts):
+            ax.barh(k + 0.25 * (1 - j), fraction, 0.22, color=colour, label=None if k else label)
     ax.axvline(1, color="0.4", lw=0.8, ls=":")
     ax.axvline(0, color="0.4", lw=0.8)
     ax.set_yticks(range(len(names)), [name.replace(", seed", ",\nseed") for name in names])
-    ax.set(xlabel="momentum at last / incident (tension: the sign of the incident one)")
-    ax.set_title("who holds the momentum", fontsize=10)
+    ax.set(xlabel="final momentum / incident momentum (tension has the sign of the incident wave)")
+    ax.set_title("distribution of the final momentum", fontsize=10)
     ax.legend(fontsize=8, loc="lower right", frameon=True)

@@ -1,4 +1,4 @@
-"""Load and energy of rigid-elastic prisms against height, to where they lock or lie flat."""
+"""Axial load and elastic energy of rigid-elastic prisms against height, to locking or collapse."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ POINTS = 400
 
 
 def data():
-    """Height, load (compression > 0) and energy for both heights and every prestrain."""
+    """Height, load (compression > 0) and energy for both prisms and every prestrain."""
     return {
         f"h{height:g}_p{prestrain:g}": _curve(Prism(1.0, height, prestrain, k_cross=1.0))
         for height in (SLENDER, THICK)
@@ -26,7 +26,7 @@ def data():
 def _curve(prism):
     spring = prism.potential()
     low, high = spring.domain
-    compressed = low * (1 - np.logspace(-5, 0, POINTS))  # closer towards locking
+    compressed = low * (1 - np.logspace(-5, 0, POINTS))  # graded towards locking
     r = np.append(
         compressed[compressed < 0], np.linspace(0, 0.5 * min(high, -3 * low), POINTS // 4)
     )
@@ -43,7 +43,7 @@ def _curve(prism):
 
 
 def draw(figure, tables):
-    """Four panels: load and energy, slender and thick."""
+    """Four panels: load and energy of the slender and the thick prism."""
     axes = figure.subplots(2, 2, sharex="col")
     for column, (height, word) in enumerate(((SLENDER, "locks"), (THICK, "collapses flat"))):
         load_axes, energy_axes = axes[:, column]
@@ -64,7 +64,7 @@ def draw(figure, tables):
         load_axes.set_title(f"height {height:g} m, base 1 m: {word}", fontsize=10)
         energy_axes.set_xlabel("height [m]")
         if np.isfinite(locking):
-            load_axes.set_ylim(-0.35, 1.0)  # the load has no bound at locking
+            load_axes.set_ylim(-0.35, 1.0)  # the load is unbounded at locking
     axes[0, 0].set_ylabel("axial load [N]\n(compression > 0)")
     axes[1, 0].set_ylabel("energy [J]")
     axes[0, 1].legend(fontsize=8)

@@ -1,8 +1,9 @@
-"""Every printed formula of the two sources, derived again: which hold, and which do not.
+"""Every printed formula of the two sources, rederived: which hold and which do not.
 
-A square is a formula or a claim.  Each is held against what SymPy derives from energies and
-geometry, symbolically or at 50 random points to 30 digits; what is a convention or a slip must
-also disagree as it is printed.  `make derivations` writes every derivation, step by step.
+Each square stands for a formula or a claim.  It is compared with what SymPy derives from energies
+and geometry, symbolically or at 50 random points to 30 digits; a formula classed as a convention
+or a slip must also be shown to fail as printed.  `make derivations` writes out every derivation
+step by step.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ SHOWN = {"no data in the seed": "a claim without formula"}
 
 
 def data():
-    """Entries with their verdicts; slips as they are printed and as they are derived."""
+    """Entries with their verdicts; slips as printed and as derived."""
     checks = [ledger.check(entry) for entry in ledger.entries()]
     slips = [check.entry for check in checks if check.entry.verdict is Verdict.SLIP]
     return {
@@ -46,15 +47,15 @@ def data():
 
 
 def equation(left, right):
-    """A side and what it equals, as text with TeX in it."""
+    """An equation of two sides, as text with TeX in it."""
     if isinstance(right, list):
-        return "decided by cases in which it must be true or false"
+        return "decided by cases in which it must hold or fail"
     side = f"{left}:" if " " in str(left) else f"${sp.latex(left)} =$"
     return f"{side} ${sp.latex(right)}$"
 
 
 def table(tables):
-    """How many there are of each verdict, and how they were decided."""
+    """Number of entries of each verdict, and how they were decided."""
     entries = tables["entries"]
     counts = Counter(entries["verdict"])
     decided = sum(entries["confirmed"])
@@ -68,7 +69,7 @@ def table(tables):
 
 
 def draw(figure, tables):
-    """A row of squares for each derivation; below them the slips, printed and derived."""
+    """A row of squares for each derivation; below, the slips as printed and as derived."""
     figure.set_size_inches(12.5, 9.5)
     upper, lower = figure.subfigures(2, 1, height_ratios=(1.1, 1))
     axes = upper.subplots()
@@ -91,8 +92,8 @@ def draw(figure, tables):
         side.set_visible(False)
     axes.tick_params(length=0)
     axes.legend(loc="lower right")
-    upper.suptitle(f"{len(pairs)} printed formulas and claims, by the derivation that decides them")
-    for x, head in ((0.02, "a slip, as it is printed"), (0.3, "as it is derived")):
+    upper.suptitle(f"{len(pairs)} printed formulas and claims, by the derivation that settles them")
+    for x, head in ((0.02, "a slip, as printed"), (0.3, "as derived")):
         lower.text(x, 0.96, head, weight="bold")
     slips = list(zip(*tables["slips"].values(), strict=True))
     for k, (where, printed, derived, note) in enumerate(slips):

@@ -1,8 +1,9 @@
 """Transmission of driven diatomic chains falls inside the computed band gap.
 
-The first site is shaken with one frequency after another; dashpots that grow slowly towards the far
-end swallow what arrives there.  What is compared is the ratio of amplitudes from cell to cell, far
-from both ends: 1 in a band, exp(-kappa) in the gap, where cosh kappa = |cos q| of the band's form.
+The first site is driven at one frequency after another; dashpots graded towards the far end absorb
+the arriving waves.  The ratio of amplitudes of successive cells, far from both ends, is compared
+with the closed form: 1 in a band, exp(-kappa) in the gap, with cosh kappa = |cos q| of the
+dispersion relation.
 """
 
 from __future__ import annotations
@@ -21,8 +22,8 @@ CELLS, NEAR, FAR, SOFT = 45, 1, 6, 15  # cells; between which is measured; where
 PERIODS, RISE, SEEN = 60, 15, 4  # of a run, in which the drive comes up, at the end that are used
 STRENGTH = 0.35  # of the last dashpot, over the root of stiffness times mass
 COUNT = 24  # frequencies
-HEAVY = 2.5  # kg, beside 1 kg and springs of 1 N/m
-PRELOAD = 20.0  # N, on beads of steel and PTFE in turn
+HEAVY = 2.5  # kg; the other mass is 1 kg, springs are 1 N/m
+PRELOAD = 20.0  # N, on alternating beads of steel and PTFE
 TITLES = {"masses": "masses 1 and 2.5", "beads": "steel and PTFE beads, precompressed"}
 SCENES = tuple(TITLES)
 SIZES = dict(zip(SCENES, (1e-3, 1e-9), strict=True))  # of the drive [m]: waves stay linear
@@ -55,7 +56,7 @@ def numbers(name):
 
 def ratio(name, frequency):
     """Amplitude of a cell over that of the cell before, in a run driven at a frequency, and the
-    error of its energy: of precompressed beads the round-off of what they store at rest."""
+    error of its energy: for precompressed beads the round-off of the energy stored at rest."""
     import sympy as sp
 
     t, period = sp.Symbol("t"), 2 * math.pi / frequency
@@ -84,7 +85,9 @@ def swept(name):
     """Driven ratios over frequency, and those of the closed form."""
     spring, masses, (_, low, _, top) = numbers(name)
     shares = np.linspace(0.12, 0.98, COUNT)
-    w = shares[np.abs(shares * top - low) > 0.01 * top] * top  # waves at an edge do not leave
+    w = (
+        shares[np.abs(shares * top - low) > 0.01 * top] * top
+    )  # the group velocity vanishes at an edge
     found = [ratio(name, float(x)) for x in w]
     return {
         "frequency": w,
@@ -110,7 +113,7 @@ def data():
 
 
 def draw(figure, tables):
-    """Bands on the left, driven ratios against the same frequencies on the right."""
+    """Bands on the left, driven amplitude ratios at the same frequencies on the right."""
     figure.set_size_inches(11, 9)
     axes = figure.subplots(2, 2)
     for row, name in zip(axes, SCENES, strict=True):
@@ -130,7 +133,7 @@ def draw(figure, tables):
         right.plot(decay(spring, masses, fine), fine / unit, "k-", lw=1, label="closed form")
         right.plot(driven["ratio"], driven["frequency"] / unit, "o", color="C2", ms=5,
                    label="driven runs")  # fmt: skip
-        right.set(xlabel="amplitude from cell to cell", xlim=(0, 1.12), ylabel=label)
+        right.set(xlabel="amplitude ratio of successive cells", xlim=(0, 1.12), ylabel=label)
         for ax in row:
             ax.axhspan(low, high, color="0.88", label="gap")
             ax.axhline(top, color="0.6", lw=0.8, ls="--")

@@ -1,8 +1,8 @@
-"""Prestrain and preload tune the bands of a chain of prisms, also while a wave goes through it.
+"""Prestrain and preload tune the bands of a chain of prisms, also during wave propagation.
 
-Two masses in turn on equal prisms: the edges of the gap and the cut-off go with the root of the
-axial stiffness.  Then a chain is shaken at one frequency while its cross strings are drawn in, and
-let out again: the gap passes over that frequency, and nothing arrives as long as it is there.
+Alternating masses on equal prisms: the edges of the gap and the cut-off scale with the square root
+of the axial stiffness.  Then a chain is driven at one frequency while its cross strings are
+shortened and released: the gap moves over that frequency, and no wave is transmitted meanwhile.
 Source: seeds/000, "tunable" and "adjusted on the fly, through suitable control of prestress".
 """
 
@@ -20,7 +20,7 @@ GROUP = "driven"
 HEIGHT, MASSES = 0.8, (1.0, 2.5)  # m, kg; base 1 m, k_cross 1 N/m
 PRESTRAINS = np.geomspace(2e-3, 0.2, 41)
 PRELOADS = (0.0, 0.02, 0.05)  # N
-CELLS, FAR, SOFT, STRENGTH = 40, 12, 18, 0.1  # cells; one that is watched; dashpots; N s/m
+CELLS, FAR, SOFT, STRENGTH = 40, 12, 18, 0.1  # cells; the observed one; dashpots; N s/m
 BEFORE, AFTER, T_END = 0.05, 0.08, 1200.0  # prestrains; s
 SIZE = 1e-4  # m
 
@@ -36,13 +36,13 @@ def edges(prestrain, preload=0.0):
 
 
 def frequency():
-    """In the optic band at first, in the middle of the gap after [rad/s]."""
+    """A frequency first in the optic band, later in the middle of the gap [rad/s]."""
     low, high, _ = edges(AFTER)
     return 0.5 * (low + high)
 
 
 def shaken():
-    """A chain that is shaken and tuned at once."""
+    """A chain that is driven and tuned at once."""
     import sympy as sp
 
     t, w = sp.Symbol("t"), frequency()
@@ -63,7 +63,7 @@ def shaken():
 
 
 def data():
-    """Edges over prestrain for each preload; what arrives while the prestrain changes."""
+    """Edges over prestrain for each preload; the transmitted wave as the prestrain changes."""
     tables = {}
     for preload in PRELOADS:
         found = np.array([edges(p, preload) for p in PRESTRAINS])
@@ -111,12 +111,12 @@ def draw(figure, tables):
     gap.set_title(f"prestrain from {BEFORE:g} to {AFTER:g} and back", fontsize=10)
     gap.legend(fontsize=8, loc="lower right")
     arrived.plot(tables["arrived"]["t"], tables["arrived"]["u"], "C2", lw=0.6)
-    arrived.set(xlabel="time [s]", ylabel=f"displacement in cell {FAR}, over the drive's")
-    arrived.set_title("what arrives", fontsize=10)
+    arrived.set(xlabel="time [s]", ylabel=f"displacement in cell {FAR} / drive")
+    arrived.set_title("transmitted wave", fontsize=10)
 
 
 def table(tables):
-    """Ranges of the edges; what arrives before, within and after."""
+    """Ranges of the edges; the wave transmitted before, during and after the change."""
     rows = []
     for preload in PRELOADS:
         x, low, high, top = tables[f"preload {preload:g} N"].values()
@@ -130,7 +130,7 @@ def table(tables):
     sizes = [np.abs(u[(t > a * T_END) & (t < b * T_END)]).max()
              for a, b in ((0.2, 0.3), (0.55, 0.65), (0.9, 1.0))]  # fmt: skip
     rows.append({
-        "chain": f"shaken at {tables['run']['frequency'][0]:.4f} rad/s and tuned",
+        "chain": f"driven at {tables['run']['frequency'][0]:.4f} rad/s and tuned",
         "largest ratio in the gap": float(sizes[1]),
         "least in bands": float(min(sizes[0], sizes[2])),
         "balance of energy": float(tables["run"]["balance"][0]),

@@ -1,10 +1,10 @@
-"""A gradient that is exact and useless: beads between walls, and how its digits tell.
+"""An exact but useless gradient: chaotic motion of beads between walls, and the digits left.
 
 Forty steel beads of 10 mm touch each other and a wall at either end; the first starts at 1 m/s.
-The derivative of the energy
-of the first half by the start is computed for longer and longer runs.  It is
-exact for each run, and grows with time as any error does: once it times round-off is as large as
-the value itself, neither the value nor the derivative says anything about the beads.
+The derivative of the energy of the first half with respect to the initial state is computed for
+increasing durations.  It is exact for each run and grows with time as any error does: once its
+product with round-off reaches the value itself, neither value nor derivative carries information
+about the beads.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def scene():
 
 
 def data():
-    """For each duration the largest derivatives, what is left of the value, and the way back."""
+    """For each duration the largest derivatives, the digits left, and the reversed run."""
     beads = scene()
     state = beads.at_rest({1: SPEED})
     half = o.energy(range(1, 1 + COUNT // 2))
@@ -50,7 +50,7 @@ def data():
 
 
 def table(tables):
-    """One line for each duration."""
+    """One line per duration."""
     rows = tables["durations"]
     return [
         {"picture": NAME, "quantity": f"digits left, largest dE/dv0 [J s/m] at {1e3 * t:g} ms",
@@ -61,7 +61,7 @@ def table(tables):
 
 
 def draw(figure, tables):
-    """The growth of the derivative, and the digits that it leaves."""
+    """The growth of the derivative, and the digits unaffected by round-off."""
     figure.set_size_inches(9, 4)
     left, right = figure.subplots(1, 2)
     rows = tables["durations"]
@@ -70,7 +70,7 @@ def draw(figure, tables):
     left.set(xlabel="duration of the run [ms]", ylabel="largest |dE/dv0| [J s/m]")
     right.plot(t, rows["digits"], "o-")
     right.set(
-        xlabel="duration of the run [ms]", ylabel="digits that round-off leaves", ylim=(0, 16)
+        xlabel="duration of the run [ms]", ylabel="digits unaffected by round-off", ylim=(0, 16)
     )
 
 
@@ -80,11 +80,11 @@ def text(tables):
     first, last = rows["digits"][0], rows["digits"][-1]
     by = rows["largest by a velocity at the start"][-1]
     return (
-        f"Of a run of {1e3 * rows['t'][0]:g} ms round-off leaves {first:.1f} digits of the energy "
-        f"of the first half of the beads, of one of {1e3 * rows['t'][-1]:g} ms {last:.1f}: there "
-        f"the derivative by a velocity at the start reaches {by:.2g} J s/m. Both gradients are "
-        "exact for the numbers that were computed. The second is of no use: a design changed by "
-        "it lands in another run altogether. `digits` says so beside every gradient; look at it "
-        "before taking a step. A "
-        "shorter window, or a norm over many runs, is the way out, not a smaller step."
+        f"After a run of {1e3 * rows['t'][0]:g} ms, {first:.1f} digits of the energy of the first "
+        f"half of the beads are free of round-off, after {1e3 * rows['t'][-1]:g} ms {last:.1f}; "
+        f"there the derivative by an initial velocity reaches {by:.2g} J s/m. Both gradients are "
+        "exact for the computed numbers. The second is useless: a design changed along it follows "
+        "an entirely different trajectory. `digits` reports this with every gradient and should be "
+        "checked before a step is taken. The remedy is a "
+        "shorter window or a norm over many runs, not a smaller time step."
     )

@@ -1,10 +1,10 @@
-"""The prisms of a chain from a noisy record of one site.
+"""Identification of the prisms of a chain from a noisy record of one site.
 
 Ten prisms of unequal stiffness; the displacement of one site, with 2 % of noise, is all that is
-known.  Each sample is an objective of one pass backwards, so that a pass gives the whole matrix of
-derivatives; Gauss-Newton steps follow, and the matrix says how sure the answer is.  Its singular
-values also tell what a record cannot say: of stiffness and mass only the ratio, since both together
-change no displacement.
+known.  Each sample is an objective of one backward pass, so that a single pass gives the whole
+Jacobian; Gauss-Newton steps follow, and the Jacobian yields standard deviations.  Its singular
+values also show what a record cannot determine: of stiffness and mass only the ratio, since scaling
+both together changes no displacement.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ GROUP = "gradients"
 PRISMS, SITE, SPEED, PRESTRAIN = 10, 5, 0.05, 0.02
 DT, END, SAMPLES, METHOD = 0.25, 60.0, 60, "rkn6"
 NOISE, STEPS = 0.02, 8
-LEAST = 1e-8  # of the largest singular value: directions below say nothing
+LEAST = 1e-8  # of the largest singular value: directions below are not identifiable
 
 
 def chain(k, mass=1.0):
@@ -44,7 +44,7 @@ def traced(scene):
 
 
 def data():
-    """True and found stiffnesses with their deviations, and both sets of singular values."""
+    """True and estimated stiffnesses with their deviations, and both sets of singular values."""
     rng = np.random.default_rng(3)
     true = np.exp(rng.uniform(-0.2, 0.2, PRISMS))
     at, clean, _, _ = traced(chain(true))
@@ -71,7 +71,7 @@ def data():
 
 
 def table(tables):
-    """How far off the answer is, and what the record cannot say."""
+    """The error of the estimate, and what the record cannot determine."""
     prisms, singular = tables["prisms"], tables["singular"]
     off = (np.asarray(prisms["found"]) - prisms["true"]) / prisms["deviation"]
     both = np.asarray(singular["k and mass"])
@@ -80,8 +80,8 @@ def table(tables):
         "largest deviation of k": float(np.max(prisms["deviation"])),
         "singular values, k alone": " ".join(f"{s:.2g}" for s in singular["k"]),
         "singular values, k and mass": " ".join(f"{s:.2g}" for s in both),
-        "k and mass together": "not to be had: only k/m is in a displacement"
-        if both[-1] < LEAST * both[0] else "both in the record",
+        "k and mass together": "not identifiable: displacements depend on k/m only"
+        if both[-1] < LEAST * both[0] else "both identifiable",
     }  # fmt: skip
     return [{"picture": NAME, "quantity": k, "value": v} for k, v in rows.items()]
 
@@ -97,7 +97,7 @@ def draw(figure, tables):
     left.legend(loc="upper left")
     middle.plot(prisms["prism"], prisms["true"], "kx", label="true")
     middle.errorbar(prisms["prism"], prisms["found"], prisms["deviation"], fmt="o", ms=4,
-                    color="C0", label="found, one deviation")  # fmt: skip
+                    color="C0", label="estimate ± one deviation")  # fmt: skip
     middle.set(xlabel="prism", ylabel="k_cross [N/m]")
     middle.margins(y=0.25)
     middle.legend(loc="upper center")

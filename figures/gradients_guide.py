@@ -1,9 +1,9 @@
-"""How the force at the ends of a branched guide depends on every bead's diameter.
+"""Sensitivity of the end force of a branched guide to the diameter and modulus of every bead.
 
-A guide of seeds/001 with walls behind its branches; every bead stays at its place and is made
-larger by one micrometre.  Contacts become stiffer, masses larger, and above all the gaps change.
-The numbers are derivatives at the guide as it is, all from one pass backwards; as contacts open,
-they hold for much smaller changes of size than a micrometre.
+The guide of seeds/001 with walls behind its branches.  A bead that grows at a fixed centre
+stiffens its contacts, gains mass and, above all, changes the gaps.  All derivatives, given per
+micrometre, come from one backward pass through the unperturbed run; because contacts open, a
+linear prediction holds only for changes of size much smaller than a micrometre.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ NORM = 32
 
 
 def data():
-    """Places of the beads, and the force's derivatives by diameter and modulus."""
+    """Bead positions, and derivatives of the force with respect to diameter and modulus."""
     guide = y_guide(10, 10, bead=BEAD, branches=(BEAD, BEAD), wall=materials["ptfe"],
                     striker=Striker(BEAD, 0.585), end=STEEL)  # fmt: skip
     last = guide.parts["branch 1"][-1]
@@ -41,12 +41,12 @@ def data():
     values = {
         "peak force at the end of branch 1 [N]": peak.value,
         f"{NORM}-norm of it, in N s^(1/{NORM})": norm.value,
-        "largest by a diameter [% of the peak per um]":
+        "largest derivative by a diameter [% of the peak per um]":
         np.abs(peak.by("diameter")).max() * per_micron,
-        "largest by a modulus [% of the peak per %]":
+        "largest derivative by a modulus [% of the peak per %]":
         np.abs(peak.by("modulus") * STEEL.modulus / peak.value).max(),
-        "digits that round-off leaves": peak.digits,
-        "returned to the start within [m, m/s]": peak.reversal,
+        "digits unaffected by round-off": peak.digits,
+        "error of the reversed run at the start [m, m/s]": peak.reversal,
     }  # fmt: skip
     return {
         "beads": {"x": x, "y": y, "percent per um": peak.by("diameter") * per_micron,
@@ -57,17 +57,17 @@ def data():
 
 
 def table(tables):
-    """The numbers."""
+    """The numbers that are printed."""
     return _gradients.lines(NAME, tables)
 
 
 def draw(figure, tables):
-    """The beads at their places, coloured by both derivatives."""
+    """The beads in position, coloured by either derivative."""
     figure.set_size_inches(10, 4.6)
     beads = tables["beads"]
     places = np.stack([beads["x"], beads["y"]], axis=1)
     titles = {
-        "percent per um": "by diameter, beads at their places\n[% of the peak per um]",
+        "percent per um": "by diameter, centres fixed\n[% of the peak per um]",
         "percent per percent of modulus": "by modulus\n[% of the peak per %]",
     }
     for axes, (name, title) in zip(figure.subplots(1, 2), titles.items(), strict=True):

@@ -1,9 +1,9 @@
-"""How the force on the floor of a pack depends on every bead's diameter, in the plane and in space.
+"""Sensitivity of the floor force of a pack to every bead diameter, in the plane and in space.
 
-Packs of steel beads of seeds/000, part II, struck from above.  Each bead stays at its place and is
-made larger: contacts become stiffer, masses larger, and gaps smaller, the last above all.  The
-derivatives of the floor's peak by all diameters come from one pass backwards; only beads that the
-wave has passed by then, and whose answer has reached the floor, have any.
+Packs of steel beads of seeds/000, part II, struck from above.  A bead that grows at a fixed centre
+stiffens its contacts, gains mass and, above all, reduces the gaps.  The derivatives of the peak
+floor force with respect to all diameters come from one backward pass; they vanish except for beads
+that the wave has reached and whose response has arrived at the floor by then.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def floor(pack):
 
 
 def data():
-    """Places of the beads, and derivatives of the floor's peak by their diameters."""
+    """Bead positions, and derivatives of the peak floor force by their diameters."""
     tables, values = {}, {}
     for name, pack in scenes().items():
         peak, norm = gradient(
@@ -54,14 +54,14 @@ def data():
             f"{name}: 32-norm's derivatives along the peak's (cosine)":
             np.dot(share, norm.by("diameter"))
             / np.linalg.norm(share) / np.linalg.norm(norm.by("diameter")),
-            f"{name}: digits that round-off leaves": peak.digits,
-            f"{name}: returned to the start within [m, m/s]": peak.reversal,
+            f"{name}: digits unaffected by round-off": peak.digits,
+            f"{name}: error of the reversed run at the start [m, m/s]": peak.reversal,
         }  # fmt: skip
     return tables | {"numbers": _gradients.numbers(values)}
 
 
 def table(tables):
-    """The numbers."""
+    """The numbers that are printed."""
     return _gradients.lines(NAME, tables)
 
 
@@ -73,14 +73,14 @@ def section(beads):
 
 
 def draw(figure, tables):
-    """The beads at their places, in colours; of those in space a section."""
+    """The beads in position, coloured by the derivative; in space a section."""
     figure.set_size_inches(11, 5.2)
     left, right = figure.subplots(1, 2, width_ratios=(1.6, 1))
     plane, space = tables["plane"], tables["space"]
     chosen = section(space)
     for axes, beads, rows, title, share in (
         (left, plane, slice(None), "in the plane, struck in the middle", 1.0),
-        (right, space, chosen, "in space: a section by the striker", 0.85),
+        (right, space, chosen, "in space: a section next to the striker", 0.85),
     ):
         x, z, value = (np.asarray(beads[k])[rows] for k in ("x", "z", "percent per um"))
         places = np.stack([x, z], axis=1)

@@ -1,16 +1,17 @@
-"""A chain of 60 prisms whose prestrains are chosen by gradients: the force behind it.
+"""A protective chain of 60 prisms with prestrains optimised by gradients: the wall force.
 
 Sixty rigid prisms (side 1 m, height 0.7 m, 1 N/m, masses 1 kg), site 0 moving at 0.05 m/s, the
-last site held by a wall.  The prestrains, each from 0.001 to 0.1, are moved downhill: the highest
-maxima of the wall's load over 1,000 s are pressed down together, by linear programs within a
-distance that is shortened where they did not keep what their slopes promised.  Starts are random
-chains whose gradients keep their digits: in the others the run is chaotic, and slopes are exact
-and useless.  What is found counts if it keeps its digits too, and its peak with two finer steps.
+last site held by a wall.  The prestrains, each from 0.001 to 0.1, are optimised by descent: the
+highest maxima of the wall load over 1,000 s are reduced together by linear programs within a trust
+region, which shrinks where the actual reduction falls short of the predicted one.  Initial chains
+are random ones whose gradients are free of round-off: in the others the motion is chaotic, and
+gradients are exact but useless.  A result counts if the same holds for it, and if its peak persists
+with two finer steps.
 
 `python -m figures.gradients_protector` finds the chain that the picture begins with, `FOUND`: the
-better of two starts, in 45 seconds of one processor.  Another processor rounds elsewhere, and its
-way may end at another chain.  The force behind the end of the window is not asked for, and the
-optimiser hides it there: a window ten times longer shows it.
+better of two starts, in 45 seconds of one processor.  Another processor rounds differently, and its
+iteration may end at another chain.  The force after the end of the window is not constrained, and
+the optimiser moves it there: a window ten times longer shows it.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ WINDOW, LONGER, DT = 1000.0, 10_000.0, 0.2  # s
 FINER = (0.05, 0.025)  # s: what is found is computed again, since an optimiser finds errors
 MOVED = 0.001  # relative change of a peak that is the integration's
 UNIFORM = np.append(np.geomspace(0.01, 0.1, 14), 0.0708)  # the last: of finer scans
-RANDOM, STARTS, DIGITS = 40, 2, 13  # chains drawn; starts; digits that round-off leaves these
+RANDOM, STARTS, DIGITS = 40, 2, 13  # chains drawn; starts; digits unaffected by round-off these
 MAXIMA, REACH, NEAR = 24, 0.1, 1e-4  # pressed down; relative change of a prestrain, first and last
 ROUNDS, PROGRAMS = 3, 60  # each round begins with the first reach
 FOUND = np.array([  # 0.00371940 N; the other start led to 0.00734904 N
@@ -172,7 +173,7 @@ def data():
         np.median([one.value for one in first]),
         "share of these that are calm": np.mean([one.digits >= DIGITS for one in first]),
         "passes from the chain found before": len(way),
-        "digits that round-off leaves the chain found": last.digits,
+        "digits unaffected by round-off the chain found": last.digits,
         "its steepest slope [% of the peak per % of a prestrain]":
         np.abs(last.by("prestrain") * best / last.value).max(),
         **{f"uniform over found, {window:g} s":

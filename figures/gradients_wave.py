@@ -1,9 +1,9 @@
-"""How the time of passage of a solitary wave depends on each prism's prestrain and height.
+"""Sensitivity of the passage time of a solitary wave to the prestrain and height of each prism.
 
-A chain of equal prisms carries the wave that it was launched with; by one pass backwards, the time
-at which a site passes half the displacement that the wave leaves gives its derivative by every
-prism before and behind it.  Prisms that the wave has crossed count nearly alike; behind the site
-nothing counts.  The sum is the change by the prestrain of all at once, which two more waves check.
+A solitary wave travels along a chain of equal prisms.  The passage time is that at which a site
+reaches half of its final displacement; one backward pass gives its derivatives with respect to
+every prism.  Prisms that the wave has crossed contribute almost equally, those beyond the site
+nothing.  The sum is the derivative by a common prestrain, which two further runs confirm.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def data():
         "speed of the wave [sites/s]": wave.speed,
         "sum of the derivatives by prestrain [s]": by["prestrain"].sum(),
         "difference of two chains [s]": (high - low) / (2 * STEP),
-        "digits that round-off leaves": found.digits,
+        "digits unaffected by round-off": found.digits,
     }
     return {
         "bonds": {"bond": np.arange(SITES - 1), **by},
@@ -52,7 +52,7 @@ def data():
 
 
 def table(tables):
-    """The numbers."""
+    """The numbers that are printed."""
     return _gradients.lines(NAME, tables)
 
 

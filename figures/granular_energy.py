@@ -1,7 +1,7 @@
-"""Error of the energy against the step, in the scenes of the paper: who keeps it to 1e-5.
+"""Energy error against time step in the scenes of the paper: which methods stay within 1e-5.
 
-Where contacts open, forces have a kink: orders above that of the kink are not met, and local
-slopes scatter.
+Loss of contact puts a kink into the force: orders of convergence above that of the kink are not
+attained, and local slopes scatter.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ SCENES = {  # bead, speed of the striker [m/s], duration [s], unit of the steps 
     "PTFE": (PTFE, 0.25, 1.6e-3, 2e-6),
 }
 PAPER_STEP, PAPER_ERROR, FINE_ERROR = 1e-6, 1e-5, 1e-9
-INSTANTS = 300  # at which the energy is looked at
+INSTANTS = 300  # at which the energy is evaluated
 
 
 def data():
@@ -52,7 +52,7 @@ def order(table, method):
 
 
 def meets(table, method, bound):
-    """Largest step from which on all smaller ones keep the energy to a bound; nan if none."""
+    """Largest step such that it and all smaller ones meet an energy bound; nan if none."""
     good = np.cumprod((table[method] < bound)[::-1])[::-1].astype(bool)
     return float(table["dt [s]"][good][0]) if good.any() else float("nan")
 
@@ -81,7 +81,7 @@ def table(tables):
 
 
 def draw(figure, tables):
-    """Both scenes, double logarithmic."""
+    """Both scenes on logarithmic axes."""
     figure.set_size_inches(10, 4.5)
     for axes, name in zip(figure.subplots(1, 2, sharey=True), SCENES, strict=True):
         one, chosen = tables[name], tables[f"{name} by default"]

@@ -15,7 +15,7 @@ from tensegrity import first_peak, sampled
 NAME = "granular_fig2"
 GROUP = "granular"
 
-SPEED = 0.585  # m/s, of the striker
+SPEED = 0.585  # of the striker [m/s]
 END = 420e-6  # s
 SENSORS = (("stem 1", 12), ("stem 1", 16), ("branch 1", 4), ("branch 1", 8))
 PHASES = 300  # of the sampling clock
@@ -26,7 +26,7 @@ ROUNDED = 6e-4  # they were rounded to three digits
 
 
 def data():
-    """Sensor curves, ratios of speeds and forces, and the speeds a clock of 3 us would give."""
+    """Sensor curves, ratios of speeds and forces, and the speeds that 3 us sampling would give."""
     guide = y_guide(bead=STEEL, striker=_guide.light(SPEED))
     run = _guide.followed(guide, END, every=2)
     coarse = _guide.followed(guide, END, COARSE * run.dt, every=1)
@@ -46,7 +46,7 @@ def data():
 
 
 def _read(run):
-    """Forces in the order of the wave's passage and the time in which each is looked at."""
+    """Forces in the order of the wave's passage, and the time window in which each is read."""
     order = [*SENSORS, ("stem 1", 16), ("stem 1", 12)]
     forces = [sensor_force(run, *sensor) for sensor in order]
     after = first_peak(run.t, forces[1])[0] + BEYOND
@@ -98,13 +98,13 @@ def step_error(tables):
 
 
 def agreeing(tables):
-    """Share of the phases at which the clock reads the paper's ratios."""
+    """Fraction of the phases at which the sampled ratios are those of the paper."""
     read = np.stack([tables["clock"]["V_t/V_i"], tables["clock"]["V_r/V_i"]])
     return float(np.mean(np.all(np.abs(read.T - PRINTED) < ROUNDED, axis=1)))
 
 
 def table(tables):
-    """The paper's numbers of this figure beside ours."""
+    """Numbers of this figure in the paper and here."""
     (v_i, v_t, v_r), (f_i, f_t, f_r) = ratios(tables)
     share, name = agreeing(tables), "2"
     read = [tables["clock"][k] for k in ("V_t/V_i", "V_r/V_i")]
@@ -120,7 +120,7 @@ def table(tables):
         row(name, "V_r/V_i", float(v_r / v_i), PRINTED[1], 0.734),
         row(name, "V_t/V_i read every 3 us, over phases", spread[0], PRINTED[0]),
         row(name, "V_r/V_i read every 3 us, over phases", spread[1], PRINTED[1]),
-        row(name, "share of phases that read the paper's pair", share),
+        row(name, "fraction of phases that give the paper's pair", share),
         row(name, "F_i/F_t", float(f_i / f_t), 1.6, 2),
         row(name, "F_i/F_t by eq. (7)", forth**-power, 1.6),
         row(name, "F_i/F_r", float(f_i / f_r), 6.9, 8.4),
@@ -141,7 +141,7 @@ def _split_ratios():
 
 
 def draw(figure, tables):
-    """Curves as in the paper; what a clock of 3 us makes of the speeds."""
+    """Curves as in the paper; speeds as sampled every 3 us."""
     figure.set_size_inches(10, 5)
     left, right = figure.subplots(1, 2, width_ratios=(2, 1.2))
     title = f"single wave, {SPEED} m/s, half guide, steel"
@@ -154,5 +154,5 @@ def draw(figure, tables):
         right.plot(1e6 * clock["phase [s]"], clock[name], f"C{k}.", ms=3, label=f"{name}, sampled")
         right.axhline(exact, color=f"C{k}", lw=1, label=f"located peaks {exact:.4f}")
         right.axhline(printed, color=f"C{k}", lw=1, ls=":", label=f"paper {printed}")
-    right.set(xlabel="phase of a clock of 3 us [us]", ylabel="ratio of speeds", ylim=(0.6, 1.28))
+    right.set(xlabel="phase of the 3 us sampling [us]", ylabel="ratio of speeds", ylim=(0.6, 1.28))
     right.legend(fontsize=7, ncols=2, loc="upper center")

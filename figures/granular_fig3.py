@@ -17,15 +17,15 @@ SCENES = {  # bead, striker, duration [s], step [s], newtons per division of the
     "PTFE": (PTFE, _guide.light(0.25), 4.2e-3, 0.4e-6, 0.5),
     "steel": (STEEL, _guide.heavy(0.18), 2.0e-3, 0.1e-6, 5.0),
 }
-LEVEL = 0.1  # of the largest: pulses above it count
+LEVEL = 0.1  # of the largest peak: threshold of a counted pulse
 ENTERED = {"PTFE": 1.9e-3, "steel": 0.55e-3}  # s: before anything returns to the sensors
 
 
 def data():
     """Curves, densities and energies of both scenes.
 
-    The steps differ, so rows of curves are 4 us apart in PTFE and 1 us in steel, those of the
-    densities 4 us and 3 us.
+    The steps differ: rows of curves are spaced by 4 us in PTFE and 1 us in steel, those of the
+    densities by 4 us and 3 us.
     """
     tables = {}
     for name, (bead, striker, t_end, dt, _) in SCENES.items():
@@ -44,7 +44,7 @@ def scene(tables, name):
 
 
 def table(tables):
-    """What the paper says of both trains beside what the runs show."""
+    """The statements of the paper on both trains, and the numbers of the runs."""
     lines = []
     for name in SCENES:
         one = scene(tables, name)
@@ -74,7 +74,7 @@ def table(tables):
 
 
 def draw(figure, tables):
-    """Both scenes, one row each."""
+    """Both scenes, one row per scene."""
     figure.set_size_inches(11, 10)
     axes = figure.subplots(2, 2)
     titles = {"PTFE": "PTFE, 0.45 g at 0.25 m/s", "steel": "steel, 5.33 g at 0.18 m/s"}

@@ -27,7 +27,7 @@ def data():
 
 
 def table(tables):
-    """The paper's statements beside the run's numbers."""
+    """The statements of the paper and the numbers of the run."""
     steel, ptfe = (_guide.number(tables, f"speed in branch {k} [m/s]") for k in (1, 2))
     there, back = peaks(*_guide.curve(tables, "branch 1", 7), 0.2)[1][:2]
     lines = [

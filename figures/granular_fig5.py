@@ -12,7 +12,7 @@ GROUP = "granular"
 
 DIVISIONS = (5.0, 5.0, 1.25, 2.5)  # N, of the paper's runs
 END = 2.4e-3  # s
-RETURN = 0.6e-3  # s: later, pulses come back from the corner
+RETURN = 0.6e-3  # s: later, pulses return from the bend
 
 
 def data():
@@ -22,7 +22,7 @@ def data():
 
 
 def table(tables):
-    """The paper's statements beside the run's numbers."""
+    """The statements of the paper and the numbers of the run."""
     t, force = _guide.curve(tables, "branch 2", 7)
     early = t < RETURN
     heights = peaks(t[early], force[early], 0.05)[1]

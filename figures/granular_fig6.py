@@ -15,7 +15,7 @@ GROUP = "granular"
 DIVISIONS = (10.0, 10.0, 10.0, 5.0)  # N, of the paper's runs
 END = 2.4e-3  # s
 QUIET = 1.0e-3  # s: by then the train of the steel branch has passed
-RETURN = 0.75e-3  # s: later, pulses come back from the corner
+RETURN = 0.75e-3  # s: later, pulses return from the bend
 
 
 def data():
@@ -25,7 +25,7 @@ def data():
 
 
 def table(tables):
-    """The paper's statements beside the run's numbers."""
+    """The statements of the paper and the numbers of the run."""
     t, force = _guide.curve(tables, "stem 2", 5)
     found = peaks(t, force, 0.3)[0]
     second = found[np.flatnonzero(found > QUIET)[0]]

@@ -1,4 +1,4 @@
-"""Decorated and tapered chains: a pulse is taken apart bead by bead, beside a uniform chain."""
+"""Decorated and tapered granular chains disperse a pulse; comparison with a uniform chain."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ GROUP = "granular"
 
 BEADS = 60
 SMALL = 0.4  # radius of the interstitial beads of the decorated chain over that of the others
-TAPER = 0.01  # each bead is smaller than the one before by this part
+TAPER = 0.01  # relative decrease of the radius from bead to bead
 READ = 50  # contact at which the pulse that arrived is read
 SCENES = {  # beads, duration [s]
     "uniform": ([bead("steel")] * BEADS, 0.7e-3),
@@ -43,7 +43,7 @@ def data():
 
 
 def table(tables):
-    """Peaks far down the chain beside the uniform chain's."""
+    """Peak forces far down the chain relative to the uniform chain."""
     tops = {name: largest_peak(*tables[f"{name} force"].values())[1] for name in SCENES}
     return [
         row("graded", f"{name}: peak force at contact {READ} over the uniform chain's",
@@ -53,7 +53,7 @@ def table(tables):
 
 
 def draw(figure, tables):
-    """Densities and the force that arrives."""
+    """Energy densities, and the transmitted force."""
     figure.set_size_inches(11, 7)
     grid = figure.add_gridspec(2, 3, width_ratios=(1, 1, 1.1))
     axes = [figure.add_subplot(grid[k // 2, k % 2]) for k in range(len(SCENES))]

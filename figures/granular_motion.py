@@ -1,4 +1,4 @@
-"""The guide in motion: beads coloured by the force on them, walls drawn; also as a GIF."""
+"""The guide of Fig. 5 in motion: beads coloured by the contact force, with the walls drawn."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ GROUP = "granular"
 
 END = 1.5e-3  # s
 FRAMES, SHOWN = 100, (12, 22, 42, 84)  # of the GIF; of the picture
-HELD = 6.0  # N: the colours end here
+HELD = 6.0  # N: upper end of the colour scale
 
 
 @cache
 def motion(end, frames):
-    """The run of the guide of Fig. 5, one row a frame."""
+    """The run of the guide of Fig. 5, one row per frame."""
     guide = diamond_guide(bead=STEEL, branches=(STEEL, PARYLENE), striker=_guide.light(0.50))
     return _guide.followed(guide, end, every=round(end / frames / _guide.DT))
 
 
 def data():
-    """Force on each bead at each frame, places and walls of the guide of Fig. 5."""
+    """Force on each bead at each frame, bead positions and walls of the guide of Fig. 5."""
     run = motion(END, FRAMES)
     guide = run.scene
     forces = sensor_force(run, range(1, guide.sites))
@@ -43,7 +43,7 @@ def data():
 
 
 def _stage(axes, tables):
-    """Walls and beads; returns what takes the colours."""
+    """Draw walls and beads; returns the collection that takes the colours."""
     beads, walls = tables["beads"], tables["walls"]
     for x0, y0, x1, y1 in zip(*walls.values(), strict=True):
         axes.plot([1e3 * x0, 1e3 * x1], [1e3 * y0, 1e3 * y1], "0.4", lw=1)
@@ -60,7 +60,7 @@ def _forces(tables):
 
 
 def draw(figure, tables):
-    """Some frames."""
+    """Draw selected frames."""
     figure.set_size_inches(14, 5.2)
     forces, t = _forces(tables), tables["forces"]["t [s]"]
     panels = figure.subplots(2, 2)
@@ -68,12 +68,12 @@ def draw(figure, tables):
         disks = _stage(axes, tables)
         disks.set_array(forces[frame])
         axes.set_title(f"{1e3 * t[frame]:.2f} ms", fontsize=9)
-    label = "force by eq. (5) [N]; green rims: Parylene branch"
+    label = "force by eq. (5) [N]; green outlines: Parylene branch"
     figure.colorbar(disks, ax=panels, label=label, shrink=0.7)
 
 
 def animate(tables, path):
-    """Write all frames as a film."""
-    forces = np.insert(_forces(tables), 0, 0.0, axis=1)  # of the striker nothing is read
+    """Write all frames as an animation."""
+    forces = np.insert(_forces(tables), 0, 0.0, axis=1)  # no force is read at the striker
     label = "force by eq. (5) [N]"
     tensegrity.animate(motion(END, FRAMES), path, forces, frames=FRAMES + 1, label=label)

@@ -1,9 +1,9 @@
-"""Eq. (7) of seeds/001 for any half-angle: a wave at the junction as a quasi-particle, or not.
+"""Eq. (7) of seeds/001 against the half-angle: is a wave at the junction a quasi-particle?
 
-Eq. (7) shares momentum and energy between the waves alone.  In the runs the beads between them are
-left with a slow backward motion: next to no energy, but the momentum by which the reflected wave
-falls short.  Where eq. (7) asks for a wave of negative momentum, there is none.  Below 30 degrees
-the first beads of the branches, which touch each other, keep energy from both waves, and more the
+Eq. (7) distributes momentum and energy over the waves alone.  In the runs the beads between them
+retain a slow backward motion, with next to no energy but with the momentum that the reflected wave
+lacks.  Where eq. (7) predicts a wave of negative momentum, there is none.  Below 30 degrees the
+first beads of the branches, which touch each other, withhold energy from both waves, the more the
 smaller the angle.
 """
 
@@ -25,14 +25,14 @@ NAME = "granular_quasiparticle"
 GROUP = "granular"
 
 DEGREES = (10, 15, 20, 25, 30, 35, 40, 45, 50, 55, 60)
-BELOW = 20  # deg: where the two geometries are told apart
+BELOW = 20  # deg: where the two geometries are compared
 TOUCHING = 30  # from here on the first beads of the branches stand on their axes
 END, DT = 420e-6, 0.4e-6  # s
 WHOLE = (-30e-6, 165e-6)  # s after the incident peak: waves are away from junction and ends
-REACH = 3  # beads of a wave on each side of its crest
+REACH = 3  # beads of a wave on each side of its peak
 SPEED = 0.585  # m/s
 WITHIN = (30e-6, 130e-6)  # s after the incident peak at bead 16, in which a reflected one passes
-FAINTEST = 2e-4  # of the incident force: what is weaker is no pulse
+FAINTEST = 2e-4  # of the incident force: threshold of a pulse
 STEM, BRANCH = 19, 23
 
 
@@ -92,13 +92,14 @@ def _split(guide):
 def _slow(run, instant):
     """Momentum along x of the beads between the reflected and the transmitted waves, over I0.
 
-    They rested before the split: the incident wave leaves nothing behind so far from the striker.
+    They were at rest before the split: the incident wave leaves no motion behind so far from the
+    striker.
     """
     forces = sensor_force(run, range(run.scene.sites))
     before, after = (int(np.searchsorted(run.t, instant + way)) for way in WHOLE)
 
     def beyond(at, part, offset):
-        """Momentum of the beads of a part with numbers above that of its crest and an offset."""
+        """Momentum of the beads of a part beyond its peak by more than an offset."""
         sites = np.array(run.scene.parts[part])
         chosen = sites[np.argmax(forces[at, sites]) + offset :]
         return float(run.scene.mass[chosen] @ run.v[at, chosen, 0])
@@ -114,7 +115,7 @@ def _slow(run, instant):
 
 
 def table(tables):
-    """Momenta by simulation beside eq. (7)."""
+    """Momenta by simulation and by eq. (7)."""
     m, lines = tables["momenta"], []
     for k, degrees in enumerate(DEGREES):
         for wave in ("I1/I0", "I2/I0"):

@@ -1,6 +1,6 @@
-"""What the paper does not give, varied: angle, gap and ends of walls, far end, Parylene radius.
+"""Sensitivity to data missing in the paper: angle, walls, far end and Parylene radius.
 
-A diamond of less than 30 degrees does not exist: the first beads of its branches would overlap.
+Half-angles below 30 degrees are impossible: the first beads of the branches would overlap.
 """
 
 from __future__ import annotations
@@ -31,23 +31,23 @@ CASES = {  # what differs: keywords of the guides, Parylene bead
     "stem 2 stopped by steel": ({"end": materials["steel"]}, PARYLENE),
     "Parylene radius 2.38 mm": ({}, replace(PARYLENE, contact_radius=STEEL.radius)),
 }
-HALF = ("F_i/F_t", "F_i/F_r", "largest in a PTFE branch, bead 7 [N]")
+HALF = ("F_i/F_t", "F_i/F_r", "peak force in a PTFE branch, bead 7 [N]")
 FULL = (
-    "largest in the Parylene branch, bead 7 [N]",
-    "largest in stem 2, bead 5 [N]",
-    "share of energy in the Parylene branch at 1.2 ms",
+    "peak force in the Parylene branch, bead 7 [N]",
+    "peak force in stem 2, bead 5 [N]",
+    "fraction of energy in the Parylene branch at 1.2 ms",
 )
 
 
 NOT_COMPUTED = "not computed"
-LEAST = 0.05  # %: smaller changes are none
-SEEN = 0.05  # of the longest bar: shorter ones are told in figures
+LEAST = 0.05  # %: smaller changes count as zero
+SEEN = 0.05  # of the longest bar: shorter ones are labelled by numbers
 
 
 def data():
     """Each quantity in each case: Fig. 2's half guide, the same with a PTFE branch, Fig. 5.
 
-    The half guide has neither stem 2 nor Parylene: what differs in these is not computed there.
+    The half guide has neither stem 2 nor Parylene: variations of these are not computed there.
     """
     columns = {"case": list(CASES)} | {name: [] for name in (*HALF, *FULL)}
     for keywords, coated in CASES.values():
@@ -108,7 +108,7 @@ def table(tables):
 
 
 def draw(figure, tables):
-    """Changes as bars, one panel a quantity; figures or words where there is none to see."""
+    """Changes as bars, one panel per quantity; numbers or words where a bar is too short."""
     figure.set_size_inches(12, 5)
     cases = tables["cases"]
     places = np.arange(len(cases["case"]) - 1)[::-1]

@@ -1,4 +1,4 @@
-"""Pulses at steps of radius and of material: trains one way, reflections the other (the talk)."""
+"""Pulses at a step of radius or material: a train in one direction, reflection in the other."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ NAME = "granular_steps"
 GROUP = "granular"
 
 BEFORE, AFTER = 30, 60  # beads on both sides of the step
-LEVEL = 0.05  # of the largest: pulses above it count
+LEVEL = 0.05  # of the largest peak: threshold of a counted pulse
 STEEL = bead("steel")
 SOFT = Bead(STEEL.diameter, materials["nylon"], STEEL.mass)  # as heavy as steel
 SCENES = {  # first beads, second beads, duration [s], what the talk says
@@ -30,7 +30,7 @@ BACK = 5  # beads before it
 
 
 def data():
-    """Density of energy of each scene, the force behind its step, the energy passed on."""
+    """Energy density of each scene, the force behind its step, the transmitted energy."""
     tables = {}
     for name, (first, second, t_end, _) in SCENES.items():
         run = _beads.struck([first] * BEFORE + [second] * AFTER, t_end)
@@ -62,7 +62,7 @@ def table(tables):
 
 
 def draw(figure, tables):
-    """Densities, two scenes a row."""
+    """Energy densities, two scenes per row."""
     figure.set_size_inches(10, 11)
     axes = figure.subplots(3, 2)
     for one, name in zip(axes.ravel(), SCENES, strict=True):

@@ -1,4 +1,4 @@
-"""Where the energy is: stems, branches and walls in time, stem 2 open and stopped."""
+"""Energy trapping in the guide: stems, branches and walls over time, stem 2 open or stopped."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ SCENES = {  # soft branch, speed of the light striker [m/s], what stops stem 2
     "Parylene branch, stem 2 stopped": (PARYLENE, 0.50, materials["steel"]),
 }
 END, DT, EVERY = 2.4e-3, 0.2e-6, 20  # s, s, steps between rows
-FROM = 0.8e-3  # s: the steel branch has passed its pulse on
+FROM = 0.8e-3  # s: the pulse has left the steel branch
 
 
 def data():
-    """Shares of the energy in the parts of the guide."""
+    """Fractions of the energy in the parts of the guide."""
     tables = {}
     for name, (soft, speed, end) in SCENES.items():
         striker = _guide.light(speed)
@@ -35,7 +35,7 @@ def data():
 
 
 def table(tables):
-    """Mean and last share of the soft branch once the steel branch has passed its pulse on."""
+    """Mean and final fraction in the soft branch once the pulse has left the steel branch."""
     lines = []
     for name, one in tables.items():
         late = one["branch 2"][one["t [s]"] > FROM]
@@ -47,12 +47,12 @@ def table(tables):
 
 
 def draw(figure, tables):
-    """Stacked shares against time."""
+    """Stacked fractions against time."""
     figure.set_size_inches(11, 6.5)
     for axes, (name, one) in zip(figure.subplots(2, 2).ravel(), tables.items(), strict=True):
         parts = [p for p in one if p != "t [s]"]
         axes.stackplot(1e3 * one["t [s]"], [one[p] for p in parts], labels=parts, alpha=0.85)
-        axes.set(xlabel="time [ms]", ylabel="share of the energy", title=name, ylim=(0, 1))
+        axes.set(xlabel="time [ms]", ylabel="fraction of the energy", title=name, ylim=(0, 1))
         axes.margins(x=0)
     handles, labels = axes.get_legend_handles_labels()
     kinds = {"branch 1": "branch 1 (steel)", "branch 2": "branch 2 (soft)"}

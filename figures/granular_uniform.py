@@ -1,4 +1,4 @@
-"""Uniform chains of beads: the wave's shape, its speed against force, force against momentum."""
+"""Uniform chains of beads: wave shape, speed against force, and force against momentum."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SCENES = {  # material: speeds of the striker [m/s]
     "glass": (0.13, 0.35),
     "rubber": (0.27,),
 }
-FAR = (120, 200)  # contacts between which speeds are taken: debris has fallen behind
+FAR = (120, 200)  # contacts between which speeds are measured, well ahead of the debris
 BEADS = 240
 FINE = 1 / 30  # step over the time of an impact
 HERTZ = 1.5
@@ -57,7 +57,7 @@ def data():
 
 
 def measured(name, velocity):
-    """The wave that a striker like the beads makes in a uniform chain."""
+    """The wave that a striker equal to the beads generates in a uniform chain."""
     one = bead(name)
     alpha = hertz(one, one).constant
     scene = chain([one] * BEADS, striker=Striker(one, velocity))
@@ -87,7 +87,7 @@ def measured(name, velocity):
 
 
 def shape_run():
-    """The run whose wave is drawn, the contact it is read at, its speed."""
+    """The run whose wave is drawn, the contact at which it is read, and its speed."""
     one = bead("steel")
     scene = chain([one] * 160, striker=Striker(one, 0.585))
     run = simulate(scene, scene.start(), 1.3e-3, dt=0.4e-6, method="rkn6", record=Record(every=1))
@@ -104,7 +104,7 @@ def constants(tables):
 
 
 def scaled(tables):
-    """Momentum, force and speed with the powers of alpha and m taken out.
+    """Momentum, force and speed scaled by powers of alpha and m.
 
     In m/s, (m/s)^(6/5) and beads (m/s)^(1/5).
     """
@@ -138,7 +138,7 @@ def table(tables):
         row(name, "the same of the exact travelling wave", f"{exact['effective mass'][0]:.6f}"),
         row(name, "width in beads, at 1 % of the compression", wide, "about 5"),
         row(name, "width of the long wave's solution in beads", _long_wave_width(), "about 5"),
-        row(name, "share of the striker's energy in the wave", float(w["share of the energy"][2])),
+        row(name, "fraction of the energy in the wave", float(w["share of the energy"][2])),
     ]  # fmt: skip
 
 
@@ -157,7 +157,7 @@ def draw(figure, tables):
     shape_axes.plot(theory["x [beads]"], theory["long wave"], "C2--", label="long wave, cos$^4$")
     shape_axes.plot(shape["x [beads]"][::3], shape["overlap over peak"][::3], "C0.", ms=3,
                     label="chain after impact")  # fmt: skip
-    shape_axes.set(xlabel="distance from the crest [beads]", ylabel="compression over its peak")
+    shape_axes.set(xlabel="distance from the peak [beads]", ylabel="compression over its peak")
     shape_axes.legend(fontsize=7)
     momentum, force, rate = scaled(tables)
     names = tables["waves"]["material"]

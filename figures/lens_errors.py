@@ -1,4 +1,4 @@
-"""What a lens loses to errors of prestrain, and what one-way coupling leaves out."""
+"""Acoustic lens: loss of peak pressure by errors of prestrain, and error of one-way coupling."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def pushed_back(resistance):
 
 
 def data():
-    """Shares of the peak for each error and seed; changes of a pulse for each density."""
+    """Fractions of the peak for each error and seed; changes of a pulse for each density."""
     shares = {"seed": np.array(SEEDS)}
     for error in ERRORS:
         found = np.array([detuned(error, seed) for seed in SEEDS])
@@ -80,7 +80,7 @@ def data():
 
 
 def table(tables):
-    """Ranges of the shares, and the change of a pulse at the lens's own density."""
+    """Ranges of the fractions, and the change of a pulse at the density of the lens."""
     rows = []
     for error in ERRORS:
         case = f"errors of prestrain of {100 * error:g} %, {len(SEEDS)} seeds"
@@ -100,7 +100,7 @@ def table(tables):
 
 
 def draw(figure, tables):
-    """Shares for each error, change of the peak against the coupling."""
+    """Fractions for each error, change of the peak against the coupling."""
     figure.set_size_inches(11, 4.5)
     a, b = figure.subplots(1, 2)
     for k, error in enumerate(ERRORS):
@@ -111,7 +111,7 @@ def draw(figure, tables):
             a.plot(spread, found, marker, color="C0" if marker == "o" else "C1", alpha=0.6,
                    label=words[marker] if k == 0 else None)  # fmt: skip
     a.set_xticks(range(len(ERRORS)), [f"{100 * e:g} %" for e in ERRORS])
-    a.set(xlabel="standard deviation of the errors of prestrain", ylabel="share of the peak",
+    a.set(xlabel="standard deviation of the errors of prestrain", ylabel="fraction of the peak",
           title=f"21 chains, {len(SEEDS)} seeds each")  # fmt: skip
     a.legend(fontsize=8, loc="lower left")
     coupling = tables["coupling"]
@@ -119,5 +119,5 @@ def draw(figure, tables):
     b.loglog(number, coupling["peak falls by"], "o-", label="peak of the end falls by")
     b.loglog(number, number, "k:", lw=1, label="rho c A/(m cs)")
     b.set(xlabel="rho c A/(m cs)", ylabel="relative change",
-          title="what one-way coupling leaves out, at most")  # fmt: skip
+          title="bound on the error of one-way coupling")  # fmt: skip
     b.legend(fontsize=8)

@@ -1,8 +1,8 @@
-"""A lens of prism chains: prestrains, pulses at the focus, and the field that converges there.
+"""An acoustic lens of prism chains: prestrains, pulses at the focus, and the focused field.
 
-At the focus all pulses come at the same instant, so that the pressure there is the sum of what
-each end makes alone: alignment, which says nothing of strength.  The largest pressure on the axis
-lies before the focus, nearer to the ends.
+All pulses arrive at the focus at the same instant, so that the pressure there is the sum of the
+single contributions; this measures alignment, not strength.  The largest pressure on the axis lies
+before the focus, nearer to the ends.
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ def data():
 
 
 def table(tables):
-    """Arrivals, gains, the spot, and the size of what is left out."""
+    """Arrivals, gains, the focal spot, and the size of the neglected coupling."""
     chain, seen, numbers = (tables[k] for k in ("chains", "pressure", "numbers"))
     pulse = float(np.min(chain["width [s]"]))
     t = seen["t [s]"]
@@ -134,12 +134,12 @@ def table(tables):
 
 
 def draw(figure, tables):
-    """Prestrains, pressures at the focus, the field, and profiles."""
+    """Draw prestrains, pressures at the focus, the field, and profiles."""
     figure.set_size_inches(13, 8)
     (a, b, c), (d, e, f) = figure.subplots(2, 3)
     chain, seen, focus = tables["chains"], tables["pressure"], _lens.lens().focus
     a.plot(chain["x [m]"], chain["prestrain"], "o-", ms=4)
-    a.set(xlabel="x of the chain [m]", ylabel="prestrain", title="prestrains chosen")
+    a.set(xlabel="x of the chain [m]", ylabel="prestrain", title="prestrains of the chains")
     twin = a.twinx()
     twin.plot(chain["x [m]"], chain["arrival [s]"], "C1s-", ms=3)
     twin.set_ylabel("arrival at the end [s]", color="C1")

@@ -1,4 +1,4 @@
-"""One lens, its focus moved across and along by the prestrains alone."""
+"""An acoustic lens whose focus is moved across and along the axis by the prestrains alone."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ DEPTH = np.linspace(2.0, 60.0, 117)  # m: of the profiles along
 
 
 def name(focus):
-    """A focus in words."""
+    """The coordinates of a focus as text."""
     return f"{focus[0]:g}, {focus[1]:g}"
 
 
@@ -66,7 +66,7 @@ def largest_along(along, focus):
 
 
 def table(tables):
-    """Lines for each focus."""
+    """Printed lines for each focus."""
     rows = []
     for focus in FOCI:
         key = name(focus)

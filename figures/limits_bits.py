@@ -1,4 +1,4 @@
-"""Equal to the last bit: what repeats a run exactly, and what changes its last digits."""
+"""Bitwise reproducibility: what repeats a run exactly, and what changes its last digits."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from tensegrity.scenes.dynamics import dynamics
 NAME = "limits_bits"
 GROUP = "limits"
 
-SITES = LONG + 1234  # long enough to be divided on threads
-SHORT = 64  # for what goes in NumPy
+SITES = LONG + 1234  # long enough to be divided among threads
+SHORT = 64  # for the comparison with NumPy
 DT, LOOKS = 0.1, 13
 T_END, T_SHORT = 24.0, 240.0
 SPEED = 0.02
@@ -25,7 +25,7 @@ THREADS = tuple(range(1, min(processors(), 3) + 1))
 
 @contextmanager
 def on_threads(count):
-    """Runs of long chains on so many threads."""
+    """Run long chains on the given number of threads."""
     before = os.environ.get("TENSEGRITY_THREADS")
     os.environ["TENSEGRITY_THREADS"] = str(count)
     try:
@@ -105,7 +105,7 @@ def data():
 
 
 def text(tables):
-    """What the page says."""
+    """The section of the page."""
     bits, apart = tables["bits"], tables["apart"]
     named = ["on any number of threads" if "thread" in name else name for name in bits["run"]]
     worst = {}  # a machine may have any number of processors
@@ -118,12 +118,12 @@ def text(tables):
     ]
     for name, values in apart.items():
         if name != "time [s]":
-            told = f"{values[-1]:.0e} after {T_SHORT:g} s" if np.any(values) else "in no bit"
-            rows.append([f"{SHORT} sites, {name}", told])
+            result = f"{values[-1]:.0e} after {T_SHORT:g} s" if np.any(values) else "in no bit"
+            rows.append([f"{SHORT} sites, {name}", result])
     return (
         "On one machine and build a run repeats to the last bit, on any number of threads and "
-        "however densely it is recorded. What does change last digits is any other order of "
-        "operations; such a difference grows from 1e-16. So compare runs bit for bit only on one "
+        "however densely it is recorded. The last digits change with the order of operations, "
+        "and the difference grows from 1e-16. Compare runs bit for bit only on one "
         f"machine and build.\n\n{grid(['run', 'differs from the first, relative'], rows)}"
     )
 

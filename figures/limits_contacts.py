@@ -1,4 +1,4 @@
-"""Contacts that open: the order that is lost, and corrections that restore it."""
+"""Loss of contact: the order of convergence that it costs, and corrections that restore it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ BLOWS = {  # preload, velocities at the start
 PLAIN, CORRECTED = "rkn6", "corrected6"
 COUNTS = np.geomspace(30, 960, 21).astype(int)  # steps
 FINE = 2000  # steps of the references, corrected
-FLOOR = 1e-12  # errors below it are round-off
+FLOOR = 1e-12  # below: round-off
 
 
 def scene(name, exponent=HERTZ):
@@ -84,7 +84,7 @@ def data(methods=tuple(METHODS), exponents=EXPONENTS):
 
 
 def text(tables):
-    """What the page says."""
+    """The section of the page."""
     t, powers = tables["orders"], tables["exponents"]
     one, other = tables[f"{PLAIN}_opening"], tables[f"{CORRECTED}_opening"]
     last = int(np.argmin(np.abs(other["steps"] - 480)))
@@ -107,13 +107,13 @@ def text(tables):
         f"open or close it has one derivative only. Measured orders on a chain of {BEADS} beads "
         f"that stays closed, and on one with {tables['events']['events'][0]} openings and closings:"
         f"\n\n{orders}\n\n"
-        "A method's kicks are a quadrature of the forces, and its error beside an event is known "
-        f"in closed form (`derivations`, openings): {CORRECTED} does the steps of {PLAIN} and "
-        f"takes that error off. After {other['steps'][last]} steps it is "
+        "The kicks of a method are a quadrature of the forces, whose error at an event is known "
+        f"in closed form (`derivations`, openings): {CORRECTED} takes the steps of {PLAIN} and "
+        f"subtracts that error. After {other['steps'][last]} steps it is "
         f"{other['error'][last]:.0e} off, {PLAIN} after {one['steps'][-1]} still "
         f"{one['error'][-1]:.0e}. For contacts of other exponents:\n\n{exponents}\n\n"
-        "The terms that come next are of order exponent + 3. Left as they were are contacts that "
-        "touch for less than a step, across the end of one. Corrections are not reversible in time."
+        "The next terms are of order exponent + 3. Contacts that close for less than a step, "
+        "across the end of one, are not corrected. Corrections are not reversible in time."
     )
 
 

@@ -1,4 +1,4 @@
-"""Ten million steps: the energy that the classical method loses, and the symplectic ones keep."""
+"""Energy drift over ten million steps: classical Runge-Kutta against symplectic methods."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def scene():
 
 
 def looks(steps):
-    """Numbers of steps at which the energy is looked at."""
+    """Numbers of steps at which the energy is evaluated."""
     return np.unique(np.geomspace(100, steps, LOOKS).astype(int))
 
 
@@ -50,7 +50,7 @@ def drifting(method, steps, dt):
 
 
 def predicted(method, steps, dt):
-    """The same by the eigenvalues of a step in each mode of the linear chain."""
+    """That change predicted by the eigenvalues of a step in each mode of the linear chain."""
     _, _, frequencies, energies = scene()
     xx, xv, vx, vv = METHODS[method].step_matrix(frequencies[1:] * dt)
     factor = xx * vv - xv * vx  # of the energy in a mode, per step
@@ -67,7 +67,7 @@ def data(steps=STEPS):
 
 
 def text(tables):
-    """What the page says."""
+    """The section of the page."""
     change = {name: tables[name]["change of the energy"] for name in WORK}
     rows = [
         [name, f"{STEP / share:g}", f"{steps:.0e}", f"{np.max(np.abs(change[name])):.1e}"]
@@ -77,7 +77,7 @@ def text(tables):
     return (
         f"After {STEPS:.0e} steps rk4 has lost {-change['rk4'][-1]:.1%} of the energy of a small "
         f"chain; the eigenvalues of a step predict {-tables['rk4']['predicted'][-1]:.1%}. The "
-        f"errors of symplectic methods swing, and do not add up.\n\n{grid(head, rows)}"
+        f"errors of symplectic methods oscillate and do not accumulate.\n\n{grid(head, rows)}"
     )
 
 

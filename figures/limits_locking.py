@@ -1,4 +1,4 @@
-"""Steps near locking: what is needed against the stroke left, and what fixed steps do there."""
+"""Time steps near locking: the step required against the stroke left, and runs of fixed step."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from tensegrity.scenes.dynamics import dynamics
 NAME = "limits_locking"
 GROUP = "limits"
 
-GAPS = np.geomspace(1e-5, 1e-1, 13)  # part of the stroke left at the turning point
+GAPS = np.geomspace(1e-5, 1e-1, 13)  # fraction of the stroke left at closest approach
 ENERGY_ERROR = 1e-6  # after runs that count as good
 FINER = 1.15  # between the steps tried
 IN_A_ROW = 4
@@ -55,7 +55,7 @@ def energy_error(gap, method, dt):
 def good_step(gap, method):
     """Largest step, of a row of them below the stability limit, with a small energy error [s].
 
-    Which the next ones of the row must have too: a single one may be luck.
+    The next smaller steps must have it too, since a single one may be accidental.
     """
     dt, good = stability_step(gap, method), 0
     while good < IN_A_ROW:
@@ -103,7 +103,7 @@ def powers(tables):
 
 
 def text(tables):
-    """What the page says."""
+    """The section of the page."""
     t, fixed = tables["steps"], tables["fixed"]
     kept = [g for g, how in zip(GAPS, fixed["outcome"], strict=True) if how == "kept"]
     refused = np.array(fixed["outcome"]) != "kept"
@@ -121,12 +121,12 @@ def text(tables):
         f"for an energy error of {ENERGY_ERROR:.0e}, steps that fall with the powers of the table "
         "(the energy at stake falls too, with the root, which in theory leaves "
         f"3/4 - 1/(2 order)).\n\n{grid(head, rows)}\n\n"
-        f"A fixed step of {FIXED:g} s with verlet is kept down to {min(kept):.1e} of the stroke; "
-        "nearer, `simulate` ends the run with a `StabilityError` that names the time and the "
-        "sites, where the bare loop would have gone on with an energy wrong by up to "
+        f"A fixed step of {FIXED:g} s with verlet is accepted down to {min(kept):.1e} of the "
+        "stroke; closer, `simulate` ends the run with a `StabilityError` that names the time and "
+        "the sites, where the bare loop would have gone on with an energy wrong by up to "
         f"{worst:.2g} of itself. "
         f"A blow with {OVER - 1:.1%} more energy than the spring holds ends with a "
-        "`LockingError`, whatever the step. `tol=` and the default step are refined by themselves."
+        "`LockingError`, whatever the step. `tol=` and the default step refine themselves."
     )
 
 
@@ -141,14 +141,14 @@ def draw(figure, tables):
         left.loglog(GAPS, t[f"limit of {name} [s]"], ":", color=COLOURS[name])
     left.loglog(GAPS, 3 * GAPS**0.75, "k--", lw=1, label="power 3/4")
     left.axhline(FIXED, color="0.5", lw=0.8)
-    left.set(xlabel="part of the stroke left", ylabel="step [s]; dotted: stability limit")
+    left.set(xlabel="fraction of the stroke left", ylabel="step [s]; dotted: stability limit")
     left.legend(fontsize=8)
     kept = np.array([how == "kept" for how in fixed["outcome"]])
     error = fixed["energy error of the bare loop"]
-    right.loglog(GAPS[kept], error[kept], "C0o", label="run kept")
+    right.loglog(GAPS[kept], error[kept], "C0o", label="accepted")
     right.loglog(GAPS[~kept], error[~kept], "C3x", label="refused: StabilityError")
     right.set(
-        xlabel="part of the stroke left", ylabel="error of the energy, bare loop",
+        xlabel="fraction of the stroke left", ylabel="error of the energy, bare loop",
         title=f"verlet, dt = {FIXED:g} s",
     )  # fmt: skip
     right.legend(fontsize=8)

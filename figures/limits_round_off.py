@@ -1,4 +1,4 @@
-"""Growth of round-off: the loop in double against the same text in extended precision."""
+"""Growth of round-off: the time loop in double precision against extended precision."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ NAME = "limits_round_off"
 GROUP = "limits"
 
 SITES, METHOD, DT = 4, "rkn6", 0.3
-RUNS = 6  # from different states: the root of the mean square is taken
+RUNS = 6  # from different states, for the root mean square
 SPEED = 0.02  # m/s, of random velocities whose sum vanishes
 DRIFT = 1.0  # m/s, added to all of them
 STEPS = 40_000
@@ -81,7 +81,7 @@ def powers(tables, name):
 
 
 def text(tables):
-    """What the page says."""
+    """The section of the page."""
     rows = []
     for name, (energy, place) in ((k, powers(tables, k)) for k in tables):
         theory, last = EXPECTED[name], tables[name]
@@ -93,7 +93,7 @@ def text(tables):
     return (
         f"The loop in double precision against the same text in extended precision, {METHOD}, "
         f"root of the mean square over {RUNS} starts. Rounding errors are independent: the energy "
-        "wanders with a power of the number of steps, and the phase, and with it the elongations, "
+        "error grows with a power of the number of steps, and the phase, hence the elongations, "
         "with a higher one. Elongations are differences of displacements: a chain that drifts as "
         f"a whole, here at {DRIFT:g} m/s, loses digits as it moves away from its origin. Run in a "
         f"frame in which the chain stays.\n\n{grid(head, rows)}\n\n"

@@ -1,4 +1,4 @@
-"""How large a step may be: where the fastest vibration of a chain begins to grow."""
+"""Stability limits of the methods: the step at which the highest mode of a chain begins to grow."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def data():
 
 
 def text(tables):
-    """What the page says."""
+    """The section of the page."""
     t = tables["limits"]
     each = lines(t)
     rows = [

@@ -1,4 +1,4 @@
-"""One bond far stiffer than the rest: where explicit methods lose to the implicit one."""
+"""One bond far stiffer than the rest: where the implicit method outperforms the explicit ones."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def crossing(table, implicit, explicit):
 
 
 def text(tables):
-    """What the page says."""
+    """The section of the page."""
     t = tables["steps"]
     stiff = t["ratio"] >= 1e5
     rows = [
@@ -117,8 +117,8 @@ def text(tables):
         f"error of {ERROR:.0e} the steps of explicit methods, bound by stability, grow with a "
         "power of the ratio of stiffnesses; those of an implicit one do not.\n\n"
         f"{grid(head, rows)}\n\n"
-        "But a step of it solves its equations by Newton's method: what it costs in time is on the "
-        "right of the picture, and printed."
+        "Each implicit step, however, solves its equations by Newton's method: the cost in time is "
+        "shown on the right of the picture, and printed."
     )
 
 

@@ -1,4 +1,4 @@
-"""No more model than a scene needs: what each model leaves out against the time it takes."""
+"""Hierarchy of models: error of each model against its computing time, scene by scene."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def prisms_in_a_row():
 
 
 def wave_on_prisms(shape, ratio):
-    """Profile of a solitary wave of a given speed, judged by the chain itself.
+    """Profile of a solitary wave of a given speed, compared with the chain itself.
 
     The reference is what an exact wave has become after some sites on the chain.
     """

@@ -1,7 +1,7 @@
-"""833 steel beads struck at 1.65 m/s: what reaches the floor, its single beads and the sides.
+"""A pack of 833 steel beads struck at 1.65 m/s: forces on floor, single floor beads and sides.
 
-The talk says "force mitigation efficiency at the bottom wall: 70 %" and not against what.  The
-table gives it under each definition, of this pack and of those that differ in one thing.
+The talk states "force mitigation efficiency at the bottom wall: 70 %" without a reference force.
+The table gives the efficiency for several reference forces, for this pack and for variants.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ GROUP = "packs"
 
 END = 1e-3  # s
 SHOWN = {"centre (3, 3)": 24, "corner (6, 6)": 48, "corner (0, 0)": 0}  # beads on the floor
-FRONT = 4.5e-4  # s: by then the direct front is through, and nothing has come back
+FRONT = 4.5e-4  # s: the direct front has arrived, no reflection has yet
 COLUMN_END = 3e-4
 
 
@@ -83,7 +83,7 @@ def table(tables):
 
 
 def draw(figure, tables):
-    """Floor, single beads, sides against time; efficiencies as bars."""
+    """Forces on floor, single beads and sides against time; efficiencies as bars."""
     figure.set_size_inches(12, 7.5)
     (a, b), (c, d) = figure.subplots(2, 2)
     forces, peaks = tables["forces"], tables["peaks"]
@@ -117,5 +117,5 @@ def draw(figure, tables):
     )
     for y, e in zip(place, found["efficiency"], strict=True):
         d.text(2, y, f"{100 * e:.1f} %", color="w", va="center", fontsize=8)
-    d.set(xlabel="1 - force / reference force [%]", title="efficiency, against", xlim=(0, 109))
+    d.set(xlabel="1 - force / reference force [%]", title="efficiency, relative to", xlim=(0, 109))
     d.legend(fontsize=8, loc="upper right")

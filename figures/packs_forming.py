@@ -1,7 +1,7 @@
-"""Contacts that form: a break shot and a gas of beads, with the default step.
+"""Formation of new contacts: a break shot and a gas of beads, at the default time step.
 
-Fifteen touching beads in a triangle hit by a sixteenth at 5 m/s; 36 beads with gaps that fly in as
-many directions at 2 m/s.  Energy through every new contact.
+Fifteen touching beads in a triangle are hit by a sixteenth at 5 m/s; 36 separated beads start in as
+many directions at 2 m/s.  The energy is conserved through every new contact.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def break_shot():
 
 
 def gas():
-    """The same of 36 beads with gaps, which fly in as many directions."""
+    """The pack and initial state of 36 separated beads that start in as many directions."""
     places = (1 + 1.5 * np.array([(i, j) for i in range(6) for j in range(6)])) * D
     scene = pack(places, STEEL, box(9.5 * D, 9.5 * D))
     angle = math.pi * (3 - math.sqrt(5)) * np.arange(36)
@@ -52,7 +52,7 @@ def gas():
 
 
 def met(scene, run):
-    """Pairs of beads that push each other in some row, with the first instant; {(i, j): s}."""
+    """Pairs of beads in contact in some row, with the first such instant; {(i, j): s}."""
     i, j = np.triu_indices(scene.sites, 1)
     found = {}
     for t, u in zip(run.t, run.u, strict=True):
@@ -116,7 +116,7 @@ def table(tables):
 
 
 def draw(figure, tables):
-    """Places at three instants, pairs, and energy."""
+    """Positions at three instants, pairs in contact, and energy error."""
     figure.set_size_inches(13, 7)
     panels = figure.subplots(2, 4)
     for line, (name, size) in zip(panels, (("break shot", (18, 12)), ("gas", (9.5, 9.5))),
@@ -132,7 +132,9 @@ def draw(figure, tables):
         axes, energy = line[3], tables[f"{key}_energy"]
         axes.plot(1e3 * energy["t [s]"], 1e12 * energy["error"], "C3", lw=0.8)
         axes.set(
-            xlabel="time [ms]", ylabel="energy error [1e-12]", title="energy, and pairs that met"
+            xlabel="time [ms]",
+            ylabel="energy error [1e-12]",
+            title="energy, and pairs in contact so far",
         )
         other = axes.twinx()
         times = np.sort(tables[f"{key}_pairs"]["t [s]"])

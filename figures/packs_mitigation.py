@@ -1,8 +1,8 @@
-"""The efficiency of packs that differ in one thing: layers, sides, beads, and a tolerance.
+"""Mitigation efficiency of packs against layers, side walls, beads, and a diameter tolerance.
 
-All against the striker straight on the wall.  A tolerance shrinks each diameter by a random part
-of it, on the places of the lattice: gaps, no precompression.  What it changes says how many digits
-of the force mean anything.
+The reference is a striker directly on the wall.  A tolerance reduces each diameter by a random
+fraction of it at fixed lattice positions, which opens gaps without precompression.  The resulting
+scatter shows how many digits of the force are meaningful.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def efficiency(scene, bead=STEEL, layers=17):
 
 
 def tolerated(tolerance, seed):
-    """The same where beads are smaller by random parts of the tolerance."""
+    """The efficiency with diameters reduced by random fractions of the tolerance."""
     lattice = _packs.cube()
     shares = np.random.default_rng(seed).random(lattice.sites)
     beads = [Bead(D * (1 - tolerance * share), STEEL.material) for share in shares]
@@ -66,7 +66,7 @@ def data(tolerances=TOLERANCES, seeds=SEEDS):
 
 
 def table(tables):
-    """All of them."""
+    """Printed lines of all efficiencies."""
     t = tables["layers"]
     rows = [row("mitigation", f"efficiency, {n} layers, PTFE sides", float(e), KNOWN[int(n)])
             for n, e in zip(t["layers"], t["PTFE sides"], strict=True)]  # fmt: skip
@@ -92,7 +92,7 @@ def table(tables):
 
 
 def draw(figure, tables):
-    """Against layers; against the sides; beads and tolerance."""
+    """Efficiency against layers and against sides; of other beads and with a tolerance."""
     figure.set_size_inches(13, 4.6)
     a, b, c = figure.subplots(1, 3)
     t, hard = tables["layers"], tables["hard"]

@@ -1,8 +1,8 @@
-"""Mixed packs of steel and PTFE: what passes, where the energy stays, where it turns to.
+"""Mixed packs of steel and PTFE: transmitted force, energy trapping and redirection.
 
-Trapping is the share of the energy in the upper half, striker included, when the floor feels most;
-redirection is the lateral part of the kinetic energy then.  Beside each pack of rows or layers
-stands the straight column of the same materials.
+Trapping is the fraction of the energy in the upper half, striker included, at the instant of the
+peak floor force; redirection is the lateral fraction of the kinetic energy then.  Each pack of rows
+or layers is compared with the straight column of the same materials.
 """
 
 from __future__ import annotations
@@ -121,7 +121,7 @@ def table(tables):
 
 
 def draw(figure, tables):
-    """Peaks beside those of columns; energy below against time."""
+    """Peaks of packs and columns; energy in the lower half against time."""
     figure.set_size_inches(13, 7.5)
     for (a, b, c), name in zip(figure.subplots(2, 3), ("plane", "space"), strict=True):
         t = tables[name]
@@ -132,13 +132,13 @@ def draw(figure, tables):
               "in the plane")  # fmt: skip
         a.legend(fontsize=8)
         b.bar(place - 0.2, t["upper half"], 0.4, label="trapping: energy in the upper half")
-        b.bar(place + 0.2, t["lateral"], 0.4, label="redirection: lateral part of the motion")
-        b.set(ylabel="share", ylim=(0, 1.25), title="when the floor feels most")
+        b.bar(place + 0.2, t["lateral"], 0.4, label="redirection: lateral kinetic energy")
+        b.set(ylabel="fraction", ylim=(0, 1.25), title="at the peak of the floor force")
         b.legend(fontsize=7, loc="upper left")
         for axes in (a, b):
             axes.set_xticks(place, t["mix"], rotation=25, fontsize=8, ha="right")
         below = tables[f"{name}_below"]
         for mix in t["mix"]:
             c.plot(1e3 * below["t [s]"], below[mix], lw=1, label=mix)
-        c.set(xlabel="time [ms]", ylabel="share of the energy", title="lower half", ylim=(0, 1))
+        c.set(xlabel="time [ms]", ylabel="fraction of the energy", title="lower half", ylim=(0, 1))
         c.legend(fontsize=7, loc="upper left", ncols=2)

@@ -1,8 +1,8 @@
-"""The pack in the plane, struck straight and obliquely: both animations of the talk side by side.
+"""A planar pack struck normally and obliquely: both animations of the talk.
 
 12 rows of 21 and 20 steel beads, a steel striker at 1 m/s on the middle of the top row: straight
-down, and at 30 degrees along a close-packed line.  In motion displacements are magnified, and
-contact forces are lines whose width is the force.
+down, and at 30 degrees along a close-packed line.  The animation magnifies displacements and shows
+contact forces as lines whose width is the force.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def down(scene):
 
 
 def data():
-    """Forces on the floor, fronts, shares of the rows, and the frames of each hit."""
+    """Forces on the floor, fronts, energy fractions of the rows, and the frames of each hit."""
     tables = {}
     for name, how in HITS.items():
         scene = _packs.plane(**how)
@@ -72,7 +72,7 @@ def data():
 
 
 def first(t, force):
-    """Instant and height of the first crest above a fifth of the largest force."""
+    """Instant and height of the first peak above a fifth of the largest force."""
     k = _packs.crests(t, force, force.max() / 5)[0]
     return largest_peak(t[k - 2 : k + 3], force[k - 2 : k + 3])
 
@@ -97,13 +97,13 @@ def table(tables):
             *(row(f"plane, {name}", f"front along the close-packed line, {where} [m/s]",
                   float(line["speed [m/s]"][k]), SPEEDS[name][n])
               for n, (where, k) in enumerate((("first", 0), ("last", -2)))),
-            row(f"plane, {name}", "largest share of the energy in rows 7 to 12", float(low.max())),
+            row(f"plane, {name}", "largest energy fraction in rows 7 to 12", float(low.max())),
         ]  # fmt: skip
     return rows
 
 
 def draw(figure, tables):
-    """Floor, line, force along the floor, shares of rows."""
+    """Floor, line, force along the floor, energy fractions of the rows."""
     figure.set_size_inches(13, 7.5)
     (a, b, c), (d, e, f) = figure.subplots(2, 3)
     for name in HITS:
@@ -120,7 +120,11 @@ def draw(figure, tables):
     a.set(xlabel="time [ms]", ylabel="force [N]", title="total force on the floor")
     b.set(xlabel="row", ylabel="speed [m/s]", title="front along the close-packed line")
     d.set(xlabel="x [mm]", ylabel="peak force [N]", title="single beads along the floor")
-    e.set(xlabel="contact down the line", ylabel="peak force [N]", title="peaks of its contacts")
+    e.set(
+        xlabel="contact down the line",
+        ylabel="peak force [N]",
+        title="peaks along that line",
+    )
     for axes in (a, b, d, e):
         axes.legend(fontsize=8)
     e.set_yscale("log")
@@ -133,11 +137,11 @@ def draw(figure, tables):
         )  # fmt: skip
         axes.set(xlabel="time [ms]", ylabel="row", title=f"energy by row, {name}")
         axes.grid(False)
-        figure.colorbar(image, ax=axes, label="share of the energy")
+        figure.colorbar(image, ax=axes, label="fraction of the energy")
 
 
 def animate(tables, path):
-    """Both hits, forces of contacts as lines, as a film."""
+    """Animate both impacts, with contact forces as lines."""
     import matplotlib.pyplot as plt
 
     figure, panels = plt.subplots(2, 1, figsize=(7, 8.6), dpi=80, layout="constrained")

@@ -1,7 +1,7 @@
-"""Packs at rest under gravity and a preload, and the same packs struck.
+"""Packs in equilibrium under gravity and a preload, and the same packs struck.
 
-The static equilibrium is found first: lines are contact forces, their width the force.  What the
-floor carries is the weight and the preload, whatever carries it inside.
+The static equilibrium is computed first: lines are contact forces, their width is the force.  The
+floor carries the weight and the preload, however the contacts distribute them.
 """
 
 from __future__ import annotations
@@ -109,5 +109,5 @@ def draw(figure, tables):
         key = f"{preload:g} N"
         d.plot(1e3 * tables["struck"]["t [s]"], tables["struck"][key], lw=1.2, label=key)
     d.set(xlabel="time [ms]", ylabel="further force [N]",
-          title="struck: floor beyond its load, by the preload on each bead of row 1")  # fmt: skip
+          title="struck: floor force beyond static load, by preload per bead of row 1")  # fmt: skip
     d.legend(fontsize=8)

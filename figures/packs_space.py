@@ -1,6 +1,7 @@
-"""The 833 beads from the side: motion, displacements magnified, and contact forces as lines.
+"""A pack of 833 beads seen from the side: magnified displacements and contact forces.
 
-Seen along y, the beads that become fastest in front of the others.
+The view is along y; the beads that reach the largest speeds are drawn in front of the others.
+Contact forces are lines whose width is the force.
 """
 
 from __future__ import annotations
@@ -29,12 +30,12 @@ UPPER = {4e-4: 0.5392, 1e-3: 0.5694}
 
 @cache
 def motion():
-    """The run, one row a frame."""
+    """The run, one row per frame."""
     return _packs.exact(_packs.cube(), END, Record(interval=END / FRAMES))
 
 
 def data():
-    """Shares of the energy."""
+    """Energy fractions, effective number of beads, lateral fraction of the motion."""
     run = motion()
     scene, shares = run.scene, energies(run).fractions
     kinetic = 0.5 * scene.mass[:, None] * run.v**2
@@ -63,7 +64,7 @@ def table(tables):
                 float(t["lateral part of the motion"][k]), LATERAL[instant]),
             row("space", f"trapping: energy in the upper six layers {words}",
                 float(t["layers 12 to 17"][k]), UPPER[instant]),
-            row("space", f"beads that share the energy {words}",
+            row("space", f"effective number of beads that hold the energy {words}",
                 float(t["beads that share it"][k])),
         ]  # fmt: skip
     return rows
@@ -74,7 +75,7 @@ def _moving(axes, label=""):
 
 
 def draw(figure, tables):
-    """Three instants; where the energy is."""
+    """Three instants, and the distribution of the energy over time."""
     figure.set_size_inches(14, 6.5)
     panels = figure.subplots(1, len(SHOWN) + 1, width_ratios=[1] * len(SHOWN) + [1.3])
     for axes, k in zip(panels, SHOWN, strict=False):
@@ -86,14 +87,14 @@ def draw(figure, tables):
     names = ["layers 12 to 17", "layers 7 to 11", "layers 1 to 6", "striker"]
     panels[-1].stackplot(1e3 * t["t [s]"], [t[name] for name in names], labels=names, alpha=0.8)
     panels[-1].plot(1e3 * t["t [s]"], t["lateral part of the motion"], "k--", lw=1.2,
-                    label="lateral part of the motion")  # fmt: skip
-    panels[-1].set(xlabel="time [ms]", ylabel="share of the energy", ylim=(0, 1), title="energy")
+                    label="lateral fraction of kinetic energy")  # fmt: skip
+    panels[-1].set(xlabel="time [ms]", ylabel="fraction of the energy", ylim=(0, 1), title="energy")
     panels[-1].margins(x=0)
     panels[-1].legend(fontsize=7, loc="upper right", framealpha=0.8, frameon=True)
 
 
 def animate(tables, path):
-    """The beads from the side, forces of contacts as lines, as a film."""
+    """Animate the side view, with contact forces as lines."""
     import matplotlib.pyplot as plt
 
     figure, axes = plt.subplots(figsize=(5.5, 8), dpi=80, layout="constrained")

@@ -1,7 +1,7 @@
-"""How many beads share the energy: lines between two walls, and packs; the virial ratio.
+"""Energy equipartition in bead chains between walls and in packs; the virial ratio.
 
-Lines of 40 beads of 10 mm between steel walls, all touching, the first started at 1 m/s.  The mean
-of kinetic over total energy is 5/9, exactly, over a long time.
+Lines of 40 beads of 10 mm between steel walls, all touching, the first started at 1 m/s.  The
+long-time mean of kinetic over total energy is exactly 5/9.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ def table(tables):
 
 
 def draw(figure, tables):
-    """Beads that share the energy in lines and packs, running means of the virial ratio."""
+    """Effective number of beads in lines and packs, running means of the virial ratio."""
     figure.set_size_inches(13, 4.6)
     a, b, c = figure.subplots(1, 3)
     t = tables["lines"]["t [s]"]
@@ -80,7 +80,7 @@ def draw(figure, tables):
         mean = np.cumsum(tables["virial"][name]) / np.arange(1, len(t) + 1)
         b.plot(1e3 * t[1:], mean[1:], lw=1.2, label=name)
     a.axhline(0.655 * 40, color="k", lw=0.8, ls=":", label="exponential energy law")
-    a.set(xlabel="time [ms]", ylabel="beads that share the energy (of 40)",
+    a.set(xlabel="time [ms]", ylabel="effective beads with energy (of 40)",
           title="lines between two walls, means over 0.5 ms")  # fmt: skip
     b.axhline(5 / 9, color="k", lw=0.8, ls=":", label="5/9")
     b.set(xlabel="time [ms]", ylabel="kinetic / total energy", title="mean since the start",
@@ -89,7 +89,9 @@ def draw(figure, tables):
         if name != "t [s]":
             c.plot(1e3 * tables["packs"]["t [s]"], found, label=name)
     c.set(
-        xlabel="time [ms]", ylabel="beads that share the energy (of 247)", title="packs, open above"
+        xlabel="time [ms]",
+        ylabel="effective beads with energy (of 247)",
+        title="packs with a free top",
     )
     for axes in (a, b, c):
         axes.legend(fontsize=8)

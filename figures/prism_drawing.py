@@ -1,7 +1,8 @@
-"""A prism, labelled: base, height and twist, which members are which, and what counts as positive.
+"""A triangular prism: base, height, twist, kinds of members, and the sign convention.
 
-The self-stressed state of a triangular prism, seen from the side and from above.  Cross strings
-pull, by the prestrain, and bars push; the top is turned by 5 pi/6 against the bottom.
+Self-stressed state of a triangular prism in side and top view.  The prestrained cross strings are
+in tension and the bars in compression; the top triangle is rotated by 5 pi/6 relative to the
+bottom one.
 """
 
 from __future__ import annotations
@@ -15,25 +16,25 @@ NAME = "prism_drawing"
 GROUP = "start"
 
 PRISM = Prism(base=1.0, height=1.1, prestrain=0.05, k_cross=1.0, k_base=5.0, k_bar=50.0)
-TURNED = np.radians(-38)  # of the viewer about the axis
-TILT = np.radians(14)  # of the viewer above the horizon
+TURNED = np.radians(-38)  # rotation of the view about the axis
+TILT = np.radians(14)  # elevation of the view
 KINDS = {  # group of members: colour, width, label
-    "bars": ("0.25", 6.0, "bar: pushes"),
-    "cross": ("#c0392b", 1.8, "cross string: pulls"),
-    "base": ("#17607a", 1.8, "base string: pulls"),
+    "bars": ("0.25", 6.0, "bar: compression"),
+    "cross": ("#c0392b", 1.8, "cross string: tension"),
+    "base": ("#17607a", 1.8, "base string: tension"),
 }
 ARROW = {"arrowstyle": "<->", "color": "0.35", "lw": 1.0, "shrinkA": 0, "shrinkB": 0}
 
 
 def kind(height_apart, is_string):
-    """What a member is: strings along a base, strings across, bars."""
+    """Kind of a member: base string, cross string or bar."""
     if not is_string:
         return "bars"
     return "base" if abs(height_apart) < 1e-9 else "cross"
 
 
 def data():
-    """Nodes, and members with their ends, tensions and lengths, of the self-stressed state."""
+    """Nodes of the self-stressed state; its members with end nodes, tensions and lengths."""
     structure = PRISM.structure()
     nodes, ends = np.array(structure.positions), np.array(structure.ends)
     rise = nodes[ends[:, 1], 2] - nodes[ends[:, 0], 2]
@@ -58,7 +59,7 @@ def data():
 
 
 def bar_end(ends, kinds, node):
-    """The other end of the bar at a node."""
+    """The node at the other end of the bar that meets a node."""
     for (a, b), name in zip(ends.tolist(), kinds, strict=True):
         if name == "bars" and node in (a, b):
             return b if a == node else a
@@ -66,7 +67,7 @@ def bar_end(ends, kinds, node):
 
 
 def table(tables):
-    """What is drawn, in numbers."""
+    """The dimensions that are drawn."""
     return [
         {"quantity": name, "here": value}
         for name, value in zip(*tables["numbers"].values(), strict=True)
@@ -74,7 +75,7 @@ def table(tables):
 
 
 def seen(nodes):
-    """Places on the paper, and distances towards the viewer, of places in space."""
+    """Projected coordinates of points in space, and their distances towards the viewer."""
     x, y, z = nodes.T
     right = np.cos(TURNED) * x - np.sin(TURNED) * y
     away = np.sin(TURNED) * x + np.cos(TURNED) * y
@@ -83,7 +84,7 @@ def seen(nodes):
 
 
 def members(axes, places, depth, tables):
-    """Members from the farthest to the nearest."""
+    """Draw the members from the farthest to the nearest."""
     t = tables["members"]
     rows = sorted(zip(t["first"], t["second"], t["kind"], strict=True),
                   key=lambda row: depth[row[0]] + depth[row[1]])  # fmt: skip
@@ -94,7 +95,7 @@ def members(axes, places, depth, tables):
 
 
 def draw(figure, tables):
-    """From the side with lengths and signs, from above with the twist."""
+    """Side view with lengths and signs, top view with the twist."""
     figure.set_size_inches(9.5, 5.2)
     side, top = figure.subplots(1, 2, width_ratios=(1.25, 1))
     nodes = np.column_stack(list(tables["nodes"].values()))
@@ -130,7 +131,7 @@ def from_side(axes, nodes, tables):
 
 
 def from_above(axes, nodes, tables):
-    """The view from above: base, and the twist between a node and the end of its bar above."""
+    """The top view: base, and the twist between a node and the upper end of its bar."""
     places, depth = nodes[:, :2], nodes[:, 2]
     members(axes, places, depth, tables)
     t = tables["members"]

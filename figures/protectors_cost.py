@@ -1,4 +1,4 @@
-"""What a sweep of a million protectors costs, on one machine and on a cluster."""
+"""Computing cost of a sweep over a million protectors, on one machine and on a cluster."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ WORKERS = np.unique(np.round(np.logspace(0, 4, 81)).astype(int))
 TOLD = (1, 2, 16, 256, 4096)
 PARTS = (1, 16, 256)  # designs of a message
 MESSAGES, LANES, ROUNDS = 100, 64, 3
-HOP = 200e-6  # s: assumed for a message between machines, on top of what is measured here
+HOP = 200e-6  # s: assumed extra cost of a message between machines
 
 
 def answered(case):
@@ -134,8 +134,8 @@ def text(tables):
         cells = (f"{float(hours(cost, seconds[part], part, n)):.3g}" for n in TOLD)
         lines.append(f"| {name} | " + " | ".join(cells) + " |")
     lines += [
-        "", f"Costs were measured on a machine of {os.cpu_count()} processors, while it did what "
-        "else it had to do.  A sweep that is killed goes on from its checkpoint; on a cluster "
+        "", f"Costs were measured on a machine of {os.cpu_count()} processors, which was "
+        "not otherwise idle.  An interrupted sweep resumes from its checkpoint; on a cluster "
         "`executor=` is `dask.distributed.Client(...).get_executor()` or "
         "`mpi4py.futures.MPIPoolExecutor()`.",
     ]  # fmt: skip

@@ -1,4 +1,4 @@
-"""Protectors at work: the force on the wall, and where the energy goes, before and after."""
+"""Optimised and reference protectors: force on the wall, and distribution of the energy."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def measured(tables, name, design, key):
 
 
 def sentences(tables):
-    """What the talk says, the number that decides, and the verdict."""
+    """Statements of the talk, the deciding numbers, and the verdicts."""
     lines = []
 
     def say(claim, number, verdict):
@@ -125,7 +125,7 @@ def sentences(tables):
 
 
 def draw(figure, tables):
-    """A row for each scene: wall forces; shares of the energy of the stepped and the best."""
+    """One row per scene: wall forces; energy fractions in the stepped and the best design."""
     figure.set_size_inches(14, 14)
     panels = figure.subplots(len(common.SCENES), 3, width_ratios=(1.3, 1, 1))
     for row, name in zip(panels, common.SCENES, strict=True):
@@ -152,11 +152,11 @@ def draw(figure, tables):
             axes.set(xlabel="time [ms]", ylabel="bead, 0 is the striker", title=f"{name}, {kind}")
             axes.set_yticks(range(0, len(one), 5))
             axes.grid(False)
-        figure.colorbar(image, ax=row[2], label="share of the energy", extend="max")
+        figure.colorbar(image, ax=row[2], label="fraction of the energy", extend="max")
 
 
 def text(tables):
-    """The talk's sentences with their numbers, and what was measured."""
+    """The statements of the talk with their numbers, and the measures of all designs."""
     one = tables["sentences"]
     lines = ["| the talk says | number | verdict |", "|---|---|---|"]
     lines += [f"| {a} | {b} | {c} |" for a, b, c in zip(*one.values(), strict=True)]

@@ -1,4 +1,4 @@
-"""A pack of 246 beads in the plane as a protector: what evolution makes of it, and how it moves."""
+"""A planar pack of 246 beads as a protector: evolutionary optimisation, and its motion."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ GROUP = "protectors"
 
 FRAMES, RATE = 90, 12
 END = 1.2e-3  # s, of the moving picture
-HELD = 8.0  # N: the colours of forces end here
+HELD = 8.0  # N: upper end of the colour scale
 COLOURS = {"steel": "0.45", "ptfe": "#f4f1e6", "rubber": "#303030", "bronze": "#b9772f",
            "glass": "#9fd3dd", "nylon": "#e9c6d8"}  # fmt: skip
 
@@ -87,7 +87,7 @@ def table(tables):
 
 
 def stage(axes, tables, colour=None):
-    """The beads as disks; returns what takes the colours."""
+    """Draw the beads as disks; returns the collection that takes the colours."""
     places = np.stack([tables["beads"]["x [m]"], tables["beads"]["z [m]"]], axis=1)
     colours = {"cmap": "inferno_r"} if colour is None else {"facecolors": colour}
     found = disks(axes, places, common.DIAMETER, lw=0.6, edgecolors="0.3", **colours)

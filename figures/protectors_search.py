@@ -1,4 +1,4 @@
-"""Protectors found: the largest wall force against the number of designs computed."""
+"""Search for protectors: least peak wall force against the number of designs computed."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def curve(least):
 
 
 def data():
-    """Least force against designs for every seed; what was reached; what it is compared with."""
+    """Least force against designs for every seed; results; reference designs."""
     tables = {}
     for (name, method), results in common.searches().items():
         columns = {}
@@ -59,7 +59,7 @@ def data():
 
 
 def table(tables):
-    """What is compared, and what each method reached."""
+    """Forces of reference designs and of the best of each method."""
     lines = []
     for name in common.SCENES:
         one = tables[f"{name} compared"]
@@ -100,7 +100,7 @@ def line(scene, quantity, value, designs, seeds):
 
 
 def draw(figure, tables):
-    """A panel for each scene: methods, random ones, and lines for what is compared."""
+    """One panel per scene: methods, random designs, and lines for reference designs."""
     figure.set_size_inches(13, 9)
     for axes, (name, scene) in zip(
         figure.subplots(2, 2).ravel(), common.SCENES.items(), strict=True
@@ -128,7 +128,7 @@ def draw(figure, tables):
 
 
 def text(tables):
-    """What was searched, and what came out."""
+    """The scenes of the search, and their results."""
     lines = [
         "20 beads between a free steel striker of 10 mm at 0.44 m/s and a steel wall.  Forces of "
         "searches are those with a quarter of the step; random designs: 1,000 with each seed.",

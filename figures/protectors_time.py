@@ -1,4 +1,4 @@
-"""Evolution and gradients against processor time: twenty diameters, the least wall force so far."""
+"""Evolution and gradient descent for twenty diameters: least wall force against processor time."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def timed(method, seed, budget):
 
 @stored("protectors_time")
 def data():
-    """Least force against processor time, of each method and seed; what was reached."""
+    """Least force against processor time, of each method and seed; the results."""
     tables, reached = {}, {}
     for method, budget in BUDGETS.items():
         timed(method, SEEDS[0], 64)  # compiles
@@ -56,7 +56,7 @@ def data():
 
 
 def table(tables):
-    """What each search reached, and how long it took."""
+    """The result of each search, and its time."""
     one = tables["reached"]
     return [
         {"scene": "S", "what": f"{LABELS[method]}, {seconds:.0f} s of one core",
@@ -68,7 +68,7 @@ def table(tables):
 
 
 def draw(figure, tables):
-    """One line a search."""
+    """One line per search."""
     axes = figure.subplots()
     for method, colour in COLOURS.items():
         columns = tables[method]

@@ -1,4 +1,4 @@
-"""Limit load against prestrain: the fold itself followed in the second parameter."""
+"""Limit load of elastic prisms against prestrain, by continuation of the fold in two parameters."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def data(progress=iter):
 
 
 def draw(figure, tables):
-    """Limit load, and the height at which it is met."""
+    """Limit load, and the height at which it is reached."""
     load_axes, height_axes = figure.subplots(1, 2)
     for height in HEIGHTS:
         table = tables[f"h{height:g}"]

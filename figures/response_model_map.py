@@ -1,4 +1,4 @@
-"""How much model: where a prism whose top may tilt leaves the symmetric path early."""
+"""Validity of the symmetric model: where a prism with a free top tilts before its limit load."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def data(progress=iter):
 
 
 def draw(figure, tables):
-    """Colour: where tilting comes first; circles: the symmetric path ends its stability itself."""
+    """Colour: tilting comes first; circles: the symmetric path loses stability at its fold."""
     table = {name: np.array(column) for name, column in tables["map"].items()}
     axes = figure.subplots()
     tilts = np.isfinite(table["tilt_fraction"])

@@ -1,7 +1,7 @@
-"""Trusses that others computed, as structures of bars: snap-through and snap-back.
+"""Snap-through and snap-back of two trusses, against a closed form and published results.
 
 The space truss and its published numbers: A. Dutzler, TrussPy 3.0.0, example NTA-A,
-doi 10.5281/zenodo.7723338; its numbers have no units there, here they are read as m and N.
+doi 10.5281/zenodo.7723338; its dimensionless numbers are read here as m and N.
 """
 
 from __future__ import annotations
@@ -184,7 +184,7 @@ def data(progress=iter):
 
 
 def draw(figure, tables):
-    """Load against displacement of both trusses; the numbers of others as open marks."""
+    """Load against displacement of both trusses; published numbers as open marks."""
     left, right = figure.subplots(1, 2, width_ratios=(1, 1.8))
     curve, limits = tables["two_bars"], tables["two_bars_limits"]
     left.plot([-z for z in curve["z3"]], curve["factor"], label="computed")

@@ -13,7 +13,7 @@ STIFFNESS = {"k_base": 5.0, "k_bar": 50.0}
 
 
 def data(progress=iter):
-    """Path columns for each shape and prestrain, and its events."""
+    """Columns of the equilibrium path for each shape and prestrain, and its events."""
     tables = {}
     for shape, prestrain in progress([(s, p) for s in SHAPES for p in PRESTRAINS]):
         prism = Prism(1.0, SHAPES[shape], prestrain, k_cross=1.0, **STIFFNESS)
@@ -32,7 +32,7 @@ MARKS = {"fold": "^", "contact": "s", "flat": "v", "slack": "o", "turn": "<", "b
 
 
 def draw(figure, tables):
-    """Two panels; unstable under given load dashed, events marked."""
+    """Two panels; states unstable under a prescribed load are dashed, events are marked."""
     axes = figure.subplots(1, len(SHAPES))
     for ax, shape in zip(axes, SHAPES, strict=True):
         shown = {}

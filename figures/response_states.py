@@ -1,4 +1,4 @@
-"""The prism along its path: twist sequence from tension over the reference to contact."""
+"""States of a prism along its path: from tension through the reference to contact of the bars."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ STATES = ("slack base strings", "base strings unload", "reference", "halfway", "
 
 
 def data(progress=iter):
-    """One row a state: height, twist, base, load, and which strings are slack."""
+    """One row per state: height, twist, base, load, and which strings are slack."""
     path = equilibrium_path(PRISM, max_height=HIGHEST)
     start = int(np.flatnonzero(path.height == PRISM.height)[0])
     slack, contact = (next(e for e in path.events if e.kind == k) for k in ("slack", "contact"))

@@ -1,4 +1,4 @@
-"""Speed against crest of exact waves, with all limits that are predicted."""
+"""Speed against peak of exact solitary waves, with the predicted limits of each family."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def data():
 
 
 def table(tables):
-    """Each family: from where to where, predicted and found."""
+    """Each family: predicted limits, and the range of the computed waves."""
     limits, found = tables["limits"], tables["waves"]
     rows = []
     for k, (name, family) in enumerate(zip(limits["spring"], limits["family"], strict=True)):
@@ -53,7 +53,7 @@ def table(tables):
 
 
 def draw(figure, tables):
-    """One panel a spring."""
+    """One panel per spring."""
     found, limits = tables["waves"], tables["limits"]
     names = list(dict.fromkeys(limits["spring"]))
     figure.set_size_inches(14, 11)
@@ -83,7 +83,7 @@ def draw(figure, tables):
     for axes in panels[len(names) :]:
         axes.set_visible(False)
     figure.suptitle(
-        "Dashed: predicted limit of the speed.  Dotted: of the crest.  Dash-dotted: estimate of "
-        "the first crest above a threshold.",
+        "Dashed: predicted limit of the speed.  Dotted: of the peak.  Dash-dotted: estimate of "
+        "the first peak above a threshold.",
         fontsize=10,
     )

@@ -1,4 +1,4 @@
-"""How waves approach their limits: near sound, near a flat top, near a wall."""
+"""Asymptotics of solitary waves near the sound speed, near a flat top, and near a hard wall."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def draw(figure, tables):
         fit = one["width"][-1] + one["rise"][0] * np.log(GAPS[-1] / GAPS)
         top.semilogx(GAPS, fit, "k:", lw=1)
     top.plot([], [], "k:", lw=1, label="slope 2/k$_t$, predicted")
-    top.set(xlabel="(r* - crest)/r*", ylabel="width at 5 % of the crest [sites]")
+    top.set(xlabel="(r* - crest)/r*", ylabel="width at 5 % of the peak [sites]")
     for n in (12, 6):
         one = tables[f"wall_{n}"]
         label = f"Lennard-Jones {n}-{n // 2}"

@@ -1,4 +1,4 @@
-"""How far sech^2 and tent are from the exact waves: towards sound, locking and no prestrain."""
+"""Errors of the sech^2 and tent profiles towards sound speed, locking and zero prestrain."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ GAMMAS = np.geomspace(0.05, 2.0, 8)
 STROKES_LEFT = np.geomspace(0.001, 0.3, 9)
 PRESTRAINS = (0.0, *np.geomspace(1e-6, 0.3, 8).tolist())
 HEIGHTS = (0.6, 1.2)
-USED = 0.95  # of the stroke, towards no prestrain
+USED = 0.95  # of the stroke, towards zero prestrain
 
 
 def spring(height, prestrain):
@@ -23,7 +23,7 @@ def spring(height, prestrain):
 
 
 def sech2_error(wave):
-    """Largest deviation of sech^2 over the crest."""
+    """Largest deviation of sech^2 over the peak."""
     x = np.linspace(0, 20 / np.sqrt(24 * (wave.speed_ratio - 1)), 801)
     gap = sech2(wave.potential, wave.speed_ratio, x) - wave.elongation(x)
     return float(np.max(np.abs(gap)) / abs(wave.amplitude))
@@ -37,7 +37,7 @@ def tent_error(wave):
 
 
 def data():
-    """Relative errors along the three ways."""
+    """Relative errors along the three limits."""
     tables = {}
     for shape in SHAPES:
         potential, name = spring(*shape), f"h{shape[0]:g}_p{shape[1]:g}"
@@ -62,7 +62,7 @@ def data():
 
 
 def draw(figure, tables):
-    """sech^2 towards sound; tent towards locking; tent towards no prestrain."""
+    """sech^2 towards the sound speed; tent towards locking; tent towards no prestrain."""
     figure.set_size_inches(12, 4.2)
     near, locking, vacuum = figure.subplots(1, 3)
     for shape in SHAPES:
@@ -82,14 +82,12 @@ def draw(figure, tables):
         )
         vacuum.axhline(table["error"][0], color=line.get_color(), ls=":")
     vacuum.axhline(1 - USED, color="k", lw=0.8)
-    near.set(
-        xlabel="$\\gamma = (24 (c/c_s - 1))^{1/2}$", ylabel="largest error of sech$^2$ / crest"
-    )
-    locking.set(xlabel="part of the stroke left", ylabel="largest error of the tent / stroke")
+    near.set(xlabel="$\\gamma = (24 (c/c_s - 1))^{1/2}$", ylabel="largest error of sech$^2$ / peak")
+    locking.set(xlabel="fraction of the stroke left", ylabel="largest error of the tent / stroke")
     locking.set_ylim(bottom=-0.01)
     vacuum.set(xlabel="prestrain p$_0$ (dotted: p$_0$ = 0)", ylabel="error of the tent / stroke")
     vacuum.set_ylim(bottom=0)
-    vacuum.set_title(f"crest at {USED} of the stroke; line: what that alone costs", fontsize=8)
+    vacuum.set_title(f"peak at {USED} of the stroke; line: error from that alone", fontsize=8)
     for one in (near, locking, vacuum):
         one.legend(fontsize=8)
 

@@ -1,4 +1,4 @@
-"""Width and energy of exact waves against their speed: both families, rigid and elastic prisms."""
+"""Width, energy and peak of exact solitary waves against speed, for rigid and elastic prisms."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ GROUP = "waves"
 SPRINGS = {  # name: (prism, preload, family)
     "stiffening, compression": (Prism(1.0, 0.8, 0.02, 1.0), 0.0, "compression"),
     "stiffening, rarefaction": (Prism(1.0, 0.8, 0.02, 1.0), 0.0, "rarefaction"),
-    "hardly prestressed": (Prism(1.0, 0.6, 0.001, 1.0), 0.0, "compression"),
+    "weakly prestressed": (Prism(1.0, 0.6, 0.001, 1.0), 0.0, "compression"),
     "elastic, softening": (Prism(1.0, 0.5, 0.4, 1.0, 2.0, 20.0), 0.05, "rarefaction"),
     "elastic, stiffening, then soft": (Prism(1.0, 1.0, 0.1, 1.0, 5.0, 50.0), 0.0, "compression"),
 }
@@ -22,7 +22,7 @@ POINTS = 10
 
 
 def data():
-    """Speed ratio minus 1, width, energy over k_cross base^2, and crest of each wave."""
+    """Speed ratio minus 1, width, energy over k_cross base^2, and peak of each wave."""
     tables = {}
     for name, (prism, preload, family) in SPRINGS.items():
         spring = prism.potential(preload=preload)
@@ -40,7 +40,7 @@ def data():
 
 
 def draw(figure, tables):
-    """Width, energy and crest against the speed above sound."""
+    """Width, energy and peak against the excess over the sound speed."""
     figure.set_size_inches(12, 4.4)
     axes = figure.subplots(1, 3)
     for name, table in zip(SPRINGS, tables.values(), strict=True):
@@ -48,7 +48,7 @@ def draw(figure, tables):
             one.loglog(table["speed_excess"], np.abs(table[column]), ".-", label=name)
     excess = np.geomspace(2e-3, 0.05, 2)
     axes[0].loglog(excess, 9.0 * (24 * excess) ** -0.5, "k:", lw=1, label="slope -1/2")
-    labels = ("width at 5 % of the crest [sites]", "energy [k$_{cross}$ l$^2$]", "|crest| [l]")
+    labels = ("width at 5 % of the peak [sites]", "energy [k$_{cross}$ l$^2$]", "|peak| [l]")
     for one, label in zip(axes, labels, strict=True):
         one.set(xlabel="c/c$_s$ - 1", ylabel=label)
     axes[0].legend(fontsize=8)

@@ -1,4 +1,4 @@
-"""Exact solitary waves from just above sound to far above it, with both asymptotic profiles."""
+"""Exact solitary waves just above and far above the sound speed, with both asymptotic profiles."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ X = np.linspace(-6, 6, 961)
 
 
 def data():
-    """Strains by prism and speed; no row where the speed is beyond the prism's largest."""
+    """Strains by prism and speed; no row where the speed exceeds the largest of the prism."""
     tables = {}
     numbers = {"height": [], "prestrain": [], "speed_ratio": [], "largest_ratio": []}
     numbers |= {name: [] for name in ("stroke_used", "width", "residual")}
@@ -42,7 +42,7 @@ def data():
 
 
 def table(tables):
-    """What the waves are checked by."""
+    """Independent checks of the waves."""
     checks = tables["checks"]
     pairs = zip(checks["quantity"], checks["value"], strict=True)
     return [
@@ -53,7 +53,7 @@ def table(tables):
 
 
 def draw(figure, tables):
-    """One row a prism, one column a speed."""
+    """One row per prism, one column per speed."""
     figure.set_size_inches(12, 6)
     axes = figure.subplots(len(PRISMS), len(RATIOS), sharex=True)
     numbers = tables["numbers"]
@@ -79,5 +79,5 @@ def draw(figure, tables):
     for one in axes[:, 0]:
         one.set_ylabel("compressive strain")
     for one in axes[-1]:
-        one.set_xlabel("distance from the crest [sites]")
+        one.set_xlabel("distance from the peak [sites]")
     axes[0, 2].legend(loc="upper right", fontsize=8)

@@ -1,11 +1,11 @@
-"""When is the chain of springs enough?  Where columns of prisms give way.
+"""Validity of the chain of springs: loss of stability of columns of prisms.
 
 Units share their triangles, or stand on rigid plates guided along the column, each on triangles of
 its own; the top is free to tilt or rides on a guided plate.  With plates between its units a column
-carries what one of them does, however many there are: it is the chain, but for a unit whose top may
-tilt, or that gives way between its plates, as slender ones of much prestrain do.  With shared
-triangles it tilts or bows the earlier the longer it is, about as the square of its length; guiding
-the top makes up for half of the length.
+carries the load of one unit, whatever their number: it is the chain, except for a unit whose top
+may tilt, or that buckles between its plates, as slender ones of large prestrain do.  With shared
+triangles it tilts or bows at a load that falls about as the inverse square of its length; guiding
+the top is equivalent to half the length.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def largest_of_chain(prism):
 
 
 def data(progress=iter):
-    """Load where a column tilts or bows, over the largest of its chain of springs."""
+    """Load at which a column tilts or bows, over the largest load of its chain of springs."""
     cases = {"columns": [(*shape, count) for shape in SHAPES for count in COUNTS]}
     cases["map"] = [
         (height, prestrain, UNITS) for height in SLENDERNESS for prestrain in PRESTRAINS
@@ -108,11 +108,11 @@ def draw(figure, tables):
     cells[1, 0].set_ylabel("prestrain of the cross strings")
     bar = figure.colorbar(marks, ax=cells[1].tolist(), ticks=[-3, -2, -1, 0])
     bar.ax.set_yticklabels(["0.001", "0.01", "0.1", "1"])
-    bar.set_label(f"the same share, {UNITS} units")
+    bar.set_label(f"the same ratio, {UNITS} units")
 
 
 def part(table, kind):
-    """Rows of a kind, and their shares, 1 where stability is kept."""
+    """Rows of a kind, and their load ratios, 1 where stability is not lost."""
     rows = (table["plates"] == kind[0]) & (table["guided"] == kind[1])
     table = {name: column[rows] for name, column in table.items()}
     return table, np.where(np.isnan(table["share"]), 1.0, table["share"])

@@ -1,11 +1,11 @@
-"""Deployed from nearly flat by drawing in the cross strings, under weight.
+"""Deployment of a column from a nearly flat state by shortening the cross strings, under weight.
 
-Where such a path cannot start.  Without load a prism is prestressed at one twist only, with
+Limits of the starting state.  Without load a prism is prestressed at one twist only, with
 s^2 = h^2 + 2 R^2 (1 - S): shorter cross strings then lower it, longer ones are slack, and the
-prism is a mechanism that has no shape.  So weight must press on the strings.  In the plane itself
-no member has a part along the axis: a flat prism under weight stays flat, however hard its cross
-strings pull.  Nearly flat, the strings carry a weight only where shorter ones raise it: down to a
-fold, which a heavier prism meets earlier.
+prism is a mechanism.  Hence a weight must load the strings.  In the flat state no member has an
+axial component: a flat prism under weight stays flat, whatever the tension of its cross strings.
+Nearly flat, the strings carry a weight only where shortening raises it: down to a fold, which a
+heavier prism reaches earlier.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def deployed(count):
 
 
 def paid_out():
-    """The path of one heavier prism the other way, from the reference: round the fold."""
+    """The reverse path of one heavier prism, from the reference around the fold."""
     s = REFERENCE.structure()
     loads = weights(s, HEAVY)
     standing = equilibrium(s, loads, GROUND).structure
@@ -124,13 +124,13 @@ def draw(figure, tables):
         axes.legend(fontsize=7, loc="upper left")
     for axes in (heights, work, *tension):
         axes.invert_xaxis()
-        axes.set_xlabel("natural length of cross strings [m], drawn in", fontsize=8)
+        axes.set_xlabel("natural length of cross strings [m], decreasing", fontsize=8)
     for place, frame in ((0, 0), (1, FRAMES - 1)):
         show(figure.add_subplot(cells[place, 2], projection="3d"), tables["frames"], frame)
 
 
 def animate(tables, path):
-    """The column going up."""
+    """Animate the deployment."""
     film(tables["frames"], path)
 
 

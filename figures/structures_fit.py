@@ -1,4 +1,4 @@
-"""A prism fitted to a noisy curve: points, fitted curve, its band, and residuals."""
+"""A prism fitted to a noisy load curve: data, fitted curve, 95 % band, and residuals."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SEED = 0
 
 
 def data(progress=iter):
-    """Synthetic points, and what the fit makes of them."""
+    """Synthetic data points, and the fit to them."""
     k = [member_stiffness(length=length, **of)
          for length, of in zip(LENGTHS, (STRING, STRING, BAR), strict=True)]  # fmt: skip
     true = Prism.from_members(*LENGTHS, *k)
@@ -47,7 +47,7 @@ def data(progress=iter):
 
 
 def draw(figure, tables):
-    """Above the curve with its 95 % band, below the residuals beside the noise."""
+    """Above, the curve with its 95 % band; below, the residuals and the noise."""
     points, noise = tables["points"], tables["said"]["noise"][0]
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
     x = 1e3 * points["shortening"]
@@ -72,5 +72,5 @@ def draw(figure, tables):
 
 
 def table(tables):
-    """What was found beside what is true."""
+    """Estimated and true parameters."""
     return lines(tables["parameters"])

@@ -1,4 +1,4 @@
-"""An icosahedron of six bars between plates: the slack corner, and both branches beyond it."""
+"""A six-bar tensegrity icosahedron between plates: strings go slack, and the path branches."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def data(progress=iter):
 
 
 def draw(figure, tables):
-    """Load against shortening on both branches; the structure before and beyond the corner."""
+    """Load against shortening on both branches; the structure before and after slackening."""
     axes = figure.add_subplot(1, 2, 1)
     for branch, style in (("symmetric", "C1--"), ("stable", "C0-")):
         table = tables[branch]
@@ -61,7 +61,7 @@ def draw(figure, tables):
 
 
 def animate(tables, path):
-    """The compression on the stable branch."""
+    """Animate the compression along the stable branch."""
     film(tables["frames"], path)
 
 

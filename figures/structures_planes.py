@@ -1,4 +1,4 @@
-"""A pair of bars and the planar X, pressed: where they leave their symmetric paths."""
+"""Two-bar truss and planar X under compression: bifurcation from the symmetric path."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def columns(names, rows):
 
 
 def draw(figure, tables):
-    """Loads, and the shapes of both branches beside them."""
+    """Loads, and the shapes of both branches."""
     figure.set_size_inches(10, 7.5)
     cells = figure.add_gridspec(2, 3, width_ratios=(2, 1, 1))
     words = {"pair": "two bars, rise over half span", "X": "planar X, height over width"}

@@ -1,4 +1,4 @@
-"""A tower of two stages found from its natural lengths, and pressed between plates."""
+"""A two-stage tensegrity tower: form finding from natural lengths, then axial compression."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ LENGTHS = {  # natural ones of six members each [m]
 
 
 def tower():
-    """The tower in the shape that its natural lengths give it, upright."""
+    """The tower, upright, in the equilibrium shape of its natural lengths."""
     s = catalogue.tower(2)
     lengths = np.repeat(list(LENGTHS.values()), 6)
     return upright(s.at(s.positions, natural_lengths=lengths).relaxed(), LOWER)
 
 
 def data(progress=iter):
-    """The form found, its softest motions, and the path between smooth plates."""
+    """The equilibrium form, its softest modes, and the path between smooth plates."""
     s = tower()
     form = {
         "group": list(LENGTHS),
@@ -60,7 +60,7 @@ def data(progress=iter):
 
 
 def draw(figure, tables):
-    """The form found; load against shortening; the tower at the end of the stable path."""
+    """The equilibrium form; load against shortening; the tower at the end of the stable path."""
     figure.set_size_inches(11, 4.5)
     cells = figure.add_gridspec(1, 3, width_ratios=(1, 1.1, 1))
     show(figure.add_subplot(cells[0], projection="3d"), tables["frames"], 0)
@@ -79,7 +79,7 @@ def draw(figure, tables):
 
 
 def animate(tables, path):
-    """The compression on the stable branch."""
+    """Animate the compression along the stable branch."""
     film(tables["frames"], path)
 
 

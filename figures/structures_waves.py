@@ -1,11 +1,11 @@
-"""When is the chain of springs enough?  Waves in columns of prisms with shared triangles.
+"""Validity of the chain of springs: waves in columns of prisms with shared triangles.
 
-A column of elastic prisms is struck at one end, its triangles set in motion as half a bell of some
-units: as masses and members in space, slack strings and all, and as the chain of springs that
-carries the mass of a triangle on each site.  Both are free.  For pulses of ten units or more the
-chain is enough: crests within 6 %, speeds within 14 %.  For a sudden blow it is not: neighbours
-that share a triangle resist, the crest is 0.43 to 0.77 of the chain's, and turning motions run
-ahead of it.
+A column of elastic prisms is struck at one end, with initial velocities in a half bell over
+some units: once as masses and members in space, slack strings included, once as a chain of springs
+with the mass of a triangle at each site.  Both are free.  For pulses of ten units or more the chain
+suffices: peaks within 6 %, speeds within 14 %.  For a sudden blow it does not: neighbours that have
+a triangle in common resist, the peak is 0.43 to 0.77 of that of the chain, and rotational motions
+run ahead of it.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ GROUP = "structures"
 SHAPES = ((0.5, 0.4), (0.7, 0.1), (1.0, 0.1))  # height over base, prestrain of cross strings
 STIFFNESS = {"k_cross": 1.0, "k_base": 5.0, "k_bar": 50.0}
 WIDTHS = (1, 4, 10)  # units over which the velocity of the blow falls to 0
-BLOWS = (1e-3, 0.03)  # its largest velocity over that of sound
+BLOWS = (1e-3, 0.03)  # its largest velocity over the sound speed
 UNITS, NEAR, FAR = 40, 12, 24  # of the column; the units that are watched
 ROWS = 800
 
 
 def struck(prism, blow, width):
     """Compression of the two units, (rows, 2), of the chain and of the column; and the times, in
-    units passed by sound."""
+    units travelled at the sound speed."""
     rate = np.sqrt(prism.axial_stiffness() / prism.sides)  # nodes of 1 kg
     end = FAR + 2 * width + 6
     times = np.linspace(0, end, ROWS)
@@ -52,7 +52,7 @@ def crest(times, compression):
 
 
 def data(progress=iter):
-    """Speed and crest of both, and the compression of the far unit for one shape."""
+    """Speed and peak of both, and the compression of the far unit for one shape."""
     rows, tables = [], {}
     cases = [(*shape, w, b) for shape in SHAPES for w in WIDTHS for b in BLOWS]
     for slenderness, prestrain, width, blow in progress(cases):
@@ -72,7 +72,7 @@ def data(progress=iter):
 
 
 def draw(figure, tables):
-    """Crest and speed of the column over those of the chain; two traces."""
+    """Peak and speed of the column over those of the chain; two traces."""
     figure.set_size_inches(10, 7)
     cells = figure.subplots(2, 2)
     table = {name: np.array(values) for name, values in tables["map"].items()}
@@ -88,7 +88,7 @@ def draw(figure, tables):
         axes.set(xlabel="width of the blow [units]", ylim=(0, 1.2), xticks=WIDTHS,
                  ylabel=f"{name} of the column / of the chain")  # fmt: skip
     cells[0, 0].legend(fontsize=8, loc="lower right")
-    cells[0, 1].plot([], [], "ko-", label=f"blow {BLOWS[0]:g} of the speed of sound")
+    cells[0, 1].plot([], [], "ko-", label=f"blow {BLOWS[0]:g} of the sound speed")
     cells[0, 1].plot([], [], "ks--", label=f"blow {BLOWS[1]:g}")
     cells[0, 1].legend(fontsize=8, loc="lower right")
     for axes, width in zip(cells[1], (WIDTHS[0], WIDTHS[-1]), strict=True):
@@ -97,7 +97,7 @@ def draw(figure, tables):
         axes.plot(trace["time"], 1e4 * np.array(trace["column"]), "C2", label="column")
         word = "1 unit" if width == 1 else f"{width} units"
         axes.set_title(f"height 1 m, blow of {word}", fontsize=10)
-        axes.set(xlabel="time [units passed by sound]",
+        axes.set(xlabel="time [units travelled at sound speed]",
                  ylabel=f"strain of unit {FAR}, 1e-4,\ncompression > 0")  # fmt: skip
         axes.legend(fontsize=8, loc="upper left")
 

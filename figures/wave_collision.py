@@ -1,4 +1,4 @@
-"""Two solitary waves head-on: what the collision leaves behind, and where the waves are later."""
+"""Head-on collision of two solitary waves: energy left behind, and phase shift of the waves."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ SPEEDS = (1.1, 1.3, 1.6, 2.0)
 MEETINGS = (0.0, 0.125, 0.25, 0.375, 0.5)  # sites from a mass
 SHOWN = (1.6, 0.25)
 TOO_FAST = 2.5
-STEP = 0.02  # sites that the waves go in a step of the coarser run
-WINDOW = 1e-6  # of the crest is left where the energy of a wave is cut off
+STEP = 0.02  # sites that the waves travel in a step of the coarser run
+WINDOW = 1e-6  # of the peak remains where the energy of a wave is truncated
 
 
 def outcome(run, wave):
@@ -27,16 +27,16 @@ def outcome(run, wave):
     Parameters
     ----------
     run : Run
-        From the launch of both on.
+        From the launch of both waves on.
     wave : SolitaryWave
 
     Returns
     -------
     dict
-        residue: share of the energy in neither wave, in windows around the crests; exchange:
-        share that the right-going one has more than the other; shift: how far the right-going
-        wave is ahead of an undisturbed one [sites]; window: change of the residue where the
-        windows are wider.
+        residue: fraction of the energy in neither wave, outside windows around the peaks;
+        exchange: excess of the right-going wave over the other, as a fraction of the energy;
+        shift: lead of the right-going wave over an undisturbed one [sites]; window: change of
+        the residue with wider windows.
     """
     energy = run.scene.site_energy(run.final.u, run.final.v)
     outgoing = {pulse.direction: pulse.place for pulse in pulses(run, fraction=0.5)}
@@ -59,7 +59,7 @@ def outcome(run, wave):
 
 
 def collide(spring, speed_ratio, meeting, distance=40, travel=120):
-    """One collision, twice resolved: its numbers."""
+    """Numbers of one collision, computed at two resolutions."""
     scene = _scenes.collision(spring, speed_ratio, meeting, distance, travel)
     wave = solitary_wave(spring, speed_ratio=speed_ratio)
     read, step = lambda run: outcome(run, wave), STEP / wave.speed
@@ -67,7 +67,7 @@ def collide(spring, speed_ratio, meeting, distance=40, travel=120):
 
 
 def too_fast():
-    """What is said of waves so fast that the bars meet."""
+    """The message for waves so fast that the bars meet."""
     scene = _scenes.collision(_scenes.rigid(*PRISM), TOO_FAST, 0.5, 20, 20)
     try:
         simulate(*scene)
@@ -78,12 +78,12 @@ def too_fast():
 
 @cache
 def shown():
-    """The run of the collision that is shown."""
+    """The run of the collision that is drawn."""
     return simulate(*_scenes.collision(_scenes.rigid(*PRISM), *SHOWN), method="rkn6")
 
 
 def data():
-    """Residue, exchange and shift over speed and place of meeting; one density; the locking."""
+    """Residue, exchange and shift over speed and meeting place; one density; the locking."""
     spring = _scenes.rigid(*PRISM)
     measured = {name: {"meeting": MEETINGS} for name in ("residue", "exchange", "shift")}
     tables, energy_error = dict(measured), 0.0
@@ -103,7 +103,7 @@ def data():
 
 
 def draw(figure, tables):
-    """Density beside residue and shift."""
+    """Energy density, residue and phase shift."""
     figure.set_size_inches(12, 4.2)
     axes = figure.subplots(1, 3, width_ratios=(1.2, 1, 1))
     ratio, meeting = SHOWN
@@ -112,15 +112,15 @@ def draw(figure, tables):
         for ax, name in zip(axes[1:], ("residue", "shift"), strict=True):
             table = tables[name]
             ax.plot(table["meeting"], table[f"{speed}"], f"C{k}o-", label=f"{speed} c$_s$")
-    axes[1].set(yscale="log", ylabel="share of the energy in neither wave")
-    axes[2].set(ylabel="ahead of an undisturbed wave [sites]")
+    axes[1].set(yscale="log", ylabel="fraction of the energy in neither wave")
+    axes[2].set(ylabel="lead over an undisturbed wave [sites]")
     for ax in axes[1:]:
         ax.set_xlabel("meeting place [sites from a mass]")
     axes[1].legend(fontsize=8)
 
 
 def animate(tables, path):
-    """The collision that is shown, in motion."""
+    """Animate the collision that is drawn."""
     tensegrity.animate(shown(), path, "energy", frames=60)
 
 

@@ -1,4 +1,4 @@
-"""Waves at the interface of a hard and a soft chain, in both directions."""
+"""Reflection and transmission at the interface of a hard and a soft chain, in both directions."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ PASSED = 70, 120  # and a transmitted one, beyond
 CUT = 1e-10  # of the crest, cut off where the wave is launched
 COUNTED = 0.25  # of the largest elongation beyond: from there a pulse counts
 CLOSED = 60  # bonds beyond, in the densely recorded runs whose interface is balanced
-CLOSE = 1e-3  # a reflected rarefaction this close to the exact wave of its crest is a soliton
+CLOSE = 1e-3  # a reflected rarefaction this close to the exact wave of its peak is a soliton
 EVERY = 5  # steps between recorded instants
 
 
@@ -86,7 +86,7 @@ def composite(case, travel=None):
 
 
 def met(wave):
-    """When the crest is at the interface [s]."""
+    """Time at which the peak reaches the interface [s]."""
     return (wave.reach(CUT) + 2) / wave.speed
 
 
@@ -145,7 +145,7 @@ def balance(case):
 
 
 def train(run, before, since):
-    """Pulses beyond the interface that sound from there since an instant has not reached.
+    """Pulses beyond the interface ahead of sound emitted there at an instant.
 
     Returns
     -------
@@ -160,7 +160,7 @@ def train(run, before, since):
 
 
 def over_time(run, wave, before):
-    """Share of energy and impulse beyond the interface, at most 300 instants."""
+    """Fraction of energy and impulse beyond the interface, at 300 instants or fewer."""
     rows = np.unique(np.linspace(0, len(run.t) - 1, 300).round().astype(int))
     energy = run.scene.site_energy(run.u[rows], run.v[rows])
     impulse = run.v[rows, before:].sum(axis=1) / wave.momentum
@@ -169,7 +169,7 @@ def over_time(run, wave, before):
 
 
 def data():
-    """Numbers, densities, shares over time and the last instant of each case."""
+    """Numbers, densities, fractions over time and the last instant of each case."""
     tables = {}
     for name, case in cases().items():
         wave, scene = composite(case)
@@ -198,7 +198,7 @@ def data():
 
 
 def draw(figure, tables):
-    """Density, shares over time and last instant; one column a case."""
+    """Energy density, fractions over time and last instant; one column per case."""
     figure.set_size_inches(22, 11)
     all_cases = cases()
     for column, (name, case) in zip(
@@ -211,12 +211,12 @@ def draw(figure, tables):
         for what, colour, linear in (("energy", "C0", 1 - rho**2), ("impulse", "C1", 1 - rho)):
             ax.plot(shares["time"], shares[what], colour, label=f"{what} beyond the interface")
             ax.axhline(linear, color=colour, ls=":", lw=1, label="acoustics")
-        ax.set(xlabel="time [s]", ylabel="over that of the wave", ylim=(-0.05, 1.8))
+        ax.set(xlabel="time [s]", ylabel="over the incident value", ylim=(-0.05, 1.8))
         ax.legend(fontsize=8, loc="upper right")
         last, ax = tables[f"{name} last"], column[2]
         ax.plot(last["bond"], last["elongation"], "C0", lw=0.7)
         ax.axvline(case.before, color="0.5", lw=0.8, ls=":")
-        ax.set(xlabel="bond", ylabel="elongation at last [m]")
+        ax.set(xlabel="bond", ylabel="final elongation [m]")
 
 
 def table(tables):

@@ -1,7 +1,8 @@
-"""Which soft chains reflect a solitary rarefaction wave, and which answer with compression.
+"""Leading pulses behind interfaces with soft chains: reflected rarefaction or compression.
 
-Each interface is run twice, with a step and rows and with twice as many of both.  What leads is the
-first pulse above a level, and a small change may make another one the first: the map says where.
+Each interface is run at two resolutions, the second with twice as many steps and rows.  The leading
+pulse is the first above a level; where a small change makes another pulse the first, the map marks
+it.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ SIZES = 460, 1200  # bonds of either part
 
 
 def answer(ratio, k_cross):
-    """What leads back from one interface and what leads on.
+    """The leading reflected and the leading transmitted pulse of one interface.
 
     Returns
     -------
@@ -105,7 +106,7 @@ def in_words(speed):
 
 
 def draw(figure, tables):
-    """A cell for each speed and soft prism."""
+    """One cell for each speed and soft prism."""
     figure.set_size_inches(9, 5.5)
     ax, columns = figure.subplots(), tables["map"]
     colours = {2: "C3", 1: "C1", -1: "C0"}
@@ -123,13 +124,16 @@ def draw(figure, tables):
         ax.annotate(f"{columns['rho'][k]:+.2f}", (x, y), ha="center", va="center", fontsize=8)
     ax.set_xticks(range(len(STIFFNESSES)), [f"{k:g}" for k in STIFFNESSES])
     ax.set_yticks(range(len(RATIOS)), [f"{ratio:g}" for ratio in RATIOS])
-    ax.set(xlabel="k_cross of the soft prism [N/m]", ylabel="speed of the rarefaction wave / sound")
+    ax.set(
+        xlabel="k_cross of the soft prism [N/m]",
+        ylabel="speed of the rarefaction wave / sound speed",
+    )
     ax.set(xlim=(-0.6, len(STIFFNESSES) - 0.4), ylim=(-0.7, len(RATIOS) - 0.5))
     title = (
-        "orange: a supersonic rarefaction leads back; blue: a supersonic compression leads on; red "
+        "orange: supersonic rarefaction reflected; blue: supersonic compression transmitted; red "
         "both; grey neither\nleft half of a square: coarser, right half: twice as fine; framed: "
         f"speeds differ by more than {SAME:g}\n"
-        "in the square: acoustics; below: what leads back, what leads on, finer run"
+        "in the square: acoustics; below: leading reflected and transmitted pulse, finer run"
     )
     ax.set_title(title, fontsize=10)
 

@@ -43,7 +43,7 @@ def barrier(spring, units, way):
 
 
 def at_wall(run):
-    """What reaches the wall, above the preload.
+    """The force that reaches the wall, above the preload.
 
     Returns
     -------
@@ -63,7 +63,7 @@ def at_wall(run):
 
 
 def peaks(name, units):
-    """What reaches the wall behind so many units of a chain, with its errors."""
+    """Force and spread at the wall behind a number of units of a chain, with errors."""
     scene = barrier(spring := springs()[name], units, WAYS[name][1])
     quiet = WAYS[name][0] * units / spring.sound_speed()
     return _measure.resolved(scene, at_wall, INTERVALS[name], [units - 1, units], quiet=quiet)[1]

@@ -12,7 +12,7 @@ GROUP = "waves"
 
 NORMAL = (1.5, 2.0, 3.0)
 ABNORMAL = 0.5
-SIZES = (0.1, 1.0, 10.0)  # m, crests
+SIZES = (0.1, 1.0, 10.0)  # m, peaks
 RAREFACTION = 0.6  # m, crest in the precompressed chain of exponent ABNORMAL
 BLOW = 0.5  # m/s
 STRUCK = (1.5, ABNORMAL)  # exponents of the precompressed chains that are struck
@@ -55,7 +55,7 @@ def scaling(exponent):
 
 
 def no_wave():
-    """What is said of a wave without precompression for n < 1."""
+    """The message for a wave without precompression and n < 1."""
     try:
         solitary_wave(_scenes.power(ABNORMAL), amplitude=-1.0)
     except TensegrityError as error:
@@ -116,7 +116,7 @@ def draw(figure, tables):
     for name, profile in tables["profiles"].items():
         if name != "x":
             axes[1, 1].plot(tables["profiles"]["x"], profile, label=f"n = {name}")
-    axes[1, 1].set(xlabel="distance from the crest [sites]", ylabel="elongation over its size")
+    axes[1, 1].set(xlabel="distance from the peak [sites]", ylabel="elongation over its size")
     for ax in axes[1]:
         ax.legend(fontsize=8)
 

@@ -1,4 +1,4 @@
-"""A compressive blow on a softening chain: a leading rarefaction wave, or none."""
+"""Compressive impact on a softening chain: whether a rarefaction wave leads."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ NAME = "wave_softening"
 GROUP = "waves"
 
 PRELOAD = 0.05  # N
-SITES, DURATION = 600, 450.0  # s: sound goes 540 sites
+SITES, DURATION = 600, 450.0  # s: sound travels 540 sites
 SENSORS = (300, 500)  # bonds
 STEP = 0.1  # s
 CLOSED = 80, 60.0  # sites and duration of the runs in which the force at the end is integrated

@@ -1,4 +1,4 @@
-"""Waves from just above sound to far above it: launched exactly, and emerging from an impact."""
+"""Solitary waves just above and far above the sound speed: launched exactly, or by an impact."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def data():
 
 
 def near_sound():
-    """How far sech^2 is off the exact wave, over its crest, by speed and prestrain."""
+    """Deviation of sech^2 from the exact wave, over its peak, by speed and prestrain."""
     x = np.linspace(-10, 10, 801)
     table = {"speed ratio": NEAR}
     for prestrain in PRESTRAINS:
@@ -52,7 +52,7 @@ def near_sound():
 
 
 def draw(figure, tables):
-    """Profiles above, densities below; one column a speed."""
+    """Profiles above, energy densities below; one column per speed."""
     figure.set_size_inches(16, 8.5)
     axes = figure.subplots(2, len(WAVES))
     for column, (ratio, (prism, _)) in zip(axes.T, WAVES.items(), strict=True):

@@ -1,4 +1,4 @@
-"""Solitary waves as the prestrain goes to zero: they stay a few prisms wide."""
+"""Solitary waves in the limit of zero prestrain: the width remains a few prisms."""
 
 from __future__ import annotations
 
@@ -61,16 +61,18 @@ def draw(figure, tables):
     widths = tables["widths"]
     p0 = np.array(widths["prestrain"], dtype=float)
     shown = np.where(p0 > 0, p0, p0[p0 > 0].min() / 10)
-    axes[0].semilogx(shown, widths["at amplitude"], "o-", label=f"crest {PART:g} of the stroke")
-    axes[0].semilogx(shown, widths["at energy"], "s-", label="energy of that wave at 0")
+    axes[0].semilogx(shown, widths["at amplitude"], "o-", label=f"peak {PART:g} of the stroke")
+    axes[0].semilogx(
+        shown, widths["at energy"], "s-", label="energy of that wave at zero prestrain"
+    )
     axes[0].axhline(tables["limit"]["width"][0], color="0.5", ls=":", label="pure cubic force")
-    axes[0].set(xlabel="prestrain (leftmost: 0)", ylabel="width at 5 % of the crest [sites]")
+    axes[0].set(xlabel="prestrain (leftmost: 0)", ylabel="width at 5 % of the peak [sites]")
     axes[0].legend(fontsize=8)
     for name, profile in tables["profiles"].items():
         if name != "x" and float(name) in (0.1, 0.01, 1e-3, 0.0):
             y = np.maximum(profile, 1e-17)
             axes[1].semilogy(tables["profiles"]["x"], y, label=f"prestrain {name}")
-    axes[1].set(xlabel="distance from the crest [sites]", ylabel="elongation over crest")
+    axes[1].set(xlabel="distance from the peak [sites]", ylabel="elongation over peak")
     axes[1].set_ylim(1e-12, 2)
     axes[1].legend(fontsize=8)
     _measure.draw_density(axes[2], tables["density"], "no prestrain")
@@ -83,7 +85,7 @@ def table(tables):
     claim = "super-compact waves as the prestrain goes to 0"
     rows = []
     for name, what in (
-        ("at amplitude", f"crest {PART:g} of the stroke"),
+        ("at amplitude", f"peak {PART:g} of the stroke"),
         ("at energy", "fixed energy"),
     ):
         found = ", ".join(f"{w:.4f}" for w in widths[name])

@@ -1,4 +1,4 @@
-"""Prestress and preload tune a chain: maps, and a change while a wave travels."""
+"""Prestress and preload tune a chain: maps of wave properties, and a change during propagation."""
 
 from __future__ import annotations
 
@@ -200,11 +200,11 @@ def draw(figure, tables):
         ax.plot(t, energy, label="energy")
         ax.plot(t, work, label="work of the change")
         ax.plot(t, energy - work, "k:", label="difference")
-        ax.set(xlabel="time [s]", ylabel="over the energy at first", ylim=(-0.1, 2.8))
+        ax.set(xlabel="time [s]", ylabel="over the initial energy", ylim=(-0.1, 2.8))
         ax.set_title(f"{name} change: balance", fontsize=10)
         ax.legend(fontsize=8, loc="upper left")
     figure.suptitle(
-        "white: the bars meet before that crest (stiffening), beyond the limit point (softening)",
+        "white: the bars meet below that peak (stiffening), beyond the limit point (softening)",
         fontsize=10,
     )
 

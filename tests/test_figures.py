@@ -78,7 +78,7 @@ def test_pictures_are_written_with_their_tables(tmp_path, capsys):
     assert (folder / "constitutive_rigid.png").read_bytes().startswith(b"\x89PNG")
     assert {path.suffix for path in folder.iterdir()} == {".png", ".csv"}
     said = capsys.readouterr().out
-    assert re.search(r"1/1 +[0-9.]+ s  constitutive/constitutive_rigid: Load and energy", said)
+    assert re.search(r"1/1 +[0-9.]+ s  constitutive/constitutive_rigid: Axial load and", said)
     assert said.splitlines()[-1].startswith(f"{tmp_path / 'index.html'} shows all")
     written = read_tables(folder / "constitutive_rigid.csv")
     computed = constitutive_rigid.data()
