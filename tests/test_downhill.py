@@ -153,6 +153,8 @@ def test_the_highest_maxima_are_pressed_down_behind_the_norms(monkeypatch):
     norms = downhill(one, space, start)
     assert way.forces.min() < norms.forces.min() * (1 - 1e-3)
     np.testing.assert_array_equal(way.forces[: len(norms.forces) - 1], norms.forces[:-1])
+    best = norms.rows[np.argmin(norms.forces[:-1])]
+    np.testing.assert_array_equal(norms.rows[-1], space.projected(best))  # from there it goes on
     np.testing.assert_allclose(way.rows.sum(axis=1), space.length, rtol=1e-12)
     assert way.rows.min() >= 4e-3
     assert way.rows.max() <= 10e-3

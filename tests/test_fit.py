@@ -136,6 +136,8 @@ def test_band_drawn_is_that_of_95_percent(noise):
     shown = {one.get_label(): np.transpose(one.get_data()) for one in axes.lines}
     np.testing.assert_array_equal(shown["points"], np.transpose([found.shortening, found.load]))
     np.testing.assert_array_equal(np.sort(shown["fitted prism"][:, 1]), np.sort(found.computed()))
+    assert axes.get_xlabel() == "shortening [m]"
+    assert axes.get_ylabel() == "axial load [N], compression > 0"
     edge = axes.collections[0].get_paths()[0].vertices
     width = stats.t.ppf(0.975, 3) if noise is None else stats.norm.ppf(0.975)
     for x, y, band in zip(found.shortening, found.computed(), found.band(), strict=True):

@@ -29,6 +29,21 @@ def test_energy_of_the_members_is_that_of_the_prism_at_symmetric_positions():
     assert abs(sp.N(gap.subs(numbers).subs(state), 30)) < 1e-15
 
 
+def test_the_argument_shows_the_hessian_of_the_energy():
+    """The last formula of the argument at a vector d of its own, against second derivatives."""
+    (shown,) = derived.argument()[-1].formulas
+    (n,) = shown.atoms(sp.MatrixSymbol)
+    d = sp.Matrix(derived.separation(3))
+    at = {derived.stiffness: 3, derived.natural: sp.Rational(7, 5)}
+    at |= dict(zip(d, (sp.Rational(2, 3), 2, 1), strict=True))
+    size = d.norm().subs(at)
+    exact = sp.hessian(derived.energy(derived.length_of(3)), list(d)).subs(at)
+    density = 3 * (1 - sp.Rational(7, 5) / size)
+    shown = shown.subs({derived.stiffness: 3, derived.density: density})
+    shown = shown.subs(n, d.subs(at) / size).as_explicit()
+    assert (shown - exact).applyfunc(sp.simplify).is_zero_matrix
+
+
 @pytest.fixture(scope="module")
 def row():
     return equilibrium_path(SLENDER)[10]

@@ -1,5 +1,8 @@
 """Instruments on exact waves, alone and two far apart, where the right answer is known."""
 
+import math
+
+import numpy as np
 import pytest
 
 from tensegrity import (
@@ -13,6 +16,7 @@ from tensegrity import (
     speed,
     tail_front,
 )
+from tensegrity.measure.observables import passage
 
 SPRING = Prism(1.0, 0.7, 0.01, 1.0).potential()
 
@@ -35,6 +39,15 @@ def passing(waves):
 
 def test_speed_from_arrivals_is_that_of_the_exact_wave(waves, passing):
     assert speed(passing, (60, 510)) == pytest.approx(waves[0].speed, rel=1e-10)
+
+
+def test_a_passage_is_found_to_tenth_order_in_the_recording_interval():
+    """The crest of x/2 - cosh x, elongation of a pulse that is steeper behind."""
+    crest, errors = math.asinh(0.5), []
+    for interval in (0.4, 0.2):
+        t = crest + interval * (np.arange(-12, 13) + 0.37)
+        errors.append(abs(passage(t, t / 2 - np.cosh(t) + 40, 0.5 - np.sinh(t)) - crest))
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(10, abs=0.3)
 
 
 def test_width_from_a_duration_is_that_of_the_exact_wave(waves, passing):

@@ -367,6 +367,10 @@ def test_the_mean_of_the_virial_ratio_is_five_ninths():
         ),
         (lambda: pack([(0.0, 0.0)], STEEL, {"floor": WALL}), "wall 'floor' is Material"),
         (
+            lambda: pack([(0.0, 0.0)], STEEL, {"floor": ((0, -1), WALL)}),
+            r"wall 'floor' \(0, -1\) is not a Wall",
+        ),
+        (
             lambda: pack([(0.0, 0.0)], STEEL, {"floor": (Wall((0, -1), (0, 1)), "steel")}),
             "material of the wall 'floor' 'steel' is not a Material",
         ),

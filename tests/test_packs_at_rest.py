@@ -103,6 +103,8 @@ def test_a_pack_with_small_gaps_settles_until_its_contacts_carry():
     weight = G * sum(bead.mass for bead in scene.beads)
     assert on_wall(scene, "floor") == pytest.approx(weight, rel=1e-10)
     assert scene.equilibrium.contacts >= 3 * 27
+    with pytest.raises(ValueError, match="read-only"):
+        scene.equilibrium.u[0] = 0.0
 
 
 @pytest.mark.parametrize(

@@ -187,7 +187,7 @@ def test_a_wider_range_takes_a_higher_degree_until_none_will_do():
         (SOFT, -0.1, 0.4, LockingError, "unloaded"),
         ("spring", -0.1, 0.1, TensegrityError, "not a Potential"),
         (PowerLaw(1.0, 1.5), -0.1, 0.1, ResolutionError, "must be at least"),
-        (RIGID, -1e-310, 1e-310, TensegrityError, "must be at least"),
+        (RIGID, -1e-310, 1e-310, TensegrityError, "width of the range .* must be at least"),
     ],
 )
 def test_impossible_fits_are_refused(spring, low, high, kind, words):

@@ -388,6 +388,11 @@ def test_bad_bounds_are_refused_by_name(model, bounds, message):
         equilibrium_path(Prism(1.0, 1.0, 0.1, 1.0, *MODELS[model]), **bounds)
 
 
+def test_what_is_no_prism_is_named_before_what_its_path_may_not_have():
+    with pytest.raises(TensegrityError, match="prism 'tower' is not a Prism"):
+        equilibrium_path("tower", branch="symmetric")
+
+
 def test_rigid_prism_cannot_go_past_contact():
     with pytest.raises(TensegrityError, match="past_contact=True needs elastic"):
         equilibrium_path(Prism(1.0, 1.0, 0.1, 1.0), past_contact=True)
