@@ -92,7 +92,22 @@ class Laid:
         return "\n".join([*lines, ""])
 
     def input(self, name: str, steps: int, dt: float, every: int) -> str:
-        """The input script; `name` is that of its file."""
+        """The text of the input script.
+
+        Parameters
+        ----------
+        name : str
+            Of the file of the script.
+        steps : int
+        dt : float
+            [s].
+        every : int
+            Number of steps between recorded rows.
+
+        Returns
+        -------
+        str
+        """
         types, kinds = self.types()
         push = bool(self.loads.any())
         sides = " ".join("m" * self.axes + "f" * (3 - self.axes))
