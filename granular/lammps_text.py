@@ -1,4 +1,4 @@
-"""Beads, walls and loads as LAMMPS takes them: places in space, types, the text of its files."""
+"""The text of LAMMPS files: beads in space, their types, walls and loads."""
 
 from __future__ import annotations
 

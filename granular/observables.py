@@ -223,9 +223,9 @@ def energies(run: Run) -> BeadEnergies:
     >>> from granular import Bead, Striker, chain, energies, materials, simulate
     >>> bead = Bead(diameter=10e-3, material=materials["steel"])
     >>> beads = chain([bead] * 20, striker=Striker(bead, speed=0.5), end=materials["steel"])
-    >>> shared = energies(simulate(beads, beads.start(), t_end=2e-4, tol=1e-6))
-    >>> print(f"{1e3 * shared.kinetic[0].sum():.3f} mJ, {shared.effective_number[-1]:.1f} beads")
-    0.524 mJ, 2.6 beads
+    >>> energy = energies(simulate(beads, beads.start(), t_end=2e-4, tol=1e-6))
+    >>> print(f"{1e3 * energy.kinetic[0].sum():.3f} mJ, {energy.effective_number[-1]:.2f} beads")
+    0.524 mJ, 2.55 beads
     """
     scene = crystal_of(run)
     u, v = whole(run)

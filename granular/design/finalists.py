@@ -1,9 +1,9 @@
 """Verification of the best designs of a search with finer steps and in a longer window.
 
 An optimiser exploits the errors of an integration, and delays a force beyond the end of the run.
-The best designs are therefore computed again with a half and a quarter of the step, and those whose
-force changes are rejected; of the others, that with the least force in a window ten times longer, at
-half the step, is selected.
+The best designs are therefore computed again with a half and a quarter of the step, and those
+whose force changes are rejected; of the others, that with the least force in a window ten times
+longer, at half the step, is selected.
 """
 
 from __future__ import annotations
