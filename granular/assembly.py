@@ -1,7 +1,7 @@
-"""What guides and packs of beads have in common: a `tensegrity.Network` of contacts and walls.
+"""The common base of guides and packs of beads: a `tensegrity.Network` of contacts and walls.
 
-Contacts are those of the network's list, or, where they come and go, those that the network lists
-near given displacements: see `granular.contact_network`.
+The contacts are a fixed list or, if contacts may form and break, those that the network finds near
+given displacements: see `granular.contact_network`.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Assembly(Crystal, Network):
     Attributes
     ----------
     wall_names : tuple of str
-        Of each wall; walls of one name count together.
+        Name of each wall; the forces on walls of the same name are added.
     """
 
     wall_names: tuple[str, ...]
@@ -44,7 +44,7 @@ class Assembly(Crystal, Network):
     _rest: Array  # displacements [m] in equilibrium under the loads
 
     def at_rest(self, velocity: Mapping[int, Sequence[float]] | None = None) -> State:
-        """All at rest under the loads, some sites given a velocity [m/s]: {site: (dim,)}."""
+        """Equilibrium under the loads, with velocities [m/s] of some sites: {site: (dim,)}."""
         state = State(self._rest, super().at_rest(velocity).v)
         self.check(state)
         return state
@@ -65,19 +65,40 @@ class Assembly(Crystal, Network):
     def _refuse_followed(self, what: str) -> None:
         if dynamics(self).follows:
             raise TensegrityError(
-                f"{what} of contacts that come and go: ask those of one instant, listed(u)"
+                f"{what} of contacts that come and go: take those of one instant, listed(u)"
             )
 
 
 class AssemblyDynamics(NetworkDynamics):
-    """Of beads; see `tensegrity.scenes.dynamics`."""
+    """Equations of motion of beads; see `tensegrity.scenes.dynamics`."""
 
     arguments = sensitivity.NAMES
 
     def by_argument(
         self, name: str, by_mass: Array, by_spring: Callable[[str], Array], by_gap: Any
     ) -> Array:
-        """Derivatives by an argument of every bead at its place; see `granular.sensitivity`."""
+        """Derivatives by an argument of every bead at its place; see `granular.sensitivity`.
+
+        Parameters
+        ----------
+        name : {"diameter", "modulus"}
+        by_mass : ndarray, (sites,)
+            Derivatives by the masses [1/kg].
+        by_spring : callable (name) -> ndarray, (contacts,)
+            Derivatives by a parameter of each contact.
+        by_gap : ndarray, (contacts,), or None
+            Derivatives by the gaps [1/m].
+
+        Returns
+        -------
+        ndarray, (sites,)
+            Per metre or per pascal.
+
+        Raises
+        ------
+        TensegrityError
+            Beads under constant loads, which depend on the diameters too.
+        """
         scene = self.scene
         if np.any(scene.loads):
             raise TensegrityError("no derivatives by beads under loads, which depend on them too")
@@ -88,16 +109,17 @@ class AssemblyDynamics(NetworkDynamics):
         )
 
     def available_energy(self, state: State, energy: float | None = None) -> float:
-        """Energy of motion and contacts [J], which any contact could get.
+        """Kinetic and contact energy [J], an upper bound on the energy of any one contact.
 
-        That of the loads counts from the places as laid, where it could be below 0.
+        The potential of the loads is left out: measured from the initial positions, it may be
+        negative.
         """
         loaded = float(np.sum(self.scene.loads * state.u))
         return super().available_energy(state, energy) + loaded
 
 
 class SharedSprings:
-    """One spring object for all contacts of the same kind of partners."""
+    """Springs of contacts, one object for all contacts between equal partners."""
 
     def __init__(self, law: ContactLaw) -> None:
         self._law = law
@@ -106,11 +128,11 @@ class SharedSprings:
 
     @property
     def contacts(self) -> list[Contact]:
-        """In the order in which the law was asked for them."""
+        """The contacts, in the order in which the law was first evaluated for them."""
         return [contact for contact, _ in self._known.values()]
 
     def contact(self, bead: Bead, other: Bead | Material) -> Contact:
-        """That of two partners, for which the law is asked once."""
+        """The contact of two partners; the law is evaluated once for each pair."""
         if (bead, other) not in self._known:
             contact = contact_of(self._law, bead, other)
             self._known[bead, other] = contact, contact.spring()
@@ -118,7 +140,7 @@ class SharedSprings:
 
     def __call__(self, bead: Bead, other: Bead | Material) -> PowerLaw:
         same = id(bead), id(other)
-        if same not in self._quick:  # the two are kept there: ids stay theirs
+        if same not in self._quick:  # references to both are stored, so that their ids stay unique
             self.contact(bead, other)
             self._quick[same] = bead, other, self._known[bead, other][1]
         return self._quick[same][-1]

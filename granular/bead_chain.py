@@ -1,8 +1,8 @@
 """Beads in a straight line, one coordinate each: a `tensegrity.Chain` of power-law contacts.
 
-Beads touch at rest.  Gravity and precompression are constant loads W_i on the beads; each contact
-is measured from the equilibrium under all loads, so that its energy holds the loads' too.  A
-striker that falls on a loaded chain starts in contact without overlap.
+Beads touch at rest.  Gravity and precompression are constant loads W_i on the beads; elongations
+count from the equilibrium under all loads, so that the energy of the contacts includes the
+potential of the loads.  A striker that falls on a loaded chain starts in contact without overlap.
 Source: seeds/000, part II, "Discrete element modeling" (the potentials W_i).
 """
 
@@ -32,20 +32,19 @@ if TYPE_CHECKING:
     from tensegrity import Damping, Drive
     from tensegrity.typing import Array
 
-PER_BEAD = 2000  # bytes: each contact is a spring of its own
-WALL_MASS = 1.0  # kg: of the site that stands for a wall; it is held, any number will do
+PER_BEAD = 2000  # bytes: each contact has its own spring
+WALL_MASS = 1.0  # kg: of the site that represents a wall; it is held, so any value will do
 
 
 class BeadChain(Crystal, Chain):
-    """A chain of beads, perhaps with a striker or a wall before it and a wall behind it.
+    """A chain of beads, optionally with a striker or a wall before it and a wall behind it.
 
     Attributes
     ----------
     beads : tuple of Bead
-        One for each site, the wall apart.
+        One for each site that is not a wall.
     parts : dict of str to tuple of int
-        Sites of "striker" or "start wall", "chain" and "wall", in the order in which a wave meets
-        them.
+        Sites of "striker" or "start wall", "chain" and "wall", in the order of a wave's passage.
     striker : Striker or None
     bodies : tuple of Bead or Material
         One for each site: a Material stands for a wall.
@@ -97,7 +96,7 @@ class BeadChain(Crystal, Chain):
         return _Dynamics(self)
 
     def start(self) -> State:
-        """The striker in contact and moving, all else at rest under its loads."""
+        """Initial state: the striker in contact and moving, all else at rest under its loads."""
         u, v = np.zeros(self.sites), np.zeros(self.sites)
         if self.striker:
             v[0] = self.striker.speed
@@ -126,7 +125,7 @@ class BeadChain(Crystal, Chain):
 
 
 class _Dynamics(ChainDynamics):
-    """Of beads in a line; see `tensegrity.scenes.dynamics`."""
+    """Equations of motion of beads in a line; see `tensegrity.scenes.dynamics`."""
 
     arguments = sensitivity.NAMES
 
@@ -135,7 +134,7 @@ class _Dynamics(ChainDynamics):
     ) -> Array:
         """Derivatives by an argument of every bead; see `granular.sensitivity`.
 
-        Weights change with masses, and with them the preloads of contacts.
+        The weight of a bead depends on its mass, and with it the preloads of the contacts.
         """
         scene, end = self.scene, self.scene._made_of["end"]
         if scene._made_of["start_wall"] is not None:
@@ -154,12 +153,11 @@ class _Dynamics(ChainDynamics):
 
 
 def _gravity(chain: BeadChain) -> float:
-    """From the weight of a bead that carries no other load."""
+    """Gravity [m/s^2], from the weight of a bead that carries no other load."""
     loads = chain._made_of["loads"]
     if chain.striker is None and len(chain.beads) == 1:
         raise TensegrityError(
-            "the load of a single bead does not say what of it is weight: no derivative by its "
-            "diameter"
+            "the load of a single bead does not determine its weight: no derivative by its diameter"
         )
     site = 0 if chain.striker else -1
     return loads[site] / chain.beads[site].mass
@@ -182,25 +180,26 @@ def chain(
     Parameters
     ----------
     beads : sequence of Bead
-        In the order of the axis, two or more sites with striker and wall.
+        In the order of the axis; with striker and walls at least two sites.
     striker : Striker, optional
-        Site 0 then, in contact with the first bead.
+        Becomes site 0, in contact with the first bead.
     gravity : float, optional
-        [m/s^2], >= 0, along the axis towards the far end.  With a striker it needs an end: no
-        constant force holds the last bead both before the striker's weight came and after.
+        [m/s^2], >= 0, along the axis towards the far end.  With a striker it requires an `end`: no
+        constant force balances the last bead both before and after the striker's weight arrives.
     preload : float, optional
         Constant force on the first bead (not on the striker) towards the far end [N], >= 0.
     start_wall : Material, optional
-        Of a plane wall before the first bead: site 0 then, which is held.  It excludes a striker.
+        Material of a plane wall before the first bead, which becomes site 0 and is held.  It
+        excludes a striker.
     end : Material, optional
-        Of a plane wall behind the last bead.  Without, that bead is free and, where there are
-        loads, held back by a constant force.
+        Material of a plane wall behind the last bead.  By default that bead is free and, under
+        loads, supported by a constant force.
     law : callable (Bead, Bead or Material) -> Contact, optional
         `hertz`, or `power(constant, exponent)`.
     drive : dict of int to Drive, optional
-        {site: Drive}: motions that are prescribed, and forces that depend on time.
+        {site: Drive}: prescribed motions, and forces that depend on time.
     damping : Damping, optional
-        Dashpots in the contacts, which resist while they are open too, and to the ground.
+        Dashpots to the ground and in the contacts, which also act while these are open.
 
     Returns
     -------
@@ -209,8 +208,17 @@ def chain(
     Raises
     ------
     TensegrityError
-        Anything that is not a Bead, a Striker or a Material where one is asked for; no contact;
+        An argument that is not the Bead, Striker or Material required; a chain without a contact;
         negative gravity or preload; gravity with a striker and without an end.
+
+    Examples
+    --------
+    >>> from granular import Bead, Striker, chain, materials
+    >>> steel = materials["steel"]
+    >>> bead = Bead(diameter=10e-3, material=steel)
+    >>> print(chain([bead] * 20, striker=Striker(bead, speed=0.5), end=steel))
+    BeadChain(striker: 1, chain: 20, wall: 1, struck at 0.5 m/s) on Chain(22 sites,
+        2 different spring(s), ends ('free', 'fixed'))
     """
     beads = _beads(beads)
     if striker is not None:

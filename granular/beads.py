@@ -1,4 +1,4 @@
-"""Beads and strikers: spheres with a mass, and the radius that their contacts see."""
+"""Beads and strikers: spheres with a mass and a radius of contact."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
 
-HUGE, FAST = 1.0, 100.0  # m, m/s: from there on a unit is probably another than was meant
+HUGE, FAST = 1.0, 100.0  # m, m/s: larger values probably stem from a wrong unit
 
 
 @dataclass(frozen=True)
@@ -24,9 +24,9 @@ class Bead:
     Parameters
     ----------
     diameter : float
-        [m], > 0: what the geometry is made with, the distance of two equal beads that touch.
+        [m], > 0: sets the geometry, the distance between the centres of two equal touching beads.
     material : Material
-        Of the contact; the density also gives the mass where none is given.
+        Elastic constants of the contact; its density gives the mass if none is given.
     mass : float, optional
         [kg], > 0; by default density times volume.
     contact_radius : float, optional
@@ -35,7 +35,14 @@ class Bead:
     Raises
     ------
     TensegrityError
-        A number that is not finite and above 0, or a material that is only a name.
+        A number that is not finite and above 0, or the name of a material instead of a Material.
+
+    Examples
+    --------
+    >>> from granular import Bead, materials
+    >>> bead = Bead(diameter=10e-3, material=materials["steel"])
+    >>> print(f"{1e3 * bead.mass:.3f} g")
+    4.189 g
     """
 
     diameter: float
@@ -43,7 +50,7 @@ class Bead:
     mass: float = None  # type: ignore[assignment]
     contact_radius: float = None  # type: ignore[assignment]
 
-    if TYPE_CHECKING:  # what is not given follows from the rest
+    if TYPE_CHECKING:  # omitted values follow from the others
 
         def __init__(
             self,
@@ -81,26 +88,26 @@ class Bead:
 
     @classmethod
     def of_mass(cls, mass: float, material: Material) -> Bead:
-        """The bead of that mass [kg], > 0, whose diameter follows from the density.
+        """A bead of the given mass [kg], > 0, whose diameter follows from the density.
 
-        The heavy striker of seeds/001 is given by its mass alone.
+        The heavy striker of seeds/001 is specified by its mass alone.
         """
         mass = check.number("mass", mass, above=0, unit="kg")
         _require("material", material, Material)
         return cls((6 * mass / (math.pi * material.density)) ** (1 / 3), material, mass)
 
     def coated(self, coating: Material, thickness: float) -> Bead:
-        """This bead under a soft coating, as seeds/001 models it: homogeneous, of the coating.
+        """This bead with a soft coating, modelled as in seeds/001: a homogeneous sphere.
 
-        Mass and place on the lattice stay those of the core; the contact takes the modulus of the
-        coating and the outer radius.  The model has no dynamics of the layer and holds while the
-        overlap stays below the thickness.
+        Mass and lattice spacing remain those of the core; the contact takes the elastic constants
+        of the coating and the outer radius.  The model neglects the dynamics of the layer and
+        holds while the overlap is below the thickness.
 
         Parameters
         ----------
         coating : Material
         thickness : float
-            Of the coating [m], >= 0.
+            Thickness of the coating [m], >= 0.
 
         Returns
         -------
@@ -114,13 +121,13 @@ class Bead:
 
 @dataclass(frozen=True)
 class Striker:
-    """A bead that hits the first one, along the axis.
+    """A bead that strikes the first bead of a scene.
 
     Parameters
     ----------
     bead : Bead
     speed : float
-        [m/s], > 0: towards the chain.
+        Impact speed [m/s], > 0: towards the chain.
 
     Raises
     ------
@@ -148,7 +155,7 @@ class Striker:
 
 
 def beads_of(given: Iterable[object], where: str = "") -> tuple[Bead, ...]:
-    """Beads as a tuple, refused where one is none; `where` says of which design."""
+    """The beads as a tuple, each checked to be a Bead; `where` names the design in the error."""
     found = check.sequence(f"beads{where}", given, "Beads")
     for number, bead in enumerate(found):
         if not isinstance(bead, Bead):

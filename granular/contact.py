@@ -32,7 +32,7 @@ TINY = 1e-30  # step of a derivative through the complex plane
 
 @dataclass(frozen=True)
 class Contact:
-    """A power law that pushes only.
+    """A power law of contact, which transmits compression only.
 
     Attributes
     ----------
@@ -61,7 +61,10 @@ class Contact:
         return (force / self.constant) ** (1 / self.exponent)
 
     def spring(self, preload: float = 0.0, length: float | None = None) -> PowerLaw:
-        """The bond of two beads that touch under a compressive preload [N]."""
+        """Spring of two beads in contact under a compressive preload [N], >= 0.
+
+        `length` is the distance of their centres [m].
+        """
         return PowerLaw(self.constant, self.exponent, preload, length)
 
 
@@ -86,7 +89,7 @@ def hertz(bead: Bead, other: Bead | Material) -> Contact:
     Raises
     ------
     TensegrityError
-        `bead` is not a Bead, or `other` neither.
+        `bead` is not a Bead, or `other` is neither a Bead nor a Material.
     """
     if not isinstance(bead, Bead):
         raise TensegrityError(f"{check.shown(bead)} is not a Bead")
@@ -103,16 +106,16 @@ def hertz(bead: Bead, other: Bead | Material) -> Contact:
 
 
 def power(constant: float, exponent: float) -> ContactLaw:
-    """A law like `hertz` that gives every contact the same constant [N/m^n] and exponent n.
+    """A contact law with the same constant [N/m^n] and exponent n, both > 0, for every contact.
 
-    Both > 0.  To be passed as `law` of `chain`, `y_guide` and `diamond_guide`.
+    It is passed as `law` to `chain`, `y_guide` or `diamond_guide`, in place of `hertz`.
     """
     contact = Contact(constant, exponent)
     return lambda bead, other: contact
 
 
 def checked_law(law: ContactLaw) -> ContactLaw:
-    """A law of contact as `chain` and the guides take it, if it can be one."""
+    """The contact law given to `chain` or a guide, checked to be callable."""
     if not callable(law):
         raise TensegrityError(
             f"law {check.shown(law)} is not a function of two partners, such as hertz"
@@ -121,7 +124,24 @@ def checked_law(law: ContactLaw) -> ContactLaw:
 
 
 def contact_of(law: ContactLaw, bead: Bead, other: Bead | Material) -> Contact:
-    """The contact that a law gives to two partners."""
+    """The contact of two partners under a contact law.
+
+    Parameters
+    ----------
+    law : callable (Bead, Bead or Material) -> Contact
+    bead : Bead
+    other : Bead or Material
+        A Material stands for a plane wall.
+
+    Returns
+    -------
+    Contact
+
+    Raises
+    ------
+    TensegrityError
+        The law cannot be called with two partners, or does not return a Contact.
+    """
     try:
         contact = law(bead, other)
     except TypeError as error:  # such as a wrong number of arguments
@@ -136,14 +156,20 @@ def _constant(kind: str, *numbers: float) -> float:
 
 
 def hertz_constants(modulus: Array, poisson: Array, radius: Array, *other: Array) -> Array:
-    """Constants of many contacts after `hertz` at once [N/m^1.5].
+    """Constants of many Hertz contacts at once.
 
     Parameters
     ----------
     modulus, poisson, radius : array_like
-        Of beads [Pa], 1, [m]; of any shapes that broadcast.
+        Young's moduli [Pa], Poisson's ratios and radii of contact [m] of the beads, of shapes that
+        broadcast.
     *other : array_like
-        The same three of their partners; radius inf for a plane wall.
+        The same three quantities of their partners; the radius of a plane wall is inf.
+
+    Returns
+    -------
+    ndarray, the broadcast shape
+        [N/m^1.5], > 0.
     """
     modulus_2, poisson_2, radius_2 = other
     numbers = (modulus, modulus_2, poisson, poisson_2, radius, radius_2)
@@ -152,8 +178,8 @@ def hertz_constants(modulus: Array, poisson: Array, radius: Array, *other: Array
 
 
 def hertz_slopes(*numbers: Array, by: str = "radius") -> tuple[Array, Array]:
-    """Derivatives of `hertz_constants`, of the same numbers, by one of the bead and that of its
-    partner: by the "radius" [N/m^2.5] or the "modulus" [N/(Pa m^1.5)]."""
+    """Derivatives of `hertz_constants` with respect to the "radius" [N/m^2.5] or the "modulus"
+    [N/(Pa m^1.5)] of the bead, and of its partner."""
     place = ("modulus", "poisson", "radius").index(by)
     steps = 1j * TINY * np.eye(6)[[place, place + 3]]
     moved = ([x + h if h else x for x, h in zip(numbers, step, strict=True)] for step in steps)
@@ -162,7 +188,7 @@ def hertz_slopes(*numbers: Array, by: str = "radius") -> tuple[Array, Array]:
 
 
 def _constants(kind: str) -> tuple[list[Any], tuple[Any, ...]]:
-    """alpha of two spheres or of a sphere on a wall, and the symbols of its numbers."""
+    """alpha of two spheres, or of a sphere on a plane wall, and the symbols it depends on."""
     import sympy as sp
 
     from derivations import contact as form

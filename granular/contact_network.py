@@ -1,7 +1,8 @@
-"""The contacts of beads by site and part: which a bead has, what they store, what walls carry.
+"""The contacts of beads by site and part, their energies, and the forces on walls.
 
-`contacts_of` gives those of a chain or those of a guide or a pack.  Contacts of these are listed
-by the scene, or, where they come and go, near given displacements; see `Network.listed`.
+`contacts_of` returns the contacts of a chain, a guide or a pack.  Those of guides and packs are
+listed by the scene or, if contacts may form and break, near given displacements; see
+`Network.listed`.
 """
 
 from __future__ import annotations
@@ -25,9 +26,9 @@ def contacts_of(scene: Any) -> ChainContacts | AssemblyContacts:
 
 
 def wall_sites(scene: Crystal, name: str) -> list[int]:
-    """Sites on which the forces on the walls of a name depend: what `granular.wall_force` wants.
+    """Sites that must be recorded for `granular.wall_force` on the walls of a name.
 
-    All where contacts come and go.
+    All sites if contacts may form and break.
     """
     check.kind("scene", scene, Crystal)
     return contacts_of(scene).of_wall(name)

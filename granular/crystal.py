@@ -1,4 +1,4 @@
-"""What chains, guides and packs of beads have in common: parts, bead numbers, recorded rows."""
+"""The common base of chains, guides and packs of beads: parts, bead numbers, recorded rows."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
 """Branched guides of beads between plane walls, two coordinates each: a `tensegrity.Network`.
 
-Model: seeds/001, eqs. (1)-(6): frictionless contacts without rotation or loss, walls that stand
-still.  Beads touch their neighbours and, up to a gap, their walls at time zero.  The list of
-contacts is that of the layout; the run makes sure that no other contact formed and that no bead
-slid off its wall.
+Model: seeds/001, eqs. (1)-(6): frictionless contacts without rotation or dissipation, rigid walls
+at rest.  Initially beads touch their neighbours and, up to a gap, their walls.  The list of
+contacts is that of the layout; a run verifies that no other contact forms and that no bead slides
+off its wall.
 """
 
 from __future__ import annotations
@@ -34,19 +34,20 @@ if TYPE_CHECKING:
 
 
 class Guide(Assembly):
-    """Beads in a layout, with a striker before the first.
+    """Beads in a layout, optionally with a striker before the first one.
 
     Parameters
     ----------
     layout : Layout
     beads : dict of str to Bead
-        The bead that fills each part.
+        The bead of which each part is made.
     wall : Material
-        Of the side walls.
+        Material of the side walls.
     striker : Striker, optional
-        Site 0 then, in contact with the first bead of the first part.
+        Becomes site 0, in contact with the first bead of the first part.
     end : Material, optional
-        Of plane walls behind the last beads of the last parts; by default these are free.
+        Material of plane walls behind the last beads of the last parts; by default these beads
+        are free.
     law : callable (Bead, Bead or Material) -> Contact, optional
         `hertz`, or `power(constant, exponent)`.
     gravity : float, optional
@@ -61,7 +62,7 @@ class Guide(Assembly):
     parts : dict of str to tuple of int
     striker : Striker or None
     equilibrium : Equilibrium or None
-        How the beads rest under their loads, the striker apart; None without loads.
+        Static equilibrium of the beads without the striker; None without loads.
     """
 
     equilibrium: Equilibrium | None
@@ -113,7 +114,7 @@ class Guide(Assembly):
         self._contacts = springs.contacts
         self.equilibrium = found = rest_of(self, striker=None, law=springs.contact)
         rest = np.zeros(self.shape)
-        if found is not None:  # a striker is taken along by the bead before which it stands
+        if found is not None:  # a striker is displaced with the bead that it touches
             rest = found.u if striker is None else np.concatenate([found.u[:1], found.u])
         self._rest = rest
 
@@ -121,26 +122,26 @@ class Guide(Assembly):
         return _Dynamics(self)
 
     def start(self) -> State:
-        """The striker in contact and moving along the axis, all else at rest."""
+        """Initial state: the striker in contact and moving along the axis, all else at rest."""
         return self.at_rest({} if self.striker is None else {0: (self.striker.speed, 0.0)})
 
 
 class _Dynamics(AssemblyDynamics):
     @cached_property
     def clearance(self) -> Clearance | None:
-        """What watches over the contacts that are not listed; None where beads are blind."""
+        """Monitor of contacts that are not listed; None if the beads have no radius."""
         return None if self.scene.radius is None else _Clearance(self.scene)
 
 
 class _Clearance(Clearance):
-    """Knows that a bead which may touch a bevel does not touch the two walls at their edge.
+    """Clearance of beads at a bevel, which covers the edge between two walls.
 
-    Such a bead meets these walls only when its foot comes to stand on them.
+    A bead that may touch the bevel touches these walls only once its foot lies on them.
     """
 
     def __init__(self, guide: Guide) -> None:
         listed = guide.wall_contacts
-        radius: Any = guide.radius  # the beads of a guide that is watched have one
+        radius: Any = guide.radius  # never None here, see `clearance`
         super().__init__(guide.positions, radius, guide.bonds, guide.walls, listed)
         pieces = guide.layout.walls
         self._behind = {
@@ -151,7 +152,7 @@ class _Clearance(Clearance):
         }
 
     def wall_gaps(self, x: Array, pairs: Indices) -> Array:
-        """Gap of each (site, wall) [m], or the way to it where a bevel is before it."""
+        """Gap of each (site, wall) [m]; at a bevel at least the distance to the wall's edge."""
         gaps = super().wall_gaps(x, pairs)
         behind = np.array([tuple(pair) in self._behind for pair in pairs.tolist()], dtype=bool)
         beside = self._by_wall("overhang", x, pairs[behind])
@@ -176,7 +177,7 @@ def _checked(
     gravity: float,
     preload: float,
 ) -> tuple[float, float]:
-    """Gravity and preload; what does not fit together is refused."""
+    """Gravity and preload, after all arguments have been checked."""
     check.kind("layout", layout, Layout)
     check.kind("wall", wall, Material)
     for name, given, kind in (("end", end, Material), ("striker", striker, Striker)):
@@ -247,39 +248,40 @@ def y_guide(
     drive: Mapping[int, Drive] | None = None,
     damping: Damping | None = None,
 ) -> Guide:
-    """The first half of the guide of seeds/001: a stem that splits into two branches.
+    """A Y-shaped guide, the first half of that of seeds/001: a stem that splits into two branches.
 
     Parameters
     ----------
     stem, branch : int
-        Beads in the stem and in each branch.
+        Number of beads in the stem and in each branch.
     half_angle : float
-        Of each branch from the axis [rad].  Below pi/6 the first beads of the branches stand at
-        pi/6, touching, and the branches go on from there.
+        Angle between each branch and the axis [rad].  Below pi/6 the first beads of the branches
+        are placed at pi/6, where they touch each other, and the branches continue from there.
     bead : Bead
-        Of the stem.
+        Bead of the stem.
     branches : (Bead, Bead), optional
-        Of the upper and the lower branch, "branch 1" and "branch 2"; by default as the stem.
+        Beads of the upper and the lower branch, "branch 1" and "branch 2"; by default `bead`.
     wall : Material, optional
-        Of the side walls.
+        Material of the side walls.
     striker : Striker, optional
+        Becomes site 0, in contact with the first bead of the stem.
     end : Material, optional
-        Of walls behind the last beads; by default these are free.
+        Material of walls behind the last beads; by default these beads are free.
     gap : float, optional
-        Between beads and side walls [m].
+        Gap between beads and side walls [m], >= 0.
     through : float, optional
-        How far the outer walls run on past the junction [m]; see `y_layout`.
+        Length by which the outer walls extend past the junction [m], >= 0; see `y_layout`.
     law : callable, optional
         `hertz`, or `power(constant, exponent)`.
     gravity : float, optional
-        [m/s^2], >= 0, along the stem towards the branches.  The state at the start is the static
-        equilibrium then; it needs an `end`.
+        [m/s^2], >= 0, along the stem towards the branches.  The initial state is then the static
+        equilibrium; an `end` is required.
     preload : float, optional
-        Constant force on the first bead of stem 1 along it [N], >= 0; likewise.
+        Constant force along stem 1 on its first bead [N], >= 0; an `end` is required here too.
     drive : dict of int to Drive, optional
-        {site: Drive}: motions that are prescribed, and forces that depend on time.
+        {site: Drive}: prescribed motions, and forces that depend on time.
     damping : Damping, optional
-        Dashpots in the contacts of beads, which resist while they are open too, and to the ground.
+        Dashpots to the ground and between beads in contact, which also act while contacts are open.
 
     Returns
     -------
@@ -290,8 +292,16 @@ def y_guide(
     ------
     TensegrityError
         Beads of another diameter than the guide's, which would overlap or leave gaps; half angles,
-        counts and gaps out of range.  `simulate` raises ContactError where a contact forms that
+        counts and gaps out of range.  `simulate` raises ContactError if a contact forms that
         the guide does not list.
+
+    Examples
+    --------
+    >>> from granular import Bead, Striker, materials, y_guide
+    >>> bead = Bead(diameter=10e-3, material=materials["steel"])
+    >>> print(y_guide(stem=10, branch=10, bead=bead, striker=Striker(bead, speed=0.5)))
+    Guide(striker: 1, stem 1: 10, branch 1: 10, branch 2: 10, struck at 0.5 m/s) on
+        Network(31 sites in 2 dimensions, 31 bonds, 8 walls with 60 contacts)
     """
     beads = _filling(bead, branches)
     layout = y_layout(stem, branch, half_angle, bead.diameter, gap, through)
@@ -317,11 +327,30 @@ def diamond_guide(
     drive: Mapping[int, Drive] | None = None,
     damping: Damping | None = None,
 ) -> Guide:
-    """The full guide of seeds/001: the branches meet again in a second stem.
+    """The full guide of seeds/001: the branches rejoin in a second stem.
 
-    Parameters, result and errors as for `y_guide`, with the further part "stem 2", whose first
-    bead is the junction.  `branch` counts the beads between the junctions, the corner in their
-    middle; `half_angle` is pi/6 or more.  `end` stops stem 2.
+    Parameters
+    ----------
+    stem : int, optional
+        Number of beads in each stem; the first bead of stem 2 is the junction.
+    branch : int, optional
+        Number of beads between the junctions, odd: the middle one is the corner.
+    half_angle : float, optional
+        Angle between each branch and the axis [rad], pi/6 or more.
+    bead, branches, wall, striker, gap, through, law, gravity, preload, drive, damping
+        As for `y_guide`.
+    end : Material, optional
+        Material of a plane wall behind the last bead of stem 2; by default that bead is free.
+
+    Returns
+    -------
+    Guide
+        With parts "striker", "stem 1", "branch 1", "branch 2", "stem 2".
+
+    Raises
+    ------
+    TensegrityError
+        As for `y_guide`; an even `branch`, or a half angle below pi/6.
     """
     beads = {**_filling(bead, branches), "stem 2": bead}
     layout = diamond_layout(stem, branch, half_angle, bead.diameter, gap, through)

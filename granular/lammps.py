@@ -1,18 +1,17 @@
-"""The same scene in LAMMPS: input and data files of a chain, a guide or a pack, and runs of them.
+"""Scenes of beads in LAMMPS: input and data files of a chain, a guide or a pack, and their runs.
 
-When to leave this engine for LAMMPS.  For frictionless Hertz beads on one machine there is no need:
-`python -m benchmarks packs` measures both, and here a step costs a fraction of one there, with
-memory below 1 kB a bead.  Leave where a scene does not fit: more beads than the memory holds, or
-more cores than those of one machine (`ranks`); where beads are to rotate, rub or lose energy; where
-all neighbourhoods change all the time, as in a flow, and lists of contacts are made anew in every
-other step.
+When to use LAMMPS.  For frictionless Hertz beads on one machine there is no need: `python -m
+benchmarks packs` measures both, and a step costs a fraction of one of LAMMPS here, with memory
+below 1 kB per bead.  Use it for more beads than fit in memory, or more cores than those of one
+machine (`ranks`); for beads that rotate, rub or dissipate energy; and if all neighbourhoods change
+all the time, as in a flow, such that lists of contacts are rebuilt every other step.
 
-What is the same: places, masses, Hertz's constants, walls as planes, constant loads, the velocity
-Verlet method and its step.  What is not: positions are what LAMMPS adds up, not displacements, so
-that overlaps carry the round-off of a place (about 1e-17 m); a pair that just touches may start
-1e-18 m apart; sums run in another order.  Every pair and wall that meets pushes, which is what
-contacts that "follow" do here; walls with an end push only the beads that are listed with them, as
-planes.  Linear viscous or frictional terms are set to zero.
+Identical are places, masses, Hertz's constants, walls as planes, constant loads, the velocity
+Verlet method and its step.  Different are the following.  LAMMPS integrates positions, not
+displacements, so that overlaps carry the round-off of a position (about 1e-17 m); the gap of a pair
+that just touches may initially be 1e-18 m; sums are evaluated in another order.  All pairs and
+walls interact on contact, as with contacts "follow" here; walls of finite extent act only on the
+beads that are listed with them, as planes.  Viscous and frictional terms are set to zero.
 
 Source of the pair law: LAMMPS, pair style granular, normal model hertz: F = k sqrt(R) overlap^(3/2)
 with 1/R = 1/r1 + 1/r2, walls with 1/r = 0.
@@ -73,10 +72,10 @@ def to_lammps(
     Raises
     ------
     TensegrityError
-        What is no scene of beads, or one that LAMMPS is not told of here: contacts other than
-        Hertz's, beads that pass through each other, walls with an end among contacts that come and
-        go; more than 31 sets of beads of one type at a wall, all that LAMMPS has groups for; a
-        state of another shape; a path that cannot be written, or a name that LAMMPS cannot read.
+        A scene without beads, or one that cannot be expressed here: contacts other than Hertz's,
+        beads that pass through each other, walls of finite extent with contacts that follow; more
+        than 31 sets of beads of one type at a wall, the number of groups in LAMMPS; a state of
+        another shape; a path that cannot be written, or a name that LAMMPS cannot read.
     """
     path, beads = check.path("path", path), laid(scene, state)
     steps, dt, every = _steps(t_end, dt, every)
@@ -111,7 +110,8 @@ def run_lammps(
     ranks : int, optional
         Processes, by mpirun where there are several.
     path : str or path, optional
-        Of the input, which is kept then, and what LAMMPS writes; by default a temporary folder.
+        Of the input, which is then preserved with the output of LAMMPS; by default both are
+        written to a temporary folder.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Beads, walls and loads as LAMMPS takes them: places in space, types, the text of its files."""
+"""The text of LAMMPS files: beads in space, their types, walls and loads."""
 
 from __future__ import annotations
 
@@ -92,7 +92,22 @@ class Laid:
         return "\n".join([*lines, ""])
 
     def input(self, name: str, steps: int, dt: float, every: int) -> str:
-        """The input script; `name` is that of its file."""
+        """The text of the input script.
+
+        Parameters
+        ----------
+        name : str
+            Of the file of the script.
+        steps : int
+        dt : float
+            [s].
+        every : int
+            Number of steps between recorded rows.
+
+        Returns
+        -------
+        str
+        """
         types, kinds = self.types()
         push = bool(self.loads.any())
         sides = " ".join("m" * self.axes + "f" * (3 - self.axes))

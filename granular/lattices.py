@@ -1,6 +1,7 @@
 """Packs on regular lattices: cubic layers in space, hexagonal rows in the plane.
 
-Equal spheres that touch; a striker in contact with one of the top layer or row, or before it.
+All beads are equal spheres in contact; a striker touches a bead of the top layer or row, or starts
+at a distance from it.
 Source: seeds/000, part II, "3D granular crystals/systems" (833 beads of 9.53 mm: 17 layers of 7 x
 7), "2D granular crystals/systems"; layers and rows as such are our reading of its pictures.
 """
@@ -49,7 +50,7 @@ def fcc_pack(
 
     Layer 1 lies on the floor z = 0.  Layers 1, 3, 5, ... touch the walls at x = 0 and y = 0, the
     others are shifted by half a diameter in x and y and touch the opposite ones: the box is
-    side + 1/2 diameters wide, and open above.  Layers are d/sqrt(2) apart.
+    side + 1/2 diameters wide, and open above.  The distance between layers is d/sqrt(2).
 
     Parameters
     ----------
@@ -59,25 +60,27 @@ def fcc_pack(
         One for all, or one for each of `places`: layer by layer from the floor, x fastest, then y.
         Diameters must be equal.
     floor, sides : Material, optional
-        Of the walls "floor", and "left" (x = 0), "right", "front" (y = 0), "back", which go on
-        without end; None: there is no such wall.
+        Materials of the wall "floor", and of the walls "left" (x = 0), "right", "front" (y = 0)
+        and "back", all of infinite extent; None: no such wall.
     striker : Striker, optional
-        In contact, straight above the struck bead, and moving straight down.
+        The last site, in contact with the struck bead from above and moving downward.
     struck : (int, int), optional
         ix and iy of that bead of the top layer, from 0; by default the middle, (side - 1)//2.
     contacts : {"fixed", "follow"}, optional
-        "fixed": pairs that touch at the start; one that forms ends the run with ContactError.
-        "follow": contacts that form are found before they act.  By default "fixed", which is exact
-        and cheapest: second neighbours are 0.41 diameters apart, and with a step of its own choice
-        a run that follows takes three times as many.
+        "fixed": the pairs that touch initially; a run in which another contact forms raises
+        ContactError.  "follow": contacts that form are found before they act.  By default "fixed",
+        which is exact and cheapest: second neighbours have a gap of 0.41 diameters, and with the
+        default step a run that follows contacts takes three times as many steps.
     gravity : float, optional
-        [m/s^2], >= 0, downward.  The state at the start is the static equilibrium then.
+        [m/s^2], >= 0, downward.  The initial state is then the static equilibrium.
     preload : float, optional
-        Constant force on each bead of the top layer, downward [N], >= 0; likewise.
+        Constant downward force on each bead of the top layer [N], >= 0; the initial state is then
+        the static equilibrium.
     drive : dict of int to Drive, optional
-        {site: Drive}, with fixed contacts.
+        {site: Drive}: prescribed motions, and forces that depend on time; only with fixed contacts.
     damping : Damping, optional
-        Dashpots in the contacts of beads, open ones too, and to the ground; likewise.
+        Dashpots to the ground and between beads in contact, which also act while contacts are
+        open; only with fixed contacts.
 
     Returns
     -------
@@ -88,7 +91,16 @@ def fcc_pack(
     ------
     TensegrityError
         Counts below 1, a struck bead outside the layer, unequal diameters, a name in place of a
-        Material; a striker that reaches into another bead or a wall.
+        Material; a striker that overlaps another bead or a wall.
+
+    Examples
+    --------
+    >>> from granular import Bead, Striker, fcc_pack, materials
+    >>> bead = Bead(diameter=10e-3, material=materials["steel"])
+    >>> walls = {"floor": materials["steel"], "sides": materials["ptfe"]}
+    >>> print(fcc_pack(layers=3, side=3, bead=bead, striker=Striker(bead, speed=0.5), **walls))
+    Pack(striker: 1, layer 1: 9, layer 2: 9, layer 3: 9, struck at 0.5 m/s) on
+        Network(28 sites in 3 dimensions, 87 bonds, 5 walls with 27 contacts)
     """
     layers, side = check.whole("layers", layers, least=1), check.whole("side", side, least=1)
     check.room(f"a pack of {layers} layers of {side} x {side} beads", PER_BEAD * layers * side**2)
@@ -150,8 +162,10 @@ def hexagonal_pack(
         One for all, or one for each of `places`: row by row from the top, x growing.  Diameters
         must be equal.
     floor, sides : Material, optional
-        Of the walls "floor", and "left" and "right", which go on without end; None: no such wall.
+        Materials of the wall "floor", and of the walls "left" and "right", all of infinite extent;
+        None: no such wall.
     striker : Striker, optional
+        The last site.
     struck : int, optional
         Number of the struck bead in row 1, from 0; by default the middle, (columns - 1)//2.
     offset : (2,), optional
@@ -159,8 +173,8 @@ def hexagonal_pack(
     direction : (2,), optional
         Of the striker's velocity, of any length.
     gap : float, optional
-        Between the surfaces of the two at the start [m], >= 0; above 0 contacts have to be
-        followed.
+        Initial gap between the striker and the struck bead [m], >= 0; a gap above 0 requires
+        contacts "follow".
     contacts : {"fixed", "follow"}, optional
         As for `fcc_pack`; by default "follow" where there is a gap, else "fixed".
     gravity, preload : float, optional
@@ -205,7 +219,7 @@ def hexagonal_pack(
 
 
 def _kind(contacts: str | None, gap: float) -> str:
-    """How contacts are treated where nothing is said, and what a gap does not go with."""
+    """The treatment of contacts, by default that which a gap requires."""
     if contacts is None:
         return "follow" if gap else "fixed"
     if isinstance(contacts, str) and contacts == "fixed" and gap:

@@ -52,7 +52,18 @@ class Piece:
 
     @classmethod
     def between(cls, start: Array, end: Array, name: str) -> Piece:
-        """That with its edges in these places, (2,) each [m]."""
+        """The piece of wall between two points.
+
+        Parameters
+        ----------
+        start, end : ndarray, (2,)
+            Its edges [m].
+        name : str
+
+        Returns
+        -------
+        Piece
+        """
         (a, b), (c, d) = start.tolist(), end.tolist()
         return cls((a, b), (c, d), name)
 
@@ -243,9 +254,18 @@ def y_layout(
 
 
 def crossed_layout(stem: int, branch: int, half_angle: float, diameter: float) -> Layout:
-    """Idealised: branch beads stand on the axes at any angle and see only their own branch.
+    """An idealised guide without walls, whose branches do not interact with each other.
 
-    Parameters and result as for `y_layout`; there are no walls.
+    At any angle all beads of the branches are centred on the axes of these.
+
+    Parameters
+    ----------
+    stem, branch, half_angle, diameter
+        As for `y_layout`.
+
+    Returns
+    -------
+    Layout
     """
     stem, branch, half_angle, diameter, _, _ = _checked(stem, branch, half_angle, diameter, 0, 0)
     positions, parts = _y_positions(stem, branch, half_angle, half_angle, diameter)
@@ -276,6 +296,11 @@ def diamond_layout(
     Returns
     -------
     Layout
+
+    Raises
+    ------
+    TensegrityError
+        An even `branch`, or a half angle out of its range.
     """
     stem, branch, half_angle, diameter, gap, through = _checked(
         stem, branch, half_angle, diameter, gap, through

@@ -1,7 +1,7 @@
 """Elastic constants and densities of the beads and walls.
 
 Source: seeds/000, part II, "Analyzed systems and materials" (six materials); seeds/001, Table I
-(three, of which steel and PTFE agree with the talk's).
+(three materials; its values for steel and PTFE agree with those of the talk).
 """
 
 from __future__ import annotations
@@ -22,10 +22,11 @@ class Material:
     modulus : float
         Young's modulus [Pa], > 0.
     poisson : float
-        Poisson's ratio, from -1 to 0.5, both excluded from below and included from above.
+        Poisson's ratio, above -1 and at most 0.5.
     density : float
-        [kg/m^3], > 0.
+        Mass density [kg/m^3], > 0.
     source : str
+        Publication from which the constants are taken.
     """
 
     name: str
@@ -53,7 +54,7 @@ class Material:
 
 
 class _Catalogue(dict[str, Material]):
-    """Materials by name; a name that is not there raises TensegrityError with those that are."""
+    """Materials by name; an unknown name raises a TensegrityError that lists the known ones."""
 
     def __getitem__(self, name: str) -> Material:
         return super().__getitem__(name) if isinstance(name, str) else self.__missing__(name)
@@ -62,7 +63,11 @@ class _Catalogue(dict[str, Material]):
         raise TensegrityError(f"material {check.shown(name)} is not one of {', '.join(self)}")
 
 
-TALK, PAPER = "seeds/000, part II", "seeds/001, Table I"
+TALK = "the talk Wave Dynamics of Innovative Nonlinear Lattices, part II"
+PAPER = (
+    "Highly nonlinear pulse splitting and recombination in a two-dimensional granular network "
+    "(2010), Table I"
+)
 GPA = 1e9
 
 materials = _Catalogue(
@@ -79,4 +84,4 @@ materials = _Catalogue(
         )
     }
 )
-"""The materials of both sources by name."""
+"""The materials of both sources, by name."""

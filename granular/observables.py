@@ -1,8 +1,8 @@
-"""What is read off a run of beads: sensors, arrivals and speeds, energies, momenta, overlaps.
+"""Observables of a run of beads: sensor and wall forces, speeds, overlaps and energies.
 
-A sensor in a bead reads the force across its middle plane, seeds/001, eq. (5): half the sum of
-the forces of its contacts, each taken along the bead's displacement (derived in
-`derivations.ledger_paper`, entry "paper.eq5").  Forces of contacts count compression as positive.
+A sensor in a bead measures the force across its middle plane, seeds/001, eq. (5): half the sum of
+the forces of its contacts, each projected on the bead's displacement (derived in
+`derivations.ledger_paper`, entry "paper.eq5").  Contact forces are positive in compression.
 """
 
 from __future__ import annotations
@@ -27,27 +27,36 @@ def sensor_force(run: Run, part: str, number: int) -> Array: ...
 @overload
 def sensor_force(run: Run, part: Sequence[int]) -> Array: ...
 def sensor_force(run: Run, part: str | Sequence[int], number: int | None = None) -> Array:
-    """Force that a sensor in a bead reads, seeds/001, eq. (5).
+    """Force measured by a sensor inside a bead, seeds/001, eq. (5).
 
     Parameters
     ----------
     run : Run
         Of a chain, a guide or a pack of beads, with the beads and their neighbours recorded.
     part : str or sequence of int
-        Such as "stem 1"; or the sites of several beads.
+        Name of a part, such as "stem 1"; or the sites of several beads.
     number : int
-        Of the bead in that part, from 1.
+        Number of the bead in that part, from 1.
 
     Returns
     -------
     ndarray, (T,) or (T, sites)
-        [N], >= 0; 0 for a bead not yet touched.
+        [N], >= 0; 0 for a bead that the wave has not reached.
 
     Raises
     ------
     TensegrityError
         Not a run, or one of a scene without beads; no such bead; the bead or a neighbour was not
         recorded.
+
+    Examples
+    --------
+    >>> from granular import Bead, Striker, chain, materials, sensor_force, simulate
+    >>> bead = Bead(diameter=10e-3, material=materials["steel"])
+    >>> beads = chain([bead] * 20, striker=Striker(bead, speed=0.5), end=materials["steel"])
+    >>> run = simulate(beads, beads.start(), t_end=4e-4, tol=1e-6)
+    >>> print(f"{sensor_force(run, 'chain', 10).max():.1f} N")
+    64.2 N
     """
     scene = crystal_of(run)
     if isinstance(part, str):
@@ -84,9 +93,9 @@ def wall_force(run: Run, name: str, each: bool = False) -> Array:
         Of a chain, a guide or a pack, with all beads recorded that can touch the wall: those of
         `granular.contact_network.wall_sites(scene, name)`.
     name : str
-        Such as "floor"; "start" and "end" of a chain.  Walls of one name count together.
+        Such as "floor"; "start" or "end" of a chain.  Forces on walls of the same name are added.
     each : bool, optional
-        Every site's share, in the order of the sites.
+        Whether to return the contribution of every site, in the order of the sites.
 
     Returns
     -------
@@ -115,9 +124,9 @@ def _of_crystal(scene: Crystal, run: Run, where: Any, numbers: Any, between: Any
 
 
 def overlaps(run: Run, part: str | None = None) -> tuple[float, float]:
-    """Largest and mean peak overlap of the contacts between beads of a part (all: None) [m].
+    """Largest and mean peak overlap of the contacts between beads of a part (None: all) [m].
 
-    Peaks between the rows too, as by `tensegrity.largest_peak`.
+    Peaks between recorded instants count too, as in `tensegrity.largest_peak`.
     """
     scene = crystal_of(run)
     u = rows(run, range(scene.sites))
@@ -130,18 +139,20 @@ def overlaps(run: Run, part: str | None = None) -> tuple[float, float]:
 
 @dataclass(frozen=True, eq=False)
 class BeadEnergies:
-    """Who has the energy of a run of beads, at each recorded instant.
+    """Distribution of the energy among beads, at each recorded instant.
 
-    A bead has its motion, half of each contact with another bead and all of its contacts with
-    walls; the potential of gravity and of a preload counts for none.
+    The energy of a bead is its kinetic energy, half the energy of each contact with another bead
+    and the whole energy of its contacts with walls; the potentials of gravity and of a preload are
+    not included.
 
     Attributes
     ----------
     kinetic, stored : ndarray, (T, beads)
-        Of each bead, in the order of the sites, walls of a chain left out [J].
+        Kinetic and contact energy of each bead, in the order of the sites, without those that
+        represent the walls of a chain [J].
     parts : dict of str to ndarray, (T,)
-        Of each part [J]: kinetic, and half that of each contact of two beads; "walls" hold all of
-        theirs.  The sum is the total energy.
+        Energy of each part [J]: kinetic, and half that of each contact of two beads; "walls" is
+        the energy of all contacts with walls.  The sum is the total energy.
     """
 
     kinetic: Array
@@ -150,12 +161,12 @@ class BeadEnergies:
 
     @property
     def fractions(self) -> Array:
-        """Fraction of the energy that each bead has, (T, beads); every row adds up to 1.
+        """Fraction of the energy in each bead, (T, beads); every row adds up to 1.
 
         Raises
         ------
         TensegrityError
-            No energy at all in a row.
+            A row without energy.
         """
         energies = self.kinetic + self.stored
         total = energies.sum(axis=-1, keepdims=True)
@@ -191,12 +202,12 @@ class BeadEnergies:
 
 
 def energies(run: Run) -> BeadEnergies:
-    """Energies of the beads, and of the parts, of a scene of beads.
+    """Energies of all beads and parts during a run.
 
     Parameters
     ----------
     run : Run
-        With all sites recorded.
+        Of a scene of beads, with all sites recorded.
 
     Returns
     -------
@@ -206,6 +217,15 @@ def energies(run: Run) -> BeadEnergies:
     ------
     TensegrityError
         Not a run of beads; a site that was not recorded.
+
+    Examples
+    --------
+    >>> from granular import Bead, Striker, chain, energies, materials, simulate
+    >>> bead = Bead(diameter=10e-3, material=materials["steel"])
+    >>> beads = chain([bead] * 20, striker=Striker(bead, speed=0.5), end=materials["steel"])
+    >>> energy = energies(simulate(beads, beads.start(), t_end=2e-4, tol=1e-6))
+    >>> print(f"{1e3 * energy.kinetic[0].sum():.3f} mJ, {energy.effective_number[-1]:.2f} beads")
+    0.524 mJ, 2.55 beads
     """
     scene = crystal_of(run)
     u, v = whole(run)

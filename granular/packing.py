@@ -1,9 +1,9 @@
 """Packs of beads in the plane or in space, between plane walls: a `tensegrity.Network`.
 
-Model: as in the guides: frictionless Hertz contacts without rotation or loss, walls that stand
-still.  Pairs of beads, and beads and walls, whose gap is below 1e-9 of a diameter at the given
-places touch: their contacts are listed with a gap of exactly 0.  What else may touch is refused by
-the run that meets it (contacts "fixed") or found before it acts ("follow").
+Model: as for the guides, frictionless Hertz contacts without rotation or dissipation, and rigid
+walls at rest.  Pairs of beads, and beads and walls, with an initial gap below 1e-9 diameters touch:
+their contacts are listed with a gap of exactly 0.  Any other contact that forms ends a run with an
+error (contacts "fixed") or is found before it acts ("follow").
 Source: seeds/000, part II, "2D granular crystals/systems", "3D granular crystals/systems".
 """
 
@@ -40,17 +40,17 @@ FARTHEST = 1e6  # radii: there the round-off of a place is still well below what
 
 
 class Pack(Assembly):
-    """Beads at given places, perhaps with a striker, which is the last site then.
+    """Beads at given places, optionally with a striker, which is then the last site.
 
     Parameters
     ----------
     places : array_like, (beads, dim)
-        Centres of the beads at the start, the striker's apart [m]; dim 1 to 3, the last axis up.
+        Initial centres of the beads without the striker [m]; dim 1 to 3, the last axis points up.
     beads : Bead or sequence of Bead, (beads,)
     walls : dict of str to (Wall, Material), optional
     contacts : {"fixed", "follow"}
     parts : dict of str to tuple of int, optional
-        Sites of each part, the striker apart; by default all are "beads".
+        Sites of each part, without the striker; by default all are "beads".
     striker : Striker, optional
     approach : tuple of two (dim,), optional
         Place [m] and direction of motion of the striker.
@@ -69,7 +69,7 @@ class Pack(Assembly):
     named_walls : dict of str to (Wall, Material)
         As `pack` takes them.
     equilibrium : Equilibrium or None
-        How the beads rest under their loads, the striker apart; None without loads.
+        Static equilibrium of the beads without the striker; None without loads.
     """
 
     equilibrium: Equilibrium | None
@@ -215,7 +215,7 @@ class Pack(Assembly):
         return u
 
     def start(self) -> State:
-        """The striker moving, all else at rest.
+        """Initial state: the striker moving, all else at rest.
 
         Raises
         ------

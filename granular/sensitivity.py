@@ -1,8 +1,8 @@
-"""Derivatives by diameters and moduli of beads, from those by contacts and masses.
+"""Derivatives with respect to diameters and moduli of beads, by the chain rule.
 
-A bead's diameter is in its mass and in the radius of its contacts, where these were not given
-apart; of beads at places of their own, in a guide or a pack, also in the gaps.  Beads of a chain
-touch whatever their diameters are.
+The diameter of a bead enters its mass and the radius of its contacts, unless these were given
+separately; for beads at fixed places, in a guide or a pack, it also enters the gaps.  The beads of
+a chain touch whatever their diameters are.
 """
 
 from __future__ import annotations

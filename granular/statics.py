@@ -1,11 +1,11 @@
 """Static equilibrium of beads under gravity and other constant loads.
 
-The set of contacts that carry is free: it is found with the forces and the stiffness of the scene
-itself, by `tensegrity.minimum`.  Where Newton's step does not lower the energy, every contact has
-besides, in part, the stiffness of a spring of its force over its overlap (contacts that only touch,
-or are open, have none of their own), and less of the softness that its force lends across it.
-Steps are short beside a radius, and a bead that goes farther than a tenth of one is said to fall:
-what is looked for is the rest of the pack as it was laid, not where a heap ends.
+The set of loaded contacts is unknown: it is found from the forces and the stiffness of the scene,
+by `tensegrity.minimum`.  Where Newton's step does not lower the energy, a fraction of the secant
+stiffness, force over overlap, is added to each contact (contacts that only touch, or are open, have
+no tangent stiffness), and its destabilising geometric stiffness is reduced.  Steps are short
+compared with a radius, and a displacement above a tenth of a radius is an error: the equilibrium
+sought is that next to the initial configuration, not that of a collapsed heap.
 """
 
 from __future__ import annotations
@@ -42,11 +42,11 @@ class Equilibrium(ReadOnly):
     Attributes
     ----------
     u : ndarray, (sites, dim)
-        Displacements from the places as laid [m].
+        Displacements from the initial places [m].
     residual : float
-        Sum over all beads of the force that is left over [N].
+        Sum over all beads of the unbalanced force [N].
     contacts : int
-        Number of contacts that carry, those with walls included.
+        Number of loaded contacts, including those with walls.
     """
 
     u: Array
@@ -68,9 +68,9 @@ class Equilibrium(ReadOnly):
 
 
 def rest_of(scene: Assembly, **unstruck: Any) -> Equilibrium | None:
-    """How the beads of a scene rest under their loads, the striker apart; None without loads.
+    """Static equilibrium of a scene without its striker; None without loads.
 
-    A scene with a striker is made again with these other arguments, without it.
+    A scene with a striker is rebuilt without it, with `unstruck` in place of its arguments.
     """
     if not np.any(scene.loads):
         return None
@@ -81,7 +81,7 @@ def rest_of(scene: Assembly, **unstruck: Any) -> Equilibrium | None:
 
 
 def settle(scene: Assembly) -> Equilibrium:
-    """Where the beads of a scene come to rest under its loads.
+    """Static equilibrium of the beads of a scene under its loads.
 
     Raises
     ------

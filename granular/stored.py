@@ -1,7 +1,7 @@
-"""How scenes of beads are kept in files and made again: see `tensegrity.runs.archive`.
+"""Storage of scenes of beads in files; see `tensegrity.runs.archive`.
 
-A law of contact is a function, which no file holds: its answers are kept, in the order in which
-it was asked, and given again.
+A contact law is a function, which cannot be stored: the contacts that it returned are, in the order
+of its calls, and are returned again when the scene is rebuilt.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from tensegrity.runs.archive import in_time, register
 
 
 def register_scenes() -> None:
-    """Let files hold scenes of beads."""
+    """Register scenes of beads, so that files can contain them."""
     for kind in (Material, Bead, Striker, Contact, Piece, Layout):
         register(kind, _fields)
     for kind in (BeadChain, Guide):
@@ -38,7 +38,7 @@ def _scene(x: Any) -> dict[str, Any]:
 
 
 def _again(kind: Callable[..., Any]) -> Callable[..., Any]:
-    """Makes a scene of that kind, with a law that gives the same answers."""
+    """A function that rebuilds a scene of that kind from its stored contacts."""
 
     def make(contacts: Iterable[Contact], **parts: Any) -> Any:
         answers = iter(contacts)

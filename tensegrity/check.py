@@ -294,8 +294,26 @@ def warn_once(words: str) -> None:
 
 
 def package(name: str, what: str, extra: str) -> Any:
-    """A package that only `what` needs, imported; refused where it is not installed, naming the
-    extra of this one that has it."""
+    """Import an optional package.
+
+    Parameters
+    ----------
+    name : str
+        Of the package.
+    what : str
+        The feature that needs it, for the message.
+    extra : str
+        The extra of this distribution that installs it.
+
+    Returns
+    -------
+    module
+
+    Raises
+    ------
+    TensegrityError
+        The package is not installed.
+    """
     try:
         return importlib.import_module(name)
     except ImportError as error:

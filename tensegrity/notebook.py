@@ -142,6 +142,11 @@ def progress(total: int, unit: str, done: int = 0) -> Iterator[_Counter]:
     total, done : int
         Number of units in all, and of those done before.
     unit : str
+
+    Yields
+    ------
+    counter
+        With `update(count)`, and `n`, the number of units done.
     """
     with one_bar(unit):
         call: Any = next((call for call in _calls if call.serves(unit)), None)

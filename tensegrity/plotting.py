@@ -148,7 +148,22 @@ def members(
 def widths(
     force: NDArray[np.float64], widest: float, points: float = WIDEST
 ) -> NDArray[np.float64]:
-    """Widths of lines [points] that are proportional to forces, those above `widest` [N] cut."""
+    """Line widths proportional to forces.
+
+    Parameters
+    ----------
+    force : ndarray
+        Magnitudes [N].
+    widest : float
+        Force [N] of the widest line; larger forces get the same width.
+    points : float, optional
+        Width of the widest line [points].
+
+    Returns
+    -------
+    ndarray, shape of force
+        [points].
+    """
     return np.clip(points * force / (widest or 1.0), THINNEST, max(points, THINNEST))
 
 

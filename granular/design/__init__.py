@@ -1,7 +1,7 @@
-"""Design of protectors: beads between a striker and a wall, such that the wall feels least.
+"""Design of protectors: chains of beads between a striker and a wall with the least peak force.
 
-`peak_force` says what a design is worth, `Order`, `Sizes` and `Choice` what may be changed, and
-`search` looks for the best.  Source: seeds/000, part II, "Optimal Design of Granular Protectors".
+`peak_force` evaluates designs, `Order`, `Sizes` and `Choice` define the spaces of designs, and
+`search` finds the best design of a space.  Source: seeds/000, part II, "Optimal Design of Granular Protectors".
 """
 
 from granular.design.objective import peak_force

@@ -1,13 +1,13 @@
-"""Diameters of a chain moved downhill, so that the wall behind it feels least.
+"""Descent in the diameters of a chain to a minimum of the peak force on the wall behind it.
 
-The force on the wall and its derivatives by all diameters come from one run and one pass backwards
-through it, with velocity Verlet.  The chain, its loop and the pass are made once; from design to
-design only masses and contact constants change.
+The force on the wall and its derivatives with respect to all diameters come from one run and one
+adjoint (backward) pass, with velocity Verlet.  The chain, its compiled loop and the pass are built
+once; from design to design only masses and contact constants change.
 
-The largest force has edges where one maximum in time overtakes another.  p-norms of the force have
-none, and come nearer to it as p grows: sequential quadratic programming (SciPy's SLSQP) goes down
-on these in turn.  Then the highest maxima themselves are pressed down together, by linear programs
-within a distance that is shortened where they did not keep what their slopes promised.
+The peak force is not differentiable where one maximum in time overtakes another.  p-norms of the
+force are smooth, and tend to it as p grows: sequential quadratic programming (SciPy's SLSQP)
+minimises them in turn.  Then the highest maxima themselves are reduced together, by linear programs
+in a trust region that shrinks where the linear prediction fails.
 
 The programs are small: threads of BLAS make them slower.  With OPENBLAS_NUM_THREADS=1 in the
 environment a search takes a third of the time.
@@ -195,6 +195,11 @@ def downhill(one: Pass, space: Sizes, start: Array) -> Way:
     space : Sizes
     start : ndarray, (count,)
         Diameters [m].
+
+    Returns
+    -------
+    Way
+        All designs that were computed, in their order.
     """
     from scipy.optimize import minimize
 

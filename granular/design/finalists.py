@@ -1,9 +1,9 @@
-"""The best designs of a search computed again, and the one of them that is taken.
+"""Verification of the best designs of a search with finer steps and in a longer window.
 
-An optimiser finds the errors of an integration, and hides a force behind the end of the run.  The
-best designs are therefore computed again with a half and a quarter of the step, and one whose
-force moves is not taken; of the others that is taken which has the least force in a window ten
-times longer, at the half step.
+An optimiser exploits the errors of an integration, and delays a force beyond the end of the run.
+The best designs are therefore computed again with a half and a quarter of the step, and those
+whose force changes are rejected; of the others, that with the least force in a window ten times
+longer, at half the step, is selected.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Again(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Best:
-    """What a search found.
+    """Result of a search.
 
     Attributes
     ----------
@@ -58,12 +58,12 @@ class Best:
     peak_force : float
         Largest force on the wall, with the finest of the steps [N].
     evaluations : int
-        Different designs computed; with "gradient" all, each with its slopes.
+        Number of different designs computed; with "gradient" of all, each with its gradient.
     history : ndarray, (evaluations,)
-        Force of each in the order in which they were proposed [N], with the steps of the search:
-        `numpy.minimum.accumulate(history)` is how the search went.
+        Force of each in the order in which they were proposed [N], with the step of the search;
+        `numpy.minimum.accumulate(history)` shows the progress of the search.
     converged_in_time : bool
-        Whether the force is the same with two finer steps, and in a window ten times longer.
+        Whether the force agrees with two finer steps, and in a window ten times longer.
     again : tuple of Again
         The best with the step of the search, finer ones, and in the longer window.
     rejected : int

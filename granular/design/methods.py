@@ -1,14 +1,14 @@
-"""Search methods: each proposes rows of genes and is told what they are worth.
+"""Search methods, which propose rows of genes and receive their forces.
 
-A method is a generator: it yields rows (n, count) and is sent the best design that each of them led
-to, itself but for ways downhill, and their forces (n,), the less the better.  All that it does
-follows from the space, the random numbers it is given and what it is told; so a search that was
-broken off goes on by telling it again.  It may propose what it did before, which costs nothing, and
-may end.
+A method is a generator: it yields rows (n, count) and is sent the best design that each row led to
+(for descents their best design, otherwise the row itself) and the forces of these, (n,), to be
+minimised.  Its proposals depend only on the space, the random generator and the values sent, so
+that an interrupted search is resumed by sending the stored values again.  A method may repeat a
+proposal at no cost, and may end.
 
-Orders and choices are searched by a genetic method, with steps of our own; diameters from many
-starts downhill or, of scenes that are built, by covariance matrix adaptation, that of `cmaes`
-(N. Hansen, arXiv:1604.00772).
+Orders and choices are searched by a genetic algorithm of our own; diameters by descents from many
+starting points or, with a `build`, by the covariance matrix adaptation of `cmaes` (N. Hansen,
+arXiv:1604.00772).
 """
 
 from __future__ import annotations
@@ -148,7 +148,16 @@ def suits(method: str | None, space: Space, is_built: bool) -> tuple[str, Callab
     method : str or None
     space : Space
     is_built : bool
-        Whether a function builds the scenes, through which there are no slopes.
+        Whether a function builds the scenes, so that no gradients are available.
+
+    Returns
+    -------
+    name, generator : str, callable (space, rng) -> Proposals
+
+    Raises
+    ------
+    TensegrityError
+        An unknown method, or one that does not search such a space.
     """
     if method is None:
         method = "ga" if not isinstance(space, Sizes) else "cma" if is_built else "gradient"

@@ -1,20 +1,20 @@
-"""What a design is worth: the largest force on a wall, of many chains at once or of any scene.
+"""The objective of a design: the largest force on a wall, of a batch of chains or of any scene.
 
-Chains of equally many beads run side by side in lanes of one compiled loop, each with masses and
-contacts of its own.  What a lane computes does not depend on the lanes beside it, to the bit, so
-that a design has one value however a list of them is cut.
+Chains with the same number of beads run as one batch in a compiled loop, each with its own masses
+and contacts.  The result of a chain does not depend on the others in the batch, to the bit, so that
+the force of a design is independent of how a list of designs is divided.
 
-Displacement and velocity of the last bead are kept at each step.  Wherever its velocity changes
-sign its overlap with the wall has a maximum, which is found on the cubic through the values and
-slopes at both steps: the largest force between the steps too.
+Displacement and velocity of the last bead are recorded at each step.  Where its velocity changes
+sign its overlap with the wall has a maximum, which is located on the cubic through the values and
+slopes at both steps: maxima between the steps are included.
 
-The step is `SHARE` of the time unit of Hertz's impact, (m^2/(alpha^2 v))^(1/5), of the fastest
-contact that the beads of a design could make in any order.  With it the force is within 1e-4 of
-its limit for steel beads of 4 and 10 mm, with twice the step within 1e-3; a hundredth of that is
-typical.  A maximum that comes late, after many collisions, moves more, since chaos magnifies
-errors: 1e-2 was seen in chains of soft and hard beads; `search` therefore computes what it finds
-again, with finer steps.  Any other scene of beads, which a function builds from a design, is run by
-itself (`wall_peak`).
+The step is the fraction `SHARE` of the time unit of Hertz's impact, (m^2/(alpha^2 v))^(1/5), of
+the fastest contact that the beads of a design could make in any order.  With it the force is within 1e-4 of
+its limit for steel beads of 4 and 10 mm, and with twice the step within 1e-3; errors are typically
+a hundred times smaller.  Late maxima, after many collisions, have larger errors, which chaos
+amplifies: 1e-2 was observed in chains of soft and hard beads; `search` therefore verifies its
+result with finer steps.  Any other scene of beads, built from a design by a function, is run on its
+own (`wall_peak`).
 Source: seeds/000, part II, "Hertz interaction potentials".
 """
 
@@ -53,7 +53,7 @@ Build = Callable[[Sequence[Bead]], tuple[Any, str]]
 
 
 class Peaks(NamedTuple):
-    """What the wall felt.
+    """Peak forces on the wall.
 
     Attributes
     ----------
@@ -86,7 +86,7 @@ def peak_force(
     wall : Material
         Of the plane wall that the last bead touches.
     t_end : float
-        Time from the blow [s], > 0.
+        Time after the impact [s], > 0.
     dt : float, optional
         Step [s], > 0, of "rkn6"; shortened so that steps end at `t_end`.  By default such that
         the force is right to 1e-4, see `granular.design.objective`.
@@ -151,7 +151,28 @@ def check_blow(striker: Striker, wall: Material) -> None:
 
 
 def step_count(unit: float, t_end: float, dt: float | None) -> int:
-    """Steps to `t_end`, of that size at most, or of a default size that others share."""
+    """Number of steps to `t_end`.
+
+    Parameters
+    ----------
+    unit : float
+        Time unit of the fastest contact [s].
+    t_end : float
+        [s], > 0.
+    dt : float or None
+        Largest step [s], at most `unit`.  None: the default step, with the number of steps rounded
+        up such that many designs have the same number and run in one batch.
+
+    Returns
+    -------
+    int
+        >= 1.
+
+    Raises
+    ------
+    TensegrityError
+        A step above `unit`, or more steps than `MOST`.
+    """
     if dt is not None and dt > unit:
         raise TensegrityError(
             f"dt {dt:g} s must be at most {unit:g} s, the time unit of the fastest contact"
@@ -185,7 +206,22 @@ def _alike(
 
 
 def largest(designs: Designs, striker: Striker, wall: Material, t_end: float, steps: int) -> Peaks:
-    """What the wall feels in so many steps."""
+    """Largest force of each design on the wall, and the instant of the first maximum.
+
+    Parameters
+    ----------
+    designs : Designs
+    striker : Striker
+    wall : Material
+    t_end : float
+        [s], > 0.
+    steps : int
+
+    Returns
+    -------
+    Peaks
+        Arrays (designs,).
+    """
     found, done, bound = [], 0, {}
     while done < len(designs):
         left = len(designs) - done
@@ -280,7 +316,23 @@ def _top(start: Array, stop: Array, rise: Array, fall: Array) -> tuple[Array, Ar
 def not_arrived(
     number: int, design: Designs, striker: Striker, wall: Material, t_end: float
 ) -> TensegrityError:
-    """The error that says when the wave would arrive."""
+    """The error for a wave that does not arrive in time, which states when it would.
+
+    Parameters
+    ----------
+    number : int
+        Of the design, for the message.
+    design : Designs
+        That design alone.
+    striker : Striker
+    wall : Material
+    t_end : float
+        [s], > 0.
+
+    Returns
+    -------
+    TensegrityError
+    """
     unit = float(design.behind(striker.bead).unit(wall, striker.speed)[0])
     longer, when = t_end, ""
     while longer < PATIENCE * t_end and longer / unit < MOST / 1000:
@@ -308,6 +360,16 @@ def wall_peak(build: Build, beads: Sequence[Bead], t_end: float, dt: float) -> t
     beads : sequence of Bead
     t_end, dt : float
         [s].
+
+    Returns
+    -------
+    force, time : float
+        [N], compression > 0, and [s].
+
+    Raises
+    ------
+    TensegrityError
+        `build` fails, or returns no scene and name of a wall.
     """
     try:
         scene, name = build(beads)

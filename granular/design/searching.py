@@ -1,9 +1,9 @@
-"""The search for the protector whose wall feels least, here or on many machines.
+"""Search for the protector with the least peak force on the wall, on one or many machines.
 
-Every batch that a method proposes is computed in parts, by the workers of an executor or here;
-designs that were computed before are looked up.  What a design is worth does not depend on the
-part that it is computed in, so that a seed gives one result however many workers there are.
-The best of them are computed again, see `granular.design.finalists`.
+Every batch that a method proposes is computed in parts, in this process or by the workers of an
+executor; designs computed before are looked up.  The force of a design does not depend on the part
+in which it is computed, so that the result of a seed is independent of the number of workers.
+The best designs are verified with finer steps, see `granular.design.finalists`.
 """
 
 from __future__ import annotations
@@ -57,31 +57,32 @@ def search(
     space : Order, Sizes or Choice
     striker : Striker
     wall : Material
-        Behind a chain; where there is a `build`, of the wall whose force counts.
+        Of the wall behind the chain or, with a `build`, of the wall whose force is minimised.
     t_end : float
-        Time from the blow in which the force is looked for [s], > 0.
+        Time after the impact within which the peak force is determined [s], > 0.
     build : callable, optional
-        Of the beads of a design, gives a scene with a striker and the name of a wall of it, such
+        Maps the beads of a design to a scene with a striker and the name of one of its walls, such
         as ``(hexagonal_pack(bead=beads, ...), "floor")``; by default a chain before the wall.
     method : {"ga", "gradient", "cma"}, optional
-        "ga": a genetic method, for `Order` and `Choice`.  "gradient": from many starts downhill,
-        for `Sizes` of chains, see `granular.design.downhill`.  "cma": covariance matrix adaptation,
-        for `Sizes`.  By default what suits the space; for `Sizes` "gradient", with a `build` "cma".
+        "ga": a genetic algorithm, for `Order` and `Choice`.  "gradient": descents from many
+        starting points, for `Sizes` of chains, see `granular.design.downhill`.  "cma": covariance
+        matrix adaptation, for `Sizes`.  By default "ga" for `Order` and `Choice`, "gradient" for
+        `Sizes`, and "cma" for `Sizes` with a `build`.
     budget : int, optional
-        Different designs that are computed at most, at least one population; with "gradient"
-        passes, each of which computes one design and its slopes.
+        Largest number of different designs to compute, at least one population; with "gradient",
+        of evaluations of a design together with its gradient.
     seed : int, optional
-        >= 0.  One seed gives one result, whatever computes it.
+        >= 0.  The result depends on the seed only, not on the executor.
     executor : concurrent.futures.Executor, optional
         Whose workers compute the designs; see `tensegrity.sweep`.
     checkpoint : str or path, optional
-        File that is written after every batch, beside and renamed.  The same search goes on from
-        it where it was broken off; a larger budget goes on where a smaller one ended.
+        File that is replaced after every batch.  The same search continues from it after an
+        interruption; a larger budget continues where a smaller one ended.
 
     Returns
     -------
     Best
-        Also after Ctrl-C, of what was computed until then.
+        After Ctrl-C, the best of the designs computed so far.
 
     Raises
     ------
@@ -91,6 +92,17 @@ def search(
         of another search.
     CompilerError
         No C compiler, before any work.
+
+    Examples
+    --------
+    >>> from granular import Bead, Striker, materials
+    >>> from granular.design import Order, search
+    >>> steel = materials["steel"]
+    >>> big, small = Bead(10e-3, steel), Bead(4e-3, steel)
+    >>> space, striker = Order([big] * 3 + [small] * 3), Striker(big, speed=0.44)
+    >>> best = search(space, striker=striker, wall=steel, t_end=1e-3, budget=64)
+    >>> "".join("b" if bead is small else "A" for bead in best.beads), f"{best.peak_force:.1f} N"
+    ('AbAAbb', '62.7 N')
     """
     if not isinstance(space, (Order, Sizes, Choice)):
         raise TensegrityError(f"space {check.shown(space)} is not an Order, Sizes or a Choice")

@@ -1,8 +1,8 @@
-"""What may be changed in a protector: the order of given beads, their sizes, or their materials.
+"""Spaces of designs of a protector: the order of given beads, their sizes, or their materials.
 
-A design is a row of genes: numbers of kinds of beads, or diameters.  Spaces know how to draw rows
-at random, what the beads of a row are, one by one or as arrays of many chains, and, where genes
-are kinds, how two rows make a third.
+A design is a row of genes: indices of kinds of beads, or diameters.  A space draws random rows and
+converts rows to beads, or to arrays of many chains; if genes are kinds, it also recombines and
+mutates rows.
 """
 
 from __future__ import annotations
@@ -174,7 +174,18 @@ class Order(Kinds):
         return rng.permuted(np.tile(self.row, (count, 1)), axis=1)
 
     def children(self, rng: Generator, one: Indices, other: Indices) -> Indices:
-        """Rows that keep what their parents share; what is left of the beads fills the rest."""
+        """Offspring that keep the beads in which both parents agree and permute the others.
+
+        Parameters
+        ----------
+        rng : numpy.random.Generator
+        one, other : ndarray of int, (n, count)
+            Rows of genes of the parents.
+
+        Returns
+        -------
+        ndarray of int, (n, count)
+        """
         free = one != other
         keys = np.where(free, rng.random(one.shape), 2.0)
         shuffled = np.take_along_axis(one, np.argsort(keys, axis=1), axis=1)
@@ -233,7 +244,18 @@ class Choice(Kinds):
         return rng.integers(len(self.kinds), size=(count, self.count))
 
     def children(self, rng: Generator, one: Indices, other: Indices) -> Indices:
-        """Rows that take each bead, or all up to a place, from one or the other parent."""
+        """Offspring by uniform or one-point crossover, with equal probability.
+
+        Parameters
+        ----------
+        rng : numpy.random.Generator
+        one, other : ndarray of int, (n, count)
+            Rows of genes of the parents.
+
+        Returns
+        -------
+        ndarray of int, (n, count)
+        """
         each = rng.random(one.shape) < 0.5
         upto = np.arange(self.count) < rng.integers(self.count + 1, size=(len(one), 1))
         return np.where(np.where(rng.random((len(one), 1)) < 0.5, each, upto), one, other)

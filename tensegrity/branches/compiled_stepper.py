@@ -147,6 +147,19 @@ class CompiledStepper(ArclengthStepper):
         return self.functions("advance", before, here, control, p)
 
     def corrected(self, z, tangent, p):
+        """Corrector: the point of the branch closest to z in the plane normal to a tangent.
+
+        Parameters
+        ----------
+        z, tangent : ndarray, (m,)
+        p : ndarray, (k,)
+            Parameters.
+
+        Returns
+        -------
+        ndarray, (size,)
+            Row of the point.
+        """
         if not self.library:
             return super().corrected(z, tangent, p)
         result = np.empty(self.size)
@@ -154,11 +167,47 @@ class CompiledStepper(ArclengthStepper):
         return result
 
     def steps(self, rows, count, control, p):
+        """Step on until a step contains an event, no step is accepted, or the rows are full.
+
+        Parameters
+        ----------
+        rows : ndarray, (any, size)
+            Points, of which the first `count` are given; filled in place.
+        count : int
+        control : ndarray, (6,)
+            As for `ArclengthStepper.steps`; its step is updated in place.
+        p : ndarray, (k,)
+            Parameters.
+
+        Returns
+        -------
+        int
+            Number of rows filled.
+        """
         if not self.library:
             return super().steps(rows, count, control, p)
         return self.library.steps(*map(address, (p, control, rows)), count, len(rows))
 
     def locate_event(self, kind, before, here, part, ends, p):
+        """Locate an event between two points by Newton's method on its extended system.
+
+        Parameters
+        ----------
+        kind : str
+        before, here : ndarray, (size,)
+            Rows of the two points.
+        part : float
+            Fraction of the way at which the iteration starts.
+        ends : tuple of two ndarray, (size,)
+            Rows that bracket the event.
+        p : ndarray, (k,)
+            Parameters.
+
+        Returns
+        -------
+        ndarray, (size,), or None
+            Row of the event; None if the iteration fails, or finds another event or branch.
+        """
         newton = self.newton(kind)[1]
         if not (self.library and newton):
             return super().locate_event(kind, before, here, part, ends, p)

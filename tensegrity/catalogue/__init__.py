@@ -2,8 +2,8 @@
 
 Connectivity and shape follow from symmetry.  Nodes are the images of a few points under rotations,
 members that are images of each other form an orbit and have one force density, and the condition
-that a state of self-stress exists, an eigenvalue or a determinant, gives what the symmetry leaves
-open (Connelly & Back 1998, Mathematics and tensegrity; Tibert & Pellegrino 2003, Review of
+that a state of self-stress exists, an eigenvalue or a determinant, determines the remaining
+parameters (Connelly & Back 1998, Mathematics and tensegrity; Tibert & Pellegrino 2003, Review of
 form-finding methods for tensegrity structures).  The `prestrain` that each function takes is the
 largest of its strings, (length - natural length)/natural length, in prisms and columns that of the
 cross strings; that of the others follows from the self-stress.

@@ -54,7 +54,28 @@ def prestressed(
     k_string: ArrayLike,
     mass: ArrayLike,
 ) -> Structure:
-    """A structure of orbits of members, in the one state of self-stress that they allow."""
+    """A structure of orbits of members, in the one state of self-stress that they allow.
+
+    Parameters
+    ----------
+    nodes : ndarray, (nodes, dim)
+        Positions in equilibrium [m].
+    bars, strings : sequence of orbits
+        Each orbit is a sequence of pairs of nodes, the members of which have one force density.
+    prestrain : float
+        Largest prestrain of a string, >= 0.
+    k_bar, k_string, mass : array_like
+        Stiffnesses [N/m] and masses [kg], as of `Structure`.
+
+    Returns
+    -------
+    Structure
+
+    Raises
+    ------
+    EquilibriumError
+        No state of self-stress, more than one, or one in which a string is in compression.
+    """
     from scipy.linalg import null_space
 
     prestrain = check.number("prestrain", prestrain, least=0)

@@ -1,1 +1,1 @@
-"""What is read from runs: arrivals, pulses, budgets of energy and momentum."""
+"""Observables of runs: arrivals, pulses, and budgets of energy and momentum."""

@@ -1,10 +1,11 @@
-"""What passes through a bond of a chain: energy and momentum of the part beyond it, over time.
-Beyond bond j lie the sites above j with their bonds.  The bond pulls the first of them back with
-its tension T, so the part gains momentum at the rate -T and energy at the rate -T v, v being
-that site's velocity.  Integrated over recorded instants, by a spline of degree 7, this must give
-what the sites themselves hold: a balance that a run closes only if it is right, recorded densely
-enough, and the far end is free.  With bond 0 of a chain whose first site is held it is the
-balance of the force at the held end.
+"""Balance of energy and momentum of the part of a chain beyond a bond.
+
+Beyond bond j lie the sites above j with their bonds.  The tension T of the bond acts on the first
+of these sites, so that the part gains momentum at the rate -T and energy at the rate -T v, where v
+is the velocity of that site.  These rates, integrated over the recorded instants by a spline of
+degree 7, must equal the changes computed from the sites themselves: the balance closes only if the
+run is accurate and recorded densely enough, and if the far end is free.  For bond 0 of a chain
+whose first site is held, it is the balance of the reaction at that end.
 """
 
 from __future__ import annotations
@@ -34,10 +35,10 @@ class Budget:
     energy, momentum : ndarray, (T,)
         Of the sites beyond the bond [J], [kg m/s], from their displacements and velocities.
     work, impulse : ndarray, (T,)
-        Passed through the bond since the first instant, by quadrature [J], [kg m/s].
+        Transferred through the bond since the first instant, by quadrature [J], [kg m/s].
     energy_error, momentum_error : float
-        Largest difference of the two accounts, over the size of the energy of the whole chain at
-        the first instant and over the largest change of the momentum; absolute where that is 0.
+        Largest difference between both evaluations, relative to the energy of the whole chain at
+        the first instant and to the largest change of the momentum; absolute if that is 0.
     """
 
     t: Array
@@ -53,20 +54,33 @@ class Budget:
 
 
 def budget(run: Run, bond: int) -> Budget:
-    """Energy and momentum of the part of a chain beyond a bond, by two accounts.
+    """Energy and momentum of the part of a chain beyond a bond, evaluated in two ways.
 
     Parameters
     ----------
     run : Run
-        Of a chain whose last end is free, all sites recorded.  Springs that change while it
-        runs are refused: the work of the change does not pass through the bond.
+        Of a chain whose last end is free, with all sites recorded.  Springs that change in time
+        are refused: the work of the change does not pass through the bond.
     bond : int
         Bond j joins sites j and j + 1.
+
+    Returns
+    -------
+    Budget
 
     Raises
     ------
     TensegrityError
-        Bad input, or another run, one of another scene or too few of its sites or instants.
+        Bad input; a run of another scene, or with too few recorded sites or instants.
+
+    Examples
+    --------
+    >>> from tensegrity import Chain, PowerLaw, budget, simulate
+    >>> chain = Chain(PowerLaw(1.0, 1.5, preload=1.0), sites=100)
+    >>> run = simulate(chain, chain.at_rest({0: 0.05}), t_end=70, tol=1e-8)
+    >>> balance = budget(run, 40)
+    >>> print(f"{1e3 * balance.energy[-1]:.4f} mJ", balance.energy_error < 1e-7)
+    1.1877 mJ True
     """
     from scipy.interpolate import make_interp_spline
 

@@ -1,8 +1,8 @@
-"""Two chains joined, and what becomes of a wave at their interface.
+"""Two joined chains, and the reflection and transmission of a pulse at their interface.
 
-The near chain has the lower sites; the bond that joins both is its own.  A pulse comes along
-one of them: what leads back from the interface is reflected, what leads on in the other chain is
-transmitted, waves of compression and of rarefaction alike.
+The near chain has the lower sites; the bond that joins both belongs to it.  A pulse arrives along
+one of the chains: pulses that travel back from the interface are reflected, those that continue in
+the other chain are transmitted, both of compression and of rarefaction.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from tensegrity.scenes.scene import State
 from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array
 
-NOTHING = 1e-6  # of the incident amplitude: a smaller peak is no pulse
-QUIET = 1e-3  # of the incident amplitude: a larger elongation at an end has been there
+NOTHING = 1e-6  # of the incident amplitude: smaller peaks are not pulses
+QUIET = 1e-3  # of the incident amplitude: largest elongation at an end that no wave has reached
 
 
 def interface(
@@ -69,7 +69,7 @@ def interface(
 
 @dataclass(frozen=True, eq=False)
 class Transmission:
-    """What a pulse leaves at an interface; `transmission` finds it.
+    """Reflected and transmitted pulses of an incident one; the result of `transmission`.
 
     Attributes
     ----------
@@ -81,11 +81,11 @@ class Transmission:
         Those that lead away from the interface, in the chain along which the incident one came
         and in the other one; in the order of their places.
     reflected_delays, transmitted_delays : ndarray, (pulses,)
-        How much later than the incident peak meets the interface each of them has left it [s], by
-        its speed.
+        Delay of each of them at the interface after the arrival of the incident peak [s],
+        extrapolated by its speed.
     reflected_energy, transmitted_energy : float
-        Fraction of the energy of the first row that either chain holds: pulses, and what lies
-        between them and the interface.  Their sum is 1 as well as the run conserves energy.
+        Fraction of the initial energy in either chain, that between the pulses and the interface
+        included.  Their sum deviates from 1 by the energy error of the run.
     """
 
     site: int
@@ -99,7 +99,7 @@ class Transmission:
 
 
 def transmission(run: Run, row: int = -1, fraction: float = FRACTION) -> Transmission:
-    """Reflected and transmitted pulses of a wave that has met the interface of two chains.
+    """Reflected and transmitted pulses of a wave at the interface of two chains.
 
     Parameters
     ----------
@@ -107,11 +107,11 @@ def transmission(run: Run, row: int = -1, fraction: float = FRACTION) -> Transmi
         Of a chain of two parts as `interface` makes it, all sites recorded.  Its first row has
         one pulse, on its way to the interface along either part.
     row : int, optional
-        Number of the recorded instant, from the last one if negative, at which all that is asked
-        for has left the interface and nothing has come to an end of the chain.
+        Index of the recorded instant (negative: from the last one) at which the pulses sought have
+        left the interface and nothing has reached an end of the chain.
     fraction : float, optional
-        A peak counts from this part of the largest |elongation| of its own chain on, above 0, at
-        most 1; and from 1e-6 of the incident amplitude on.
+        Fraction of the largest |elongation| of its own chain above which a peak counts, above 0,
+        at most 1; it must also exceed 1e-6 of the incident amplitude.
 
     Returns
     -------

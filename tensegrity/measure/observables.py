@@ -1,7 +1,7 @@
-"""What is read off a run: arrivals and speed of the leading pulse; budgets of a part.
+"""Observables of a run of a chain or a network: arrival, speed and duration of pulses, momenta.
 
-Times are taken where the elongation of one bond turns, by its own rate, and places never from a
-largest value along the chain: both lie between the samples.
+The arrival at a bond is the instant at which the rate of its elongation vanishes; instants and
+positions are interpolated between the recorded values.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from tensegrity.scenes.network import Network
 from tensegrity.scenes.scene import State
 from tensegrity.typing import Array
 
-ROUND_OFF = 1e-12  # of a crest: less is nothing
-PEAK_FRACTION = 0.5  # an extremum counts as the pulse if it is this part of the largest
-NEIGHBOURS = 5  # recorded instants on either side that locate a crest
+ROUND_OFF = 1e-12  # of a peak: a smaller elongation is round-off
+PEAK_FRACTION = 0.5  # of the largest extremum, from which an extremum counts as the pulse
+NEIGHBOURS = 5  # recorded instants on either side from which a peak is interpolated
 
 
 def passage(t: Array, elongation: Array, rate: Array) -> float:
-    """Instant at which the first large extremum of an elongation passes.
+    """Instant of the first large extremum of the elongation of a bond.
 
     Parameters
     ----------
@@ -43,6 +43,11 @@ def passage(t: Array, elongation: Array, rate: Array) -> float:
     float
         The root of the rate [s], by the polynomial through the ten instants around it: the
         error is of tenth order in the recording interval.
+
+    Raises
+    ------
+    TensegrityError
+        No extremum within the record; arrays of different lengths, or values that are not finite.
     """
     from scipy.interpolate import BarycentricInterpolator
     from scipy.optimize import brentq
@@ -73,11 +78,11 @@ def arrival(run: Run, bond: int, direction: int | None = None, after: float = 0.
     bond : int
         Bond j joins sites j and j + 1.
     direction : int, optional
-        1: of pulses towards higher sites; -1: towards lower ones.  By default either.  The
-        elongation times the mean velocity of the two sites says which way the energy flows,
-        towards higher sites where it is negative.
+        1: only pulses towards higher sites; -1: only towards lower ones.  By default either.  The
+        sign of elongation times mean velocity of the two sites gives the direction in which energy
+        flows, towards higher sites where it is negative.
     after : float, optional
-        Only instants from then on count [s], as for what an end has returned.
+        Only instants from this one on count [s], for instance to time a reflected pulse.
 
     Returns
     -------
@@ -108,7 +113,7 @@ def arrival(run: Run, bond: int, direction: int | None = None, after: float = 0.
     counts = run.t >= check.number("after", after, unit="s")
     if run.u.ndim != 2:
         raise TensegrityError(
-            f"rows of shape {run.u.shape[1:]} are not those of one chain: take a lane or an axis"
+            f"rows of shape {run.u.shape[1:]} are not those of one chain: select a run or an axis"
         )
     try:
         left, right = run.sites.index(bond), run.sites.index(bond + 1)
@@ -156,12 +161,21 @@ def speed(
     float
         Of a chain in sites per second, as a lattice has no other length.  Of beads in m/s: the
         distance through touching beads over the time between the peaks of the two sensor forces.
-        Positive if the pulse runs from the first place to the second.
+        Positive if the pulse travels from the first place to the second.
 
     Raises
     ------
     TensegrityError
         Bad input; a place without a peak; both peaks at one instant.
+
+    Examples
+    --------
+    >>> from tensegrity import Chain, PowerLaw, simulate, speed
+    >>> spring = PowerLaw(1.0, 1.5, preload=1.0)
+    >>> chain = Chain(spring, sites=100)
+    >>> run = simulate(chain, chain.at_rest({0: 0.05}), t_end=70, tol=1e-8)
+    >>> print(f"{speed(run, (40, 60)):.4f}, sound speed {spring.sound_speed(1.0):.4f} sites/s")
+    1.2105, sound speed 1.2247 sites/s
     """
     if not isinstance(run, Run):
         raise TensegrityError(f"run is {type(run).__name__}, not a Run")
@@ -170,7 +184,25 @@ def speed(
 
 @singledispatch
 def speed_in(scene: Any, run: Run, where: Any, numbers: Any, between: Any) -> float:
-    """`speed` by the kind of scene: packages that build other scenes register theirs."""
+    """The implementation of `speed` for a type of scene; other packages register theirs.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene of the run, whose type selects the implementation.
+    run, where, numbers, between
+        As for `speed`.
+
+    Returns
+    -------
+    float
+        As for `speed`.
+
+    Raises
+    ------
+    TensegrityError
+        A scene that is neither a Chain nor one of beads.
+    """
     raise TensegrityError(f"the scene of the run is {type(scene).__name__}, not a Chain or beads")
 
 
@@ -191,9 +223,28 @@ def _of_chain(scene: Chain, run: Run, where: Any, numbers: Any, between: Any) ->
 
 
 def duration(run: Run, bond: int, level: float = 0.05) -> float:
-    """How long the leading pulse keeps a bond beyond `level` of its crest there [s].
+    """Duration of the leading pulse at a bond, between two crossings of a level.
 
-    Times the speed it is a width in sites; exact for a wave of permanent form.
+    The duration times the speed is a width in sites, exact for a wave of permanent form.
+
+    Parameters
+    ----------
+    run : Run
+        Of a chain, with both sites of the bond recorded.
+    bond : int
+        Bond j joins sites j and j + 1.
+    level : float, optional
+        Fraction of the peak elongation of that bond, between 0 and 1.
+
+    Returns
+    -------
+    float
+        [s], > 0.
+
+    Raises
+    ------
+    TensegrityError
+        Bad input; no pulse, or one that does not fall to the level within the run.
     """
     from scipy.interpolate import CubicSpline
 
@@ -209,15 +260,25 @@ def duration(run: Run, bond: int, level: float = 0.05) -> float:
 
 
 def tail_front(chain: Chain, state: State, level: float = 0.5) -> float:
-    """Place of the front of what follows the leading pulse, where site j is at j.
+    """Position of the front of the tail that follows the leading pulse, with site j at j.
 
     Parameters
     ----------
     chain : Chain
     state : State
     level : float, optional
-        The front is where the elongation, seen from the leading pulse, first comes to this part
-        of the largest one behind it; to about a tenth of a site.
+        Fraction of the largest |elongation| behind the leading pulse, between 0 and 1.  The front
+        is the place nearest to the pulse where the elongation reaches it.
+
+    Returns
+    -------
+    float
+        [sites]; accurate to about a tenth of a site.
+
+    Raises
+    ------
+    TensegrityError
+        Bad input; an undeformed chain; nothing behind the leading pulse.
     """
     level = check.number("level", level, above=0, below=1)
     if isinstance(chain, Ensemble):
@@ -257,7 +318,7 @@ def _parabola(r: Array, j: int) -> tuple[float, float]:
 
 
 def crest(elongation: ArrayLike) -> tuple[float, float]:
-    """Place of the foremost large extremum along a chain, in bonds, and its elongation.
+    """Position of the foremost large extremum along a chain [bonds], and its elongation [m].
 
     Parameters
     ----------
@@ -273,14 +334,24 @@ def crest(elongation: ArrayLike) -> tuple[float, float]:
 
 
 def width(x: Array, profile: ArrayLike, level: float = 0.05) -> float:
-    """Distance between the outermost points around the crest where a profile has fallen to a level.
+    """Width of the peak of a profile, between the nearest points where it falls to a level.
 
     Parameters
     ----------
     x, profile : ndarray, (n,)
-        Place, increasing, and value.
+        Position, increasing, and value.
     level : float
-        Part of the extreme value, between 0 and 1.
+        Fraction of the extreme value, between 0 and 1.
+
+    Returns
+    -------
+    float
+        In the unit of x, > 0; the profile is interpolated linearly.
+
+    Raises
+    ------
+    TensegrityError
+        Bad input; a profile that does not fall to the level on both sides.
     """
     level = check.number("level", level, above=0, below=1)
     x, profile = _columns(x=x, profile=profile)

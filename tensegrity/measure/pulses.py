@@ -1,13 +1,13 @@
-"""Pulses of a chain at one recorded instant: where they are, how large, which way they go.
+"""Pulses of a chain at one recorded instant: their positions, amplitudes and directions.
 
-A wave of a chain is known at its sites and bonds only, and its peak lies between them.  It is
-recovered from the exact solitary wave of the same springs and masses whose energy is that of the
-pulse; elongations and velocities, by least squares over the width of that wave, give its place.
-Where no wave fits, the displacement between two sites is that of the polynomial of fifth degree
-with the displacements, slopes -v/c and curvatures a/c^2 at both, of a wave that travels at the
-speed c: momentum over mass and total elongation, which is constant.  Energy flows through a bond
-at the rate -T v, T being its tension and v the mean velocity of its two sites; the direction of
-a pulse is that of its flow.
+A wave of a chain is known at sites and bonds only, and its peak lies between them.  It is recovered
+from the exact solitary wave of the same springs and masses that has the energy of the pulse; its
+position is a least-squares fit to elongations and velocities over the width of that wave.  If no
+wave fits, the displacement between two sites is the polynomial of fifth degree with the
+displacements, slopes -v/c and curvatures a/c^2 at both, as of a wave that travels at the speed c,
+the ratio of its momentum to mass times total elongation.  Energy flows through a bond at the rate
+-T v, where T is its tension and v the mean velocity of its two sites; the direction of a pulse is
+that of its energy flow.
 """
 
 from __future__ import annotations
@@ -50,24 +50,24 @@ class Pulse:
     Attributes
     ----------
     place : float
-        Of its peak, in sites: site j is at j, bond j is centred at j + 1/2.
+        Position of its peak [sites]: site j is at j, bond j is centred at j + 1/2.
     amplitude : float
         Elongation at the peak of the continuous wave [m], extension > 0.
     direction : int
-        1 towards higher sites, -1 towards lower ones; 0 where as much energy flows either way, as
-        when two equal waves meet.
+        1 towards higher sites, -1 towards lower ones; 0 if there is no net flow of energy, as
+        when two equal waves collide.
     speed : float
-        [sites/s], >= 0: that of `wave`, or else |momentum| over mass and total elongation, which
-        is the speed of anything that travels without change of form.
+        [sites/s], >= 0: that of `wave` or, without one, |momentum| over mass times total
+        elongation, which is the speed of any wave of permanent form.
     energy : float
-        Of its sites [J].
+        Energy of its sites [J].
     momentum : float
-        Of its sites [kg m/s], > 0 towards higher sites.
+        Momentum of its sites [kg m/s], > 0 towards higher sites.
     first, last : int
-        Its sites: up to where the elongation stops falling or changes its sign.
+        First and last site, where the elongation stops decreasing or changes its sign.
     wave : SolitaryWave or None
-        The exact wave that differs from it, over its width at 5 % of the peak, by at most 5 % of
-        the largest elongation and of the largest velocity.
+        The exact wave that agrees with it, over its width at 5 % of the peak, within 5 % of the
+        largest elongation and of the largest velocity.
     """
 
     place: float
@@ -90,35 +90,35 @@ def pulses(run: Run, row: int = -1, fraction: float = FRACTION) -> list[Pulse]:
     Parameters
     ----------
     run : Run
-        Of a `Chain`, all sites recorded; elongations count from its state at rest.
+        Of a `Chain`, with all sites recorded; elongations count from its state at rest.
     row : int, optional
-        Number of the recorded instant, from the last one if negative.
+        Index of the recorded instant; negative indices count from the last one.
     fraction : float, optional
-        A peak counts from this part of the largest |elongation| on, above 0, at most 1.
+        Fraction of the largest |elongation| above which a peak counts, above 0, at most 1.
 
     Returns
     -------
     list of Pulse
-        Empty where no bond is deformed beyond round-off.  Peaks between which the elongation
-        falls by less than a quarter of the lower one are one pulse.
+        Empty if no bond is deformed beyond round-off.  Two peaks are one pulse if the elongation
+        between them falls by less than a quarter of the lower one.
 
     Raises
     ------
     TensegrityError
-        Another scene than a chain, or one whose springs change in time; a site that was not
+        A scene that is not a chain, or one whose springs change in time; a site that was not
         recorded; no such row.
 
     Notes
     -----
-    A solitary wave is found as exactly as the run knows it: launched at any place to 1e-7 sites
-    and of its amplitude.  What travels but is no such wave is interpolated through displacements,
-    velocities and accelerations at its sites: to 1e-3 sites and 3e-4 of the amplitude where it is
-    3 sites wide at half its height, to 1e-2 sites and 2e-2 where it is 1.3 sites wide.  What does
-    not travel is interpolated through its elongations alone, by a spline of fifth order.
+    A solitary wave is located as accurately as the run resolves it: one launched at any position,
+    to 1e-7 sites and to 1e-7 of its amplitude.  Other travelling pulses are interpolated through
+    displacements, velocities and accelerations at their sites: to 1e-3 sites and 3e-4 of the
+    amplitude at a width of 3 sites at half height, to 1e-2 sites and 2e-2 at 1.3 sites.  A pulse
+    that does not travel is interpolated through its elongations alone, by a spline of degree 5.
 
-    Pulses that overlap are cut at the least elongation between them.  While waves pass through
-    each other there is one pulse, which is none of them.  A pulse whose width reaches an end of
-    the chain, or another spring or mass, has no `wave`.
+    Overlapping pulses are divided at the smallest elongation between them.  While two waves
+    collide there is one pulse, which is neither of them.  A pulse whose width reaches an end of the
+    chain, or another spring or mass, has no `wave`.
 
     Examples
     --------
@@ -152,7 +152,7 @@ def chain_of(run: Run) -> Chain:
             "bonds in a row"
         )
     if chain.tune:
-        raise TensegrityError("the springs change in time: what is measured asks for constant ones")
+        raise TensegrityError("the springs change in time: pulses require constant ones")
     if run.sites != tuple(range(chain.sites)):
         raise TensegrityError(f"{len(run.sites)} of {chain.sites} sites recorded: record all")
     return chain
@@ -173,7 +173,12 @@ def peaks(r: Array, fraction: float, least: float = 0.0) -> list[int]:
     fraction : float
         Of the largest |r|.
     least : float, optional
-        |r| that is round-off [m].
+        Smallest |r| of a peak [m]; below it is round-off.
+
+    Returns
+    -------
+    list of int
+        Bonds, in ascending order.
     """
     from scipy.signal import find_peaks
 
@@ -203,7 +208,7 @@ def sites_around(r: Array, peak: int) -> tuple[int, int]:
 
 
 class Instant:
-    """A chain in one state, and its pulses; an elongation below `least` [m] is none."""
+    """A chain in one state, and its pulses; elongations below `least` [m] are neglected."""
 
     def __init__(self, chain: Chain, state: State, least: float = 0.0) -> None:
         self.chain, self.u, self.v = chain, state.u, state.v
@@ -213,7 +218,21 @@ class Instant:
         self.tension = chain.bond_tension(state.u)
 
     def pulses(self, fraction: float, first: int = 0, last: int | None = None) -> list[Pulse]:
-        """Those with a peak from a bond on up to before another, from a part of the largest on."""
+        """Pulses whose peaks lie in a range of bonds.
+
+        Parameters
+        ----------
+        fraction : float
+            Of the largest |elongation| in the range, from which a peak counts.
+        first : int, optional
+        last : int, optional
+            Range of bonds, from `first` up to but without `last`; by default all.
+
+        Returns
+        -------
+        list of Pulse
+            In the order of their positions.
+        """
         part = self.r[first:last]
         return [self.pulse(first + peak) for peak in peaks(part, fraction, self.least)]
 
@@ -322,13 +341,13 @@ class Instant:
 
 
 def phase_shift(run: Run, left: SolitaryWave, right: SolitaryWave) -> tuple[float, float]:
-    """How far two solitary waves are shifted by their collision.
+    """Phase shifts of two solitary waves by their collision.
 
     Parameters
     ----------
     run : Run
-        Of a chain whose first recorded row has the two incident waves apart from each other and
-        nothing else, and whose last one shows them apart again; all sites recorded.
+        Of a chain with all sites recorded.  Its first recorded row contains the two incident
+        waves, well separated, and nothing else; in its last row they are separated again.
     left, right : SolitaryWave
         The incident waves, that at the lower sites first: head-on, or one overtaking the other.
         Where they were launched is read from the first row.
@@ -336,10 +355,10 @@ def phase_shift(run: Run, left: SolitaryWave, right: SolitaryWave) -> tuple[floa
     Returns
     -------
     (float, float)
-        Of the left and of the right wave [sites], > 0: ahead, along its own way, of where it would
-        be undisturbed.  Both lines are continued to the instant at which undisturbed waves meet,
-        that of the incident wave from before, that of the outgoing one, with its own speed, from
-        after.
+        Shifts of the left and of the right wave [sites], > 0 if a wave is ahead, in its direction
+        of travel, of its undisturbed position.  The trajectories of the incident and of the
+        outgoing wave, each with its own speed, are extrapolated to the instant at which the
+        undisturbed waves would coincide.
 
     Raises
     ------

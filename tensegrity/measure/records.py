@@ -1,6 +1,6 @@
-"""Peaks of a quantity that was recorded over time, such as the force of a sensor.
+"""Peaks of a quantity recorded over time, such as the force of a sensor.
 
-Peaks lie between the recorded rows: they are located by splines of fifth order through them.
+Peaks lie between the recorded instants; they are located by interpolating splines of degree 5.
 """
 
 from __future__ import annotations
@@ -110,7 +110,7 @@ def _within(t: Array, between: tuple[float, float]) -> Flags:
 def sampled(
     t: ArrayLike, force: ArrayLike, interval: float = CLOCK, phase: float = 0.0
 ) -> tuple[Array, Array]:
-    """A recorded force as an oscilloscope reads it.
+    """A recorded force as an oscilloscope samples it.
 
     Parameters
     ----------
@@ -161,7 +161,7 @@ def peaks(t: ArrayLike, force: ArrayLike, level: float = LEVEL) -> tuple[Array, 
     t, force : ndarray, (T,)
         [s], [N].
     level : float
-        Fraction of the largest peak below which peaks are left out, between 0 and 1.
+        Fraction of the largest peak below which peaks are ignored, between 0 and 1.
 
     Returns
     -------
@@ -171,8 +171,8 @@ def peaks(t: ArrayLike, force: ArrayLike, level: float = LEVEL) -> tuple[Array, 
     Raises
     ------
     TensegrityError
-        A level not between 0 and 1; instants that do not grow, or forces that are not finite, or
-        not as many.
+        A level not between 0 and 1; instants that do not increase, forces that are not finite, or
+        arrays of different lengths.
     """
     from scipy.signal import find_peaks
 

@@ -24,8 +24,21 @@ MARGIN = 0.04  # of the size
 
 
 def forces(scene: Any, u: Array, factor: float = 1.0) -> tuple[Array, Array]:
-    """Ends [m] of all bonds and wall contacts, (n, 2, dim), and their tensions [N], at given
-    displacements, which are drawn magnified."""
+    """Ends and tensions of all bonds and wall contacts at given displacements.
+
+    Parameters
+    ----------
+    scene : Network
+    u : ndarray, (sites, dim)
+        Displacements [m].
+    factor : float, optional
+        Magnification of the displacements in the ends.
+
+    Returns
+    -------
+    ends, tension : ndarray, (n, 2, dim), (n,)
+        [m], and [N], extension > 0.
+    """
     listed = scene.listed(u)
     x = scene.positions + factor * u
     walls = [scene.walls[k] for k in listed.wall_contacts[:, 1]]
@@ -152,7 +165,17 @@ class Picture:
         return shown
 
     def push(self, ends: Array, tension: Array, widest: float) -> None:
-        """Lines of force: compression red, tension blue, `widest` [N] the widest line."""
+        """Draw forces as lines: compression red, tension blue.
+
+        Parameters
+        ----------
+        ends : ndarray, (n, 2, dim)
+            [m].
+        tension : ndarray, (n,)
+            [N], extension > 0.
+        widest : float
+            Force [N] of the widest line.
+        """
         size = np.abs(tension)
         order = np.argsort(size)[np.count_nonzero(size == 0) :]
         lines = self._unit * _seen(ends)

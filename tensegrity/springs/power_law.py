@@ -1,4 +1,4 @@
-"""Contacts that push only, by a power of how far they are pressed together.
+"""Contacts without tension, whose compressive force is a power of the overlap.
 
 Source: seeds/000, part II, "Hertz interaction potentials"; the energy is that of
 `derivations.contact`, measured from the equilibrium under the preload: V(0) = V'(0) = 0.
@@ -20,17 +20,17 @@ SMALLEST = 1e-100  # overlap [m] from which a contact counts as closed
 
 
 class PowerLaw(Potential):
-    """Contact-like spring that pushes only: tension(r) = -stiffness max(-r, 0)^exponent.
+    """Unilateral contact, which transmits compression only: tension(r) = -stiffness max(-r, 0)^n.
 
-    With a preload the elongation is measured from the precompressed equilibrium, and
-    tension(r) = preload - stiffness max(r0 - r, 0)^exponent with r0 = (preload/stiffness)^(1/n).
+    With a preload the elongation r is measured from the precompressed equilibrium, and
+    tension(r) = preload - stiffness max(r0 - r, 0)^n with r0 = (preload/stiffness)^(1/n).
 
     Parameters
     ----------
     stiffness : float
-        [N/m^exponent], > 0.
+        [N/m^n], > 0.
     exponent : float
-        n > 0; 3/2 is Hertz's contact of spheres.
+        n > 0; 3/2 for Hertz's contact of spheres.
     preload : float, optional
         Compressive force at rest [N], >= 0.
     length : float, optional
@@ -38,15 +38,22 @@ class PowerLaw(Potential):
 
     Notes
     -----
-    For n < 1 the stiffness has no bound where the contact opens: a run with a default step that
-    opens it keeps its energy to about 1e-3 only; ask for a `tol`.  Without a preload contacts
-    open at r = 0, where every motion starts: the stability limit goes to zero there, and a run
-    costs absurdly many steps.
+    For n < 1 the stiffness is unbounded at the loss of contact: a run through it with the default
+    step conserves energy to about 1e-3 only, and a `tol` should be given.  Without a preload,
+    contact is lost at r = 0, where every motion starts: the stability bound of the step tends to
+    zero there, and a run takes a prohibitive number of steps.
 
     Under a preload the energy is a small difference, V(r) = stored(r0 - r) - stored(r0) +
     preload r.  Near r = 0 it is lost in the round-off of stored(r0), which is stiffness
     r0^(n + 1)/(n + 1), and `energy_error` of a tiny motion is that round-off over its energy.
-    The motion itself is not affected: it takes the tension, whose round-off is that of the preload.
+    The motion itself is not affected: it depends on the tension, whose round-off is that of the
+    preload.
+
+    Examples
+    --------
+    >>> from tensegrity import PowerLaw
+    >>> print(PowerLaw(1.0, 1.5).tension([-0.04, 0.01]))
+    [-0.008  0.   ]
     """
 
     def __init__(
@@ -79,7 +86,8 @@ class PowerLaw(Potential):
         return PowerLaw(stiffness, self._exponent, preload, self._length)
 
     def shift_from(self, other: Potential) -> float:
-        """As that of `Potential`: by how much more it is pressed together at rest."""
+        """Shift of the elongation relative to another contact: the difference of their overlaps at
+        rest [m]; see `Potential.shift_from`."""
         return float(self.values[2] - other.values[2])
 
 
@@ -91,7 +99,7 @@ def _power_law(exponent: float) -> Law:
     r = sp.Symbol("r", real=True)
     stiffness, preload, overlap = sp.symbols("stiffness preload overlap", real=True)
     n = sp.nsimplify(exponent, rational=True)
-    # The power never sees 0, where its higher derivatives are infinite: 0 times inf is no number.
+    # The base of the power stays above 0, where higher derivatives are infinite and 0 * inf is nan.
     closed, gap = sp.Heaviside(overlap - r - SMALLEST), sp.Symbol("gap")
     pressed = sp.Max(overlap - r, SMALLEST)
 
@@ -100,6 +108,6 @@ def _power_law(exponent: float) -> Law:
         return derived.power_law_energy().subs(known)
 
     energy = closed * stored(pressed) - stored(overlap) + preload * r
-    # while the contact is closed; told of the maximum, differentiation would divide to choose
+    # differentiated for a closed contact: the derivative of Max would contain a division
     tension = preload - closed * sp.diff(stored(gap), gap).subs(gap, pressed)
     return Law(energy, r, (stiffness, preload, overlap), tension)

@@ -64,7 +64,10 @@ def sech2(spring: Potential, speed_ratio: float, x: ArrayLike) -> Array:
 
 
 def tent(spring: Potential, x: ArrayLike) -> Array:
-    """Elongation [m] of the wave whose peak is the locking stroke d: -d (1 - |x|) for |x| < 1."""
+    """Elongation [m] of the wave of high energy: -d (1 - |x|) for |x| < 1, and 0 elsewhere.
+
+    Here d is the locking stroke [m], and x the distance from the peak [sites], of any shape.
+    """
     check.kind("spring", spring, Potential)
     x, stroke = check.numbers("x", x, "sites"), -spring.domain[0]
     if math.isinf(stroke):
@@ -74,8 +77,8 @@ def tent(spring: Potential, x: ArrayLike) -> Array:
 
 @once
 def forms() -> dict[str, tuple[Any, tuple[Any, ...]]]:
-    """The elongations as {name: (expression, symbols)}: "sech2" in terms of stiffness, its slope,
-    c/cs and x; "tent" in terms of the locking stroke and x."""
+    """Symbolic elongations {name: (expression, symbols)}: "sech2" as a function of stiffness, its
+    slope, c/cs and x; "tent" as a function of the locking stroke and x."""
     import sympy as sp
 
     from derivations import waves as derived

@@ -64,8 +64,34 @@ def along(
     points: int,
     given: dict[str, ArrayLike | None],
 ) -> FamilyCurve:
-    """Waves along a family: those with some values of one target of `solitary_wave`, or such ones
-    as show all of it.  See `PredictedFamily.curve`."""
+    """Solitary waves along a family, at given values of one target of `solitary_wave` or, without
+    these, at amplitudes that cover the whole family.  See `PredictedFamily.curve`.
+
+    Parameters
+    ----------
+    potential : Potential
+        Of each bond.
+    mass : float
+        Of each site [kg].
+    family : str
+    crests : (float, float)
+        First and last amplitude of the family [m], extension > 0.
+    ends : str
+        How the family ends, as of `PredictedFamily`.
+    points : int
+        Number of waves where no target is given, >= 4.
+    given : dict of str to array_like or None
+        Values of the targets, at most one of which is not None.
+
+    Returns
+    -------
+    FamilyCurve
+
+    Raises
+    ------
+    TensegrityError
+        More than one target, values that are no sequence, or one without a wave in the family.
+    """
     points = check.whole("points", points, least=4)
     targets = {name: value for name, value in given.items() if value is not None}
     if len(targets) > 1:
@@ -86,9 +112,21 @@ def along(
 
 
 def amplitudes(first: float, last: float, ends: str, points: int) -> Array:
-    """Amplitudes along a family [m], close to both of its limits, (points,).
+    """Amplitudes along a family, refined towards both of its limits.
 
-    Where it has no end (inf), they go up to 4 m or 1.5 times the first one.
+    Parameters
+    ----------
+    first, last : float
+        Limits of the amplitude [m], extension > 0.  An infinite last one is replaced by 4 m, or
+        1.5 times the first one if that is larger.
+    ends : str
+        How the family ends, as of `PredictedFamily`.
+    points : int
+
+    Returns
+    -------
+    ndarray, (points,)
+        [m].
     """
     if math.isinf(last):
         last = math.copysign(max(FAR, FARTHER * abs(first)), last)
