@@ -46,6 +46,9 @@ NEAREST = {  # folders and files, and the tests of what stands there; those of i
     "granular/lammps": "lammps bad_input",
     "granular": "granular_chain granular_guide granular_contact granular_layout packs"
     " packs_at_rest observables",
+    "granular/sensitivity": "gradient_networks",
+    "tensegrity/springs/tuned": "tuning",
+    "tensegrity/minimum": "structure_path",
     "tensegrity/catalogue": "catalogue structure",
     "tensegrity/branches": "continuation response structure_path condensed golden",
     "tensegrity/engine/reverse": "gradients gradient_networks golden",
