@@ -178,7 +178,7 @@ def test_what_was_stopped_goes_on_where_it_was(tmp_path, capsys):
     n = len(FIRST)
     assert lines[0] == f"{n - 2} of {n} pictures are there, of the same sources"
     assert [line.split()[0] for line in lines[1:3]] == [f"{n - 1}/{n}", f"{n}/{n}"]
-    assert "start/prism_drawing: A prism, labelled" in lines[1]
+    assert "start/prism_drawing: A triangular prism" in lines[1]
     assert "make gallery" in lines[3]
     assert len(lines) == 4
     assert main(["--output", str(tmp_path)]) == 0
@@ -203,6 +203,8 @@ def test_what_stops_drawing_stops_its_processes():
     assert next(drawing) == (1, 1)
     assert multiprocessing.active_children() != []
     drawing.close()
+    for child in multiprocessing.active_children():
+        child.join(60)  # until the signal has reached it
     assert multiprocessing.active_children() == []
 
 

@@ -10,7 +10,7 @@ from granular import Bead, Contact, Material, Striker, hertz, materials, power
 from tensegrity import TensegrityError
 
 TABLES = {  # GPa, -, kg/m^3
-    "seeds/000": {
+    "the talk": {
         "steel": (193.00, 0.30, 8000),
         "ptfe": (1.46, 0.46, 2200),
         "rubber": (0.30, 0.49, 2200),
@@ -18,7 +18,7 @@ TABLES = {  # GPa, -, kg/m^3
         "glass": (62.00, 0.20, 2425),
         "nylon": (3.55, 0.40, 1085),
     },
-    "seeds/001": {
+    "granular network": {
         "steel": (193, 0.30, 8000),
         "ptfe": (1.46, 0.46, 2200),
         "parylene": (15, 0.38, 1289),
@@ -37,8 +37,8 @@ def test_materials_are_those_of_the_printed_tables(source):
 
 
 def test_six_materials_of_the_talk_and_three_of_the_paper():
-    talk = {m.name for m in materials.values() if "seeds/000" in m.source}
-    paper = {m.name for m in materials.values() if "seeds/001" in m.source}
+    talk = {m.name for m in materials.values() if "the talk" in m.source}
+    paper = {m.name for m in materials.values() if "granular network" in m.source}
     assert talk == {"steel", "ptfe", "rubber", "bronze", "glass", "nylon"}
     assert paper == {"steel", "ptfe", "parylene"}
 

@@ -1,8 +1,8 @@
 """Design of protectors: chains of beads between a striker and a wall with the least peak force.
 
 `peak_force` evaluates designs, `Order`, `Sizes` and `Choice` define the spaces of designs, and
-`search` finds the best design of a space.  Source: seeds/000, part II, "Optimal Design of Granular
-Protectors".
+`search` finds the best design of a space.
+Source: seeds/000, part II, "Optimal Design of Granular Protectors".
 """
 
 from granular.design.objective import peak_force
