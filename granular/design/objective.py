@@ -12,7 +12,8 @@ The step is the fraction `SHARE` of the time unit of Hertz's impact, (m^2/(alpha
 the fastest contact that the beads of a design could make in any order.  With it the force is
 within 1e-4 of its limit for steel beads of 4 and 10 mm, and with twice the step within 1e-3;
 errors are typically a hundred times smaller.  Late maxima, after many collisions, have larger
-errors, which chaos amplifies: 1e-2 was observed in chains of soft and hard beads; `search` therefore verifies its
+errors, which chaos amplifies: 1e-2 was observed in chains of soft and hard beads; `search`
+therefore verifies its
 result with finer steps.  Any other scene of beads, built from a design by a function, is run on
 its own (`wall_peak`).
 Source: seeds/000, part II, "Hertz interaction potentials".
