@@ -20,6 +20,7 @@ from tensegrity import (
     held,
     plates,
 )
+from tensegrity.minimum import least_part
 from tensegrity.prisms.contact import distances
 from tensegrity.structures.active_set import OutgoingBranch, selected
 
@@ -43,6 +44,10 @@ def loads_at(s, places, **given):
         assert path.shortening[-1] == pytest.approx(place, abs=1e-14)
         found.append(path.load[-1])
     return found
+
+
+def test_the_least_part_of_a_matrix_is_its_smallest_singular_value_over_the_largest():
+    assert least_part(np.diag([2.0, 4.0, -1.0])) == pytest.approx(0.25, rel=1e-15)
 
 
 def test_icosahedron_between_plates_carries_the_reference_loads(ball):
