@@ -156,6 +156,6 @@ def _reason(tables, names):
         value = quantities(tables[name])
         lines.append(
             f"{name}: the far chain holds {value['momentum of the far chain']:.4f} of the incident "
-            f"momentum, the solitary compressions carry {value['momentum of the compressions']:+.2g}."
+            f"momentum, solitary compressions {value['momentum of the compressions']:+.2g}."
         )
     return lines
