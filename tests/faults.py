@@ -73,29 +73,36 @@ NEAREST = {  # folders and files, and the tests of what stands there; those of i
     "tensegrity": "check bad_input notebook self_test export readonly copies",
 }
 EQUIVALENT = {
-    "tensegrity/structures/active_set.py: radius = max(np.abs(x - begin).max(), small) -> radius = "
-    "max(np.abs(x + begin).max(), small)": "the region of the steps grows and shrinks as needed",
-    "tensegrity/runs/tolerance.py: refinement = max(math.ceil(finest * factor), int(finest) "
-    "+ 1 if factor > 1 else 1) -> refinement = max(math.ceil(finest * factor), int(finest) - "
-    "1 if factor > 1 else 1)": "a number above that of the finest run rounds up to the next whole one",
-    "tensegrity/prisms/closed.py: high = most * (1 - 1e-16) -> high = most * (1 - 1.5e-16)": "both factors are the number next to 1",
-    "tensegrity/engine/energies.py: self._fraction_table = (SEARCH_GRID * 3)(*self._each) -> "
-    "self._fraction_table = (SEARCH_GRID * 4)(*self._each)": "a table longer by an entry that is not read",
+    "tensegrity/structures/active_set.py: radius = max(np.abs(x - begin).max(), small) -> "
+    "radius = max(np.abs(x "
+    "+ begin).max(), small)": "the region of the steps grows and shrinks as needed",
+    "tensegrity/runs/tolerance.py: refinement = max(math.ceil(finest * factor), "
+    "int(finest) + 1 if factor > 1 else 1) -> refinement = max(math.ceil(finest * factor), "
+    "int(finest) - 1 if factor "
+    "> 1 else 1)": "a number above that of the finest run rounds up to the next whole one",
+    "tensegrity/prisms/closed.py: high = most "
+    "* (1 - 1e-16) -> high = most * (1 - 1.5e-16)": "both factors are the number next to 1",
+    "tensegrity/engine/energies.py: self._fraction_table = (SEARCH_GRID * 3)(*self._each) "
+    "-> self._fraction_table "
+    "= (SEARCH_GRID * 4)(*self._each)": "a table longer by an entry that is not read",
     'tensegrity/engine/programs.py: return root if e.exp > 0 else put("Pow", root, '
-    'place(sp.Integer(-1))) -> return root if e.exp >= 0 else put("Pow", root, '
-    "place(sp.Integer(-1)))": "the exponent is 1/2 or -1/2",
-    "tensegrity/scenes/signals.py: scale = float(np.max(np.abs(signal(np.linspace(0, t_end, "
-    "INTERVALS + 1))))) -> scale = float(np.max(np.abs(signal(np.linspace(0, t_end, "
-    "INTERVALS + 2)))))": "another sample of the size below which jumps are round-off",
-    "tensegrity/engine/reverse.py: self.rows = self.sites + 1 if self.dim else packs + PACK "
-    "-> self.rows = self.sites + 2 if self.dim else packs + PACK": "a buffer longer by a row that is not read",
-    'tensegrity/engine/reverse.py: scratch |= {"low": n, "high": n, "travel": 1} -> scratch '
+    "place(sp.Integer(-1))) -> return root if "
+    'e.exp >= 0 else put("Pow", root, place(sp.Integer(-1)))': "the exponent is 1/2 or -1/2",
+    "tensegrity/scenes/signals.py: scale = float(np.max(np.abs(signal(np.linspace(0, "
+    "t_end, INTERVALS + 1))))) -> scale = float(np.max(np.abs(signal(np.linspace(0, "
+    "t_end, INTERVALS + 2)))))": "another sample of the size below which jumps are round-off",
+    "tensegrity/engine/reverse.py: self.rows = self.sites + 1 if self.dim else packs + "
+    "PACK -> self.rows = self.sites "
+    "+ 2 if self.dim else packs + PACK": "a buffer longer by a row that is not read",
+    'tensegrity/engine/reverse.py: scratch |= {"low": n, "high": n, "travel": 1} -> '
+    "scratch "
     '|= {"low": n, "high": n, "travel": 2}': "a buffer longer by an entry that is not read",
     "tensegrity/prisms/curve.py: new = aim if low < aim < high else (low + min(high, low + "
-    "2.0)) / 2 -> new = aim if low < aim < high else (low + min(high, low + 3.0)) / 2": "the interval of the search is narrowed in any case",
-    "tensegrity/springs/polynomial.py: middle, half = low / 2 + high / 2, (high / 2 - low / "
-    "2) * (1 + 4 * UNIT) -> middle, half = low / 2 + high / 2, (high / 2 - low / 2) * (1 - 4 "
-    "* UNIT)": "the interpolation points move by round-off",
+    "2.0)) / 2 -> new = aim if low < aim < high else "
+    "(low + min(high, low + 3.0)) / 2": "the interval of the search is narrowed in any case",
+    "tensegrity/springs/polynomial.py: middle, half = low / 2 + high / 2, (high / 2 - low "
+    "/ 2) * (1 + 4 * UNIT) -> middle, half = low / 2 + high "
+    "/ 2, (high / 2 - low / 2) * (1 - 4 * UNIT)": "the interpolation points move by round-off",
 }
 
 
