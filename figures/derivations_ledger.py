@@ -19,8 +19,8 @@ NAME = "derivations_ledger"
 GROUP = "derivations"
 
 COLOURS = {"holds": "C2", "holds under a convention": "C1", "slip": "C3",
-           "no data in the seed": "0.75"}  # fmt: skip
-SHOWN = {"no data in the seed": "a claim without formula"}
+           "no data in the source": "0.75"}  # fmt: skip
+SHOWN = {"no data in the source": "a claim without formula"}
 
 
 def data():

@@ -240,7 +240,7 @@ EXPORT(run) int run(int steps, real dt)
         for (integer i = 0; i <= bonds(); i++) u_before[i] = u[i], v_before[i] = v[i];
         forget();
         advance(&chain, 0, 1, 0);
-        show(&chain, 0, u, v);
+        postprocess(&chain, 0, u, v);
         const int found = judged(dt);
         if (found != FINE) {
             for (integer i = 0; i <= bonds(); i++) u[i] = u_before[i], v[i] = v_before[i];
