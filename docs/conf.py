@@ -20,7 +20,13 @@ project = "tensegrity"
 author = "The tensegrity developers"
 copyright = author
 release = __version__
-extensions = ["myst_parser", "sphinx.ext.autodoc", "numpydoc"]
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.viewcode",
+    "numpydoc",
+    "sphinx_copybutton",
+]
 exclude_patterns = ["_build", "live", "pictures"]
 myst_enable_extensions = ["colon_fence"]
 myst_heading_anchors = 3
@@ -29,6 +35,9 @@ autodoc_typehints = "none"
 autodoc_member_order = "bysource"
 numpydoc_show_class_members = False
 numpydoc_xref_param_type = False
+copybutton_selector = ":not(.output) > div.highlight pre"
+copybutton_prompt_text = r">>> |\.\.\. "
+copybutton_prompt_is_regexp = True
 html_theme = "pydata_sphinx_theme"
 html_title = "tensegrity"
 html_static_path = ["_static"]

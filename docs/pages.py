@@ -6,6 +6,7 @@ of a figure are read from its files; a figure that was not made is named.
 
 from __future__ import annotations
 
+import gzip
 import hashlib
 import importlib
 import inspect
@@ -21,14 +22,15 @@ from pathlib import Path
 from claims import VERDICTS, claims, numbers
 
 from derivations import ledger, report
-from figures import pictures
+from figures import FIRST, pictures
 from figures._files import read_printed
-from figures._gallery import in_order, named, short, title
+from figures._gallery import named, short, title
 from figures._gallery import words as _words
 
 ROOT = Path(__file__).parent.parent
 OUTPUT = ROOT / "figures" / "output"
 FORMULAS = tomllib.loads((Path(__file__).parent / "formulas.toml").read_text())["formulas"]
+SEEN = tomllib.loads((Path(__file__).parent / "gallery.toml").read_text(encoding="utf-8"))
 ROOMS = {  # page: (title, modules whose public names it holds, modules documented whole)
     "prisms": ("Prisms and their paths", ["tensegrity.prisms", "tensegrity.branches"],
                ["tensegrity.prisms.fold_curve", "tensegrity.prisms.stability"]),
@@ -51,7 +53,7 @@ ROOMS = {  # page: (title, modules whose public names it holds, modules document
     "errors": ("Errors and types", ["tensegrity.errors"], ["tensegrity.typing"]),
 }  # fmt: skip
 
-
+JOINED = {"composite": "waves", "softening_limits": "waves", "models": "response"}  # groups
 TABLES = {"METHODS": "tensegrity.engine.methods"}  # of public tables, which have no module
 
 
@@ -91,11 +93,15 @@ def table(head, rows):
 
 
 def copied(source, folder):
-    """A file in a folder of the site, copied where it is newer."""
-    target = folder / source.name
+    """A file in a folder of the site, copied where it is newer; numbers compressed."""
+    numbers = source.suffix == ".csv"
+    target = folder / (f"{source.name}.gz" if numbers else source.name)
     folder.mkdir(parents=True, exist_ok=True)
     if not target.is_file() or target.stat().st_mtime < source.stat().st_mtime:
-        shutil.copy2(source, target)
+        if numbers:
+            target.write_bytes(gzip.compress(source.read_bytes(), mtime=0))
+        else:
+            shutil.copy2(source, target)
     return target.name
 
 
@@ -124,8 +130,8 @@ def picture_page(name, module, folder):
         table(map(escape, lines[0]), [list(map(cell, line.values())) for line in lines])
         if lines else "",
         f"```sh\npython -m figures {name}\n```",
-        f"{{download}}`All numbers <{copied(data, folder)}>`: one per line, as table, column, row, "
-        "value." if data.is_file() else "",
+        f"{{download}}`All numbers <{copied(data, folder)}>`: a compressed file, one number per "
+        "line, as table, column, row, value." if data.is_file() else "",
         raw("<details><summary>Code</summary>"),
         f"```{{literalinclude}} code/{name}.py\n:language: python\n```",
         raw("</details>"),
@@ -133,13 +139,28 @@ def picture_page(name, module, folder):
     return image.is_file()
 
 
+def what_to_see(name, module):
+    """A sentence below the title of a picture, or ""."""
+    first = re.split(r"(?<=\w{3}\.)\s", " ".join(_words(module)))[0]
+    return SEEN.get(name, first)
+
+
+def in_groups(found):
+    """{group: names} of pictures {name: module}, what to see first in front, each once."""
+    groups = {"": [name for name in FIRST if name in found]}
+    for name, module in sorted(found.items(), key=lambda one: one[1].GROUP):
+        if name not in FIRST:
+            groups.setdefault(JOINED.get(module.GROUP, module.GROUP), []).append(name)
+    return groups
+
+
 def gallery(source):
-    """A page for each figure and an overview; returns the names of figures that were not made."""
-    folder, missing, groups = source / "gallery", [], {}
-    for name, module in pictures().items():
-        if not picture_page(name, module, folder):
-            missing.append(name)
-        groups.setdefault(module.GROUP, []).append((name, module))
+    """A page for each figure, and an overview with the first ones in front.
+
+    Returns the names of figures that were not made.
+    """
+    folder, found = source / "gallery", pictures()
+    missing = [name for name, module in found.items() if not picture_page(name, module, folder)]
     parts = [
         "# Gallery",
         "Every figure is made by a module of `figures` from public calls only; its page contains "
@@ -150,16 +171,16 @@ def gallery(source):
             f":::{{note}}\n{len(missing)} of {len(pictures())} figures were not made before this "
             "site was built: `make gallery` makes them all.\n:::"
         )
-    for group, found in in_order(groups).items():
+    for group, names in in_groups(found).items():
         cards = []
-        for name, module in found:
+        for name in names:
             image = f'<img src="../_images/{name}.png" alt="" loading="lazy">'
             shown = '<span class="none">not made</span>' if name in missing else image
-            cards.append(f'<a href="{name}.html">{shown}<span>{escape(title(module))}</span></a>')
-        heading = group.replace("_", " ").capitalize()
+            head, seen = escape(title(found[name])), escape(what_to_see(name, found[name]))
+            cards.append(f'<a href="{name}.html">{shown}<b>{head}</b><span>{seen}</span></a>')
+        heading = group.replace("_", " ").capitalize() or "What to see first"
         parts += [f"## {heading}", raw(f'<div class="cards">{"".join(cards)}</div>')]
-        names = "\n".join(name for name, _ in found)
-        parts.append(f"```{{toctree}}\n:hidden:\n\n{names}\n```")
+        parts.append("```{toctree}\n:hidden:\n\n" + "\n".join(names) + "\n```")
     write(folder / "index.md", *parts)
     return missing
 

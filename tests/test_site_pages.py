@@ -1,5 +1,6 @@
 """Pages of the site that are made: complete, true to their sources, and without surprises."""
 
+import gzip
 from pkgutil import resolve_name
 from types import SimpleNamespace
 
@@ -8,6 +9,7 @@ import pytest
 
 import granular
 import tensegrity
+from figures import FIRST, pictures
 from figures._files import write_tables
 
 
@@ -74,7 +76,20 @@ def test_a_picture_has_a_page_whether_it_was_made_or_not(tmp_path, monkeypatch, 
     assert ("was not made" in page) is not made
     assert ('<td><span class="number">0.666667</span></td><td>&lt;</td>' in page) is made
     assert ("It is *so*." in page) is made
-    assert (folder / "some_picture.csv").is_file() is made
+    assert (folder / "some_picture.csv.gz").is_file() is made
+    if made:
+        numbers = gzip.decompress((folder / "some_picture.csv.gz").read_bytes())
+        assert numbers == (tmp_path / "out/some/some_picture.csv").read_bytes()
+
+
+def test_the_gallery_begins_with_what_is_drawn_first_and_shows_each_picture_once():
+    groups = list(pages.in_groups(pictures()).values())
+    assert groups[0] == list(FIRST)
+    assert sorted(name for names in groups for name in names) == sorted(pictures())
+    assert min(map(len, groups)) > 1
+    assert set(pages.SEEN) == set(FIRST)
+    other = SimpleNamespace(__doc__="A wave.\n\nBy eq. (7) it\nsplits. More follows.")
+    assert pages.what_to_see("no_such", other) == "By eq. (7) it splits."
 
 
 def test_a_page_that_does_not_change_is_not_written_again(tmp_path):
