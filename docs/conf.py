@@ -62,6 +62,8 @@ WITHOUT = (
     "claims",
     "derivations",
     "limits",
+    "accuracy",
+    "conventions",
     "speed",
     "house",
     "extend",

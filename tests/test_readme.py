@@ -40,8 +40,9 @@ def test_block_asserts_a_number_that_it_computed(number):
     )
 
 
-def test_there_are_six_jobs_each_of_few_lines():
-    assert len(BLOCKS) == TEXT.count("```python") == 6
+def test_there_are_a_first_example_and_six_jobs_each_of_few_lines():
+    assert len(BLOCKS) == TEXT.count("```python") == 1 + 6
+    assert len(re.findall(r'^### .+\n\n<img src=.+>\n\n\w', TEXT, re.MULTILINE)) == 6
     for block in BLOCKS:
         assert len([line for line in block.splitlines() if line.strip()]) <= MOST_LINES
 
@@ -50,15 +51,16 @@ def test_readme_is_short():
     assert len(TEXT.split()) <= MOST_WORDS
 
 
-def test_readme_opens_with_a_picture_and_two_commands():
-    picture = re.search(r"!\[[^\]]+\]\(([^)]+)\)", TEXT)
-    assert (ROOT / picture[1]).is_file()
+def test_readme_opens_with_a_prism_a_wave_and_commands():
     opening = TEXT[: TEXT.index("## ")]
-    assert "make figures" in opening
-    assert "make test" in opening
+    assert "docs/pictures/prism_drawing.png" in opening
+    assert re.search(r"!\[[^\]]+\]\(docs/pictures/wave_collision.gif\)", opening)
+    for command in ("pip install .", "make figures", "make test"):
+        assert command in opening
 
 
-def test_links_of_the_readme_lead_to_files():
-    links = re.findall(r"\]\(([^)]+)\)", TEXT)
-    assert len(links) >= 7
+def test_links_and_pictures_of_the_readme_are_there():
+    links = re.findall(r"\]\(([^)]+)\)", TEXT) + re.findall(r'src="([^"]+)"', TEXT)
+    assert len(links) >= 15
     assert [link for link in links if not (ROOT / link).is_file()] == []
+    assert TEXT.count("<img ") == len(re.findall(r'<img [^>]*alt="[^"]+"', TEXT))

@@ -120,6 +120,38 @@ def test_every_job_of_the_guide_and_every_part_is_there():
     assert {f"{part}.html" for part in parts} <= set(PAGES)
 
 
+def test_pages_show_what_their_code_prints_and_copy_the_code_alone(browser):
+    browser.resize(1400)
+    browser.open((SITE / "guide/wave.html").as_uri())
+    blocks, outputs, buttons = browser.evaluate(
+        """["div.highlight-python", "div.output", "button.copybtn"].map(
+          s => document.querySelectorAll(s).length)"""
+    )
+    assert blocks == buttons >= 2
+    assert outputs >= 2
+
+
+def test_the_reference_leads_to_sources_and_shows_examples():
+    texts = [path.read_text(encoding="utf-8") for path in SITE.glob("reference/*.html")]
+    assert sum(text.count('class="viewcode-link"') for text in texts) > 150
+    assert sum(text.count('class="rubric">Examples') for text in texts) >= 30
+
+
+@pytest.mark.parametrize(
+    "words", ["buckling", "intruder", "notebook", "tutorial", "band gap", "calibration", "damping",
+              "animation"],
+)  # fmt: skip
+def test_what_a_visitor_searches_finds_a_page(browser, words):
+    browser.resize(1400)
+    browser.open(f"{(SITE / 'search.html').as_uri()}?q={words.replace(' ', '+')}")
+    found = browser.evaluate(
+        """new Promise(done => { const look = n => {
+          const found = document.querySelectorAll("#search-results li").length;
+          found || n > 50 ? done(found) : setTimeout(look, 100, n + 1) }; look(0) })"""
+    )
+    assert found > 0
+
+
 @pytest.mark.parametrize("width", WIDTHS)
 def test_every_page_shows_itself_whole_without_complaint(browser, width):
     browser.resize(width)
