@@ -369,7 +369,7 @@ def _make_chain(springs, sites, mass, ends, **forcing):
 
 def _ensemble(x):
     same = all(scene is x.scenes[0] for scene in x.scenes)
-    return {"scenes": x.scenes[0], "lanes": x.lanes} if same else {"scenes": x.scenes}
+    return {"scenes": x.scenes[0], "count": x.count} if same else {"scenes": x.scenes}
 
 
 def _wall(x):

@@ -314,9 +314,9 @@ def driven_entries(scene: Any, prescribed: bool) -> tuple[Any, Any]:
 def time_signals(scene: Any) -> list[Any]:
     """All functions of time that drive or tune a scene, or the scenes of an ensemble."""
     found: list[Any] = []
-    for lane in getattr(scene, "scenes", (scene,)):
-        found += () if callable(lane.tune) else lane.tune.values()
-        for drive in lane.drive.values():
+    for one in getattr(scene, "scenes", (scene,)):
+        found += () if callable(one.tune) else one.tune.values()
+        for drive in one.drive.values():
             found += [signal for signal in drive.signals if signal is not None]
     return found
 
