@@ -186,7 +186,7 @@ def ensembles():
         loop = bound_loop(
             Compiled.of(dynamics(chain).loop_bonds, lanes), chain, u, np.zeros_like(u)
         )
-        loops[lanes] = lambda loop=loop, count=lanes: loop.advance(steps[lanes])
+        loops[lanes] = lambda loop=loop, lanes=lanes: loop.advance(steps[lanes])
     return {n: t * 1e9 / steps[n] / n / (LANED - 1) for n, t in best(loops).items()}
 
 

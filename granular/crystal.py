@@ -34,7 +34,7 @@ class Crystal:
     beads: tuple[Bead, ...]
     parts: dict[str, tuple[int, ...]]
     striker: Striker | None
-    _made_of: dict[str, Any]
+    _arguments: dict[str, Any]
     if TYPE_CHECKING:
         sites: int
 

@@ -82,7 +82,7 @@ class Guide(Assembly):
         damping: Damping | None = None,
     ) -> None:
         gravity, preload = _checked(layout, beads, wall, striker, end, gravity, preload)
-        self._made_of = {
+        self._arguments = {
             "layout": layout, "beads": beads, "wall": wall, "striker": striker, "end": end,
             "gravity": gravity, "preload": preload,
         }  # fmt: skip

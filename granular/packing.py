@@ -99,7 +99,7 @@ class Pack(Assembly):
             raise TensegrityError(f"contacts {check.shown(contacts)} must be 'fixed' or 'follow'")
         filled = per_place(beads, len(places))
         named = _named_walls(walls)
-        self._made_of = {
+        self._arguments = {
             "places": places, "beads": filled, "walls": named, "contacts": contacts,
             "parts": parts, "striker": striker, "approach": approach,
             "gravity": gravity, "preload": preload,

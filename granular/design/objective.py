@@ -8,7 +8,7 @@ Displacement and velocity of the last bead are recorded at each step.  Where its
 sign its overlap with the wall has a maximum, which is located on the cubic through the values and
 slopes at both steps: maxima between the steps are included.
 
-The step is the fraction `SHARE` of the time unit of Hertz's impact, (m^2/(alpha^2 v))^(1/5), of
+The step is the fraction `STEP_FRACTION` of the time unit of an impact, (m^2/(alpha^2 v))^(1/5), of
 the fastest contact that the beads of a design could make in any order.  With it the force is
 within 1e-4 of its limit for steel beads of 4 and 10 mm, and with twice the step within 1e-3;
 errors are typically a hundred times smaller.  Late maxima, after many collisions, have larger
@@ -41,8 +41,8 @@ from tensegrity.typing import Array
 
 METHOD: Any = METHODS["rkn6"]
 EXPONENT = 1.5  # of Hertz's law; `granular.contact` derives it
-SHARE = 0.25  # of the time unit of the fastest contact
-RUNGS = 4  # step counts of one doubling: chains run together where they have the same
+STEP_FRACTION = 0.25  # of the time unit of the fastest contact
+PER_DOUBLING = 4  # step counts of one doubling: chains run together where they have the same
 BATCH_SIZES = (8, 16, 32, 64)  # numbers of chains for which compiled loops exist
 CHUNK = 512  # steps of which the last bead's motion is kept at a time
 MOST = 10**8  # steps
@@ -120,7 +120,7 @@ def peak_force(
     dt = None if dt is None else check.number("dt", dt, above=0, unit="s")
     native.require()
     forces = np.empty(len(chains))
-    for steps, members in _alike(chains, striker, wall, t_end, dt):
+    for steps, members in _by_step_count(chains, striker, wall, t_end, dt):
         mine = [chains[k] for k in members]
         found = largest(Designs.of(mine), striker, wall, t_end, steps)
         if np.isinf(found.first).any():
@@ -178,15 +178,15 @@ def step_count(unit: float, t_end: float, dt: float | None) -> int:
         raise TensegrityError(
             f"dt {dt:g} s must be at most {unit:g} s, the time unit of the fastest contact"
         )
-    wanted = t_end / (SHARE * unit if dt is None else dt)
+    wanted = t_end / (STEP_FRACTION * unit if dt is None else dt)
     if not wanted <= MOST:
         raise TensegrityError(f"t_end {t_end:g} s takes {wanted:.3g} steps, at most {MOST:g} go")
     if dt is None:
-        wanted = 2 ** (math.ceil(RUNGS * math.log2(max(wanted, 1.0))) / RUNGS)
+        wanted = 2 ** (math.ceil(PER_DOUBLING * math.log2(max(wanted, 1.0))) / PER_DOUBLING)
     return max(math.ceil(wanted), 1)
 
 
-def _alike(
+def _by_step_count(
     chains: Sequence[Sequence[Bead]],
     striker: Striker,
     wall: Material,
@@ -338,7 +338,7 @@ def not_arrived(
     longer, when = t_end, ""
     while longer < PATIENCE * t_end and longer / unit < MOST / 1000:
         longer *= 2
-        found = largest(design, striker, wall, longer, math.ceil(longer / (SHARE * unit)))
+        found = largest(design, striker, wall, longer, math.ceil(longer / (STEP_FRACTION * unit)))
         if np.isfinite(found.first[0]):
             when = f": its first maximum at the wall comes at {found.first[0]:.4g} s"
             break
