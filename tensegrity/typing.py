@@ -20,6 +20,22 @@ Number = TypeVar("Number", float, Array)  # the result has the type of the argum
 
 
 @runtime_checkable
+class Motion(Protocol):
+    """Displacements and velocities: a State, or all recorded rows of a Run.
+
+    What depends on positions only takes their array u; what depends on velocities too takes these.
+    """
+
+    @property
+    def u(self) -> Array:
+        """Displacements [m]."""
+
+    @property
+    def v(self) -> Array:
+        """Velocities [m/s], shape of u."""
+
+
+@runtime_checkable
 class SceneData(Protocol):
     """A scene: data for `tensegrity.scenes.dynamics`, without any state of a run."""
 

@@ -62,14 +62,14 @@ MADE_BY_OTHERS = {
 }  # fmt: skip
 INNER = {  # what runs, paths and searches ask of their objects, and nobody else
     "Best", "Budget", "Corrected", "Method", "Midpoint", "Modes", "Nystrom", "Objective",
-    "Prediction", "Pulse", "Splitting", "Trace", "argument", "arrays", "at",
+    "Prediction", "Pulse", "Splitting", "Trace", "arrays", "at",
     "available_energy", "beyond", "bind", "by_beads", "check", "check_room", "children",
     "columns", "contacts_at", "contacts_within", "cosines", "default", "derivative", "designs",
     "each", "energies", "extreme", "fastest", "finer_share", "freedom", "frequency",
-    "frequency_of", "from_law", "is_alike", "likely", "listed", "listings",
-    "mutants", "name", "name_of", "needed", "nystrom_of", "of", "of_coefficients", "opened",
+    "frequency_of", "is_alike", "listed", "listings",
+    "mutants", "name", "name_of", "needed", "nystrom_of", "of", "opened",
     "palindrome", "parts", "places_of", "plan", "present_ranges", "projected", "random",
-    "rows", "shift_from", "steps", "stiffest", "stiffness_within", "stored_by_site",
+    "rows", "steps", "stiffest", "stiffness_within", "stored_by_site",
     "stretch", "walls_hold", "walls_named", "with_springs",
 }  # fmt: skip
 

@@ -48,7 +48,7 @@ def pulse(run, first=120):
     """Momentum [kg m/s] and energy [J] beyond a contact at the last instant."""
     scene = run.scene
     momentum = np.sum(scene.mass[first:] * run.final.v[first:])
-    return momentum, np.sum(scene.site_energy(run.final.u, run.final.v)[first:])
+    return momentum, np.sum(scene.site_energy(run.final)[first:])
 
 
 def test_wave_speed_follows_the_force_with_the_exact_wave_s_constant(steel):

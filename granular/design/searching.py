@@ -163,7 +163,7 @@ class _SearchRecord:
         self.forces: list[float] = []
         self._known: dict[bytes, tuple[Array, float]] = {}  # the best design of each row
         self._best, self._best_forces = np.empty((0, problem.space.count)), np.empty(0)
-        self._whole: list[tuple[Any, int]] = []  # best design of descents within the budget, and count
+        self._whole: list[tuple[Any, int]] = []  # best design of a descent, and count
         self._written, self._digest = 0, hashlib.sha256()
         self._path: Path | None = None if path is None else check.path("checkpoint", path)
         self._old: list[tuple[Any, Array]] = []

@@ -40,8 +40,8 @@ class Bonds:
         [1/kg], 0 for a held site.
     contacts : Contacts, optional
         Contacts of a network; the bonds of a chain join neighbours.
-    openings : ndarray, (kinks, springs, 4), optional
-        The kinks of each different spring, `Potential.openings`; NaN after its last one.
+    kinks : ndarray, (kinks, springs, 4), optional
+        The kinks of each different spring, `Potential.kinks`; NaN after its last one.
     """
 
     laws: tuple
@@ -50,7 +50,7 @@ class Bonds:
     group: np.ndarray
     inverse_mass: np.ndarray
     contacts: Contacts | None = None
-    openings: np.ndarray | None = None
+    kinks: np.ndarray | None = None
 
     @property
     def dim(self):

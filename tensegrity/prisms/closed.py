@@ -23,7 +23,7 @@ from tensegrity.engine.programs import run
 from tensegrity.errors import EquilibriumError, NoLocking
 from tensegrity.once import once
 from tensegrity.root import root
-from tensegrity.springs.potential import Potential, call
+from tensegrity.springs.potential import Potential, call, potential_of_law
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -133,7 +133,7 @@ def _about(prism: Any, height: float, preload: float) -> Potential:
     numbers = [float(value) for value in values.values()]
     domain = -float(values[role["lock"]]), float(values[role["stroke"]])
     origin = call(f"{prism!r}.potential", preload=preload)
-    return Potential.from_law(law, numbers, height, domain, ends, origin, (prism, preload))
+    return potential_of_law(law, numbers, height, domain, ends, origin, (prism, preload))
 
 
 def _loaded_shift(unloaded: Potential, preload: float) -> float:

@@ -243,7 +243,7 @@ class Prism:
         # the shape at rest does not depend on the spring constants
         replace(self, **finite).structure().plot(shape)
         potential = self.potential()
-        low, high = potential.reach
+        low, high = potential.computable_domain
         r = np.linspace(DRAWN * low, min(high, -low) / 2, 200)
         curve.plot(-r, -potential.tension(r))
         curve.set(xlabel="shortening [m]", ylabel="axial load [N]")

@@ -32,8 +32,8 @@ from tensegrity.scenes.forcing import Damping, Drive
 from tensegrity.scenes.network import Network
 from tensegrity.scenes.scene import State
 from tensegrity.scenes.walls import Wall
-from tensegrity.springs.polynomial import Polynomial
-from tensegrity.springs.potential import Potential
+from tensegrity.springs.polynomial import Polynomial, polynomial_of_coefficients
+from tensegrity.springs.potential import Potential, potential_of_law, provenance
 from tensegrity.springs.power_law import PowerLaw
 from tensegrity.structures.dynamics import BarSpring, StringSpring
 
@@ -321,8 +321,9 @@ def _power_law(x):
 def _rigid(x):
     if all(x.law != rigid_law(any_sides) for any_sides in (False, True)):
         return None
+    origin, made_of = provenance(x)
     parts = {"values": x.values, "length": x.length, "domain": x.domain, "ends": x.ends}
-    return parts | {"origin": x.origin, "made_of": x.made_of}
+    return parts | {"origin": origin, "made_of": made_of}
 
 
 def _make_rigid(values, length, domain, ends, origin, made_of=None):
@@ -332,7 +333,7 @@ def _make_rigid(values, length, domain, ends, origin, made_of=None):
         check.kind("text of a potential", text, str)
     if made_of is not None:
         check.kind("prism", made_of[0], Prism)
-    return Potential.from_law(law, values, length, domain, ends, origin, made_of)
+    return potential_of_law(law, values, length, domain, ends, origin, made_of)
 
 
 def _polynomial(x):
@@ -341,7 +342,7 @@ def _polynomial(x):
 
 
 def _elastic(x):
-    prism, preload = x.made_of
+    _, (prism, preload) = provenance(x)
     return {"prism": prism, "preload": preload}
 
 
@@ -415,7 +416,7 @@ register(Prism, _fields)
 register(PowerLaw, _power_law)
 register(Potential, _rigid, _make_rigid)
 register(ElasticPotential, _elastic)
-register(Polynomial, _polynomial, Polynomial.of_coefficients)
+register(Polynomial, _polynomial, polynomial_of_coefficients)
 register(StringSpring, _member)
 register(BarSpring, _member)
 register(Wall, _wall, _make_wall)

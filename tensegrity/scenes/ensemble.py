@@ -194,7 +194,7 @@ class BatchDynamics(Dynamics):
         if group.ndim == 2 and np.any(law[group] != law[group[:, :1]]):
             return None
         mass = np.ascontiguousarray(self.inverse_mass)
-        return Bonds(laws, law, parameters, group, mass, openings=self.springs.openings)
+        return Bonds(laws, law, parameters, group, mass, kinks=self.springs.kinks)
 
     def arrays(self, state: State) -> tuple[Array, Array]:
         """u and v in the form of the compiled loop."""

@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from tensegrity.scenes.forcing import Damping, Drive, Tune
-    from tensegrity.typing import Array
+    from tensegrity.typing import Array, Motion
 
 
 class Network(Scene):
@@ -264,10 +264,11 @@ class Network(Scene):
         """Force of each wall contact [N], compression > 0; (..., wall contacts)."""
         return -dynamics(self).evaluate("tension", u)[..., len(self.bonds) :]
 
-    def site_energy(self, u: Array, v: Array) -> Array:
-        """Energy of each site [J]; (..., sites): its kinetic energy, half the energy of its bonds,
-        the energy of its wall contacts, and the potential of its load."""
-        u, v = self._checked_rows(u, v)
+    def site_energy(self, state: Motion) -> Array:
+        """Energy of each site [J], of a state or of the rows of a run; (..., sites): its kinetic
+        energy, half the energy of its bonds, the energy of its wall contacts, and the potential of
+        its load."""
+        u, v = self._checked_rows(state)
         result = 0.5 * self.mass * np.sum(v**2, axis=-1) - np.sum(self.loads * u, axis=-1)
         bonds, walls = np.split(dynamics(self).evaluate("energy", u), [len(self.bonds)], axis=-1)
         bonds = bonds / 2

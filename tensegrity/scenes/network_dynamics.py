@@ -59,7 +59,7 @@ class NetworkDynamics(Dynamics):
         places = self.geometry, scene.positions
         behind = scene.loads, self.wall_count, self.neighbour_counts
         contacts = Contacts(*arrays, *places, *behind)  # type: ignore[call-arg]
-        return Bonds(*springs.table, springs.group, self.inverse_mass, contacts, springs.openings)
+        return Bonds(*springs.table, springs.group, self.inverse_mass, contacts, springs.kinks)
 
     @cached_property
     def loop_bonds(self) -> Bonds:

@@ -88,21 +88,21 @@ class Springs:
         return laws, fixed(np.array(numbers, dtype=int)), fixed(parameters)
 
     @cached_property
-    def openings(self) -> Array:
+    def kinks(self) -> Array:
         """Place, strength, exponent and side of the kinks of each spring; (kinks, springs, 4),
         padded with NaN."""
-        most = max((len(spring.openings) for spring in self.different), default=0)
+        most = max((len(spring.kinks) for spring in self.different), default=0)
         found = np.full((max(most, 1), len(self), 4), np.nan)
         for k, spring in enumerate(self.different):
-            for row, opening in zip(found, spring.openings, strict=False):
+            for row, opening in zip(found, spring.kinks, strict=False):
                 row[k] = opening
         return fixed(found)
 
     @cached_property
     def _kinks(self):
         """All kinks, (kinks, 4), and the indices of their springs."""
-        kink, spring = np.nonzero(~np.isnan(self.openings[..., 2]))
-        return self.openings[kink, spring], spring
+        kink, spring = np.nonzero(~np.isnan(self.kinks[..., 2]))
+        return self.kinks[kink, spring], spring
 
     @property
     def has_kinks(self) -> bool:
@@ -130,9 +130,11 @@ class Springs:
         return np.flatnonzero(~((kinks[:, 0] < low) | (kinks[:, 0] > high)))
 
     @cached_property
-    def reach(self) -> Any:
+    def computable_domain(self) -> Any:
         """Lowest and highest elongation that a run can compute [m]; (springs, 2)."""
-        return fixed(np.array([spring.reach for spring in self.different]).reshape(-1, 2))
+        return fixed(
+            np.array([spring.computable_domain for spring in self.different]).reshape(-1, 2)
+        )
 
     @cached_property
     def force_model(self) -> str:
@@ -204,7 +206,7 @@ class Springs:
             loop = loop_of_law(one.law)
             if loop is None or "energy" not in one.law.compiled:
                 return None
-            found.append((loop, one.values, self.reach[one.rows].T, columns))
+            found.append((loop, one.values, self.computable_domain[one.rows].T, columns))
         return Energies(mass, found, contacts)
 
     def _evaluate_springs(self, name, r, numbers):
@@ -309,7 +311,7 @@ class Springs:
     def _searches(self):
         """The compiled search for each name in `ORDERS` for which all springs have a compiled
         function."""
-        if not self.different or not np.array_equal(self.reach, self.domains):
+        if not self.different or not np.array_equal(self.computable_domain, self.domains):
             return {}
         laws, law, parameters = self.table
         loops, kinds = [loop_of_law(one) for one in laws], {type(one) for one in self.different}
@@ -352,7 +354,7 @@ class _SpringGroup:
             worst = tuple(x[0] for x in np.nonzero(~inside))
             if np.isnan(r[worst]):
                 raise TensegrityError("elongation nan m is not a number")
-            raise self._springs.different[self.rows[worst[-1]]].beyond(float(r[worst]))
+            raise self._springs.different[self.rows[worst[-1]]]._range_error(float(r[worst]))
         return evaluated(self.law, order, self.values, np.ascontiguousarray(r))
 
 

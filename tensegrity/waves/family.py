@@ -280,7 +280,7 @@ class Family:
     @property
     def kink(self):
         """Size of the elongation at the first kink of the force on this side [m]; inf if none."""
-        places = [self.sign * place for place, *_ in self.potential.openings]
+        places = [self.sign * place for place, *_ in self.potential.kinks]
         return min((place for place in places if place > 0), default=math.inf)
 
     @cached_property
