@@ -22,8 +22,9 @@ from tensegrity.engine.programs import derived as program_of
 from tensegrity.engine.programs import run
 from tensegrity.errors import EquilibriumError, NoLocking
 from tensegrity.once import once
+from tensegrity.printing import call
 from tensegrity.root import root
-from tensegrity.springs.potential import Potential, call, potential_of_law
+from tensegrity.springs.potential import Potential, potential_of_law
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -22,8 +22,9 @@ from tensegrity.engine.compiled import Functions, evaluated
 from tensegrity.engine.law import deflated, horner
 from tensegrity.errors import EquilibriumError, LockingError, RangeError
 from tensegrity.once import once
+from tensegrity.printing import call
 from tensegrity.prisms.equations import UNKNOWNS, inner, kind_of, numbers, problem, tangent
-from tensegrity.springs.potential import Potential, call
+from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array, Flags, Members
 
 STALLED = 1e-10  # size below which a step that no longer shrinks is round-off

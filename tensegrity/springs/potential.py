@@ -22,7 +22,7 @@ from tensegrity.engine.compiled import evaluated
 from tensegrity.engine.law import DerivedLaw, Law, check_law
 from tensegrity.engine.programs import derived, run
 from tensegrity.errors import LockingError, TensegrityError
-from tensegrity.printing import concise
+from tensegrity.printing import concise, number_text
 from tensegrity.readonly import fixed
 from tensegrity.springs.kinks import kinks
 
@@ -396,16 +396,6 @@ def _sound_speed_squared() -> tuple[list[Any], tuple[Any, ...]]:
 
     squared = form.sound_speed().subs(form.spacing, 1) ** 2
     return [squared], (form.stiffness, form.mass)
-
-
-def number_text(number: float) -> str:
-    """The shortest text that evaluates to this number: 1 rather than 1.0."""
-    return repr(float(number)).removesuffix(".0")
-
-
-def call(name: str, **given: Any) -> str:
-    """The text of a call with these arguments, such as f(x=1, y=2)."""
-    return f"{name}({', '.join(f'{key}={number_text(value)}' for key, value in given.items())})"
 
 
 def potential_of_law(

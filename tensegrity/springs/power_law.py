@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from tensegrity import check
 from tensegrity.engine.law import DerivedLaw, Law
-from tensegrity.springs.potential import Potential, call
+from tensegrity.printing import call
+from tensegrity.springs.potential import Potential
 
 if TYPE_CHECKING:
     import sympy as sp

@@ -7,9 +7,10 @@ import math
 from tensegrity import check
 from tensegrity.engine.law import Law
 from tensegrity.once import once
+from tensegrity.printing import call
 from tensegrity.scenes.network import Network
 from tensegrity.springs.kinks import TAUT
-from tensegrity.springs.potential import Potential, call
+from tensegrity.springs.potential import Potential
 from tensegrity.structures.members import Members
 from tensegrity.typing import Array
 
