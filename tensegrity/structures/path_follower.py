@@ -271,6 +271,7 @@ class PathFollower:
                 self.end = ENDS["snap"].format("change of active set")
                 return None
         if chosen is not None and len(critical) > 1:
+            words = [_changed(piece.taut, chosen.taut) or words[0]]
             count = int(chosen.taut[critical].sum())
             words.append(f"{count} of {len(critical)} strings at natural length are taut beyond")
         if chosen is not None and chosen.sense != incoming:
