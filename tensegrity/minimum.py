@@ -193,9 +193,13 @@ def lowest(matrix: Any, mass: Array, rigid: Array, count: int, bound: float) -> 
         root = np.sqrt(mass)
         whole = matrix if isinstance(matrix, np.ndarray) else matrix.toarray()
         of = whole / (root * root[:, None])
-        _move_up(of, np.linalg.qr(root[:, None] * rigid)[0], least / ZERO)
-        values, vectors = eigh(of, subset_by_index=(0, count - 1), overwrite_a=True)
-        vectors = vectors / root[:, None]
+        skipped, (v, t) = rigid.shape[1], _reflections(root[:, None] * rigid)
+        for _ in range(2):  # Q^T K Q
+            of = (of - v @ (t.T @ (v.T @ of))).T
+        found = eigh(of[skipped:, skipped:], subset_by_index=(0, count - 1))
+        values, vectors = found[0], np.zeros((free, count))
+        vectors[skipped:] = found[1]
+        vectors = (vectors - v @ (t @ (v.T @ vectors))) / root[:, None]
     else:
         start, weights = np.cos(np.arange(free) ** 1.5), diags_array(mass)
         rigid = np.linalg.qr(mass[:, None] * rigid)[0]
@@ -214,15 +218,13 @@ def lowest(matrix: Any, mass: Array, rigid: Array, count: int, bound: float) -> 
     return np.where(np.abs(values) <= least, 0.0, values), vectors
 
 
-def _move_up(of: Array, motions: Array, bound: float) -> None:
-    """Restrict a symmetric matrix, in place, to the complement of orthonormal motions, and make
-    these eigenvectors above all others, whose eigenvalues are below a bound."""
-    pulled = of @ motions
-    inner = motions.T @ pulled
-    inner.flat[:: len(inner) + 1] += 2 * bound or 1.0
-    half = motions @ (inner / 2) - pulled
-    change = half @ motions.T
-    of += change + change.T
+def _reflections(columns: Array) -> tuple[Array, Array]:
+    """V and T of Q = I - V T V^T, whose first columns span `columns`, (free, count) and
+    (count, count): the compact form of Householder's reflections (Schreiber & Van Loan 1989)."""
+    raw, tau = np.linalg.qr(columns, mode="raw")
+    v = np.tril(raw.T, -1)
+    np.fill_diagonal(v, 1.0)
+    return v, np.linalg.solve(np.eye(len(tau)) + tau[:, None] * np.triu(v.T @ v, 1), np.diag(tau))
 
 
 def round_off(matrix: Any, mass: Array) -> float:
