@@ -96,7 +96,7 @@ def test_frequencies_weigh_each_node_by_its_mass(ball):
     "supports", [None, held([0, 1], axes=[1]) + held([5]), plates([0, 4], [3, 7], (1, -2, 0.5))]
 )
 def test_modes_on_supports_are_those_of_the_permitted_motions(ball, supports):
-    """Of the generalised problem on a basis of them, rigid ones left out by their stiffness of 0."""
+    """Of the generalised problem on a basis of them, without the rigid ones of stiffness 0."""
     heavy = ball.at(ball.positions, mass=np.geomspace(1.0, 50.0, 12))
     freedom, mass = heavy.freedom(supports), np.repeat(heavy.mass, 3)
     basis = freedom.motions.toarray()
