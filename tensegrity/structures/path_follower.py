@@ -276,9 +276,8 @@ class PathFollower:
                 self.end = ENDS["snap"].format("change of active set")
                 return None
         if chosen is not None and len(critical) > 1:
-            words = [_changed(piece.taut, chosen.taut) or words[0]]
-            count = int(chosen.taut[critical].sum())
-            words.append(f"{count} of {len(critical)} strings at natural length are taut beyond")
+            taut = f"{int(chosen.taut[critical].sum())} of {len(critical)} strings at natural length"
+            words = [_changed(piece.taut, chosen.taut) or words[0], f"{taut} are taut beyond"]
         if chosen is not None and chosen.sense != incoming:
             words.append("the path reverses its sense")
         self.events.append(("slack", row, u, piece, ", ".join(words)))
