@@ -28,7 +28,8 @@ def ball():
 
 def test_icosahedron_has_one_self_stress_and_one_mechanism(ball):
     stress = ball.self_stress()
-    assert stress.states.shape == (1, 30) and (stress.states[0, 6:] > 0).all()
+    assert stress.states.shape == (1, 30)
+    assert (stress.states[0, 6:] > 0).all()
     assert ball.mechanisms().shape == (1, 12, 3)
     q = stress.feasible
     assert np.allclose(q[:6] / q[6], -1.5, rtol=1e-13)

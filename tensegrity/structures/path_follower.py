@@ -276,7 +276,7 @@ class PathFollower:
                 self.end = ENDS["snap"].format("change of active set")
                 return None
         if chosen is not None and len(critical) > 1:
-            taut = f"{int(chosen.taut[critical].sum())} of {len(critical)} strings at natural length"
+            taut = f"{chosen.taut[critical].sum()} of {len(critical)} strings at natural length"
             words = [_changed(piece.taut, chosen.taut) or words[0], f"{taut} are taut beyond"]
         if chosen is not None and chosen.sense != incoming:
             words.append("the path reverses its sense")
