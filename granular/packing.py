@@ -23,6 +23,9 @@ from granular.layout import TOUCH
 from granular.materials import Material
 from granular.statics import Equilibrium, rest_of
 from tensegrity import State, TensegrityError, Wall, check
+from tensegrity.readonly import Repeated, fixed
+from tensegrity.scenes.clearance import Clearance
+from tensegrity.scenes.near_pairs import blocks, searched_once
 
 if TYPE_CHECKING:
     from typing import Any
@@ -49,7 +52,7 @@ class Pack(Assembly):
     beads : Bead or sequence of Bead, (beads,)
     walls : dict of str to (Wall, Material), optional
     contacts : {"fixed", "follow"}
-    parts : dict of str to tuple of int, optional
+    parts : dict of str to sequence of int, optional
         Sites of each part, without the striker; by default all are "beads".
     striker : Striker, optional
     approach : tuple of two (dim,), optional
@@ -63,8 +66,8 @@ class Pack(Assembly):
     ----------
     places : ndarray, (beads, dim)
         As given: the places of all sites but the striker.
-    beads : tuple of Bead, (sites,)
-    parts : dict of str to tuple of int
+    beads : sequence of Bead, (sites,)
+    parts : dict of str to range or tuple of int
     striker : Striker or None
     named_walls : dict of str to (Wall, Material)
         As `pack` takes them.
@@ -81,7 +84,7 @@ class Pack(Assembly):
         walls: Walls | None = None,
         contacts: str = "fixed",
         *,
-        parts: Mapping[str, tuple[int, ...]] | None = None,
+        parts: Mapping[str, Sequence[int]] | None = None,
         striker: Striker | None = None,
         approach: tuple[ArrayLike, ArrayLike] | None = None,
         gravity: float = 0.0,
@@ -97,26 +100,41 @@ class Pack(Assembly):
         places = check.vector("places", places, places.shape)
         if not isinstance(contacts, str) or contacts not in ("fixed", "follow"):
             raise TensegrityError(f"contacts {check.shown(contacts)} must be 'fixed' or 'follow'")
-        filled = per_place(beads, len(places))
+        filled, places = per_place(beads, len(places)), fixed(places)
         named = _named_walls(walls)
+        given = {"beads": range(len(places))} if parts is None else {k: _range(x) for k, x in parts.items()}
         self._made_of = {
             "places": places, "beads": filled, "walls": named, "contacts": contacts,
-            "parts": parts, "striker": striker, "approach": approach,
+            "parts": given, "striker": striker, "approach": approach,
             "gravity": gravity, "preload": preload,
         }  # fmt: skip
         self.places, self.striker = places, striker
-        given = {"beads": tuple(range(len(places)))} if parts is None else dict(parts)
         if striker is not None:
             start, self._heading = (np.asarray(x, dtype=float) for x in approach)  # type: ignore[union-attr]
-            places, filled = np.concatenate([places, start[None]]), (*filled, striker.bead)
-            given = {"striker": (len(places) - 1,), **given}
+            places, filled = np.concatenate([places, start[None]]), filled + (striker.bead,)
+            given = {"striker": range(len(places) - 1, len(places)), **given}
         self.parts, self.beads = given, filled
         self.named_walls, self.wall_names = dict(named), tuple(named)
         solids = tuple(material for _, material in named.values())
         self._wall_materials = solids
-        springs = SharedSprings(hertz)
-        radius = np.array([bead.radius for bead in filled])
-        planes = [wall for wall, _ in named.values()]
+        with searched_once():
+            self._join(places, filled, contacts, gravity, preload, drive=drive, damping=damping)
+        self.equilibrium = rest_of(self, striker=None, approach=None)
+        self._rest = self._at_rest(self.radius)
+
+    def _join(
+        self,
+        places: Array,
+        filled: Repeated,
+        contacts: str,
+        gravity: float,
+        preload: Mapping[int, ArrayLike] | None,
+        **forcing: Any,
+    ) -> None:
+        """The network of the beads that touch."""
+        springs, solids = SharedSprings(hertz), self._wall_materials
+        radius = filled.each(lambda bead: bead.radius)
+        planes = [wall for wall, _ in self.named_walls.values()]
         bonds, touched = self._touching(places, radius, planes)
         followed = None
         if contacts == "follow":  # a wall that ends holds a bead only as long as it is beside it
@@ -127,28 +145,25 @@ class Pack(Assembly):
         super().__init__(
             places,
             bonds,
-            [springs(filled[i], filled[j]) for i, j in bonds.tolist()],
-            mass=[bead.mass for bead in filled],
+            springs.between(filled[bonds[:, 0]], filled[bonds[:, 1]]),
+            mass=filled.each(lambda bead: bead.mass),
             walls=planes,
             wall_contacts=touched,
-            wall_spring=[springs(filled[s], solids[w]) for s, w in touched.tolist()],
+            wall_spring=springs.between(
+                filled[touched[:, 0]], Repeated.of(solids)[touched[:, 1]]
+            ),
             wall_gaps=np.zeros(len(touched)),
             radius=radius,
             loads=loads,
             contacts=contacts,
             law=followed,
-            drive=drive,
-            damping=damping,
+            **forcing,
         )
-        self.equilibrium = rest_of(self, striker=None, approach=None)
-        self._rest = self._at_rest(radius)
 
     def _touching(
         self, places: Array, radius: Array, walls: Sequence[Wall]
     ) -> tuple[Indices, Indices]:
         """Pairs of beads and (bead, wall) that touch; refuses those that overlap."""
-        from scipy.spatial import cKDTree
-
         far = np.abs(places).max(axis=1)
         if np.any(far > FARTHEST * radius.min()):
             k = int(np.argmax(far))
@@ -156,23 +171,25 @@ class Pack(Assembly):
                 f"{site_name(self, k)} is {far[k]:.3g} m off the origin, must be at most "
                 f"{FARTHEST * radius.min():.3g} m, {FARTHEST:.0e} radii: gaps are lost in round-off"
             )
-        reach = 2 * radius.max() * (1 + TOUCH)
-        pairs = cKDTree(places).query_pairs(reach, output_type="ndarray").reshape(-1, 2)
-        pairs = np.sort(pairs, axis=1)
-        pairs = pairs[np.lexsort(pairs.T[::-1])]
-        i, j = pairs.T
-        apart = np.linalg.norm(places[j] - places[i], axis=1)
-        room = TOUCH * (radius[i] + radius[j])
-        gap = apart - radius[i] - radius[j]
-        if np.any(gap < -room):
-            k = int(np.argmin(gap))
-            one, other = (site_name(self, int(end[k])) for end in (i, j))
-            raise TensegrityError(
-                f"{one} and {other} overlap by {-gap[k]:.6g} m at the start, at most {room[k]:.1g} "
-                f"m is taken for touching: their centres are {apart[k]:.6g} m apart, their radii "
-                f"add up to {radius[i[k]] + radius[j[k]]:.6g} m"
-            )
-        touched = []
+        none = np.zeros((0, 2), dtype=int)
+        spheres = Clearance(places, radius, none, (), none)
+        pairs = spheres.pairs(places)
+        gap = spheres.pair_gaps(places, pairs)
+        touching = np.zeros(len(pairs), dtype=bool)
+        for some in blocks(len(pairs)):
+            sum_of_radii = radius[pairs[some, 0]] + radius[pairs[some, 1]]
+            room = TOUCH * sum_of_radii
+            if np.any(gap[some] < -room):
+                k = int(np.argmin(gap[some]))
+                one, other = (site_name(self, int(end)) for end in pairs[some][k])
+                apart = gap[some][k] + sum_of_radii[k]
+                raise TensegrityError(
+                    f"{one} and {other} overlap by {-gap[some][k]:.6g} m at the start, at most "
+                    f"{room[k]:.1g} m is taken for touching: their centres are {apart:.6g} m "
+                    f"apart, their radii add up to {sum_of_radii[k]:.6g} m"
+                )
+            touching[some] = gap[some] <= room
+        touched = [none]
         for number, (wall, name) in enumerate(zip(walls, self.wall_names, strict=True)):
             if wall.point.size != places.shape[1]:
                 raise TensegrityError(
@@ -190,9 +207,9 @@ class Pack(Assembly):
                     f"be at least its radius, {radius[worst]:.6g} m"
                 )
             close = np.flatnonzero(beside & (np.abs(height - radius) <= 2 * TOUCH * radius))
-            touched += [(site, number) for site in close.tolist()]
-        touched.sort()
-        return pairs[gap <= room], np.array(touched, dtype=int).reshape(-1, 2)
+            touched.append(np.stack([close, np.full(len(close), number)], axis=1))
+        joined = np.concatenate(touched)
+        return pairs[touching], joined[np.argsort(joined[:, 0], kind="stable")]
 
     def _at_rest(self, radius: Array) -> Array:
         """Displacements at rest; the striker is taken along by the bead that it is nearest to, and
@@ -237,7 +254,7 @@ class Pack(Assembly):
 
 
 def _loads(
-    beads: Sequence[Bead],
+    beads: Repeated,
     shape: tuple[int, ...],
     gravity: float,
     preload: Mapping[int, ArrayLike] | None,
@@ -245,7 +262,8 @@ def _loads(
     """Constant force on each site [N]."""
     gravity = check.number("gravity", gravity, least=0, unit="m/s^2")
     loads = np.zeros(shape)
-    loads[:, -1] -= gravity * np.array([bead.mass for bead in beads])
+    if gravity:
+        loads[:, -1] -= gravity * beads.each(lambda bead: bead.mass)
     if preload is None:
         return loads
     if not isinstance(preload, Mapping):
@@ -332,13 +350,23 @@ def pack(
     )  # fmt: skip
 
 
-def per_place(beads: Bead | Sequence[Bead], count: int) -> tuple[Bead, ...]:
+def _range(sites: Sequence[int]) -> Sequence[int]:
+    """The sites of a part, as a range if they are consecutive."""
+    if isinstance(sites, range) or not len(sites):
+        return sites
+    consecutive = range(sites[0], sites[0] + len(sites))
+    return consecutive if list(consecutive) == list(sites) else tuple(sites)
+
+
+def per_place(beads: Bead | Sequence[Bead], count: int) -> Repeated:
     """One Bead for each of `count` places, from one for all or a sequence."""
     if isinstance(beads, Bead):
-        return (beads,) * count
+        return Repeated((beads,), np.zeros(count, dtype=int))
     if not isinstance(beads, Iterable) or isinstance(beads, (str, bytes, Mapping)):
         raise TensegrityError(f"beads {check.shown(beads)} are not a Bead or a sequence of Beads")
-    found = beads_of(beads)
+    found = Repeated.of(beads)
+    if not all(isinstance(bead, Bead) for bead in found.different):
+        beads_of(found)  # refuses the first that is none
     if len(found) != count:
         raise TensegrityError(f"{len(found)} beads for {count} places: give one for each")
     return found

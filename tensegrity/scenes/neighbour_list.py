@@ -18,6 +18,7 @@ from tensegrity import check
 from tensegrity.errors import ContactError, StabilityError, TensegrityError
 from tensegrity.readonly import fixed
 from tensegrity.scenes.clearance import Clearance, ClearanceMonitor
+from tensegrity.scenes.near_pairs import keys
 from tensegrity.scenes.network_input import contact_geometry
 from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array
@@ -110,8 +111,8 @@ class NeighbourList(Clearance):
         near = near.reshape(self.sites, -1)
         pairs = np.stack([np.repeat(np.arange(self.sites), count), near.ravel()], axis=1)
         pairs = np.unique(np.sort(pairs[pairs[:, 0] != pairs[:, 1]], axis=1), axis=0)
-        low, high = np.sort(pairs, axis=1).T
-        pairs = pairs[~np.isin(low * self.sites + high, self._listed)]
+        listed = keys(self._bonds, self.sites)
+        pairs = pairs[~np.isin(keys(pairs, self.sites), listed)]
         walls = np.indices((self.sites, len(self.walls))).reshape(2, -1).T
         known = {tuple(pair) for pair in self.wall_contacts.tolist()}
         walls = [pair for pair in walls.tolist() if tuple(pair) not in known]

@@ -15,7 +15,7 @@ from tensegrity import check
 from tensegrity.engine import forces
 from tensegrity.engine.bonds import PAIR, WALL, Bonds, Contacts
 from tensegrity.engine.energies import Energies
-from tensegrity.readonly import fixed
+from tensegrity.readonly import Repeated, fixed
 from tensegrity.scenes.clearance import Clearance, neighbour_counts
 from tensegrity.scenes.dynamics import Dynamics
 from tensegrity.scenes.neighbour_list import NeighbourList, contacts_with
@@ -150,7 +150,7 @@ class NetworkDynamics(Dynamics):
 
     def with_springs(self, springs: Sequence[Potential]) -> Any:
         """The same network with one new spring for each distinct spring in `springs`."""
-        scene = self.scene._varied(springs=tuple(springs[k] for k in self.springs.group))
+        scene = self.scene._varied(springs=Repeated(springs, self.springs.group))
         scene._in_thread.dynamics = found = type(self)(scene)
         found.__dict__["neighbour_counts"] = self.neighbour_counts
         return scene

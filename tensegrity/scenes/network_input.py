@@ -10,8 +10,10 @@ from numpy.typing import ArrayLike
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
+from tensegrity.readonly import Repeated
+from tensegrity.scenes.near_pairs import keys
 from tensegrity.scenes.scene import SMALLEST_MASS
-from tensegrity.scenes.walls import Wall, floats
+from tensegrity.scenes.walls import Wall, WallArrays, floats
 from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array, Indices
 
@@ -63,9 +65,9 @@ def contact_geometry(
     site, wall = wall_contacts.T
     dim = positions.shape[1]
     normals = np.array([w.normal for w in walls]).reshape(-1, dim)[wall]
-    heights = [walls[w].height(exact[s]) for s, w in wall_contacts.tolist()]
+    heights = WallArrays(walls, dim).height(exact[site], wall)
     radii = np.zeros(0) if radius is None else radius[site]
-    gaps = (np.array(heights, dtype=np.longdouble) - radii).astype(float)
+    gaps = (heights - radii).astype(float)
     if wall_gaps is not None:
         gaps = checked_wall_gaps(wall_gaps, gaps, radii)
     geometry = np.zeros((dim + 2, len(bonds) + len(gaps)))
@@ -154,14 +156,16 @@ def held_sites(held: Iterable[int], sites: int) -> list[int]:
 def checked_bonds(bonds: ArrayLike, sites: int) -> Indices:
     """Bonds as pairs of different sites, without duplicates; (bonds, 2)."""
     bonds = whole_pairs("bonds", bonds)
-    for number, (i, j) in enumerate(bonds.tolist()):
-        if not 0 <= min(i, j) <= max(i, j) < sites:
-            raise TensegrityError(
-                f"bond {number} joins sites {i} and {j}, which must be 0 to {sites - 1}"
-            )
-        if i == j:
+    low, high = np.minimum(*bonds.T), np.maximum(*bonds.T)
+    wrong = np.flatnonzero((low < 0) | (high >= sites) | (low == high))
+    if wrong.size:
+        number, (i, j) = wrong[0], bonds[wrong[0]].tolist()
+        if i == j and 0 <= i < sites:
             raise TensegrityError(f"bond {number} joins site {i} to itself")
-    _refuse_duplicates("bond", np.sort(bonds, axis=1))
+        raise TensegrityError(
+            f"bond {number} joins sites {i} and {j}, which must be 0 to {sites - 1}"
+        )
+    _refuse_duplicates("bond", keys(bonds, sites))
     return bonds
 
 
@@ -198,16 +202,21 @@ def checked_wall_contacts(contacts: Indices, walls: Sequence[Wall], positions: A
     TensegrityError
         A site or wall that does not exist, a site beyond the edge of its wall, or a duplicate.
     """
-    for number, (site, wall) in enumerate(contacts.tolist()):
-        site_number(f"site of wall contact {number}:", site, len(positions))
-        if not 0 <= wall < len(walls):
-            raise TensegrityError(
-                f"wall contact {number} is with wall {wall}, there are {len(walls)}"
-            )
-        beyond = walls[wall].overhang(positions[site])
-        if beyond > 0:
-            raise TensegrityError(f"site {site} is {beyond:.3g} m beyond the end of wall {wall}")
-    _refuse_duplicates("wall contact", contacts)
+    site, wall = contacts.T
+    wrong = (site < 0) | (site >= len(positions)) | (wall < 0) | (wall >= len(walls))
+    if wrong.any():
+        number = int(np.argmax(wrong))
+        site_number(f"site of wall contact {number}:", int(site[number]), len(positions))
+        raise TensegrityError(
+            f"wall contact {number} is with wall {wall[number]}, there are {len(walls)}"
+        )
+    beyond = WallArrays(walls, positions.shape[1]).overhang(positions[site], wall)
+    if np.any(beyond > 0):
+        worst = int(np.argmax(beyond > 0))
+        raise TensegrityError(
+            f"site {site[worst]} is {beyond[worst]:.3g} m beyond the end of wall {wall[worst]}"
+        )
+    _refuse_duplicates("wall contact", site * len(walls) + wall)
     return contacts
 
 
@@ -278,16 +287,18 @@ def whole_pairs(name: str, pairs: ArrayLike) -> Indices:
     return array.astype(int)
 
 
-def _refuse_duplicates(name: str, pairs: Indices) -> None:
-    _, back, count = np.unique(pairs, axis=0, return_inverse=True, return_counts=True)
-    if np.any(count > 1):
-        twins = np.flatnonzero(back.ravel() == np.argmax(count > 1))
+def _refuse_duplicates(name: str, keys: Indices) -> None:
+    """Refuse contacts of which two have the same key."""
+    found = np.sort(keys)
+    same = np.flatnonzero(found[1:] == found[:-1])
+    if same.size:
+        twins = np.flatnonzero(keys == found[same[0]])
         raise TensegrityError(f"{name}s {twins[0]} and {twins[1]} are the same")
 
 
 def springs_of(
     spring: Potential | Sequence[Potential] | None, count: int, name: str
-) -> tuple[Potential, ...]:
+) -> Repeated:
     """One potential for each bond or contact.
 
     Parameters
@@ -300,7 +311,7 @@ def springs_of(
 
     Returns
     -------
-    tuple of Potential
+    Repeated of Potential, (count,)
 
     Raises
     ------
@@ -308,15 +319,17 @@ def springs_of(
         Anything that is not a Potential, or another number of them.
     """
     if isinstance(spring, Potential):
-        return (spring,) * count
+        return Repeated((spring,), np.zeros(count, dtype=int))
     if not isinstance(spring, Sequence):
         raise TensegrityError(
             f"spring {check.shown(spring)} of the {name}s is not a Potential, nor a list"
             f"{check.made_by(spring, Potential)}"
         )
-    springs = tuple(spring)
+    springs = Repeated.of(spring)
     if len(springs) != count:
         raise TensegrityError(f"{len(springs)} springs for {count} {name}s")
-    for number, one in enumerate(springs):
-        check.kind(f"spring of {name} {number}", one, Potential)
+    for number, one in enumerate(springs.different):
+        if not isinstance(one, Potential):
+            first = int(np.argmax(springs.number == number))
+            check.kind(f"spring of {name} {first}", one, Potential)
     return springs

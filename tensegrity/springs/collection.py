@@ -16,12 +16,13 @@ from tensegrity.engine.bonds import Contacts
 from tensegrity.engine.compiled import evaluated, loop_of_law
 from tensegrity.engine.energies import Energies, Search, SearchPoints
 from tensegrity.errors import StabilityError, TensegrityError
-from tensegrity.readonly import fixed
+from tensegrity.readonly import Repeated, fixed
 from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array, Flags, Indices
 
 ORDERS = ("energy", "tension", "stiffness")
 NEAR_END = np.logspace(-16, 0, 321)  # fractions of a range at which a search samples
+PART = 2**16  # springs that are numbered at once
 SEARCH_FRACTIONS = np.concatenate([NEAR_END, np.linspace(0, 1, 201)])
 REFINEMENTS = [np.arange(1, 65) / 64] * 4
 WAYS = SearchPoints(
@@ -59,15 +60,14 @@ class Springs:
         shape: tuple[int, ...] | None = None,
         lengths: Array | None = None,
     ) -> None:
-        known: dict[tuple, int] = {}
+        shared, (sizes, size) = Repeated.of(springs), _length_classes(lengths)
+        kind = np.min_scalar_type(len(shared.different) * len(sizes))
+        found, same = numbered(np.multiply(shared.number, len(sizes), dtype=kind) + size)
+        keys = [divmod(key, len(sizes)) for key in found.tolist()]
+        keys = [(shared.different[spring], sizes[length]) for spring, length in keys]
         numbers: dict[tuple, int] = {}
-        group = np.zeros(len(springs), dtype=int)
-        sizes = [0] * len(springs) if lengths is None else _length_classes(lengths)
-        for k, (spring, size) in enumerate(zip(springs, sizes, strict=True)):
-            same = id(spring), size
-            if same not in known:
-                known[same] = numbers.setdefault((spring, size), len(numbers))
-            group[k] = known[same]
+        equal = np.array([numbers.setdefault(key, len(numbers)) for key in keys], dtype=same.dtype)
+        group = equal[same]
         self.kinds = tuple(numbers)
         self.different = tuple(spring for spring, _ in numbers)
         self.group = fixed(group if shape is None else group.reshape(shape))
@@ -367,8 +367,33 @@ def _evaluated(sets, name, r):
 
 
 def _length_classes(lengths):
-    """A class for each length, equal within one or two per cent; -1 for a length of 0."""
-    numbers, bonds = np.full(len(lengths), -1), lengths > 0
-    if bonds.any():
-        numbers[bonds] = np.round(np.log(lengths[bonds] / lengths[bonds].min()) / 0.01)
-    return numbers.tolist()
+    """Classes of lengths equal within one or two per cent, -1 for a length of 0, and the index of
+    the class of each."""
+    if lengths is None:
+        return [0], 0
+    classes = np.full(len(lengths), -1, dtype=np.int32)
+    shortest = lengths.min(initial=np.inf, where=lengths > 0)
+    for k in range(0, len(lengths), PART):
+        some = lengths[k : k + PART]
+        bonds = some > 0
+        classes[k : k + PART][bonds] = np.round(np.log(some[bonds] / shortest) / 0.01)
+    found, size = numbered(classes)
+    return found.tolist(), size
+
+
+def numbered(keys):
+    """Different whole numbers in the order of their first places, and the index of each number in
+    these; few of them, or of a small range, are found without sorting."""
+    low, high = (keys.min(), keys.max()) if len(keys) else (0, -1)
+    if int(high) - int(low) >= max(len(keys), PART):
+        found, first, index = np.unique(keys, return_index=True, return_inverse=True)
+        order = np.argsort(first)
+        return found[order], np.argsort(order)[index]
+    first = np.full(int(high) - int(low) + 1, len(keys))
+    for k in reversed(range(0, len(keys), PART)):
+        part = keys[k : k + PART] - low
+        first[part[::-1]] = np.arange(k, k + len(part))[::-1]  # the last of equal places counts
+    order = np.argsort(first, kind="stable")[: np.count_nonzero(first < len(keys))]
+    index = np.zeros(len(first), dtype=np.min_scalar_type(len(order)))
+    index[order] = np.arange(len(order))
+    return order + low, index[keys - low]
