@@ -8,9 +8,11 @@
 
 typedef void (*law)(integer order, integer n, const double *parameters, const double *r,
                     double *out);
-typedef void (*elongation_function)(const void *, integer, const double *, double *);
+typedef void (*elongation_function)(const void *, integer, integer, const double *, double *);
 
-enum { ENERGY, TENSION, STIFFNESS, BLOCK = 64 }; /* points that one call of a law evaluates */
+/* BLOCK: points that one call of a law evaluates in a search; PART: contacts of a network of one
+   spring whose intermediate results stay in the cache. */
+enum { ENERGY, TENSION, STIFFNESS, BLOCK = 64, PART = 1024 };
 
 /* Bonds that one call evaluates: of one spring, or of one law with different parameters. */
 typedef struct {
@@ -45,24 +47,27 @@ static double pairwise_sum(const double *x, integer n)
     return sum;
 }
 
-/* Elongations of the bonds of a set; returns whether all are in the domain, which NaN is not. */
-static integer elongations(const bond_set *s, const double *u, double *restrict r)
+/* Elongations of the bonds of a set from `begin` to `end`; returns whether all are in the domain,
+   which NaN is not. */
+static integer elongations(const bond_set *s, integer begin, integer end, const double *u,
+                           double *restrict r)
 {
+    const integer *members = s->members + begin, n = end - begin;
     integer outside = 0;
     if (s->elongations) {
-        ((elongation_function)s->elongations)(s->places, s->count, u, r);
+        ((elongation_function)s->elongations)(s->places, begin, end, u, r);
     } else if (!s->members) {
-        u += s->start;
-        for (integer i = 0; i < s->count; i++) r[i] = u[i + 1] - u[i];
+        u += s->start + begin;
+        for (integer i = 0; i < n; i++) r[i] = u[i + 1] - u[i];
     } else {
-        for (integer i = 0; i < s->count; i++) r[i] = u[s->members[i] + 1] - u[s->members[i]];
+        for (integer i = 0; i < n; i++) r[i] = u[members[i] + 1] - u[members[i]];
     }
     if (s->own) {
-        for (integer i = 0; i < s->count; i++)
-            outside |= !(r[i] >= s->low[i]) | !(r[i] <= s->high[i]);
+        const double *low = s->low + begin, *high = s->high + begin;
+        for (integer i = 0; i < n; i++) outside |= !(r[i] >= low[i]) | !(r[i] <= high[i]);
     } else {
         const double low = *s->low, high = *s->high;
-        for (integer i = 0; i < s->count; i++) outside |= !(r[i] >= low) | !(r[i] <= high);
+        for (integer i = 0; i < n; i++) outside |= !(r[i] >= low) | !(r[i] <= high);
     }
     return !outside;
 }
@@ -79,11 +84,15 @@ integer energies(const bond_set *sets, integer count, integer all, const double 
     for (integer k = 0; k < rows; k++, u += entries, v += entries) {
         for (integer s = 0; s < count; s++) {
             const bond_set *set = sets + s;
-            const integer n = set->count;
-            if (!elongations(set, u, part)) return 0;
-            double *out = set->members ? part : stored + set->start;
-            ((law)set->function)(ENERGY, n, set->parameters, part, out);
-            if (set->members) for (integer i = 0; i < n; i++) stored[set->members[i]] = part[i];
+            const integer most = set->own || !set->elongations ? set->count : PART;
+            for (integer b = 0; b < set->count; b += most) {
+                const integer end = b + most < set->count ? b + most : set->count;
+                if (!elongations(set, b, end, u, part)) return 0;
+                double *out = set->members ? part : stored + set->start + b;
+                ((law)set->function)(ENERGY, end - b, set->parameters, part, out);
+                if (set->members)
+                    for (integer i = b; i < end; i++) stored[set->members[i]] = part[i - b];
+            }
         }
         for (integer i = 0; i < entries; i++) part[i] = mass[i] * (v[i] * v[i]);
         total[k] = 0.5 * pairwise_sum(part, entries) + pairwise_sum(stored, all);

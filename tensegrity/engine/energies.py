@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     Set = tuple[Compiled, Array, Array, Indices]
 
-PART = 1024  # contacts of a network in a set, so that intermediate results stay in the cache
+PART = 1024  # contacts with parameters of their own in a set, as in energies.c
 FINITE = 2  # what `largest` returns of finite numbers
 
 BOND_SET = structure("energies.c", "bond_set")
@@ -120,28 +120,29 @@ def _bond_set(
 def _places(contacts: Contacts, columns: slice | Indices) -> Any:
     """The structure `places` of C for the contacts of a set; views of the network's arrays where
     possible."""
-    geometry = contacts.geometry[:, columns]
-    if not isinstance(columns, slice):
-        geometry = np.ascontiguousarray(geometry)
+    gap, length = contacts.gap[columns], contacts.length[columns]
     return PLACES(
-        first=integers(contacts.first[columns]),
-        second=integers(contacts.second[columns]),
-        geometry=geometry,
-        apart=geometry.strides[0] // geometry.itemsize,
+        first=np.ascontiguousarray(contacts.first[columns], dtype=np.int32),
+        second=np.ascontiguousarray(contacts.second[columns], dtype=np.int32),
+        at=contacts.places,
+        gap=gap,
+        length=length,
+        gap_step=gap.strides[0] // gap.itemsize,
+        length_step=length.strides[0] // length.itemsize,
     )
 
 
 def _of_contacts(sets: Sequence[Set], contacts: Contacts) -> Iterator[Set]:
-    """Sets of at most `PART` contacts of one kind."""
+    """Sets of contacts of one kind, at most `PART` where each has parameters of its own."""
     for loop, parameters, domain, columns in sets:
         for kind in range(len(KINDS)):
             mine = np.flatnonzero(contacts.kind[columns] == kind)
+            if parameters.ndim == 1 and len(mine):
+                yield loop, parameters, domain, columns[mine]
+                continue
             for k in range(0, len(mine), PART):
                 part = mine[k : k + PART]
-                given = parameters, domain
-                if parameters.ndim == 2:
-                    given = parameters[:, part], domain[:, part]
-                yield loop, *given, columns[part]
+                yield loop, parameters[:, part], domain[:, part], columns[part]
 
 
 class SearchPoints:

@@ -4,6 +4,7 @@ its contacts."""
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,7 +12,7 @@ from numpy.typing import ArrayLike
 from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.readonly import Repeated
-from tensegrity.scenes.near_pairs import keys
+from tensegrity.scenes.near_pairs import blocks, keys
 from tensegrity.scenes.scene import SMALLEST_MASS
 from tensegrity.scenes.walls import Wall, WallArrays, floats
 from tensegrity.springs.potential import Potential
@@ -27,7 +28,7 @@ def contact_geometry(
     radius: Array | None,
     wall_gaps: ArrayLike | None = None,
 ) -> tuple[Array, Array]:
-    """Natural lengths of the bonds and the reference geometry of all contacts.
+    """Lengths of all contacts and their elongations at the reference positions.
 
     Parameters
     ----------
@@ -46,54 +47,59 @@ def contact_geometry(
 
     Returns
     -------
-    lengths : ndarray, (bonds,)
-        [m].
-    geometry : ndarray, (dim + 2, bonds + wall contacts)
-        For each contact the reference separation of its two sites, or the normal of its wall (on a
-        line the sign of the separation, 1 or -1); the initial elongation or gap [m]; and the
-        length [m], 0 for a contact with a wall.
+    lengths : ndarray, (bonds + wall contacts,)
+        [m].  Of all contacts: of the bonds, and 0 of contacts with walls.
+    gaps : ndarray, (bonds + wall contacts,)
+        Initial elongation, or gap to the wall [m].
 
     Raises
     ------
     TensegrityError
         Two joined sites that coincide, a length <= 0, or a gap far from that of the positions.
     """
-    exact = positions.astype(np.longdouble)
-    separation = exact[bonds[:, 1]] - exact[bonds[:, 0]]
-    distance = np.sqrt(np.sum(separation**2, axis=1))
-    lengths, elongation = _lengths(lengths, bonds, distance)
-    site, wall = wall_contacts.T
-    dim = positions.shape[1]
-    normals = np.array([w.normal for w in walls]).reshape(-1, dim)[wall]
-    heights = WallArrays(walls, dim).height(exact[site], wall)
+    count, (site, wall) = len(bonds), wall_contacts.T
+    found, gaps = np.zeros((2, count + len(site)))
+    given = None if lengths is None else _given_lengths(lengths, count)
+    for some in blocks(count):
+        distance = _distances(positions, bonds[some])
+        if not distance.all():
+            number = some.start + int(np.argmin(distance))
+            i, j = bonds[number]
+            raise TensegrityError(f"bond {number} joins sites {i} and {j} at the same place")
+        found[:count][some] = distance if given is None else given[some]
+        if given is not None:
+            gaps[:count][some] = distance - given[some]
+    heights = WallArrays(walls, positions.shape[1]).height(exact(positions[site]), wall)
     radii = np.zeros(0) if radius is None else radius[site]
-    gaps = (heights - radii).astype(float)
+    gaps[count:] = heights - radii
     if wall_gaps is not None:
-        gaps = checked_wall_gaps(wall_gaps, gaps, radii)
-    geometry = np.zeros((dim + 2, len(bonds) + len(gaps)))
-    reference = np.sign(separation) if dim == 1 else separation
-    geometry[:dim] = np.concatenate([reference.astype(float), normals]).T
-    geometry[dim] = np.concatenate([elongation, gaps])
-    geometry[-1, : len(bonds)] = lengths
-    return lengths, geometry
+        gaps[count:] = checked_wall_gaps(wall_gaps, gaps[count:], radii)
+    return found, gaps if gaps.any() else np.broadcast_to(0.0, gaps.shape)
 
 
-def _lengths(lengths: ArrayLike | None, bonds: Indices, distance: Array) -> tuple[Array, Array]:
-    """Natural lengths, by default the distances, and the elongations at these distances [m]."""
-    same = np.flatnonzero(distance == 0)
-    if same.size:
-        i, j = bonds[same[0]]
-        raise TensegrityError(f"bond {same[0]} joins sites {i} and {j} at the same place")
-    if lengths is None:
-        return distance.astype(float), np.zeros(len(bonds))
+def _distances(positions: Array, bonds: Indices) -> Any:
+    """Distances of the two sites of bonds [m], in extended precision."""
+    square: Any = 0.0
+    for place in positions.T:
+        square = square + (exact(place[bonds[:, 1]]) - place[bonds[:, 0]]) ** 2
+    return np.sqrt(square)
+
+
+def exact(values: Array) -> Any:
+    """Values in extended precision."""
+    return values.astype(np.longdouble)
+
+
+def _given_lengths(lengths: ArrayLike, count: int) -> Array:
+    """Natural lengths of the bonds [m], checked."""
     lengths = numbers("lengths", lengths)
-    if lengths.shape not in ((), (len(bonds),)):
-        raise TensegrityError(f"lengths have shape {lengths.shape}, must be ({len(bonds)},)")
-    lengths = np.broadcast_to(lengths, (len(bonds),)).copy()
+    if lengths.shape not in ((), (count,)):
+        raise TensegrityError(f"lengths have shape {lengths.shape}, must be ({count},)")
+    lengths = np.broadcast_to(lengths, (count,)).copy()
     bad = np.flatnonzero(~(lengths > 0))
     if bad.size:
         raise TensegrityError(f"length {lengths[bad[0]]:g} m of bond {bad[0]} must be above 0")
-    return lengths, (distance - lengths).astype(float)
+    return lengths
 
 
 GAP_TOLERANCE = 0.1  # largest difference of `wall_gaps` from the positions' gaps, over the radius
@@ -167,6 +173,24 @@ def checked_bonds(bonds: ArrayLike, sites: int) -> Indices:
         )
     _refuse_duplicates("bond", keys(bonds, sites))
     return bonds
+
+
+def contact_ends(
+    bonds: Indices, wall_contacts: Indices, sites: int
+) -> tuple[Indices, Indices]:
+    """Rows that each contact joins, sites and after them walls, the wall first; (contacts, 2).
+
+    Returns
+    -------
+    ends, bonds : ndarray of int
+        All, and as a view those of the bonds, with contiguous columns.
+    """
+    ends = np.empty((2, len(bonds) + len(wall_contacts)), dtype=np.int32)
+    ends[:, : len(bonds)] = bonds.T
+    ends[0, len(bonds) :] = sites + wall_contacts[:, 1]
+    ends[1, len(bonds) :] = wall_contacts[:, 0]
+    ends.flags.writeable = False
+    return ends.T, ends.T[: len(bonds)]
 
 
 def plane_walls(walls: Iterable[Wall], dim: int) -> tuple[Wall, ...]:

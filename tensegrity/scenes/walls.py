@@ -158,7 +158,7 @@ class WallArrays:
     def overhang(self, x: Array, numbers: Indices) -> Array:
         """Distances by which the projections lie beyond the edges [m], < 0 inside."""
         if not np.isfinite(self._sides).any():
-            return np.full(x.shape[:-1], -np.inf)
+            return np.full(np.broadcast_shapes(x.shape[:-1], numbers.shape), -np.inf)
         return np.max(self._beyond(x, numbers), axis=-1, initial=-np.inf)
 
     def distance(self, x: Array, numbers: Indices) -> Array:
