@@ -24,8 +24,7 @@ from granular.materials import Material
 from granular.statics import Equilibrium, rest_of
 from tensegrity import State, TensegrityError, Wall, check
 from tensegrity.readonly import Repeated, fixed
-from tensegrity.scenes.clearance import Clearance
-from tensegrity.scenes.near_pairs import blocks, searched_once
+from tensegrity.scenes.near_pairs import blocks, near_pairs, searched_once
 
 if TYPE_CHECKING:
     from typing import Any
@@ -171,25 +170,22 @@ class Pack(Assembly):
                 f"{site_name(self, k)} is {far[k]:.3g} m off the origin, must be at most "
                 f"{FARTHEST * radius.min():.3g} m, {FARTHEST:.0e} radii: gaps are lost in round-off"
             )
-        none = np.zeros((0, 2), dtype=int)
-        spheres = Clearance(places, radius, none, (), none)
-        pairs = spheres.pairs(places)
-        gap = spheres.pair_gaps(places, pairs)
-        touching = np.zeros(len(pairs), dtype=bool)
-        for some in blocks(len(pairs)):
-            sum_of_radii = radius[pairs[some, 0]] + radius[pairs[some, 1]]
-            room = TOUCH * sum_of_radii
-            if np.any(gap[some] < -room):
-                k = int(np.argmin(gap[some]))
-                one, other = (site_name(self, int(end)) for end in pairs[some][k])
-                apart = gap[some][k] + sum_of_radii[k]
+        found = near_pairs(places, 2 * radius.max() + radius.mean())  # as a network's clearance
+        touching = np.zeros(len(found.ends), dtype=bool)
+        for some in blocks(len(touching)):
+            ends, apart = found.ends[some], found.distance[some]
+            first, second = radius[ends.T]
+            gap, room = apart - first - second, TOUCH * (first + second)
+            if np.any(gap < -room):
+                k = int(np.argmin(gap))
+                one, other = (site_name(self, int(end)) for end in ends[k])
                 raise TensegrityError(
-                    f"{one} and {other} overlap by {-gap[some][k]:.6g} m at the start, at most "
-                    f"{room[k]:.1g} m is taken for touching: their centres are {apart:.6g} m "
-                    f"apart, their radii add up to {sum_of_radii[k]:.6g} m"
+                    f"{one} and {other} overlap by {-gap[k]:.6g} m at the start, at most "
+                    f"{room[k]:.1g} m is taken for touching: their centres are {apart[k]:.6g} m "
+                    f"apart, their radii add up to {first[k] + second[k]:.6g} m"
                 )
-            touching[some] = gap[some] <= room
-        touched = [none]
+            touching[some] = gap <= room
+        touched = [np.zeros((0, 2), dtype=int)]
         for number, (wall, name) in enumerate(zip(walls, self.wall_names, strict=True)):
             if wall.point.size != places.shape[1]:
                 raise TensegrityError(
@@ -209,7 +205,7 @@ class Pack(Assembly):
             close = np.flatnonzero(beside & (np.abs(height - radius) <= 2 * TOUCH * radius))
             touched.append(np.stack([close, np.full(len(close), number)], axis=1))
         joined = np.concatenate(touched)
-        return pairs[touching], joined[np.argsort(joined[:, 0], kind="stable")]
+        return found.ends[touching], joined[np.argsort(joined[:, 0], kind="stable")]
 
     def _at_rest(self, radius: Array) -> Array:
         """Displacements at rest; the striker is taken along by the bead that it is nearest to, and

@@ -386,7 +386,7 @@ def _make_wall(point, normal, extent):
 
 def _network(x):
     bonds = len(x.bonds)
-    opening, gaps = np.split(x._gaps, [bonds])
+    opening, gaps = np.split(dynamics(x).contact_bonds.contacts.gap, [bonds])
     law = dynamics(x).law
     if law is not None and not isinstance(law.given, Potential):
         return None  # a function, which no file holds

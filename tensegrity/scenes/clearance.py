@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from tensegrity.errors import ContactError, TensegrityError
-from tensegrity.scenes.near_pairs import blocks, keys, near_pairs
+from tensegrity.scenes.near_pairs import blocks, distances, keys, near_pairs, sorted_keys
 from tensegrity.scenes.walls import Wall, WallArrays
 from tensegrity.typing import Array, Indices
 
@@ -65,7 +65,7 @@ class Clearance:
             far = np.abs(x).max()
             raise TensegrityError(f"a site is {far:g} m away, must be below {FARTHEST:g} m")
         ends, distance = near_pairs(x, 2 * self.radius.max() + self.skin)
-        listed, found = np.sort(keys(self._bonds, self.sites)), [ends[:0]]
+        listed, found = sorted_keys(self._bonds, self.sites), [ends[:0]]
         for some in blocks(len(ends)):
             i, j = ends[some].T
             near = distance[some] - self.radius[i] - self.radius[j] < self.skin
@@ -94,8 +94,7 @@ class Clearance:
         gaps = np.empty((*x.shape[:-2], len(pairs)))
         for some in blocks(len(pairs)):
             i, j = pairs[some].T
-            distance = np.linalg.norm(x[..., j, :] - x[..., i, :], axis=-1)
-            gaps[..., some] = distance - self.radius[i] - self.radius[j]
+            gaps[..., some] = distances(x, i, j) - self.radius[i] - self.radius[j]
         return gaps
 
     def wall_gaps(self, x: Array, pairs: Indices) -> Array:

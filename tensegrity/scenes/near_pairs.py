@@ -72,6 +72,28 @@ def keys(ends: Indices, sites: int) -> Indices:
     return np.minimum(*ends.T).astype(np.int64) * sites + np.maximum(*ends.T)
 
 
+def distances(x: Array, i: Indices, j: Indices) -> Array:
+    """Distances of points i and j of x (..., points, dim); (..., pairs)."""
+    square = np.take(x, j, axis=-2)
+    square -= np.take(x, i, axis=-2)
+    square *= square
+    return np.sqrt(total(square))
+
+
+def total(parts: Array) -> Array:
+    """Sum of parts (..., dim) in the order of `numpy.sum`, without its cost for a short axis."""
+    first, *others = np.moveaxis(parts, -1, 0)
+    return sum(others, start=first)
+
+
+def sorted_keys(ends: Indices, sites: int) -> Indices:
+    """The `keys` of pairs, in increasing order."""
+    found = keys(ends, sites)
+    if np.any(found[1:] < found[:-1]):
+        found.sort()
+    return found
+
+
 def _searched(x: Array, reach: float) -> NearPairs:
     count = len(x)
     found = np.concatenate([np.zeros(0, np.int64), *_keys_of_slabs(x, reach)])
@@ -80,7 +102,7 @@ def _searched(x: Array, reach: float) -> NearPairs:
     distance = np.empty(len(found))
     for some in blocks(len(found)):
         ends[some, 0], ends[some, 1] = i, j = divmod(found[some], count)
-        distance[some] = np.linalg.norm(x[j] - x[i], axis=-1)
+        distance[some] = distances(x, i, j)
     return NearPairs(ends, distance)
 
 

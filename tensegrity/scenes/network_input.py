@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.readonly import Repeated
-from tensegrity.scenes.near_pairs import blocks, keys
+from tensegrity.scenes.near_pairs import blocks, keys, total
 from tensegrity.scenes.scene import SMALLEST_MASS
 from tensegrity.scenes.walls import Wall, WallArrays, floats
 from tensegrity.springs.potential import Potential
@@ -79,10 +79,9 @@ def contact_geometry(
 
 def _distances(positions: Array, bonds: Indices) -> Any:
     """Distances of the two sites of bonds [m], in extended precision."""
-    square: Any = 0.0
-    for place in positions.T:
-        square = square + (exact(place[bonds[:, 1]]) - place[bonds[:, 0]]) ** 2
-    return np.sqrt(square)
+    separation = exact(positions[bonds[:, 1]]) - positions[bonds[:, 0]]
+    separation *= separation
+    return np.sqrt(total(separation))
 
 
 def exact(values: Array) -> Any:
@@ -313,6 +312,8 @@ def whole_pairs(name: str, pairs: ArrayLike) -> Indices:
 
 def _refuse_duplicates(name: str, keys: Indices) -> None:
     """Refuse contacts of which two have the same key."""
+    if np.all(keys[1:] > keys[:-1]):
+        return
     found = np.sort(keys)
     same = np.flatnonzero(found[1:] == found[:-1])
     if same.size:
