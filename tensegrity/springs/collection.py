@@ -200,11 +200,14 @@ class Springs:
             None if some law has no compiled energy.
         """
         found = []
-        for one, columns in self._groups:
+        for one, columns in self._grouped(self.group.ravel()):
             loop = loop_of_law(one.law)
             if loop is None or "energy" not in one.law.compiled:
                 return None
-            found.append((loop, one.values, self.reach[one.rows].T, columns))
+            used, number = numbered(one.rows)
+            parameters = np.array([self.different[k].values for k in used]).T
+            number = np.broadcast_to(number, columns.shape)
+            found.append((loop, parameters, self.reach[used].T, number, columns))
         return Energies(mass, found, contacts)
 
     def _evaluate_springs(self, name, r, numbers):
@@ -333,11 +336,14 @@ class _SpringGroup:
         first = springs.different[group[0]]
         self.law, self._one = first.law, first if np.all(group == group[0]) else None
         if self._one is not None:
-            self.values, self.rows = first.values, group[:1]
-            return
+            group = group[:1]
         self._springs, self.rows = springs, group
-        self.values = np.ascontiguousarray(springs.table[2][group].T)
-        self._low, self._high = springs.domains[group].T
+
+    @cached_property
+    def _each(self):
+        """Parameters, (parameters, bonds), and ends of the domains, (2, bonds), of all bonds."""
+        parameters = np.ascontiguousarray(self._springs.table[2][self.rows].T)
+        return parameters, np.ascontiguousarray(self._springs.domains[self.rows].T)
 
     def evaluate(self, name, r):
         """Energy [J], tension [N] or stiffness [N/m] at elongations r (..., bonds)."""
@@ -346,14 +352,15 @@ class _SpringGroup:
             if getattr(type(self._one), name) is not getattr(Potential, name):
                 return getattr(self._one, name)(r)
             return self._one.derivative(order, r, order == 0)
-        above = r >= self._low if order == 0 else r > self._low
-        inside = above & (r <= self._high if order == 0 else r < self._high)
+        parameters, (low, high) = self._each
+        above = r >= low if order == 0 else r > low
+        inside = above & (r <= high if order == 0 else r < high)
         if not inside.all():
             worst = tuple(x[0] for x in np.nonzero(~inside))
             if np.isnan(r[worst]):
                 raise TensegrityError("elongation nan m is not a number")
             raise self._springs.different[self.rows[worst[-1]]].beyond(float(r[worst]))
-        return evaluated(self.law, order, self.values, np.ascontiguousarray(r))
+        return evaluated(self.law, order, parameters, np.ascontiguousarray(r))
 
 
 def _evaluated(sets, name, r):
