@@ -19,6 +19,7 @@ from granular.materials import Material
 from granular.packing import PER_BEAD, Pack, per_place
 from tensegrity import TensegrityError, Wall, check
 from tensegrity.readonly import Repeated
+from tensegrity.scenes.network_input import refuse_too_many
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -104,6 +105,7 @@ def fcc_pack(
         Network(28 sites in 3 dimensions, 87 bonds, 5 walls with 27 contacts)
     """
     layers, side = check.whole("layers", layers, least=1), check.whole("side", side, least=1)
+    refuse_too_many(layers * side**2)
     check.room(f"a pack of {layers} layers of {side} x {side} beads", PER_BEAD * layers * side**2)
     beads, d = _equal(bead, layers * side**2, lambda k: f"bead {k % side**2 + 1} of layer "
                       f"{k // side**2 + 1}")  # fmt: skip
@@ -194,6 +196,7 @@ def hexagonal_pack(
     rows, columns = check.whole("rows", rows, least=1), check.whole("columns", columns, least=1)
     if rows > 1 and columns < 2:
         raise TensegrityError(f"columns {columns} must be at least 2: row 2 has one bead fewer")
+    refuse_too_many(rows * columns)
     check.room(f"a pack of {rows} rows of {columns} beads", PER_BEAD * rows * columns)
     counts = [columns - k % 2 for k in range(rows)]
     first = np.cumsum([0, *counts]).tolist()

@@ -75,6 +75,8 @@ class Pack(Assembly):
     """
 
     equilibrium: Equilibrium | None
+    places: Array
+    parts: dict[str, Sequence[int]]
 
     def __init__(
         self,
@@ -101,7 +103,8 @@ class Pack(Assembly):
             raise TensegrityError(f"contacts {check.shown(contacts)} must be 'fixed' or 'follow'")
         filled, places = per_place(beads, len(places)), fixed(places)
         named = _named_walls(walls)
-        given = {"beads": range(len(places))} if parts is None else {k: _range(x) for k, x in parts.items()}
+        parts = {"beads": range(len(places))} if parts is None else parts
+        given = {name: _range(sites) for name, sites in parts.items()}
         self._made_of = {
             "places": places, "beads": filled, "walls": named, "contacts": contacts,
             "parts": given, "striker": striker, "approach": approach,
@@ -110,7 +113,8 @@ class Pack(Assembly):
         self.places, self.striker = places, striker
         if striker is not None:
             start, self._heading = (np.asarray(x, dtype=float) for x in approach)  # type: ignore[union-attr]
-            places, filled = np.concatenate([places, start[None]]), filled + (striker.bead,)
+            places, last = np.concatenate([places, start[None]]), Repeated.of([striker.bead])
+            filled = filled + last
             given = {"striker": range(len(places) - 1, len(places)), **given}
         self.parts, self.beads = given, filled
         self.named_walls, self.wall_names = dict(named), tuple(named)
@@ -119,7 +123,7 @@ class Pack(Assembly):
         with searched_once():
             self._join(places, filled, contacts, gravity, preload, drive=drive, damping=damping)
         self.equilibrium = rest_of(self, striker=None, approach=None)
-        self._rest = self._at_rest(self.radius)
+        self._rest = self._at_rest(filled.each(lambda bead: bead.radius))
 
     def _join(
         self,
@@ -148,9 +152,7 @@ class Pack(Assembly):
             mass=filled.each(lambda bead: bead.mass),
             walls=planes,
             wall_contacts=touched,
-            wall_spring=springs.between(
-                filled[touched[:, 0]], Repeated.of(solids)[touched[:, 1]]
-            ),
+            wall_spring=springs.between(filled[touched[:, 0]], Repeated.of(solids)[touched[:, 1]]),
             wall_gaps=np.zeros(len(touched)),
             radius=radius,
             loads=loads,
@@ -360,7 +362,7 @@ def per_place(beads: Bead | Sequence[Bead], count: int) -> Repeated:
         return Repeated((beads,), np.zeros(count, dtype=int))
     if not isinstance(beads, Iterable) or isinstance(beads, (str, bytes, Mapping)):
         raise TensegrityError(f"beads {check.shown(beads)} are not a Bead or a sequence of Beads")
-    found = Repeated.of(beads)
+    found = Repeated.of(check.sequence("beads", beads, "Beads"))
     if not all(isinstance(bead, Bead) for bead in found.different):
         beads_of(found)  # refuses the first that is none
     if len(found) != count:

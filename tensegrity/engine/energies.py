@@ -141,11 +141,11 @@ def _places(contacts: Contacts, columns: slice | Indices) -> Any:
 
 def _of_contacts(sets: Sequence[Set], contacts: Contacts) -> Iterator[Set]:
     """Sets of contacts of one kind."""
-    for *given, springs, columns in sets:
+    for loop, parameters, domain, springs, columns in sets:
         for kind in range(len(KINDS)):
             mine = np.flatnonzero(contacts.kind[columns] == kind)
             if len(mine):
-                yield (*given, springs[mine], columns[mine])
+                yield loop, parameters, domain, springs[mine], columns[mine]
 
 
 class SearchPoints:

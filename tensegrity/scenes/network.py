@@ -31,6 +31,7 @@ from tensegrity.scenes.network_input import (
     numbers,
     per_site,
     plane_walls,
+    refuse_too_many,
     site_number,
     springs_of,
     whole_pairs,
@@ -138,6 +139,8 @@ class Network(Scene):
         damping: Damping | None = None,
         tune: Tune | None = None,
     ) -> None:
+        if isinstance(positions, np.ndarray) and positions.ndim:
+            refuse_too_many(len(positions))
         self.positions = numbers("positions", positions)
         if self.positions.ndim != 2 or self.positions.shape[1] not in (1, 2, 3):
             raise TensegrityError(

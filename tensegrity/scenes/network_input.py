@@ -104,6 +104,17 @@ def _given_lengths(lengths: ArrayLike, count: int) -> Array:
 GAP_TOLERANCE = 0.1  # largest difference of `wall_gaps` from the positions' gaps, over the radius
 
 
+LARGEST = 2**29  # sites and walls: the loop numbers their rows, of four numbers, with 32 bits
+
+
+def refuse_too_many(sites: int) -> None:
+    """Refuse more sites and walls than the compiled loop can number."""
+    if sites > LARGEST:
+        raise TensegrityError(
+            f"{sites} sites and walls must be at most {LARGEST}: the loop numbers them with 32 bits"
+        )
+
+
 def site_number(name: str, value: object, sites: int) -> int:
     """A site index, 0 <= value < sites.
 
@@ -174,9 +185,7 @@ def checked_bonds(bonds: ArrayLike, sites: int) -> Indices:
     return bonds
 
 
-def contact_ends(
-    bonds: Indices, wall_contacts: Indices, sites: int
-) -> tuple[Indices, Indices]:
+def contact_ends(bonds: Indices, wall_contacts: Indices, sites: int) -> tuple[Indices, Indices]:
     """Rows that each contact joins, sites and after them walls, the wall first; (contacts, 2).
 
     Returns
@@ -184,7 +193,7 @@ def contact_ends(
     ends, bonds : ndarray of int
         All, and as a view those of the bonds, with contiguous columns.
     """
-    ends = np.empty((2, len(bonds) + len(wall_contacts)), dtype=np.int32)
+    ends: Any = np.empty((2, len(bonds) + len(wall_contacts)), dtype=np.int32)
     ends[:, : len(bonds)] = bonds.T
     ends[0, len(bonds) :] = sites + wall_contacts[:, 1]
     ends[1, len(bonds) :] = wall_contacts[:, 0]
@@ -321,9 +330,7 @@ def _refuse_duplicates(name: str, keys: Indices) -> None:
         raise TensegrityError(f"{name}s {twins[0]} and {twins[1]} are the same")
 
 
-def springs_of(
-    spring: Potential | Sequence[Potential] | None, count: int, name: str
-) -> Repeated:
+def springs_of(spring: Potential | Sequence[Potential] | None, count: int, name: str) -> Repeated:
     """One potential for each bond or contact.
 
     Parameters
