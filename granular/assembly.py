@@ -47,8 +47,10 @@ class Assembly(Crystal, Network):
 
     def at_rest(self, velocity: Mapping[int, Sequence[float]] | None = None) -> State:
         """Equilibrium under the loads, with velocities [m/s] of some sites: {site: (dim,)}."""
-        state = State(self._rest, super().at_rest(velocity).v)
-        self.check(state)
+        state = super().at_rest(velocity)
+        if self._rest.any() or state.u.any():
+            state = State(self._rest, state.v)
+            self.check(state)
         return state
 
     def _dynamics(self) -> AssemblyDynamics:

@@ -212,9 +212,9 @@ class Pack(Assembly):
     def _at_rest(self, radius: Array) -> Array:
         """Displacements at rest; the striker is taken along by the bead that it is nearest to, and
         moved back as far as it would overlap others."""
-        u = np.zeros(self.shape)
         if self.equilibrium is None:
-            return u
+            return np.broadcast_to(0.0, self.shape)
+        u = np.zeros(self.shape)
         beads = slice(len(self.places))
         u[beads] = self.equilibrium.u
         if self.striker is not None:
@@ -256,16 +256,16 @@ def _loads(
     shape: tuple[int, ...],
     gravity: float,
     preload: Mapping[int, ArrayLike] | None,
-) -> Array:
-    """Constant force on each site [N]."""
+) -> Array | None:
+    """Constant force on each site [N]; None without any."""
     gravity = check.number("gravity", gravity, least=0, unit="m/s^2")
-    loads = np.zeros(shape)
-    if gravity:
-        loads[:, -1] -= gravity * beads.each(lambda bead: bead.mass)
-    if preload is None:
-        return loads
+    preload = {} if preload is None else preload
     if not isinstance(preload, Mapping):
         raise TensegrityError(f"preload {check.shown(preload)} must be a dict {{site: force}}")
+    if not gravity and not preload:
+        return None
+    loads = np.zeros(shape)
+    loads[:, -1] -= gravity * beads.each(lambda bead: bead.mass)
     for site, force in preload.items():
         number = check.whole("site of a preload", site, least=0)
         if number >= shape[0]:

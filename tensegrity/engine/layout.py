@@ -125,11 +125,14 @@ def elongations(bonds, runs, batch=1, pieces=1):
 
 def _net(loop, bonds, pieces):
     runs, contacts, found = bonds.runs, bonds.contacts, slices(bonds)
-    entries = replace(runs, source=runs.source[found.contact], first=found.first)
+    listed = runs.source[found.contact]
+    entries = replace(runs, source=listed.astype(np.int32), first=found.first)
     dim, sites = bonds.dim, len(contacts.load)
     w, load = np.zeros((2, contacts.rows + 1, dim))
     w[:sites] = bonds.inverse_mass[:, None]
-    load[:sites], w[sites : contacts.rows - 1] = contacts.load, 1  # velocities of walls: impulses
+    w[sites : contacts.rows - 1] = 1  # velocities of walls: impulses
+    if contacts.load.any():
+        load[:sites] = contacts.load
     fields = {
         "w": w,
         "load": load,
@@ -140,7 +143,6 @@ def _net(loop, bonds, pieces):
         "begin": found.begin,
         "entry": found.first,
     }
-    listed = runs.source[found.contact]
     fields |= _varying("gap", contacts.gap[listed], found.first)
     fields |= _varying("length", contacts.length[listed], found.first)
     fields |= _by_wall(bonds, found)

@@ -161,7 +161,8 @@ class Network(Scene):
         if len(self.wall_contacts) or wall_spring is not None:
             springs += springs_of(wall_spring, len(self.wall_contacts), "wall contact")
         self.springs = springs
-        self.loads = np.zeros(self.shape) if loads is None else numbers("loads", loads, self.shape)
+        none = np.broadcast_to(0.0, self.shape)
+        self.loads = none if loads is None else numbers("loads", loads, self.shape)
         self.held = held_sites(held, self.sites)
         self._lengths, self._gaps = contact_geometry(
             self.positions, self.bonds, lengths, self.walls, self.wall_contacts, self.radius,

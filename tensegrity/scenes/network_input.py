@@ -307,7 +307,7 @@ def numbers(name: str, value: ArrayLike, shape: tuple[int, ...] | None = None) -
 def whole_pairs(name: str, pairs: ArrayLike) -> Indices:
     """Pairs of integers as an array (n, 2)."""
     try:
-        array = np.array(pairs)
+        array = np.asarray(pairs)
     except ValueError:  # of different lengths
         raise TensegrityError(f"{name} {check.shown(pairs)} must be pairs of numbers") from None
     if array.size == 0 and isinstance(pairs, (tuple, list, np.ndarray)):
@@ -316,7 +316,7 @@ def whole_pairs(name: str, pairs: ArrayLike) -> Indices:
         raise TensegrityError(
             f"{name} of shape {array.shape} and type {array.dtype} must be pairs of whole numbers"
         )
-    return array.astype(int)
+    return array if array.dtype.kind == "i" else array.astype(int)
 
 
 def _refuse_duplicates(name: str, keys: Indices) -> None:
