@@ -4,6 +4,7 @@ import tracemalloc
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from granular import Bead, fcc_pack, materials
 from tensegrity import Network, PowerLaw, TensegrityError
@@ -16,17 +17,22 @@ PER_BEAD = 700  # bytes while a pack of some thousand beads is built, six contac
 
 
 @pytest.mark.parametrize("dim", [1, 2, 3])
-@pytest.mark.parametrize("slab", [7, 1000])
-def test_near_pairs_are_those_of_all_distances(dim, slab, monkeypatch):
-    monkeypatch.setattr(near_pairs, "SLAB", slab)
-    monkeypatch.setattr(near_pairs, "SLABS", 20)
-    monkeypatch.setattr(near_pairs, "PART", 11)
+def test_near_pairs_are_those_of_all_distances(dim):
     x = np.random.default_rng(dim).random((100, dim)) * [1.0, 2.0, 0.5][:dim]
     far = np.linalg.norm(x[:, None] - x, axis=-1)
     wanted = np.argwhere(np.triu(far <= 0.2, 1))
     found = near_pairs.near_pairs(x, 0.2)
     np.testing.assert_array_equal(found.ends, wanted)
     np.testing.assert_array_equal(found.distance, far[tuple(wanted.T)])
+
+
+def test_near_pairs_of_several_slabs_are_those_of_one_search():
+    count, reach = 2 * near_pairs.SLAB + 1, 2e-3
+    x = np.random.default_rng(0).random((count, 2))
+    pairs = np.sort(cKDTree(x).query_pairs(reach, output_type="ndarray"), axis=1)
+    found = near_pairs.near_pairs(x, reach)
+    np.testing.assert_array_equal(found.ends, pairs[np.lexsort(pairs.T[::-1])])
+    assert len(pairs) > 2 * near_pairs.PART
 
 
 def test_a_repeated_search_is_answered_from_one_that_reached_as_far():
@@ -43,10 +49,14 @@ def test_a_repeated_sequence_is_that_of_its_items():
     one, two, three = PowerLaw(1.0, 1.5), PowerLaw(2.0, 1.5), PowerLaw(3.0, 1.5)
     items = [two, one, two, PowerLaw(1.0, 1.5)]
     found = Repeated.of(items)
-    assert found == items and items == list(found) and found == Repeated.of(tuple(items))
+    assert items == list(found)
+    assert found == items
+    assert found == Repeated.of(tuple(items))
     assert len(found.different) == 3  # equal ones at two addresses
-    assert found != items[::-1] and found != [*items, two] and found != Repeated.of(items[1:])
-    assert found[1:3] == items[1:3] and found[-1] == items[-1]
+    for other in (items[::-1], [*items, two], Repeated.of(items[1:])):
+        assert found != other
+    assert found[1:3] == items[1:3]
+    assert found[-1] == items[-1]
     assert found + Repeated.of([three, two]) == [*items, three, two]
     assert len((found + items).different) == 3
     np.testing.assert_array_equal(found.each(lambda x: x.values[0]), [2, 1, 2, 1])

@@ -73,7 +73,19 @@ def keys(ends: Indices, sites: int) -> Indices:
 
 
 def distances(x: Array, i: Indices, j: Indices) -> Array:
-    """Distances of points i and j of x (..., points, dim); (..., pairs)."""
+    """Distances of pairs of points.
+
+    Parameters
+    ----------
+    x : ndarray, (..., points, dim)
+        [m]
+    i, j : ndarray of int, (pairs,)
+
+    Returns
+    -------
+    ndarray, (..., pairs)
+        [m]
+    """
     square = np.take(x, j, axis=-2)
     square -= np.take(x, i, axis=-2)
     square *= square

@@ -186,11 +186,18 @@ def checked_bonds(bonds: ArrayLike, sites: int) -> Indices:
 
 
 def contact_ends(bonds: Indices, wall_contacts: Indices, sites: int) -> tuple[Indices, Indices]:
-    """Rows that each contact joins, sites and after them walls, the wall first; (contacts, 2).
+    """Rows that each contact joins, sites and after them walls, the wall first.
+
+    Parameters
+    ----------
+    bonds : ndarray of int, (bonds, 2)
+    wall_contacts : ndarray of int, (wall contacts, 2)
+        Site and wall of each.
+    sites : int
 
     Returns
     -------
-    ends, bonds : ndarray of int
+    ends, bonds : ndarray of int, (bonds + wall contacts, 2), (bonds, 2)
         All, and as a view those of the bonds, with contiguous columns.
     """
     ends: Any = np.empty((2, len(bonds) + len(wall_contacts)), dtype=np.int32)
