@@ -66,6 +66,7 @@ class Guide(Assembly):
     """
 
     equilibrium: Equilibrium | None
+    parts: dict[str, tuple[int, ...]]
 
     def __init__(
         self,

@@ -44,7 +44,7 @@ class SceneData(Protocol):
     mass: Array  # [kg], (sites,)
     held: Sequence[int]  # fixed sites
     loads: Any  # constant forces [N], of the shape of u or 0
-    springs: tuple[Any, ...]  # the Potential of each bond
+    springs: Sequence[Any]  # the Potential of each bond
     drive: Mapping[int, Any]  # {site: Drive}
     damping: Any  # Damping or None
     tune: Any  # arguments of the springs as functions of time, or a function t -> Potential

@@ -24,6 +24,7 @@ from tensegrity.errors import TensegrityError
 from tensegrity.prisms.closed import rigid_law
 from tensegrity.prisms.condensed import ElasticPotential
 from tensegrity.prisms.prism import Prism
+from tensegrity.readonly import Repeated
 from tensegrity.runs.record import Record
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.dynamics import dynamics
@@ -230,7 +231,7 @@ class _Writer:
             name = f"a{len(self.arrays)}"
             self.arrays[name] = np.ascontiguousarray(x)
             return {"array": name}
-        if isinstance(x, (tuple, list)):
+        if isinstance(x, (tuple, list, range)):
             return [self.value(one) for one in x]
         if isinstance(x, dict):
             return {"dict": [[key, self.value(one)] for key, one in x.items()]}
@@ -304,13 +305,12 @@ def _fields(x):
 
 def _shared(springs):
     """The different springs, and the index of each spring into these."""
-    different = list({id(spring): spring for spring in springs}.values())
-    number = {id(spring): k for k, spring in enumerate(different)}
-    return {"different": different, "number": np.array([number[id(s)] for s in springs], dtype=int)}
+    springs = Repeated.of(springs)
+    return {"different": springs.different, "number": springs.number.astype(int)}
 
 
 def _spread(springs):
-    return [springs["different"][k] for k in springs["number"]]
+    return Repeated(**springs)
 
 
 def _power_law(x):
@@ -387,7 +387,7 @@ def _make_wall(point, normal, extent):
 
 def _network(x):
     bonds = len(x.bonds)
-    opening, gaps = np.split(dynamics(x).geometry[x.dim], [bonds])
+    opening, gaps = np.split(dynamics(x).contact_bonds.contacts.gap, [bonds])
     law = dynamics(x).law
     if law is not None and not isinstance(law.given, Potential):
         return None  # a function, which no file holds
@@ -408,6 +408,7 @@ def _make_network(bonds, springs, wall_contacts, wall_gaps, **others):
     return Network(bonds=bonds, spring=each[:count], **others)
 
 
+register(Repeated, _shared)
 register(State, _fields)
 register(Damping, lambda x: {k: v if v.ndim else float(v) for k, v in _fields(x).items()})
 register(Drive, lambda x: {name: getattr(x, name) for name in ("displacement", "force")})

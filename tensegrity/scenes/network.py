@@ -25,11 +25,13 @@ from tensegrity.scenes.network_dynamics import NetworkDynamics
 from tensegrity.scenes.network_input import (
     checked_bonds,
     checked_wall_contacts,
+    contact_ends,
     contact_geometry,
     held_sites,
     numbers,
     per_site,
     plane_walls,
+    refuse_too_many,
     site_number,
     springs_of,
     whole_pairs,
@@ -137,6 +139,8 @@ class Network(Scene):
         damping: Damping | None = None,
         tune: Tune | None = None,
     ) -> None:
+        if isinstance(positions, np.ndarray) and positions.ndim:
+            refuse_too_many(len(positions))
         self.positions = numbers("positions", positions)
         if self.positions.ndim != 2 or self.positions.shape[1] not in (1, 2, 3):
             raise TensegrityError(
@@ -144,24 +148,27 @@ class Network(Scene):
             )
         self.sites, self.dim = self.positions.shape
         check.whole("sites", self.sites, least=1)
-        self.bonds = checked_bonds(bonds, self.sites)
+        pairs = checked_bonds(bonds, self.sites)
         self.mass = per_site("mass", mass, "kg", self.sites)
         self.radius = None if radius is None else per_site("radius", radius, "m", self.sites)
         self.walls = plane_walls(walls, self.dim)
-        pairs = whole_pairs("wall_contacts", wall_contacts)
-        if len(pairs) and self.radius is None:
-            raise TensegrityError(f"{len(pairs)} wall contacts need the radius of the sites")
-        self.wall_contacts = checked_wall_contacts(pairs, self.walls, self.positions)
+        touching = whole_pairs("wall_contacts", wall_contacts)
+        if len(touching) and self.radius is None:
+            raise TensegrityError(f"{len(touching)} wall contacts need the radius of the sites")
+        self.wall_contacts = checked_wall_contacts(touching, self.walls, self.positions)
+        self._ends, self.bonds = contact_ends(pairs, self.wall_contacts, self.sites)
         springs = springs_of(spring, len(self.bonds), "bond")
         if len(self.wall_contacts) or wall_spring is not None:
             springs += springs_of(wall_spring, len(self.wall_contacts), "wall contact")
         self.springs = springs
-        self.loads = np.zeros(self.shape) if loads is None else numbers("loads", loads, self.shape)
+        none = np.broadcast_to(0.0, self.shape)
+        self.loads = none if loads is None else numbers("loads", loads, self.shape)
         self.held = held_sites(held, self.sites)
-        self.lengths, self._geometry = contact_geometry(
+        self._lengths, self._gaps = contact_geometry(
             self.positions, self.bonds, lengths, self.walls, self.wall_contacts, self.radius,
             wall_gaps,
         )  # fmt: skip
+        self.lengths = self._lengths[: len(self.bonds)]
         self._law = new_contact_law(contacts, law, self.radius)
         of = dynamics(self)
         _ = of.loop_bonds  # refuses springs that the compiled loop cannot take

@@ -115,7 +115,7 @@ class Scene(HasDynamics):
     dim: int
     mass: Array
     loads: Any
-    springs: tuple[Potential, ...]
+    springs: Sequence[Potential]
     held: Sequence[int]
     shape: tuple[int, ...]
     _shape_text: str
