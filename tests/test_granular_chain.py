@@ -373,7 +373,7 @@ def test_readings_of_what_has_no_beads_are_refused(steel):
         energies,
         overlaps,
     ):
-        with pytest.raises(TensegrityError, match="scene of the run is Chain, not a chain, a guide"):
+        with pytest.raises(TensegrityError, match="run is Chain, not a chain, a guide"):
             read(other)
         for none in (None, steel.scene):
             with pytest.raises(TensegrityError, match=r"run is .*, not a Run"):
