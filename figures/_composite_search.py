@@ -26,7 +26,7 @@ from tensegrity import METHODS, Ensemble, Prism, State, TensegrityError, sweep
 from tensegrity.prisms.condensed import ElasticPotential
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.springs.polynomial import PolynomialLaw
-from tensegrity.springs.potential import Potential
+from tensegrity.springs.potential import potential_of_law
 from tensegrity.waves.family import Family
 from tensegrity.waves.solitary import approximate_wave
 
@@ -122,7 +122,7 @@ def polynomial(spring):
         if fitted.degree <= DEGREE:
             padded = np.append(fitted.values, np.zeros(DEGREE - fitted.degree))
             law, about = PolynomialLaw(DEGREE), (spring.length, fitted.domain, fitted.ends)
-            return Potential.from_law(law, padded, *about, repr(fitted))
+            return potential_of_law(law, padded, *about, repr(fitted))
     raise TensegrityError(f"no polynomial of degree {DEGREE}")
 
 

@@ -51,7 +51,7 @@ SPACES = {
 }
 FINE = (
     0.5
-    * objective.SHARE
+    * objective.STEP_FRACTION
     * float(objective.Designs.of([[HARD, SOFT]]).unit(STEEL, STRIKER.speed)[0])
 )  # s
 
