@@ -1,4 +1,4 @@
-"""Interfaces of prisms searched for both waves: `python -m figures._composite_search`.
+"""Interfaces of prisms searched for both waves.
 
 Genes are numbers from 0 to 1, for what `LIMITS` names.  Each seed first draws interfaces uniformly,
 then adapts a normal distribution (covariance matrix adaptation, `cmaes`) from the best of them.  A
@@ -8,30 +8,32 @@ coarse run, velocity Verlet with polynomials for the springs, several interfaces
 
 from __future__ import annotations
 
-import argparse
 import math
-import sys
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from figures import _composite
 from figures._composite import Interface
-from figures._files import lines, write_table
+from figures._files import lines, side_by_side
 from figures._solitons import MISFIT, pulses
-from tensegrity import METHODS, Ensemble, Prism, State, TensegrityError, sweep
-from tensegrity.prisms.condensed import ElasticPotential
+from figures._stored import stored
+from tensegrity import (
+    METHODS,
+    Ensemble,
+    Polynomial,
+    Potential,
+    Prism,
+    State,
+    TensegrityError,
+    sweep,
+)
 from tensegrity.scenes.dynamics import dynamics
-from tensegrity.springs.polynomial import PolynomialLaw
-from tensegrity.springs.potential import Potential
 from tensegrity.waves.family import Family
 from tensegrity.waves.solitary import approximate_wave
 
-FOLDER = Path(__file__).parent / "data"
-BEST, SCATTER, COUNTS = (FOLDER / f"composite_{x}.csv" for x in ("best", "search", "counts"))
 LIMITS = {  # lowest, highest, and whether even in the logarithm
     "height near": (0.3, 1.5, False),
     "prestrain near": (1e-3, 1.0, True),
@@ -116,13 +118,13 @@ def interface(named):
 
 def polynomial(spring):
     """A polynomial of one degree for all elastic prisms, so that they run as a batch."""
-    if not isinstance(spring, ElasticPotential):
+    if type(spring) is Potential:  # a closed form
         return spring
     for fitted in _composite.fits(spring, KEPT, FIT):
         if fitted.degree <= DEGREE:
             padded = np.append(fitted.values, np.zeros(DEGREE - fitted.degree))
-            law, about = PolynomialLaw(DEGREE), (spring.length, fitted.domain, fitted.ends)
-            return Potential.from_law(law, padded, *about, repr(fitted))
+            about = spring.length, fitted.domain, fitted.error_estimate
+            return Polynomial.of_coefficients(DEGREE, padded, *about)
     raise TensegrityError(f"no polynomial of degree {DEGREE}")
 
 
@@ -335,45 +337,42 @@ def last_cases(cases, found):
     return [(cases[k][0], seed + j, best[k][:-5]) for j, k in enumerate(order)]
 
 
-def searched(executor=None, checkpoint=None):
-    """Cases and what each computed; files next to the checkpoint store completed cases."""
+def searched(executor=None):
+    """Cases, and all interfaces that each computed."""
     cases, found = [], []
     for number in range(ROUNDS):
-        files = [None if checkpoint is None else f"{checkpoint}.{number}.{k}" for k in (1, 2)]
         first = first_cases(number)
-        drawn_ones = sweep(descent, first, executor, files[0])
+        drawn_ones = sweep(descent, first, executor)
         last = last_cases(first, drawn_ones)
         cases += first + last
-        found += drawn_ones + sweep(descent, last, executor, files[1])
+        found += drawn_ones + sweep(descent, last, executor)
     return cases, found
 
 
-def write(folder, cases, found):
-    """Three tables: the best of each descent with all numbers, shares of energy of all that were
-    followed, and how many were not, and why."""
-    followed, best, counts = [], [], {}
+@stored("composite")
+def results():
+    """Three tables: the best interface of each case with all numbers, energy fractions of all
+    that were simulated, and how many were not, and why."""
+    simulated, best, counts = [], [], {}
+    with ProcessPoolExecutor() as pool:
+        cases, found = searched(pool)
     for (kind, seed, _), rows in zip(cases, found, strict=True):
         top = max(rows, key=lambda row: row[-5])
-        named = values(kind, top[:-5])
-        best.append(
-            {"kind": kind, "seed": seed} | dict(zip(COLUMNS, top[-5:-1], strict=True)) | named
-        )
+        about = {"kind": kind, "seed": seed}
+        best.append(about | dict(zip(COLUMNS, top[-5:-1], strict=True)) | values(kind, top[:-5]))
         for row in rows:
             reason = row[-1] or FOLLOWED
             counts[kind, seed, reason] = counts.get((kind, seed, reason), 0) + 1
             if reason == FOLLOWED:
-                shares = (f"{x:.3g}" for x in row[-4:-1])
-                followed.append(
-                    {"kind": kind, "seed": seed} | dict(zip(COLUMNS[1:], shares, strict=True))
-                )
+                fractions = (float(f"{x:.3g}") for x in row[-4:-1])
+                simulated.append(about | dict(zip(COLUMNS[1:], fractions, strict=True)))
     best.sort(key=lambda row: -row["worth"])
     tally = [
         {"kind": kind, "seed": seed, "reason": reason, "count": count}
         for (kind, seed, reason), count in sorted(counts.items())
     ]
-    for path, rows in zip((BEST, SCATTER, COUNTS), (best, followed, tally), strict=True):
-        columns = {key: [row[key] for row in rows] for key in rows[0]}
-        write_table(folder / path.name, columns)
+    tables = {"best": best, "search": simulated, "counts": tally}
+    return {name: side_by_side(rows) for name, rows in tables.items()}
 
 
 def best(columns):
@@ -381,23 +380,3 @@ def best(columns):
     of their two waves."""
     rows = sorted(lines(columns), key=lambda row: -min(row[key] for key in COLUMNS[1:3]))
     return [(row["kind"], int(row["seed"]), {name: row[name] for name in LIMITS}) for row in rows]
-
-
-def main(arguments=None):
-    """Entry point; returns the exit code."""
-    parser = argparse.ArgumentParser(
-        prog="python -m figures._composite_search", description=__doc__.splitlines()[0]
-    )
-    parser.add_argument(
-        "--output", type=Path, default=FOLDER, help="folder for CSV files of the results"
-    )
-    parser.add_argument("--checkpoint", type=Path, help="file from which to resume")
-    parser.add_argument("--processes", type=int, default=2)
-    options = parser.parse_args(arguments)
-    with ProcessPoolExecutor(options.processes) as pool:
-        write(options.output, *searched(pool, options.checkpoint))
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

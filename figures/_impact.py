@@ -7,7 +7,17 @@ import math
 import numpy as np
 
 from figures import _measure, _scenes
-from tensegrity import LockingError, Record, arrival, sech2, simulate, solitary_wave, speed, tent
+from tensegrity import (
+    LockingError,
+    Record,
+    arrival,
+    duration,
+    sech2,
+    simulate,
+    solitary_wave,
+    speed,
+    tent,
+)
 
 FINE = 0.008  # of its width that the wave goes in a step of the coarser run
 EVERY = 4  # steps between recorded instants
@@ -123,9 +133,8 @@ def comparison(spring, ratio, travel, bracket, around):
 
 def _numbers(run, travel):
     bond = _bonds(travel)[1]
-    pulse = _measure.Passing(run, bond)
-    measured = speed(run, _bonds(travel))
-    return {"speed": measured, "width": measured * pulse.duration(), "crest": pulse.crest}
+    measured, amplitude = _measure.leader(run, _bonds(travel))
+    return {"speed": measured, "width": measured * duration(run, bond), "crest": amplitude}
 
 
 def _of_sound(number, spring):

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import contextlib
-import csv
 import math
 
 import numpy as np
 
 from figures import _composite, _composite_words, _measure
 from figures._composite import Interface
-from figures._composite_search import BEST, COLUMNS, COUNTS, FAINT, KINDS, SCATTER, best, interface
+from figures._composite_search import COLUMNS, FAINT, KINDS, best, interface, results
 from figures._composite_words import cases_of, quantities
 from figures._solitons import LEAST
-from tensegrity import Potential, solitary_wave
-from tensegrity.errors import RangeError
+from tensegrity import Potential, RangeError, solitary_wave
 
 NAME = "composite"
 GROUP = "composite"
@@ -26,18 +23,6 @@ LEAST_TRAVEL = 200  # ... and in the near one
 LONGEST = 3000  # ... at most
 CUBIC = (1.0, 1.0, 0.36), (0.010237, -1.149207, 1.542135), 1.388055, 1.6  # laws, mass, c/cs
 CUBIC_TIME = 700.0  # s
-
-
-def columns_of(path):
-    """Columns of a CSV file, as numbers where they are numeric."""
-    columns = {}
-    with open(path, newline="") as file:
-        for row in csv.DictReader(file):
-            for key, value in row.items():
-                with contextlib.suppress(ValueError):
-                    value = float(value)
-                columns.setdefault(key, []).append(value)
-    return columns
 
 
 def duration(real):
@@ -131,10 +116,10 @@ def profile(real, one, name, number):
 
 def data():
     """Verdicts, pulses, profiles and energy density of the best interface; control and search."""
-    tables, found = {}, columns_of(BEST)
+    tables, search = {}, results()
     control = cubic()
     cases = [("cubic laws", control, _composite.outcome(control, CUBIC_TIME, 2 * TRAVEL))]
-    for kind, seed, named in best(found)[:VERIFIED]:
+    for kind, seed, named in best(search["best"])[:VERIFIED]:
         cases.append((f"prisms, {kind}, seed {seed}", *verified(named)))
     chief = max(cases[1:], key=lambda case: (case[2].does_both, min(case[2].verdict)))[0]
     for name, real, one in cases:
@@ -147,7 +132,7 @@ def data():
                 for k, _ in zip(range(2), several, strict=False):
                     if several[k].width > 0:
                         tables[f"profile {where} {k}"] = profile(real, one, where, k)
-    return tables | {"best": found, "search": columns_of(SCATTER), "counts": columns_of(COUNTS)}
+    return tables | search
 
 
 def draw(figure, tables):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from tensegrity import Prism, predict
-from tensegrity.waves.solitary import largest_speed
 
 NAME = "solitary_families"
 GROUP = "waves"
@@ -26,10 +25,11 @@ def data():
     tables = {}
     for name, (prism, preload, family) in SPRINGS.items():
         spring = prism.potential(preload=preload)
-        bound = largest_speed(spring, family=family, closest=4e-3) / spring.sound_speed()
+        waves = predict(spring)[family]
+        bound = waves.speeds[1] / spring.sound_speed()
         largest = min(FASTEST, 1 + 0.9 * (bound - 1))
         excess = np.geomspace(2e-3, largest - 1, POINTS)
-        curve = predict(spring)[family].curve(speed_ratio=1 + excess)
+        curve = waves.curve(speed_ratio=1 + excess)
         tables[name.replace(", ", "_").replace(" ", "_")] = {
             "speed_excess": excess,
             "width": curve.width,

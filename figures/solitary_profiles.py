@@ -6,8 +6,7 @@ import numpy as np
 
 from figures import _exact
 from figures._measure import row
-from tensegrity import Prism, sech2, solitary_wave, tent
-from tensegrity.waves.solitary import largest_speed
+from tensegrity import Prism, predict, sech2, solitary_wave, tent
 
 NAME = "solitary_profiles"
 GROUP = "waves"
@@ -24,7 +23,7 @@ def data():
     numbers |= {name: [] for name in ("stroke_used", "width", "residual")}
     for shape, label in PRISMS.items():
         spring = Prism(1.0, *shape, 1.0).potential()
-        largest = largest_speed(spring) / spring.sound_speed()
+        largest = predict(spring)["compression"].speeds[1] / spring.sound_speed()
         for ratio in RATIOS:
             line = [*shape, ratio, largest, np.nan, np.nan, np.nan]
             if ratio < largest:

@@ -110,18 +110,18 @@ def outcome(run, wave, case, timed=TIMED, passed=PASSED):
     sound, further = wave.sound_speed, case.far.sound_speed()
     energy = run.scene.site_energy(run.final.u, run.final.v)
     near, last = (
-        _measure.Passing(run, case.before - bonds, after=met(wave) + 0.9 * bonds / sound)
+        _measure.peak(run, case.before - bonds, after=met(wave) + 0.9 * bonds / sound)
         for bonds in timed
     )
-    first, second = (_measure.Passing(run, case.before + bonds) for bonds in passed)
+    first, second = (_measure.peak(run, case.before + bonds) for bonds in passed)
     return {
         "energy": float(energy[: case.before].sum() / energy.sum()),
         "impulse": float(run.final.v[: case.before].sum() / wave.momentum),
-        "back": (timed[1] - timed[0]) / (last.instant - near.instant) / sound,
-        "back crest": last.crest,
-        "on": (passed[1] - passed[0]) / (second.instant - first.instant) / further,
-        "on crest": second.crest,
-        "late": first.instant - met(wave) - passed[0] / further,
+        "back": (timed[1] - timed[0]) / (last[0] - near[0]) / sound,
+        "back crest": last[1],
+        "on": (passed[1] - passed[0]) / (second[0] - first[0]) / further,
+        "on crest": second[1],
+        "late": first[0] - met(wave) - passed[0] / further,
         "momentum error": float(np.abs(run.v.sum(axis=1) / wave.momentum - 1).max()),
     }
 

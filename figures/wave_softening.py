@@ -6,7 +6,7 @@ import numpy as np
 
 from figures import _measure, _scenes
 from figures._measure import Number
-from tensegrity import LockingError, Record, budget, simulate, solitary_wave
+from tensegrity import LockingError, Record, arrival, budget, simulate, solitary_wave
 
 NAME = "wave_softening"
 GROUP = "waves"
@@ -61,16 +61,21 @@ def leading(run):
     """
     fast, crest = _measure.leader(run, SENSORS)
     near, far = SENSORS
-    behind = [
-        _measure.Passing(run, bond, -np.sign(crest), _measure.Passing(run, bond).instant).instant
-        for bond in SENSORS
-    ]
+    behind = [tail(run, bond) for bond in SENSORS]
     sound = run.scene.springs[-1].sound_speed(run.scene.mass[-1])
     return {
         "speed": fast / sound,
         "tail": (far - near) / (behind[1] - behind[0]) / sound,
         "crest": crest,
     }
+
+
+def tail(run, bond):
+    """Instant at which the front of the tail passes a bond [s]."""
+    instant, amplitude = _measure.peak(run, bond)
+    left = run.sites.index(bond)
+    elongation = run.u[:, left + 1] - run.u[:, left]
+    return arrival(run, bond, after=run.t[(run.t > instant) & (elongation * amplitude < 0)][0])
 
 
 def kind(blow, speed):

@@ -14,11 +14,11 @@ from tensegrity import (
     LockingError,
     Prism,
     Record,
+    pulses,
     simulate,
     solitary_wave,
     speed,
 )
-from tensegrity.measure.observables import crest
 
 NAME = "wave_tuning"
 GROUP = "waves"
@@ -124,7 +124,7 @@ def outcome(before, during, after):
         the energy at first; momentum: its largest change, relative; energy: largest deviation of
         energy - work, over the energy at first.
     """
-    start = int(crest(after.scene.elongation(during.final.u))[0])
+    start = int(pulses(after, 0, fraction=0.5)[-1].place - 0.5)
     now, elongation = _measure.leader(after, [start + bond for bond in TIMED[1]])
     wave = solitary_wave(after.scene.springs[0], speed=now)
     first, work = before.energy[0], during.work[-1]
