@@ -60,7 +60,7 @@ def toda_gap(decay=1.0):
 
 
 def constants():
-    """{exponent: (c of c = k A^((n - 1)/2) for unit stiffness, mass and crest, residual)}."""
+    """{exponent: (c of c = k A^((n - 1)/2) for unit stiffness, mass and peak, residual)}."""
     waves = {n: solitary_wave(PowerLaw(1.0, n, length=1.0), amplitude=-1.0) for n in EXPONENTS}
     return {n: (wave.speed, wave.residual) for n, wave in waves.items()}
 

@@ -34,7 +34,7 @@ def data():
             "speed_excess": excess,
             "width": curve.width,
             "energy": curve.energy,
-            "crest": curve.amplitude,
+            "peak": curve.amplitude,
         }
     return tables
 
@@ -44,7 +44,7 @@ def draw(figure, tables):
     figure.set_size_inches(12, 4.4)
     axes = figure.subplots(1, 3)
     for name, table in zip(SPRINGS, tables.values(), strict=True):
-        for one, column in zip(axes, ("width", "energy", "crest"), strict=True):
+        for one, column in zip(axes, ("width", "energy", "peak"), strict=True):
             one.loglog(table["speed_excess"], np.abs(table[column]), ".-", label=name)
     excess = np.geomspace(2e-3, 0.05, 2)
     axes[0].loglog(excess, 9.0 * (24 * excess) ** -0.5, "k:", lw=1, label="slope -1/2")

@@ -70,8 +70,8 @@ def draw(figure, tables):
         one.plot(table["x"], -table["sech2"], "C1--", label="sech$^2$")
         one.plot(table["x"], -table["tent"], "C2:", lw=2, label="tent")
         one.plot(table["x"], -table["exact"], "C0", label="exact")
-        crests = [np.max(-table[name]) for name in ("exact", "sech2", "tent")]
-        one.set_ylim(-0.05 * crests[0], 1.1 * max(c for c in crests if c < 4 * crests[0]))
+        peaks = [np.max(-table[name]) for name in ("exact", "sech2", "tent")]
+        one.set_ylim(-0.05 * peaks[0], 1.1 * max(c for c in peaks if c < 4 * peaks[0]))
         used, wide = numbers["stroke_used"][index], numbers["width"][index]
         title += f"\n{used:.3f} of the stroke, {wide:.2f} sites at 5 %"
         one.set_title(title, fontsize=9)

@@ -79,7 +79,7 @@ def table(tables):
     near, errors = tables["near sound"], "deviation from the exact wave"
     for prestrain in PRESTRAINS:
         off = ", ".join(
-            f"{gap:.3f} of the crest at {ratio:g} cs"
+            f"{gap:.3f} of the peak at {ratio:g} cs"
             for ratio, gap in zip(NEAR, near[f"{prestrain:g}"], strict=True)
         )
         rows.append(
@@ -91,12 +91,12 @@ def table(tables):
             )
         )
     for ratio in (2.0, 3.0, 12.16):
-        gap = _measure.from_table(tables[f"{ratio:g} numbers"])["tent - exact, over the crest"]
+        gap = _measure.from_table(tables[f"{ratio:g} numbers"])["tent - exact, over the peak"]
         rows.append(
             _measure.row(
                 f"tent, {ratio:g} cs",
                 "almost coincides at 12.16 cs",
-                f"off by {gap.value:.3f} of the crest",
+                f"off by {gap.value:.3f} of the peak",
                 errors,
             )
         )
