@@ -21,7 +21,7 @@ from tensegrity import (
 
 PRISMS = ((0.7, 0.01), (0.6, 0.001), (0.8, 0.1))  # height over base, prestrain
 RATIOS = (1.001, 1.01, 1.05, 1.3, 2.0, 5.0)
-STROKE = 0.97  # of the locking stroke, up to which residuals are told
+STROKE = 0.97  # of the locking stroke, up to which residuals are reported
 EXPONENTS = (1.5, 2.0, 3.0)
 SITES, LEAD, BETWEEN = 620, 40, (60, 510)
 

@@ -104,9 +104,9 @@ def density_table(t, energy):
     group = -(-energy.shape[1] // SHOWN_SITES)
     whole = energy.shape[1] // group * group
     energy = energy[rows, :whole].reshape(len(rows), -1, group).mean(axis=2)
-    share = np.maximum(energy / energy.max(), FAINTEST)
+    fraction = np.maximum(energy / energy.max(), FAINTEST)
     places = (np.arange(energy.shape[1]) + 0.5) * group - 0.5
-    columns = {f"{x:g}": rounded(column) for x, column in zip(places, share.T, strict=True)}
+    columns = {f"{x:g}": rounded(column) for x, column in zip(places, fraction.T, strict=True)}
     return {"time": rounded(t[rows], 6), **columns}
 
 

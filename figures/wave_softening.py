@@ -114,7 +114,7 @@ def measured(blow, speed):
     if found["peak"].value > 0:
         wave = solitary_wave(_scenes.softening(PRELOAD), amplitude=found["peak"].value)
         found["exact speed"] = Number(wave.speed_ratio, wave.residual)
-        found["share"] = Number(wave.energy / run.energy[0], 2 * found["peak"].error)
+        found["fraction"] = Number(wave.energy / run.energy[0], 2 * found["peak"].error)
     return run, found
 
 
@@ -175,9 +175,9 @@ def table(tables):
         _measure.row(
             scene,
             "leading rarefaction soliton, supersonic",
-            f"{held['speed'].value:.6f} cs with {held['share'].value:.3f} of the energy; the exact "
-            f"wave of that peak {held['exact speed'].value:.6f} cs (off by {exact:.0e}: the pulse "
-            "still sheds its tail)",
+            f"{held['speed'].value:.6f} cs with {held['fraction'].value:.3f} of the energy; the "
+            f"exact wave of that peak {held['exact speed'].value:.6f} cs (off by {exact:.0e}: the "
+            "pulse still sheds its tail)",
             held["speed"].error,
         ),
         _measure.row(

@@ -17,7 +17,7 @@ WAVES = {
     3.0: ((0.7, 0.01), {"travel": 80, "bracket": (0.115, 0.125), "around": 4}),
     12.16: ((0.6, 0.001), {"travel": 48, "bracket": (0.155, 0.165), "around": 4}),
 }
-NEAR = (1.01, 1.05)  # speeds at which sech^2 is judged, at these prestrains
+NEAR = (1.01, 1.05)  # speeds at which sech^2 is compared, at these prestrains
 PRESTRAINS = (0.1, 0.01)
 CLAIMED = {
     1.05: "localised on about 7 prisms",

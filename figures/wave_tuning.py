@@ -120,7 +120,7 @@ def outcome(before, during, after):
     -------
     dict
         before, after: speeds [sites/s]; peak: elongation over that of the exact wave of that
-        speed, less 1; share: of the energy at last, in that wave; work: done by the change, over
+        speed, less 1; fraction: of the energy at last, in that wave; work: done by the change, over
         the energy at first; momentum: its largest change, relative; energy: largest deviation of
         energy - work, over the energy at first.
     """
@@ -134,7 +134,7 @@ def outcome(before, during, after):
         "before": speed(before, TIMED[0]),
         "after": now,
         "peak": elongation / wave.amplitude - 1,
-        "share": float(wave.energy / after.energy[-1]),
+        "fraction": float(wave.energy / after.energy[-1]),
         "work": float(work / first),
         "momentum": float(np.abs(momenta / momenta[0] - 1).max()),
         "energy": float(max(np.abs(gap - first).max() for gap in gaps) / first),
@@ -242,7 +242,7 @@ def table(tables):
                 f"prestrain {BEFORE:g} to {AFTER:g} while a wave travels, {name} ({ramp:g} s)",
                 "adjusted on the fly",
                 f"speed {found['before'].value:.6f} to {found['after'].value:.6f} sites/s, with "
-                f"{found['share'].value:.4f} of the energy; peak that of the exact wave to "
+                f"{found['fraction'].value:.4f} of the energy; peak that of the exact wave to "
                 f"{abs(found['peak'].value):.0e}; work {found['work'].value:.4f} of the energy "
                 f"at first; energy less work closes to {found['energy'].value:.0e}, momentum to "
                 f"{found['momentum'].value:.0e}",

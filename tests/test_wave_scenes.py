@@ -126,7 +126,7 @@ def test_only_a_collapse_is_taken_for_one(monkeypatch):
 
 def test_only_pushed_blows_answer_for_a_compressive_disturbance():
     numbers = dict.fromkeys(
-        ("speed", "exact speed", "share", "tail", "energy error", "momentum error"),
+        ("speed", "exact speed", "fraction", "tail", "energy error", "momentum error"),
         _measure.Number(1.0, 1e-9),
     )
     tables = dict.fromkeys(("held", "free"), _measure.as_table(numbers))
@@ -231,7 +231,7 @@ def test_row_of_a_map_counts_the_prisms_without_a_wave():
     some = {"prestrain": [0.1] * 4, "preload": [0.0, 0.1, 0.2, 0.3], "width": [2.0, 2.0, *WHITE],
             "sound speed": [1.0, 1.0, 1.0, np.nan], "wave speed": [2.0, 2.0, *WHITE],
             "impedance": [1.0] * 4}  # fmt: skip
-    names = ("before", "after", "share", "peak", "work", "energy", "momentum")
+    names = ("before", "after", "fraction", "peak", "work", "energy", "momentum")
     change = _measure.as_table(dict.fromkeys(names, _measure.Number(1.0, 1e-9)))
     tables = dict.fromkeys(("stiffening map", "softening map"), some)
     rows = wave_tuning.table(tables | dict.fromkeys(wave_tuning.RAMPS, change))
