@@ -53,8 +53,8 @@ def cubic():
     near, far = (
         Potential(law, r, dict(zip((k, a, b), numbers, strict=True))) for numbers in CUBIC[:2]
     )
-    crest = solitary_wave(near, speed_ratio=CUBIC[3]).amplitude
-    return Interface(near, far, (1.0, CUBIC[2]), crest)
+    peak = solitary_wave(near, speed_ratio=CUBIC[3]).amplitude
+    return Interface(near, far, (1.0, CUBIC[2]), peak)
 
 
 def numbers(real, one):
@@ -66,18 +66,18 @@ def numbers(real, one):
         "reflected solitary rarefactions": back,
         "transmitted solitary compressions": train,
         "incident speed over sound": one.incident.speed_ratio,
-        "incident crest [m]": one.incident.amplitude,
+        "incident peak [m]": one.incident.amplitude,
         "impedance far over near": z[1] / z[0],
         "sound far over near": sounds[1] / sounds[0],
         "momentum of the near chain": near,
         "momentum of the far chain": far,
         "momentum of the compressions": pushed,
         "momentum error": abs(near + far - 1),
-        "time [s]": one.run.t[-1] - one.begun.met,
+        "time [s]": one.run.t[-1] - one.begun.arrival,
         "step [s]": one.run.dt,
         "energy error": one.run.energy_error,
-        "largest change of a crest at half the step": one.moved,
-        "at an end, over the crest": one.fine.ends,
+        "largest change of a peak at half the step": one.moved,
+        "at an end, over the peak": one.fine.ends,
     }
 
 
@@ -103,7 +103,7 @@ def profile(real, one, name, number):
     r = np.diff(one.run.final.u)
     part = _composite.parts(r, one.run.final.v, one.begun.before)[side][0]
     spring, mass = (real.near, real.far)[side], real.masses[side]
-    wave = solitary_wave(spring, mass, amplitude=found.crest)
+    wave = solitary_wave(spring, mass, amplitude=found.peak)
     bonds = np.arange(
         max(math.floor(found.place - found.width), 0), math.ceil(found.place + found.width) + 1
     )
