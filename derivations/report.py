@@ -128,6 +128,27 @@ def _equation(left, right):
     return mathml(sp.Eq(left, right, evaluate=False))
 
 
+def _short(form):
+    return isinstance(form, sp.Basic) and form.count_ops() <= LONGEST
+
+
+def formula(name: str) -> str:
+    """The formula of a ledger entry as MathML: as derived, or, where that is long or a relation
+    that was decided on cases, the printed one as it agrees with the derivation.
+
+    Raises
+    ------
+    ValueError
+        If no entry has this name, or the entry is a claim without formula.
+    """
+    found = {entry.name: entry for entry in ledger.entries() if entry.derive}
+    if name not in found:
+        raise ValueError(f"{name!r} is no formula of the ledger")
+    entry = found[name]
+    form = ledger.derived(entry)
+    return _equation(entry.left, form if _short(form) else entry.reading(entry.printed))
+
+
 def _entry(check):
     entry = check.entry
     kind = entry.verdict.name.lower() if check.confirmed else "failed"
@@ -139,10 +160,10 @@ def _entry(check):
         _equation(entry.left, entry.printed),
     ]
     found = ledger.derived(entry) if entry.derive else None
-    if isinstance(found, sp.Basic) and found.count_ops() > LONGEST:
-        parts.append("<p>As derived: see the argument above.</p>")
-    elif isinstance(found, sp.Basic):
+    if _short(found):
         parts += ["<p>As derived:</p>", _equation(entry.left, found)]
+    elif isinstance(found, sp.Basic):
+        parts.append("<p>As derived: see the argument above.</p>")
     verdict += f":</span> {prose(entry.note)}." if entry.note else ".</span>"
     parts.append(
         f'<p><span class="verdict">{verdict[0].upper() + verdict[1:]} '

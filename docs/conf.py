@@ -8,8 +8,12 @@ from pathlib import Path
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE.parent), str(HERE)]
 
+import examples  # noqa: E402
 import pages  # noqa: E402
+from docutils import nodes  # noqa: E402
+from docutils.parsers.rst import Directive  # noqa: E402
 
+from derivations import report  # noqa: E402
 from tensegrity import __version__  # noqa: E402
 
 project = "tensegrity"
@@ -58,8 +62,26 @@ WITHOUT = (
 html_sidebars = {page: [] for page in WITHOUT}  # of the pages of their part
 
 
+class Formula(Directive):
+    """Formulas of the ledger, by their names: ```{formula} talk.sech2, talk.gamma."""
+
+    required_arguments = 1
+    final_argument_whitespace = True
+
+    def run(self):
+        try:
+            html = [report.formula(name.strip()) for name in self.arguments[0].split(",")]
+        except ValueError as error:
+            raise self.error(str(error)) from None
+        return [nodes.raw("", "\n".join(html), format="html")]
+
+
 def setup(app):
-    """Pages are made before the first is read; formulas are linked as docstrings are."""
+    """Pages are made, and examples run, before the first is read; formulas are linked as docstrings
+    are."""
+    app.add_directive("formula", Formula)
     app.connect("builder-inited", lambda app: pages.make(Path(app.srcdir)))
+    app.connect("builder-inited", lambda app: examples.run_all(Path(app.srcdir)))
+    app.connect("source-read", examples.add_results)
     app.connect("autodoc-process-docstring", pages.link_formulas)
     app.connect("build-finished", lambda app, _: pages.copy_live(Path(app.outdir)))
