@@ -347,15 +347,20 @@ def searched(executor=None):
     """Cases, and all interfaces that each computed."""
     cases, found = [], []
     for number in range(ROUNDS):
-        first = first_cases(number)
-        drawn_ones = sweep(descent, first, executor)
-        last = last_cases(first, drawn_ones)
-        cases += first + last
-        found += drawn_ones + sweep(descent, last, executor)
+        cases += first_cases(number)
+        found += computed(cases[len(found) :], executor)
+        cases += last_cases(cases[-SEEDS:], found[-SEEDS:])
+        found += computed(cases[len(found) :], executor)
+    return cases, found
+
+
+def computed(cases, executor):
+    """What each case computed; the error of the first one that failed is raised."""
+    found = sweep(descent, cases, executor)
     for one in found:
         if not isinstance(one, list):
             raise TensegrityError(one.error)
-    return cases, found
+    return found
 
 
 @stored("composite")
