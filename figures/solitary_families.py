@@ -51,4 +51,7 @@ def draw(figure, tables):
     labels = ("width at 5 % of the peak [sites]", "energy [k$_{cross}$ l$^2$]", "|peak| [l]")
     for one, label in zip(axes, labels, strict=True):
         one.set(xlabel="c/c$_s$ - 1", ylabel=label)
+    ticks = (2, 3, 5, 10, 20, 40)
+    axes[0].set_yticks(ticks, [str(tick) for tick in ticks])
+    axes[0].set_yticks([], minor=True)
     axes[0].legend(fontsize=8)
