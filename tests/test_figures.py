@@ -262,15 +262,17 @@ def test_nothing_under_version_control_lies_where_pictures_are_drawn():
 
 
 def test_only_pictures_that_are_shown_elsewhere_are_refreshed(tmp_path):
-    output, shown, data = (tmp_path / name for name in ("output", "shown", "data"))
-    for folder in (output / "start", shown, data):
+    output, shown, data, made = (tmp_path / name for name in ("output", "shown", "data", "made"))
+    for folder in (output / "start", shown, data, made):
         folder.mkdir(parents=True)
     for name in ("prism_drawing.png", "prism_drawing.csv"):
         (output / "start" / name).write_text("new")
     (shown / "prism_drawing.png").write_text("old")
     (shown / "wave_supersonic.png").write_text("old")
     one = _draw.Drawn("prism_drawing", "start", [], 3.0, 2.04)
-    update(chosen(["prism_drawing"]), [one], output, shown, data)
+    (made / "some.npz").write_text("result")
+    update(chosen(["prism_drawing"]), [one], output, shown, data, made)
+    assert (data / "some.npz").read_text() == "result"
     assert {path.name: path.read_text() for path in shown.iterdir()} == {
         "prism_drawing.png": "new",
         "wave_supersonic.png": "old",
