@@ -102,7 +102,8 @@ def crystal_of(run: Any) -> Crystal:
         raise TensegrityError(f"run is {type(run).__name__}, not a Run")
     if not isinstance(run.scene, Crystal):
         raise TensegrityError(
-            f"the scene of the run is {type(run.scene).__name__}, not a chain or guide of beads"
+            f"the scene of the run is {type(run.scene).__name__}, not a chain, a guide or a "
+            "pack of beads"
         )
     return run.scene
 

@@ -1,7 +1,8 @@
-"""`python -m tensegrity demo`: a prism pressed, a chain struck, a pack struck, in some seconds.
+"""`python -m tensegrity demo`: a prism compressed, a chain struck and a pack struck, in seconds.
 
-It prints numbers beside what is known of them otherwise, and writes `tensegrity-demo.png` and
-`tensegrity-demo.gif` into the working folder.  The exit code is 0 where all are right, else 1.
+It prints computed numbers with their errors relative to independent results, and writes
+`tensegrity-demo.png` and `tensegrity-demo.gif` into the working folder.  The exit code is 0 if all
+errors are below their bounds, otherwise 1.
 """
 
 from __future__ import annotations
@@ -36,13 +37,13 @@ if TYPE_CHECKING:
     from tensegrity.prisms.path import EquilibriumPath
 
 FRAMES, RATE = 40, 12
-SITES, TIMED, SEEN = 60, 40, 6  # bond that the leading wave is timed at; bonds around it
-MAGNIFIED, FASTEST = 60, 0.15  # displacements of beads, as drawn; m/s, of the colours
+SITES, TIMED, SEEN = 60, 40, 6  # bond where the arrival is measured; bonds drawn around it
+MAGNIFIED, FASTEST = 60, 0.15  # factor of drawn displacements; m/s, end of the colours
 
 
 class Demo(NamedTuple):
-    """What is shown: paths of an elastic and a rigid prism, a run of a chain, the exact wave as
-    fast as what leads there and when that passes bond `TIMED` [s], and a run of a pack."""
+    """Paths of an elastic and of a rigid prism; a run of a chain, the exact wave with the speed of
+    its leading pulse, and the time at which that passes bond `TIMED` [s]; a run of a pack."""
 
     elastic: EquilibriumPath
     rigid: EquilibriumPath
@@ -52,7 +53,7 @@ class Demo(NamedTuple):
     pack: Run
 
     def crest(self, row: int) -> float:
-        """Bond where the crest of the exact wave is in a row of the run of the chain."""
+        """Position of the peak of the exact wave [bonds], at a row of the run of the chain."""
         return float(TIMED + self.wave.speed * (self.chain.t[row] - self.passed))
 
 
@@ -75,7 +76,7 @@ def computed() -> Demo:
 
 
 def checks(demo: Demo) -> list[tuple[str, float, float]]:
-    """What is found, in words, with an error of it and the bound of that."""
+    """Each result in words, its error and the bound of the error."""
     elastic, rigid, wave, pack = demo.elastic, demo.rigid, demo.wave, demo.pack
     fold = next(event for event in elastic.events if event.kind == "fold")
     left = float(elastic.prism.potential().stiffness(-fold.shortening))
@@ -83,9 +84,9 @@ def checks(demo: Demo) -> list[tuple[str, float, float]]:
     bonds = np.arange(round(demo.crest(-1)) - SEEN, SITES - 1)
     off = np.diff(demo.chain.final.u)[bonds] - wave.elongation(bonds - demo.crest(-1))
     at, force = largest_peak(pack.t, wall_force(pack, "floor"))
-    prism = f"prism  limit load {fold.load:.6f} N, where the derived potential has no stiffness"
-    rigid_one = f"       rigid, it locks at a height of {lock:.6f} m, as in closed form"
-    chain = f"chain  a wave at {wave.speed_ratio:.4f} times the speed of sound, as the exact one"
+    prism = f"prism  limit load {fold.load:.6f} N, where the potential has zero stiffness"
+    rigid_one = f"       locking height {lock:.6f} m with rigid members, in closed form"
+    chain = f"chain  leading wave at {wave.speed_ratio:.4f} sound speeds, equal to the exact wave"
     beads = f"pack   {force:.2f} N on the floor after {1e6 * at:.0f} us; energy is conserved"
     return [
         (prism, abs(left) / elastic.prism.axial_stiffness(), 1e-9),
@@ -96,19 +97,21 @@ def checks(demo: Demo) -> list[tuple[str, float, float]]:
 
 
 def draw(figure: Figure, demo: Demo) -> Callable[[float], None]:
-    """Draw all three; returns what shows an instant, by its part of the time."""
+    """Draw all three; returns a function that shows the instant at a fraction of the time."""
     from matplotlib.collections import EllipseCollection
 
     press, strike, hit = figure.subplots(1, 3, width_ratios=(1, 1.2, 1.2))
-    press.plot(demo.rigid.shortening, demo.rigid.load, label="rigid bases and bars: it locks")
+    press.plot(demo.rigid.shortening, demo.rigid.load, label="rigid bases and bars: locking")
     soft = demo.elastic.shortening, demo.elastic.load
-    press.plot(*soft, label="elastic ones: it snaps at the limit load")
+    press.plot(*soft, label="elastic ones: snap-through at the limit load")
     (state,) = press.plot([], [], "C1o")
-    press.set(xlabel="shortening [m]", ylabel="load [N]", ylim=(0, 0.4), title="a prism, pressed")
-    (exact,) = strike.plot([], [], "C1", lw=3, alpha=0.6, label="exact wave of that speed")
+    press.set(xlabel="shortening [m]", ylabel="load [N]", ylim=(0, 0.4))
+    press.set_title("A prism is compressed")
+    (exact,) = strike.plot([], [], "C1", lw=3, alpha=0.6, label="exact wave of the same speed")
     (sites,) = strike.plot([], [], "C0.-", lw=0.8, label=f"chain of {SITES} prisms")
     strike.set(xlabel="bond", ylabel="compression [m]", xlim=(0, SITES))
-    strike.set(ylim=(-0.01, 1.5 * abs(demo.wave.amplitude)), title="a chain, its first site struck")
+    strike.set_title("A chain is struck at its first site")
+    strike.set_ylim(-0.01, 1.5 * abs(demo.wave.amplitude))
     press.legend(fontsize=8, loc="upper right")
     strike.legend(fontsize=8, loc="upper left")  # where it stays in every frame
     places, u, v = demo.pack.scene.positions, demo.pack.u, demo.pack.v
@@ -118,7 +121,7 @@ def draw(figure: Figure, demo: Demo) -> Callable[[float], None]:
     hit.add_collection(beads)
     (left, low), (right, high) = 1e3 * places.min(axis=0), 1e3 * places.max(axis=0)
     hit.set(xlim=(left - 6, right + 6), ylim=(low - 6, high + 6), aspect="equal", xlabel="x [mm]")
-    hit.set(ylabel="z [mm]", title=f"a pack of steel beads, struck: motion {MAGNIFIED} times")
+    hit.set(ylabel="z [mm]", title=f"A pack is struck; motion magnified {MAGNIFIED} times")
     figure.colorbar(beads, ax=hit, label="speed of a bead [m/s]", shrink=0.7, extend="max")
     x = np.linspace(-SEEN, SEEN, 20 * SEEN)
 
@@ -134,26 +137,26 @@ def draw(figure: Figure, demo: Demo) -> Callable[[float], None]:
 
 
 def main() -> int:
-    """Run it; returns the exit code."""
+    """Run the demonstration; returns the exit code."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
     from PIL import Image
 
     demo, failed = computed(), 0
     for words, error, bound in checks(demo):
-        failed += not error <= bound  # also not a number is wrong
-        print(f"{words}: {'off by' if error <= bound else 'WRONG by'} {error:.1e}", flush=True)
+        failed += not error <= bound  # also where the error is NaN
+        print(f"{words}: {'error' if error <= bound else 'WRONG, error'} {error:.1e}", flush=True)
     figure = Figure(figsize=(15, 4.2), dpi=80, layout="constrained")
     canvas: Any = FigureCanvasAgg(figure)
     show, images = draw(figure, demo), []
     for part in np.linspace(0.02, 1, FRAMES):
         show(float(part))
         canvas.draw()
-        figure.set_layout_engine("none")  # every frame as the first is laid out
+        figure.set_layout_engine("none")  # every frame is laid out as the first
         images.append(Image.fromarray(np.array(canvas.buffer_rgba())).convert("RGB").quantize(128))
     picture, film = (Path(f"tensegrity-demo.{kind}") for kind in ("png", "gif"))
     images[0].save(film, save_all=True, append_images=images[1:], duration=1000 // RATE, loop=0)
     show(0.8)
     figure.savefig(picture, dpi=110)
-    print(f"{picture}, {film}: all three at an instant, and in motion")
+    print(f"{picture}, {film}: all three scenes, at one instant and animated")
     return int(failed > 0)

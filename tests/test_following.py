@@ -80,6 +80,7 @@ def test_energy_is_kept_through_every_new_contact():
     scene = followed(rack(), box(WIDTH, HEIGHT))
     run = simulate(scene, scene.at_rest({15: (5.0, 0.0)}), 1.2e-3)
     assert run.energy_error < 1e-8
+    assert run.force_model == "exact"
     cue, corners = run.v[-1, 15], run.v[-1, [10, 14]]
     assert abs(cue[1]) < 1e-9
     np.testing.assert_allclose(corners[0] * [1, -1], corners[1], rtol=1e-9)

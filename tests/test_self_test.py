@@ -69,7 +69,7 @@ def test_the_demonstration_finds_its_numbers_right_and_draws(tmp_path):
         command, cwd=tmp_path, env=PATHS, capture_output=True, text=True, timeout=300
     )
     assert answer.returncode == 0, answer.stdout + answer.stderr
-    assert answer.stdout.count(": off by ") == 4
+    assert answer.stdout.count(": error ") == 4
     assert "575.76 N on the floor after 220 us" in answer.stdout
     assert {path.name for path in tmp_path.iterdir()} == {
         "tensegrity-demo.png",

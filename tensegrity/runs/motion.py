@@ -426,10 +426,11 @@ class Motion:
         return (barrier, given) if given < barrier else None
 
     def _too_coarse(self, t: float, u: Array, elongation_range: Array) -> StabilityError:
+        part = "" if self.allowed == 1 else f"{self.allowed:g} of "
         return StabilityError(
             f"{self.problem.step_words(self.dt)} is beyond "
-            f"{self.allowed * self._guard.limit:.6g} s, {self.allowed:g} of the stability limit of "
-            f"{self.problem.method.name} at the stiffness met at t = {t:.6g} s "
+            f"{self.allowed * self._guard.limit:.6g} s, {part}the stability limit of "
+            f"{self.problem.method.name} at the stiffness reached at t = {t:.6g} s "
             f"{self._listed.where_stiffest(u, elongation_range)}"
         )
 

@@ -142,7 +142,8 @@ class _Checkpoint:
         """Store a result, and write the file unless writing takes too large a fraction of time."""
         if self._path is not None and not _is_storable(result):
             raise TensegrityError(
-                f"the result of case {number} is {check.shown(result)}, which no checkpoint holds"
+                f"the result of case {number} is {check.shown(result)}, which a checkpoint "
+                "cannot store"
             )
         self.results[number], self._fresh = result, True
         if time.monotonic() >= self._due:

@@ -137,7 +137,8 @@ class Springs:
     @cached_property
     def force_model(self) -> str:
         """The models by which the tensions are computed."""
-        return ", ".join(dict.fromkeys(spring.force_model for spring in self.different))
+        models = ", ".join(dict.fromkeys(spring.force_model for spring in self.different))
+        return models or "exact"  # no contact is listed yet
 
     @cached_property
     def domains(self) -> Array:

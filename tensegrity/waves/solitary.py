@@ -231,7 +231,7 @@ class SolitaryWave:
         return page(title, self._texts(), lambda figure: self.plot(figure.subplots()))
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Elongation against the distance from the crest, extension > 0.
+        """Elongation against the distance from the peak, extension > 0.
 
         Parameters
         ----------
@@ -250,7 +250,7 @@ class SolitaryWave:
         drawn: Axes = plotting.axes(ax)
         near = np.abs(self.x) <= self.reach(PLOTTED)
         drawn.plot(self.x[near], self._on_x[near])
-        drawn.set(xlabel="distance from the crest [sites]", ylabel="elongation [m]")
+        drawn.set(xlabel="distance from the peak [sites]", ylabel="elongation [m]")
         return drawn
 
 
