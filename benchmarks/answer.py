@@ -24,7 +24,7 @@ from benchmarks import _peers
 from benchmarks._timing import record, table
 from benchmarks.methods import EXTENDED, omega, scenes
 from benchmarks.work_precision import all_scenes
-from tensegrity import METHODS, Chain, PowerLaw, Prism, Record, TensegrityError, simulate
+from tensegrity import METHODS, Chain, PowerLaw, Prism, Record, State, TensegrityError, simulate
 from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.kernel import bind
 from tensegrity.runs.step import first_factor
@@ -187,7 +187,7 @@ def peers(case, exact):
     at = np.linspace(0, t_end, INSTANTS + 1)
 
     def energies(rows):
-        return scene.site_energy(rows[:, :n], rows[:, n:]).sum(axis=-1)
+        return scene.site_energy(State(rows[:, :n], rows[:, n:])).sum(axis=-1)
 
     if _peers.has("heyoka"):
         import heyoka as hy

@@ -34,6 +34,7 @@ from tensegrity.engine.kernel import bind
 from tensegrity.engine.law import functions
 from tensegrity.engine.threaded import ThreadedChain
 from tensegrity.scenes.dynamics import dynamics
+from tensegrity.springs.potential import potential_of_law
 
 SITES, STEPS, DT = 1000, 1000, 0.1
 TIMED = 1000  # steps of one timed call
@@ -56,7 +57,9 @@ FAMILIES = {
 
 def _with_law(spring, law):
     """The spring with another law of the same parameters."""
-    return Potential.from_law(law, spring.values, spring.length, spring.reach, spring.ends)
+    return potential_of_law(
+        law, spring.values, spring.length, spring.computable_domain, spring.ends
+    )
 
 
 def blow(chain, speed):

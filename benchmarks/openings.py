@@ -115,7 +115,7 @@ def events(scene, steps=20_000):
     space, state, t_end = scene
     u, v = dynamics(space).arrays(state)
     loop = bind(u, v, dynamics(space).loop_bonds, METHODS[METHOD], t_end / steps, divided=False)
-    place = dynamics(space).springs.openings[dynamics(space).springs.group, 0]
+    place = dynamics(space).springs.kinks[dynamics(space).springs.group, 0]
     overlaps = []
     for step in range(steps):
         loop.advance(1, opened=step > 0)

@@ -165,7 +165,7 @@ def main():
     rows = SPACE.random(np.random.default_rng(0), DESIGNS)
     designs = SPACE.designs(rows)
     unit = float(SPACE.all_kinds.unit(STEEL, STRIKER.speed)[0])
-    steps = objective.step_count(unit, T_END, 2 * objective.SHARE * unit)
+    steps = objective.step_count(unit, T_END, 2 * objective.STEP_FRACTION * unit)
     beads = [SPACE.beads(row) for row in rows]
     calls = {
         "lanes, rkn6": lambda: objective.largest(designs, STRIKER, STEEL, T_END, steps),

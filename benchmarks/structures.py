@@ -1,4 +1,4 @@
-"""Force densities and towers beside tnsgrt; a path of the icosahedron beside SciPy's root.
+"""Force densities and towers beside tnsgrt, modes beside eigvalsh, a path beside SciPy's root.
 
 Where tnsgrt is not installed or does not import, its columns are left out and that is printed.
 Times are minima of processor time over repeats in one run.
@@ -10,10 +10,12 @@ import time
 
 import numpy as np
 
+from benchmarks._timing import record
 from tensegrity import Prism, equilibrium_path, plates
 
 STAGES = (10, 100, 1000)
-REPEATS = 2
+SMALL = (2, 8, 16, 32)  # stages of towers whose modes are found from the full matrix
+REPEATS, OFTEN = 2, 30
 PRISM = Prism(1.0, 1.0, 0.1, 1.0, 5.0, 50.0)
 BALL = {"lower": (0, 4, 8), "upper": (3, 7, 11)}
 
@@ -93,6 +95,22 @@ def towers():
         print(line, flush=True)
 
 
+def small_towers():
+    """Six modes of towers of up to 99 nodes, from the members on, beside the eigenvalues alone of
+    the full matrix that `numpy.linalg.eigvalsh` is given."""
+    for stages in SMALL:
+        s = PRISM.column(stages)
+        full = s.stiffness().toarray()
+        seconds, modes = least_time(lambda s=s: s.modes(6), OFTEN)
+        other, values = least_time(lambda full=full: np.linalg.eigvalsh(full), OFTEN)
+        record("modes", f"{s.nodes} nodes", "over eigvalsh", seconds, other)
+        gap = np.abs(values[6:12] - modes.eigenvalues).max() / values[-1]
+        print(
+            f"{s.nodes} nodes: 6 modes {1e3 * seconds:.3g} ms, eigvalsh {1e3 * other:.3g} ms, "
+            f"ratio {seconds / other:.3g}, largest difference {gap:.2g} of the largest eigenvalue"
+        )
+
+
 def beside(peer, seconds, matrix, modes_seconds, modes):
     """Times of tnsgrt over these, and largest differences; its modes are dense."""
     other_seconds, other = least_time(lambda: peer.stiffness()[0].K)
@@ -118,7 +136,7 @@ def ball_path():
     s = icosahedron()
     held = plates(BALL["lower"], BALL["upper"])
     seconds, path = least_time(
-        lambda: equilibrium_path(s, supports=held, branch="symmetric", max_shortening=0.85)
+        lambda: equilibrium_path(s, supports=held, branch="symmetric", max_shortening=0.85), OFTEN
     )
     freedom = s.freedom(held)
     motions = np.asarray(freedom.motions @ freedom.complement())
@@ -146,8 +164,10 @@ def ball_path():
         return np.array(loads)
 
     other, loads = least_time(by_roots)
+    record("path", "icosahedron", "over root solves", seconds, other)
     print(
-        f"icosahedron, {len(places)} equilibria: path {seconds:.3g} s, root solves {other:.3g} s, "
+        f"icosahedron, {len(places)} equilibria: path {seconds:.3g} s, "
+        f"{1e3 * seconds / len(places):.3g} ms each, root solves {other:.3g} s, "
         f"ratio {other / seconds:.3g}, largest difference {np.abs(loads - path.load).max():.2g} N"
     )
 
@@ -155,6 +175,7 @@ def ball_path():
 def main():
     densities()
     ball_path()
+    small_towers()
     towers()
 
 

@@ -208,7 +208,7 @@ def ensemble():
     chain = Chain(spring, ENSEMBLE_SITES)
     batch = Ensemble(chain, LANES)
     states = batch.at_rest({0: np.linspace(0.02, 0.04, LANES)})
-    alone = [(chain, batch.lane(states, k), ENSEMBLE_END) for k in range(LANES)]
+    alone = [(chain, batch.select(states, k), ENSEMBLE_END) for k in range(LANES)]
     exact = tuple(np.stack(x, 1) for x in zip(*(reference(a)[0] for a in alone), strict=True))
     scale = ENSEMBLE_END * omega(*alone[-1])
 

@@ -61,6 +61,7 @@ def run(name, text, folder):
 
     plt.switch_backend("Agg")
     page = sys.modules["page"] = ModuleType("page")  # where functions of a page are pickled from
+    multiprocessing.set_start_method("fork", force=True)  # other processes do not have it
     results = []
     for number, block in enumerate(BLOCK.findall(text), 1):
         before = {path: path.stat().st_mtime_ns for path in folder.glob("*.gif")}

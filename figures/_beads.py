@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from granular import Bead, Striker, chain, hertz, materials, simulate
-from tensegrity import Record
+from tensegrity import Record, State
 
 DIAMETER = 4.76e-3  # m
 SPEED = 0.5  # m/s, of a striker like the first bead
@@ -30,7 +30,7 @@ def struck(beads, t_end):
 def energies(run):
     """Energy of each site over that of the striker: t and a column for each site."""
     chosen = slice(None, None, max(1, len(run.t) // KEPT))
-    density = run.scene.site_energy(run.u[chosen], run.v[chosen]) / run.energy[0]
+    density = run.scene.site_energy(State(run.u[chosen], run.v[chosen])) / run.energy[0]
     return {"t [s]": run.t[chosen], **{f"site {k}": density[:, k] for k in range(density.shape[1])}}
 
 

@@ -82,7 +82,7 @@ def default_step(scene):
 
 def density(run):
     """Space-time density of energy as a table; see `density_table`."""
-    return density_table(run.t, run.scene.site_energy(run.u, run.v))
+    return density_table(run.t, run.scene.site_energy(run))
 
 
 def density_table(t, energy):

@@ -161,7 +161,7 @@ def some(case):
     name, rows = case
     scene = SCENES[name]
     unit = scene.space.all_kinds.unit(STEEL, STRIKER.speed)[0]
-    steps = objective.step_count(unit, scene.t_end, 2 * objective.SHARE * unit)
+    steps = objective.step_count(unit, scene.t_end, 2 * objective.STEP_FRACTION * unit)
     designs = scene.space.designs(rows)
     return objective.largest(designs, STRIKER, STEEL, scene.t_end, steps).force
 

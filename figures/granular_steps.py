@@ -35,7 +35,7 @@ def data():
     for name, (first, second, t_end, _) in SCENES.items():
         run = _beads.struck([first] * BEFORE + [second] * AFTER, t_end)
         forces = run.scene.contact_forces(run.u)
-        beyond = run.scene.site_energy(run.u, run.v)[:, BEFORE + 1 :].sum(1) / run.energy[0]
+        beyond = run.scene.site_energy(run)[:, BEFORE + 1 :].sum(1) / run.energy[0]
         tables[f"{name} density"] = _beads.energies(run)
         tables[f"{name} sensors"] = {
             "t [s]": run.t,

@@ -8,7 +8,7 @@ from derivations import contact
 from figures._beads import bead
 from figures._guide import row
 from granular import Striker, chain, hertz, simulate
-from tensegrity import PowerLaw, Record, first_peak, largest_peak, solitary_wave, width
+from tensegrity import PowerLaw, Record, State, first_peak, largest_peak, solitary_wave, width
 
 NAME = "granular_uniform"
 GROUP = "granular"
@@ -71,7 +71,7 @@ def measured(name, velocity):
     row_at = int(np.searchsorted(run.t, second))
     near = slice(FAR[1] - 12, None)
     momentum = float(scene.mass[near] @ run.v[row_at, near])
-    energy = float(scene.site_energy(run.u[row_at], run.v[row_at])[near].sum())
+    energy = float(scene.site_energy(State(run.u[row_at], run.v[row_at]))[near].sum())
     return {
         "material": name,
         "striker [m/s]": velocity,

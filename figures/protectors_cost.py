@@ -49,7 +49,7 @@ def design_cost(name):
     """CPU seconds of one design of a scene, with the steps of a search."""
     scene = common.SCENES[name]
     unit = float(scene.space.all_kinds.unit(common.STEEL, common.STRIKER.speed)[0])
-    steps = objective.step_count(unit, scene.t_end, 2 * objective.SHARE * unit)
+    steps = objective.step_count(unit, scene.t_end, 2 * objective.STEP_FRACTION * unit)
     rows = scene.space.designs(scene.space.random(np.random.default_rng(0), LANES))
     return least(lambda: objective.largest(
         rows, common.STRIKER, common.STEEL, scene.t_end, steps

@@ -38,7 +38,7 @@ def outcome(run, wave):
         shift: lead of the right-going wave over an undisturbed one [sites]; window: change of
         the residue with wider windows.
     """
-    energy = run.scene.site_energy(run.final.u, run.final.v)
+    energy = run.scene.site_energy(run.final)
     outgoing = {pulse.direction: pulse.place for pulse in pulses(run, fraction=0.5)}
 
     def windows(tail):

@@ -12,6 +12,7 @@ from figures._measure import Number
 from tensegrity import (
     Potential,
     Record,
+    State,
     TensegrityError,
     budget,
     interface,
@@ -108,7 +109,7 @@ def outcome(run, wave, case, timed=TIMED, passed=PASSED):
         momentum error: of the whole chain, over that of the wave.
     """
     sound, further = wave.sound_speed, case.far.sound_speed()
-    energy = run.scene.site_energy(run.final.u, run.final.v)
+    energy = run.scene.site_energy(run.final)
     near, last = (
         _measure.peak(run, case.before - bonds, after=met(wave) + 0.9 * bonds / sound)
         for bonds in timed
@@ -162,7 +163,7 @@ def train(run, before, since):
 def over_time(run, wave, before):
     """Fraction of energy and impulse beyond the interface, at 300 instants or fewer."""
     rows = np.unique(np.linspace(0, len(run.t) - 1, 300).round().astype(int))
-    energy = run.scene.site_energy(run.u[rows], run.v[rows])
+    energy = run.scene.site_energy(State(run.u[rows], run.v[rows]))
     impulse = run.v[rows, before:].sum(axis=1) / wave.momentum
     share = energy[:, before:].sum(axis=1) / energy.sum(axis=1)
     return {"time": run.t[rows], "energy": share, "impulse": impulse}

@@ -14,6 +14,7 @@ from tensegrity import (
     LockingError,
     Prism,
     Record,
+    State,
     pulses,
     simulate,
     solitary_wave,
@@ -156,10 +157,10 @@ def balance(before, during, after):
 
 def densities(before, during, after, spring_at):
     """Density of energy through all three runs, in the springs of each instant."""
-    rows = [before.scene.site_energy(before.u, before.v)]
+    rows = [before.scene.site_energy(before)]
     for t, u, v in zip(during.t, during.u, during.v, strict=True):
-        rows.append(of_springs(during.scene, spring_at(t)).site_energy(u, v)[None])
-    rows.append(after.scene.site_energy(after.u, after.v))
+        rows.append(of_springs(during.scene, spring_at(t)).site_energy(State(u, v))[None])
+    rows.append(after.scene.site_energy(after))
     t = np.concatenate([before.t, LEAD + during.t, LEAD + during.t[-1] + after.t])
     return _measure.density_table(t, np.concatenate(rows))
 

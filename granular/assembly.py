@@ -14,8 +14,10 @@ from granular import sensitivity
 from granular.contact import contact_of
 from granular.crystal import Crystal
 from tensegrity import Network, State, TensegrityError
+from tensegrity.readonly import Repeated
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.network_dynamics import NetworkDynamics
+from tensegrity.springs.collection import numbered
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -45,8 +47,10 @@ class Assembly(Crystal, Network):
 
     def at_rest(self, velocity: Mapping[int, Sequence[float]] | None = None) -> State:
         """Equilibrium under the loads, with velocities [m/s] of some sites: {site: (dim,)}."""
-        state = State(self._rest, super().at_rest(velocity).v)
-        self.check(state)
+        state = super().at_rest(velocity)
+        if self._rest.any() or state.u.any():
+            state = State(self._rest, state.v)
+            self.check(state)
         return state
 
     def _dynamics(self) -> AssemblyDynamics:
@@ -137,6 +141,13 @@ class SharedSprings:
             contact = contact_of(self._law, bead, other)
             self._known[bead, other] = contact, contact.spring()
         return self._known[bead, other][0]
+
+    def between(self, beads: Repeated, others: Repeated) -> Repeated:
+        """The springs of many pairs of partners, evaluated in the order of their first places."""
+        count = len(others.different)
+        found, number = numbered(beads.number * np.int64(count) + others.number)
+        pairs = (divmod(key, count) for key in found.tolist())
+        return Repeated([self(beads.different[i], others.different[j]) for i, j in pairs], number)
 
     def __call__(self, bead: Bead, other: Bead | Material) -> PowerLaw:
         same = id(bead), id(other)

@@ -61,7 +61,7 @@ class BeadChain(Crystal, Chain):
         drive: Mapping[int, Drive] | None = None,
         damping: Damping | None = None,
     ) -> None:
-        self._made_of: dict[str, Any] = {
+        self._arguments: dict[str, Any] = {
             "beads": beads, "striker": striker, "loads": tuple(loads), "end": end,
             "start_wall": start_wall,
         }  # fmt: skip
@@ -136,8 +136,8 @@ class _Dynamics(ChainDynamics):
 
         The weight of a bead depends on its mass, and with it the preloads of the contacts.
         """
-        scene, end = self.scene, self.scene._made_of["end"]
-        if scene._made_of["start_wall"] is not None:
+        scene, end = self.scene, self.scene._arguments["end"]
+        if scene._arguments["start_wall"] is not None:
             raise TensegrityError("no derivatives by beads of a chain with a start wall")
         neighbours = [*range(1, len(scene.beads)), *([] if end is None else [end])]
         pairs = list(zip(range(len(scene.beads)), neighbours, strict=False))
@@ -154,7 +154,7 @@ class _Dynamics(ChainDynamics):
 
 def _gravity(chain: BeadChain) -> float:
     """Gravity [m/s^2], from the weight of a bead that carries no other load."""
-    loads = chain._made_of["loads"]
+    loads = chain._arguments["loads"]
     if chain.striker is None and len(chain.beads) == 1:
         raise TensegrityError(
             "the load of a single bead does not determine its weight: no derivative by its diameter"

@@ -17,6 +17,7 @@ from granular.crystal import Crystal, members
 from tensegrity import Chain, TensegrityError, check
 from tensegrity.measure.observables import directions
 from tensegrity.scenes.dynamics import dynamics
+from tensegrity.scenes.scene import unchecked_state
 from tensegrity.typing import Array, Indices
 
 
@@ -81,7 +82,7 @@ class ChainContacts:
 
     def bead_energies(self, u: Array, v: Array) -> Array:
         """Energy of each site [J], without the contacts with walls; (..., sites)."""
-        energies = self.scene.site_energy(u, v)
+        energies = self.scene.site_energy(unchecked_state(u, v))
         for wall, bead in self.wall_sites.values():
             energies[..., bead] -= energies[..., wall]
             energies[..., wall] = 0
@@ -89,7 +90,7 @@ class ChainContacts:
 
     def wall_energy(self, u: Array) -> Array:
         """Energy of the contacts with walls [J]; (...)."""
-        stored = self.scene.site_energy(u, np.zeros_like(u))
+        stored = self.scene.site_energy(unchecked_state(u, np.zeros_like(u)))
         return sum((2 * stored[..., wall] for wall, _ in self.wall_sites.values()),
                    start=np.zeros(u.shape[:-1]))  # fmt: skip
 

@@ -10,7 +10,7 @@ from tensegrity import Run, TensegrityError, check
 from tensegrity.printing import concise
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Mapping, Sequence
     from typing import Any
 
     from granular.beads import Bead, Striker
@@ -24,17 +24,17 @@ class Crystal:
 
     Attributes
     ----------
-    beads : tuple of Bead
+    beads : sequence of Bead
         One for each site that is a bead, the striker first where there is one.
-    parts : dict of str to tuple of int
+    parts : dict of str to sequence of int
         Sites of each part, in the paper's counting order.
     striker : Striker or None
     """
 
-    beads: tuple[Bead, ...]
-    parts: dict[str, tuple[int, ...]]
+    beads: Sequence[Bead]
+    parts: Mapping[str, Sequence[int]]
     striker: Striker | None
-    _made_of: dict[str, Any]
+    _arguments: dict[str, Any]
     if TYPE_CHECKING:
         sites: int
 
@@ -75,7 +75,7 @@ class Crystal:
         return sum(diameters) - (diameters[0] + diameters[-1]) / 2
 
 
-def members(scene: Crystal, part: str) -> tuple[int, ...]:
+def members(scene: Crystal, part: str) -> Sequence[int]:
     """Sites of a part; TensegrityError if there is no such part."""
     if not isinstance(part, str) or part not in scene.parts:
         raise TensegrityError(f"part {check.shown(part)} is not one of {', '.join(scene.parts)}")

@@ -66,6 +66,7 @@ class Guide(Assembly):
     """
 
     equilibrium: Equilibrium | None
+    parts: dict[str, tuple[int, ...]]
 
     def __init__(
         self,
@@ -82,7 +83,7 @@ class Guide(Assembly):
         damping: Damping | None = None,
     ) -> None:
         gravity, preload = _checked(layout, beads, wall, striker, end, gravity, preload)
-        self._made_of = {
+        self._arguments = {
             "layout": layout, "beads": beads, "wall": wall, "striker": striker, "end": end,
             "gravity": gravity, "preload": preload,
         }  # fmt: skip

@@ -18,6 +18,8 @@ from granular.layout import TOUCH
 from granular.materials import Material
 from granular.packing import PER_BEAD, Pack, per_place
 from tensegrity import TensegrityError, Wall, check
+from tensegrity.readonly import Repeated
+from tensegrity.scenes.network_input import refuse_too_many
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -103,6 +105,7 @@ def fcc_pack(
         Network(28 sites in 3 dimensions, 87 bonds, 5 walls with 27 contacts)
     """
     layers, side = check.whole("layers", layers, least=1), check.whole("side", side, least=1)
+    refuse_too_many(layers * side**2)
     check.room(f"a pack of {layers} layers of {side} x {side} beads", PER_BEAD * layers * side**2)
     beads, d = _equal(bead, layers * side**2, lambda k: f"bead {k % side**2 + 1} of layer "
                       f"{k // side**2 + 1}")  # fmt: skip
@@ -115,7 +118,7 @@ def fcc_pack(
         {"left": ((0, 0, 0), (1, 0, 0)), "right": ((width, 0, 0), (-1, 0, 0)),
          "front": ((0, 0, 0), (0, 1, 0)), "back": ((0, width, 0), (0, -1, 0))}, 3,
     )  # fmt: skip
-    parts = {f"layer {k + 1}": tuple(range(k * side**2, (k + 1) * side**2)) for k in range(layers)}
+    parts = {f"layer {k + 1}": range(k * side**2, (k + 1) * side**2) for k in range(layers)}
     middle = (side - 1) // 2
     column, row = (
         _within("struck", value, side)
@@ -193,10 +196,11 @@ def hexagonal_pack(
     rows, columns = check.whole("rows", rows, least=1), check.whole("columns", columns, least=1)
     if rows > 1 and columns < 2:
         raise TensegrityError(f"columns {columns} must be at least 2: row 2 has one bead fewer")
+    refuse_too_many(rows * columns)
     check.room(f"a pack of {rows} rows of {columns} beads", PER_BEAD * rows * columns)
     counts = [columns - k % 2 for k in range(rows)]
     first = np.cumsum([0, *counts]).tolist()
-    parts = {f"row {k + 1}": tuple(range(first[k], first[k + 1])) for k in range(rows)}
+    parts = {f"row {k + 1}": range(first[k], first[k + 1]) for k in range(rows)}
 
     def named(k: int) -> str:
         row = int(np.searchsorted(first, k, side="right"))
@@ -229,7 +233,7 @@ def _kind(contacts: str | None, gap: float) -> str:
     return contacts
 
 
-def _pressed(preload: float, sites: tuple[int, ...], dim: int) -> dict[int, tuple[float, ...]]:
+def _pressed(preload: float, sites: range, dim: int) -> dict[int, tuple[float, ...]]:
     """The same force [N] on all of these sites, downward."""
     preload = check.number("preload", preload, least=0, unit="N")
     return dict.fromkeys(sites, (0.0,) * (dim - 1) + (-preload,)) if preload else {}
@@ -237,12 +241,13 @@ def _pressed(preload: float, sites: tuple[int, ...], dim: int) -> dict[int, tupl
 
 def _equal(
     bead: Bead | Sequence[Bead], count: int, name: Callable[[int], str]
-) -> tuple[tuple[Bead, ...], float]:
+) -> tuple[Repeated, float]:
     """One bead for each place, and the diameter of them all."""
     beads = per_place(bead, count)
     d = beads[0].diameter
-    for k, one in enumerate(beads):
+    for number, one in enumerate(beads.different):
         if abs(one.diameter - d) > TOUCH * d:
+            k = int(np.argmax(beads.number == number))
             raise TensegrityError(
                 f"{name(k)} has diameter {one.diameter:.9g} m, must be that of the first, "
                 f"{d:.9g} m: a lattice takes equal ones; give other places to `pack`"

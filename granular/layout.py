@@ -336,7 +336,7 @@ def diamond_layout(
     ring = [origin, corner, opening, _mirror(corner)]
     inside = _offset([*ring, *ring, *ring], width)[4:8]
     walls += [Piece.between(a, b, "inner wall") for a, b in inside]
-    return _laid(diameter, pieces, gap, tuple(walls))
+    return _joined(diameter, pieces, gap, tuple(walls))
 
 
 def _checked(
@@ -367,11 +367,11 @@ def _y_positions(
         "branch 1": beads,
         "branch 2": _mirror(beads),
     }
-    laid = _laid(diameter, pieces)
-    return laid.positions, laid.parts
+    joined = _joined(diameter, pieces)
+    return joined.positions, joined.parts
 
 
-def _laid(
+def _joined(
     diameter: float, pieces: Mapping[str, Array], gap: float = 0.0, walls: tuple[Piece, ...] = ()
 ) -> Layout:
     ends = np.cumsum([0, *map(len, pieces.values())]).tolist()

@@ -23,6 +23,8 @@ from granular.layout import TOUCH
 from granular.materials import Material
 from granular.statics import Equilibrium, rest_of
 from tensegrity import State, TensegrityError, Wall, check
+from tensegrity.readonly import Repeated, fixed
+from tensegrity.scenes.near_pairs import blocks, near_pairs, searched_once
 
 if TYPE_CHECKING:
     from typing import Any
@@ -34,7 +36,7 @@ if TYPE_CHECKING:
 
     Walls = Mapping[str, tuple[Wall, Material]]
 
-PER_BEAD = 6000  # bytes while a pack is built: places, contacts, and their search
+PER_BEAD = 1000  # bytes while a pack is built: places, contacts, and their search
 
 FARTHEST = 1e6  # radii: there the round-off of a place is still well below what counts as touching
 
@@ -49,7 +51,7 @@ class Pack(Assembly):
     beads : Bead or sequence of Bead, (beads,)
     walls : dict of str to (Wall, Material), optional
     contacts : {"fixed", "follow"}
-    parts : dict of str to tuple of int, optional
+    parts : dict of str to sequence of int, optional
         Sites of each part, without the striker; by default all are "beads".
     striker : Striker, optional
     approach : tuple of two (dim,), optional
@@ -63,8 +65,8 @@ class Pack(Assembly):
     ----------
     places : ndarray, (beads, dim)
         As given: the places of all sites but the striker.
-    beads : tuple of Bead, (sites,)
-    parts : dict of str to tuple of int
+    beads : sequence of Bead, (sites,)
+    parts : dict of str to range or tuple of int
     striker : Striker or None
     named_walls : dict of str to (Wall, Material)
         As `pack` takes them.
@@ -73,6 +75,8 @@ class Pack(Assembly):
     """
 
     equilibrium: Equilibrium | None
+    places: Array
+    parts: dict[str, Sequence[int]]
 
     def __init__(
         self,
@@ -81,7 +85,7 @@ class Pack(Assembly):
         walls: Walls | None = None,
         contacts: str = "fixed",
         *,
-        parts: Mapping[str, tuple[int, ...]] | None = None,
+        parts: Mapping[str, Sequence[int]] | None = None,
         striker: Striker | None = None,
         approach: tuple[ArrayLike, ArrayLike] | None = None,
         gravity: float = 0.0,
@@ -97,26 +101,43 @@ class Pack(Assembly):
         places = check.vector("places", places, places.shape)
         if not isinstance(contacts, str) or contacts not in ("fixed", "follow"):
             raise TensegrityError(f"contacts {check.shown(contacts)} must be 'fixed' or 'follow'")
-        filled = per_place(beads, len(places))
+        filled, places = per_place(beads, len(places)), fixed(places)
         named = _named_walls(walls)
-        self._made_of = {
+        parts = {"beads": range(len(places))} if parts is None else parts
+        given = {name: _range(sites) for name, sites in parts.items()}
+        self._arguments = {
             "places": places, "beads": filled, "walls": named, "contacts": contacts,
-            "parts": parts, "striker": striker, "approach": approach,
+            "parts": given, "striker": striker, "approach": approach,
             "gravity": gravity, "preload": preload,
         }  # fmt: skip
         self.places, self.striker = places, striker
-        given = {"beads": tuple(range(len(places)))} if parts is None else dict(parts)
         if striker is not None:
             start, self._heading = (np.asarray(x, dtype=float) for x in approach)  # type: ignore[union-attr]
-            places, filled = np.concatenate([places, start[None]]), (*filled, striker.bead)
-            given = {"striker": (len(places) - 1,), **given}
+            places, last = np.concatenate([places, start[None]]), Repeated.of([striker.bead])
+            filled = filled + last
+            given = {"striker": range(len(places) - 1, len(places)), **given}
         self.parts, self.beads = given, filled
         self.named_walls, self.wall_names = dict(named), tuple(named)
         solids = tuple(material for _, material in named.values())
         self._wall_materials = solids
-        springs = SharedSprings(hertz)
-        radius = np.array([bead.radius for bead in filled])
-        planes = [wall for wall, _ in named.values()]
+        with searched_once():
+            self._join(places, filled, contacts, gravity, preload, drive=drive, damping=damping)
+        self.equilibrium = rest_of(self, striker=None, approach=None)
+        self._rest = self._at_rest(filled.each(lambda bead: bead.radius))
+
+    def _join(
+        self,
+        places: Array,
+        filled: Repeated,
+        contacts: str,
+        gravity: float,
+        preload: Mapping[int, ArrayLike] | None,
+        **forcing: Any,
+    ) -> None:
+        """The network of the beads that touch."""
+        springs, solids = SharedSprings(hertz), self._wall_materials
+        radius = filled.each(lambda bead: bead.radius)
+        planes = [wall for wall, _ in self.named_walls.values()]
         bonds, touched = self._touching(places, radius, planes)
         followed = None
         if contacts == "follow":  # a wall that ends holds a bead only as long as it is beside it
@@ -127,28 +148,23 @@ class Pack(Assembly):
         super().__init__(
             places,
             bonds,
-            [springs(filled[i], filled[j]) for i, j in bonds.tolist()],
-            mass=[bead.mass for bead in filled],
+            springs.between(filled[bonds[:, 0]], filled[bonds[:, 1]]),
+            mass=filled.each(lambda bead: bead.mass),
             walls=planes,
             wall_contacts=touched,
-            wall_spring=[springs(filled[s], solids[w]) for s, w in touched.tolist()],
+            wall_spring=springs.between(filled[touched[:, 0]], Repeated.of(solids)[touched[:, 1]]),
             wall_gaps=np.zeros(len(touched)),
             radius=radius,
             loads=loads,
             contacts=contacts,
             law=followed,
-            drive=drive,
-            damping=damping,
+            **forcing,
         )
-        self.equilibrium = rest_of(self, striker=None, approach=None)
-        self._rest = self._at_rest(radius)
 
     def _touching(
         self, places: Array, radius: Array, walls: Sequence[Wall]
     ) -> tuple[Indices, Indices]:
         """Pairs of beads and (bead, wall) that touch; refuses those that overlap."""
-        from scipy.spatial import cKDTree
-
         far = np.abs(places).max(axis=1)
         if np.any(far > FARTHEST * radius.min()):
             k = int(np.argmax(far))
@@ -156,23 +172,22 @@ class Pack(Assembly):
                 f"{site_name(self, k)} is {far[k]:.3g} m off the origin, must be at most "
                 f"{FARTHEST * radius.min():.3g} m, {FARTHEST:.0e} radii: gaps are lost in round-off"
             )
-        reach = 2 * radius.max() * (1 + TOUCH)
-        pairs = cKDTree(places).query_pairs(reach, output_type="ndarray").reshape(-1, 2)
-        pairs = np.sort(pairs, axis=1)
-        pairs = pairs[np.lexsort(pairs.T[::-1])]
-        i, j = pairs.T
-        apart = np.linalg.norm(places[j] - places[i], axis=1)
-        room = TOUCH * (radius[i] + radius[j])
-        gap = apart - radius[i] - radius[j]
-        if np.any(gap < -room):
-            k = int(np.argmin(gap))
-            one, other = (site_name(self, int(end[k])) for end in (i, j))
-            raise TensegrityError(
-                f"{one} and {other} overlap by {-gap[k]:.6g} m at the start, at most {room[k]:.1g} "
-                f"m is taken for touching: their centres are {apart[k]:.6g} m apart, their radii "
-                f"add up to {radius[i[k]] + radius[j[k]]:.6g} m"
-            )
-        touched = []
+        found = near_pairs(places, 2 * radius.max() + radius.mean())  # as a network's clearance
+        touching = np.zeros(len(found.ends), dtype=bool)
+        for some in blocks(len(touching)):
+            ends, apart = found.ends[some], found.distance[some]
+            first, second = radius[ends.T]
+            gap, room = apart - first - second, TOUCH * (first + second)
+            if np.any(gap < -room):
+                k = int(np.argmin(gap))
+                one, other = (site_name(self, int(end)) for end in ends[k])
+                raise TensegrityError(
+                    f"{one} and {other} overlap by {-gap[k]:.6g} m at the start, at most "
+                    f"{room[k]:.1g} m is taken for touching: their centres are {apart[k]:.6g} m "
+                    f"apart, their radii add up to {first[k] + second[k]:.6g} m"
+                )
+            touching[some] = gap <= room
+        touched = [np.zeros((0, 2), dtype=int)]
         for number, (wall, name) in enumerate(zip(walls, self.wall_names, strict=True)):
             if wall.point.size != places.shape[1]:
                 raise TensegrityError(
@@ -190,16 +205,16 @@ class Pack(Assembly):
                     f"be at least its radius, {radius[worst]:.6g} m"
                 )
             close = np.flatnonzero(beside & (np.abs(height - radius) <= 2 * TOUCH * radius))
-            touched += [(site, number) for site in close.tolist()]
-        touched.sort()
-        return pairs[gap <= room], np.array(touched, dtype=int).reshape(-1, 2)
+            touched.append(np.stack([close, np.full(len(close), number)], axis=1))
+        joined = np.concatenate(touched)
+        return found.ends[touching], joined[np.argsort(joined[:, 0], kind="stable")]
 
     def _at_rest(self, radius: Array) -> Array:
         """Displacements at rest; the striker is taken along by the bead that it is nearest to, and
         moved back as far as it would overlap others."""
-        u = np.zeros(self.shape)
         if self.equilibrium is None:
-            return u
+            return np.broadcast_to(0.0, self.shape)
+        u = np.zeros(self.shape)
         beads = slice(len(self.places))
         u[beads] = self.equilibrium.u
         if self.striker is not None:
@@ -237,19 +252,20 @@ class Pack(Assembly):
 
 
 def _loads(
-    beads: Sequence[Bead],
+    beads: Repeated,
     shape: tuple[int, ...],
     gravity: float,
     preload: Mapping[int, ArrayLike] | None,
-) -> Array:
-    """Constant force on each site [N]."""
+) -> Array | None:
+    """Constant force on each site [N]; None without any."""
     gravity = check.number("gravity", gravity, least=0, unit="m/s^2")
-    loads = np.zeros(shape)
-    loads[:, -1] -= gravity * np.array([bead.mass for bead in beads])
-    if preload is None:
-        return loads
+    preload = {} if preload is None else preload
     if not isinstance(preload, Mapping):
         raise TensegrityError(f"preload {check.shown(preload)} must be a dict {{site: force}}")
+    if not gravity and not preload:
+        return None
+    loads = np.zeros(shape)
+    loads[:, -1] -= gravity * beads.each(lambda bead: bead.mass)
     for site, force in preload.items():
         number = check.whole("site of a preload", site, least=0)
         if number >= shape[0]:
@@ -332,13 +348,23 @@ def pack(
     )  # fmt: skip
 
 
-def per_place(beads: Bead | Sequence[Bead], count: int) -> tuple[Bead, ...]:
+def _range(sites: Sequence[int]) -> Sequence[int]:
+    """The sites of a part, as a range if they are consecutive."""
+    if isinstance(sites, range) or not len(sites):
+        return sites
+    consecutive = range(sites[0], sites[0] + len(sites))
+    return consecutive if list(consecutive) == list(sites) else tuple(sites)
+
+
+def per_place(beads: Bead | Sequence[Bead], count: int) -> Repeated:
     """One Bead for each of `count` places, from one for all or a sequence."""
     if isinstance(beads, Bead):
-        return (beads,) * count
+        return Repeated((beads,), np.zeros(count, dtype=int))
     if not isinstance(beads, Iterable) or isinstance(beads, (str, bytes, Mapping)):
         raise TensegrityError(f"beads {check.shown(beads)} are not a Bead or a sequence of Beads")
-    found = beads_of(beads)
+    found = Repeated.of(check.sequence("beads", beads, "Beads"))
+    if not all(isinstance(bead, Bead) for bead in found.different):
+        beads_of(found)  # refuses the first that is none
     if len(found) != count:
         raise TensegrityError(f"{len(found)} beads for {count} places: give one for each")
     return found

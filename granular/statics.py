@@ -76,7 +76,7 @@ def rest_of(scene: Assembly, **unstruck: Any) -> Equilibrium | None:
         return None
     if scene.striker is None:
         return settle(scene)
-    made: Any = type(scene)(**scene._made_of | unstruck)
+    made: Any = type(scene)(**scene._arguments | unstruck)
     return made.equilibrium
 
 

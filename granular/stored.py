@@ -26,7 +26,7 @@ def register_scenes() -> None:
         register(kind, _fields)
     for kind in (BeadChain, Guide):
         register(kind, _scene, _again(kind))
-    register(Pack, lambda scene: {**scene._made_of, **in_time(scene)})
+    register(Pack, lambda scene: {**scene._arguments, **in_time(scene)})
 
 
 def _fields(x: Any) -> dict[str, Any]:
@@ -34,7 +34,7 @@ def _fields(x: Any) -> dict[str, Any]:
 
 
 def _scene(x: Any) -> dict[str, Any]:
-    return {**x._made_of, "contacts": x._contacts, **in_time(x)}
+    return {**x._arguments, "contacts": x._contacts, **in_time(x)}
 
 
 def _again(kind: Callable[..., Any]) -> Callable[..., Any]:

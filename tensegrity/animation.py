@@ -192,7 +192,7 @@ def _values(run: Run, show: Any, label: str) -> tuple[Array, str]:
         return run.v, LABELS[show]
     if show == "speed":
         return np.linalg.norm(run.v, axis=-1), LABELS[show]
-    return scene.site_energy(run.u, run.v), LABELS[show]
+    return scene.site_energy(run), LABELS[show]
 
 
 def _profile(run: Run, ax: Axes, values: Array, words: str) -> Callable[[int], None]:

@@ -157,15 +157,15 @@ def least_part(matrix: Array) -> float:
     return float(sizes[-1] / sizes[0]) if sizes[0] else 0.0
 
 
-def lowest(
-    matrix: Any, weights: Any, rigid: Array, count: int, bound: float
-) -> tuple[Array, Array]:
+def lowest(matrix: Any, mass: Array, rigid: Array, count: int, bound: float) -> tuple[Array, Array]:
     """The lowest eigenvalues of K x = w^2 M x without rigid motions, and their eigenvectors.
 
     Parameters
     ----------
-    matrix, weights : sparse, (free, free)
-        K and M, symmetric, M positive definite.
+    matrix : ndarray or sparse, (free, free)
+        K, symmetric.
+    mass : ndarray, (free,)
+        Diagonal of M, > 0.
     rigid : ndarray, (free, motions)
         Motions of zero stiffness that are excluded.
     count : int
@@ -181,21 +181,28 @@ def lowest(
         as columns.
     """
     from scipy.linalg import eigh
+    from scipy.sparse import diags_array
     from scipy.sparse.linalg import LinearOperator, eigsh
 
     free = matrix.shape[0]
-    rigid = np.linalg.qr(weights @ rigid)[0]
     count = min(count, free - rigid.shape[1])
     if not count:
         return np.zeros(0), np.zeros((free, 0))
-    least = round_off(matrix, weights)
+    least = round_off(matrix, mass)
     if free <= DENSE or count >= free // 4:
-        inner = complement(rigid)
-        small, masses = (inner.T @ part.toarray() @ inner for part in (matrix, weights))
-        values, vectors = eigh((small + small.T) / 2, masses, subset_by_index=(0, count - 1))
-        vectors = inner @ vectors
+        root = np.sqrt(mass)
+        whole = matrix if isinstance(matrix, np.ndarray) else matrix.toarray()
+        of = whole / (root * root[:, None])
+        skipped, (v, t) = rigid.shape[1], _reflections(root[:, None] * rigid)
+        for _ in range(2):  # Q^T K Q
+            of = (of - v @ (t.T @ (v.T @ of))).T
+        found = eigh(of[skipped:, skipped:], subset_by_index=(0, count - 1))
+        values, vectors = found[0], np.zeros((free, count))
+        vectors[skipped:] = found[1]
+        vectors = (vectors - v @ (t @ (v.T @ vectors))) / root[:, None]
     else:
-        start = np.cos(np.arange(free) ** 1.5)
+        start, weights = np.cos(np.arange(free) ** 1.5), diags_array(mass)
+        rigid = np.linalg.qr(mass[:, None] * rigid)[0]
 
         def above(bound: float, count: int, tolerance: float) -> tuple[float, Any]:
             solve, bound = _inverse_above(matrix, weights, rigid, bound)
@@ -211,9 +218,18 @@ def lowest(
     return np.where(np.abs(values) <= least, 0.0, values), vectors
 
 
-def round_off(matrix: Any, weights: Any) -> float:
+def _reflections(columns: Array) -> tuple[Array, Array]:
+    """V and T of Q = I - V T V^T, whose first columns span `columns`, (free, count) and
+    (count, count): the compact form of Householder's reflections (Schreiber & Van Loan 1989)."""
+    raw, tau = np.linalg.qr(columns, mode="raw")
+    v = np.tril(raw.T, -1)
+    np.fill_diagonal(v, 1.0)
+    return v, np.linalg.solve(np.eye(len(tau)) + tau[:, None] * np.triu(v.T @ v, 1), np.diag(tau))
+
+
+def round_off(matrix: Any, mass: Array) -> float:
     """Absolute value below which eigenvalues of K x = w^2 M x are round-off."""
-    largest = float((np.abs(matrix).sum(axis=0) / weights.diagonal()).max(initial=0.0))
+    largest = float((np.abs(matrix) @ np.ones(len(mass)) / mass).max(initial=0.0))
     if not np.isfinite(largest):
         raise TensegrityError(f"stiffness over mass {largest} 1/s^2 must be finite")
     return ZERO * largest

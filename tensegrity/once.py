@@ -1,8 +1,9 @@
 """A cache for objects shared by all threads: compiled kernels, CasADi functions, expressions.
 
-Two expressions are compatible only if they hold the same symbols.  So no builder may run twice at
-the same time, nor use parts that another builder made in a second run.  Objects that exist are
-returned without waiting.
+Two expressions are compatible only if they hold the same symbols, so no object may be built twice
+at the same time.  Each has a lock of its own: different objects are built at the same time, and
+those that exist are returned without waiting.  Builders call one another without cycles, so that
+no two threads wait for each other.
 """
 
 from __future__ import annotations
@@ -10,35 +11,54 @@ from __future__ import annotations
 import os
 import threading
 from functools import wraps
+from typing import Any
 
 from tensegrity.typing import Function
 
-_lock = threading.RLock()
+SIZE = 1024  # results of one function; beyond these the oldest are forgotten
+_caches: list[dict[Any, _Entry]] = []
+
+
+class _Entry:
+    """A result, which has no `value` before it is built."""
+
+    def __init__(self) -> None:
+        self.lock = threading.RLock()
+        self.value: Any
+
+    def built(self) -> bool:
+        return hasattr(self, "value")
 
 
 def once(build: Function) -> Function:
-    """A function that caches its results, as `functools.cache` does, and is run by one thread at a
-    time: never twice with the same arguments, and never together with another such function."""
-    made = {}
+    """A function that caches its last `SIZE` results, and whose result for given arguments is
+    built by one thread while others wait for it."""
+    made: dict[Any, _Entry] = {}
+    _caches.append(made)
 
     @wraps(build)
     def get(*arguments):
-        try:
-            return made[arguments]
-        except KeyError:
-            pass
-        with _lock:
-            if arguments not in made:
-                made[arguments] = build(*arguments)
-            return made[arguments]
+        entry = made.get(arguments)
+        if entry is None:
+            entry = made.setdefault(arguments, _Entry())
+            if len(made) > SIZE:
+                oldest, *_ = made  # one instruction, during which no other thread runs
+                made.pop(oldest, None)
+        if not entry.built():
+            with entry.lock:
+                if not entry.built():
+                    entry.value = build(*arguments)
+        return entry.value
 
     return get  # type: ignore[return-value]
 
 
-def _renew():
-    global _lock
-    _lock = threading.RLock()
+def _forget_unfinished():
+    for made in _caches:
+        for arguments, entry in list(made.items()):
+            if not entry.built():
+                del made[arguments]
 
 
-if hasattr(os, "register_at_fork"):  # the thread that holds the lock is not forked
-    os.register_at_fork(after_in_child=_renew)
+if hasattr(os, "register_at_fork"):  # a thread that builds is not forked
+    os.register_at_fork(after_in_child=_forget_unfinished)

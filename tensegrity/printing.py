@@ -37,6 +37,16 @@ def concise(thing: object) -> str:
     return filled(LONG.sub(lambda found: _rounded(found[0]), repr(thing)))
 
 
+def number_text(number: float) -> str:
+    """The shortest text that evaluates to this number: 1 rather than 1.0."""
+    return repr(float(number)).removesuffix(".0")
+
+
+def call(name: str, **given: Any) -> str:
+    """The text of a call with these arguments, such as f(x=1, y=2)."""
+    return f"{name}({', '.join(f'{key}={number_text(value)}' for key, value in given.items())})"
+
+
 def span(values: Any, unit: str = "") -> str:
     """From the smallest to the largest of some numbers, with their unit."""
     low, high = (f"{f(values):.6g}" for f in (np.min, np.max))

@@ -1,8 +1,9 @@
-"""A root of a function between two points where its signs differ, and the peak of samples.
+"""A root of a function, the polynomial through points, and the peak of samples.
 
 Roots are found by Chandrupatla's method (Advances in Engineering Software 28, 145 (1997)): inverse
-quadratic interpolation where it is reliable, bisection otherwise.  SciPy has equivalent methods,
-but its import takes longer than most first calls of this package.
+quadratic interpolation where it is reliable, bisection otherwise.  Polynomials are evaluated by the
+barycentric formula (Berrut & Trefethen 2004).  SciPy has equivalent methods, but its import takes
+longer than most first calls of this package.
 """
 
 from __future__ import annotations
@@ -71,6 +72,31 @@ def root(
             part = at_a / (at_b - at_a) * at_c / (at_b - at_c)
             part += (c - a) / (b - a) * at_a / (at_c - at_a) * at_b / (at_c - at_b)
     raise ValueError(f"no root found between {low:g} and {high:g}")
+
+
+def polynomial_through(x: Array, y: Array) -> Callable[[float], float]:
+    """The polynomial of lowest degree through some points.
+
+    Parameters
+    ----------
+    x, y : ndarray, (n,)
+        Different places, and the values there.
+
+    Returns
+    -------
+    callable (float) -> float
+    """
+    distances = (x[:, None] - x) / np.ptp(x)
+    np.fill_diagonal(distances, 1.0)
+    weights = 1 / np.prod(distances, axis=1)
+
+    def value(at: float) -> float:
+        if at in x:
+            return float(y[x == at][0])
+        parts = weights / (at - x)
+        return float(parts @ y / parts.sum())
+
+    return value
 
 
 def peak_weights(y: Array, at: Any) -> Array:

@@ -20,6 +20,22 @@ Number = TypeVar("Number", float, Array)  # the result has the type of the argum
 
 
 @runtime_checkable
+class Motion(Protocol):
+    """Displacements and velocities: a State, or all recorded rows of a Run.
+
+    What depends on positions only takes their array u; what depends on velocities too takes these.
+    """
+
+    @property
+    def u(self) -> Array:
+        """Displacements [m]."""
+
+    @property
+    def v(self) -> Array:
+        """Velocities [m/s], shape of u."""
+
+
+@runtime_checkable
 class SceneData(Protocol):
     """A scene: data for `tensegrity.scenes.dynamics`, without any state of a run."""
 
@@ -28,7 +44,7 @@ class SceneData(Protocol):
     mass: Array  # [kg], (sites,)
     held: Sequence[int]  # fixed sites
     loads: Any  # constant forces [N], of the shape of u or 0
-    springs: tuple[Any, ...]  # the Potential of each bond
+    springs: Sequence[Any]  # the Potential of each bond
     drive: Mapping[int, Any]  # {site: Drive}
     damping: Any  # Damping or None
     tune: Any  # arguments of the springs as functions of time, or a function t -> Potential

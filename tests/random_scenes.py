@@ -118,7 +118,7 @@ def lanes(rng):
     spring = prism(0) if rng.random() < 0.5 else PowerLaw(1.0, 1.5)
     chain = Chain(spring, int(rng.integers(4, 20)))
     batch = Ensemble(chain, int(rng.integers(1, 12)))
-    return batch, batch.at_rest({0: rng.uniform(0.01, 0.04, batch.lanes)}), rng.uniform(10, 40)
+    return batch, batch.at_rest({0: rng.uniform(0.01, 0.04, batch.count)}), rng.uniform(10, 40)
 
 
 def guide(rng):

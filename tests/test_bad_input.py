@@ -62,14 +62,14 @@ MADE_BY_OTHERS = {
 }  # fmt: skip
 INNER = {  # what runs, paths and searches ask of their objects, and nobody else
     "Best", "Budget", "Corrected", "Method", "Midpoint", "Modes", "Nystrom", "Objective",
-    "Prediction", "Pulse", "Splitting", "Trace", "argument", "arrays", "at",
+    "Prediction", "Pulse", "Splitting", "Trace", "arrays", "at",
     "available_energy", "beyond", "bind", "by_beads", "check", "check_room", "children",
     "columns", "contacts_at", "contacts_within", "cosines", "default", "derivative", "designs",
     "each", "energies", "extreme", "fastest", "finer_share", "freedom", "frequency",
-    "frequency_of", "from_law", "is_alike", "likely", "listed", "listings",
-    "mutants", "name", "name_of", "needed", "nystrom_of", "of", "of_coefficients", "opened",
+    "frequency_of", "is_alike", "listed", "listings",
+    "mutants", "name", "name_of", "needed", "nystrom_of", "of", "opened",
     "palindrome", "parts", "places_of", "plan", "present_ranges", "projected", "random",
-    "rows", "shift_from", "steps", "stiffest", "stiffness_within", "stored_by_site",
+    "rows", "steps", "stiffest", "stiffness_within", "stored_by_site",
     "stretch", "walls_hold", "walls_named", "with_springs",
 }  # fmt: skip
 
@@ -141,7 +141,7 @@ EXAMPLES = {  # of arguments, by their names
     "force": np.exp(-(((T - 5e-5) / 1e-5) ** 2)), "force_densities": [0.0, 0.0], "function": str,
     "gap": 1e-5, "given": [BEAD, SMALL], "gravity": 9.81, "ground": [0.1, 0.2], "half_angle": 0.7,
     "height": 0.7, "high": 0.01, "interval": 3e-6, "k_bar": 100.0, "k_base": 10.0, "k_cross": 1.0,
-    "lanes": 2, "law": granular.hertz, "layers": 2, "length": 0.015, "lengths": [1.0, 1.0],
+    "law": granular.hertz, "layers": 2, "length": 0.015, "lengths": [1.0, 1.0],
     "level": 0.05, "loads": {2: (0.0, -0.1)}, "low": -0.01, "lower": [0], "mass": 1.0,
     "masses": [1.0, 2.0], "material": STEEL, "materials": [STEEL, PTFE], "max_height": 0.75,
     "max_load": 1.0, "member": 0, "method": "rkn6", "min_height": 0.4, "modulus": 1e9,
@@ -212,7 +212,7 @@ CALLS = [  # where other arguments are needed, or several in one call
     (ts.Drive, {"displacement": sp.sin(TIME)}),
     (ts.Drive, {"force": ([0.0, 1.0, 2.0], [0.0, 0.1, 0.2])}),
     (ts.Drive(force=0.1).at, {"t": [0.0, 1.0], "order": 0}),
-    (ts.Ensemble, {"scenes": ts.Chain(SPRING, 3), "lanes": 2}),
+    (ts.Ensemble, {"scenes": ts.Chain(SPRING, 3), "count": 2}),
     (ts.State, {"u": np.zeros(3), "v": np.zeros(3)}),
     (WALL.height, {"x": (1.0, 1.0)}),
     (WALL.overhang, {"x": (1.0, 1.0)}),

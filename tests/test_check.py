@@ -131,7 +131,7 @@ ELASTIC = Prism(1.0, 0.7, 0.01, 1.0, 10.0, 100.0)
     ("make", "words"),
     [
         (lambda: Chain(SPRING, 10**12), r"a run of 1000000000000 sites would take 1\.76e\+05"),
-        (lambda: Ensemble(Chain(SPRING, 3), 10**12), "a run of 3 sites in 10+ lanes would take"),
+        (lambda: Ensemble(Chain(SPRING, 3), 10**12), "a run of 3 sites in 10+ scenes would take"),
         (lambda: y_guide(10**9, bead=Bead(0.005, STEEL)), "a guide with a stem of 10+ and"),
         (lambda: diamond_guide(5, 10**9 + 1, bead=Bead(0.005, STEEL)), "branches of 10+1 beads"),
         (lambda: chain(Many()), "a chain of 10+ beads would take"),

@@ -57,19 +57,19 @@ LAWS = {"gap": GAP, "lines": LINES, "cubes": CUBES}
 def test_corners_of_a_law(energy, expected):
     given = {k: 2.0} if energy.has(k) else {}
     spring = Potential(energy, r, given, domain=(-0.9, 2e20))
-    np.testing.assert_allclose(np.array(spring.openings), np.array(expected), rtol=1e-15)
+    np.testing.assert_allclose(np.array(spring.kinks), np.array(expected), rtol=1e-15)
     assert spring.smooth == (not len(expected))
 
 
 def test_a_root_of_a_square_is_a_corner_whatever_the_symbol():
     x = sp.Symbol("x")
-    assert Potential(sp.sqrt(x**2) ** 3, x).openings == ((0.0, 6.0, 2.0, 1.0),)
+    assert Potential(sp.sqrt(x**2) ** 3, x).kinks == ((0.0, 6.0, 2.0, 1.0),)
 
 
 def test_corners_move_with_the_parameters():
     spring = Potential(k * sp.Max(a - r, 0) ** 2, r, {k: 1.0, a: 0.1})
-    assert spring.openings == ((0.1, 2.0, 1.0, -1.0),)
-    assert spring.varied({"a": -0.3, "k": 2.0}).openings == ((-0.3, 4.0, 1.0, -1.0),)
+    assert spring.kinks == ((0.1, 2.0, 1.0, -1.0),)
+    assert spring.varied({"a": -0.3, "k": 2.0}).kinks == ((-0.3, 4.0, 1.0, -1.0),)
 
 
 @pytest.mark.parametrize("energy", LAWS.values(), ids=LAWS)
@@ -81,12 +81,12 @@ def test_a_tension_without_its_corners_has_none(energy):
     def left(x):
         parts = (
             side * strength * max(side * (x - place), 0) ** exponent
-            for place, strength, exponent, side in spring.openings
+            for place, strength, exponent, side in spring.kinks
         )
         return tension(x) - sum(parts)
 
     with mpmath.workdps(60):
-        for place in {opening[0] for opening in spring.openings}:
+        for place in {opening[0] for opening in spring.kinks}:
             one, two, three, four = (left(place + n * small) for n in range(1, 5))
             there = 10 * one - 20 * two + 15 * three - 4 * four
             assert abs(there - left(place - small)) < 1e-14
@@ -171,8 +171,8 @@ def test_a_tolerance_is_kept_where_forces_have_corners(energy):
 
 
 def test_contacts_and_strings_have_their_corner():
-    assert PowerLaw(2.0, 1.5).openings == ((0.0, 2.0, 1.5, -1.0),)
-    assert StringSpring(3.0, 1.0).openings == ((0.0, 3.0, 1.0, 1.0),)
+    assert PowerLaw(2.0, 1.5).kinks == ((0.0, 2.0, 1.5, -1.0),)
+    assert StringSpring(3.0, 1.0).kinks == ((0.0, 3.0, 1.0, 1.0),)
     assert BarSpring(3.0, 1.0).smooth
 
 

@@ -44,9 +44,9 @@ def test_random_orders_of_steel_keep_the_promise_of_the_default_and_of_twice_the
         steps = objective.step_count(unit, 1e-3, share * unit)
         return objective.largest(designs, STRIKER, STEEL, 1e-3, steps).force
 
-    limit = forces(objective.SHARE / 4)
+    limit = forces(objective.STEP_FRACTION / 4)
     for factor, bound in ((1, 1e-4), (2, 1e-3)):
-        error = np.abs(forces(factor * objective.SHARE) / limit - 1)
+        error = np.abs(forces(factor * objective.STEP_FRACTION) / limit - 1)
         assert error.max() < bound
         assert np.median(error) < bound / 10
 

@@ -109,7 +109,7 @@ def test_lanes_run_as_their_scenes_alone(how):
     run = simulate(together, state, 2.0, record=record, **how)
     work, loss, energy = np.zeros((3, len(run.t), 3))
     for lane, scene in enumerate(scenes):
-        mine = together.lane(state, lane)
+        mine = together.select(state, lane)
         given = {"dt": run.dt, "method": run.method, "record": record}
         alone = simulate(scene, mine, 2.0, **given)
         if alone.work is not None:
@@ -128,7 +128,7 @@ def test_lanes_tell_which_of_them_locks():
     scenes = [Chain(spring, 5, 1.0, ("fixed", "free"), drive={4: Drive(displacement=-x * T)})
               for x in (0.01, 0.1)]  # fmt: skip
     together = Ensemble(scenes)
-    with pytest.raises(LockingError, match=r"^lane 1: .* got there at t = ") as one:
+    with pytest.raises(LockingError, match=r"^scene 1: .* got there at t = ") as one:
         simulate(together, together.at_rest(), 20.0, dt=0.02, method="rkn6")
     run = one.value.run
     assert 1 < run.t[-1] < 20

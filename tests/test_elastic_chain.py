@@ -81,7 +81,7 @@ def test_members_too_stiff_for_the_loop_limit_its_reach_and_a_run_beyond_says_so
     potential = Prism(1.0, 0.7, 0.01, 1.0, 1e5, 1e5).potential()
     contact = Prism(1.0, 0.7, 0.01, 1.0).potential().domain[0]  # of the rigid prism
     assert potential.domain[0] < 2 * contact
-    assert potential.reach[0] == pytest.approx(contact, rel=0.05)
+    assert potential.computable_domain[0] == pytest.approx(contact, rel=0.05)
     chain = Chain(potential, 5)
     chain.at_rest({0: 0.01})
     with pytest.raises(RangeError, match=r"members this stiff.*between sites 0 and 1.*t = ") as at:
@@ -114,7 +114,7 @@ def test_a_stiff_prism_preloaded_to_its_contact_is_followed_near_it():
     prism = Prism(2.0, 1.5, 1e-6, 3.0, 1e8, 1e8)
     potential = prism.potential(0.3 * equilibrium_path(prism).load.max())
     assert np.isfinite(potential.energy(potential.domain)).all()
-    assert 0 < potential.reach[1] < potential.domain[1]
+    assert 0 < potential.computable_domain[1] < potential.domain[1]
     chain = Chain(potential, 2)
     run = simulate(chain, chain.at_rest({0: 1e-3}), 1e-3, tol=1e-7)
     r = chain.elongation(run.u)[:, 0]  # meets a spring of nearly constant stiffness
@@ -129,5 +129,5 @@ def test_every_prism_reaches_the_contact_or_the_one_of_the_rigid_prism(
 ):
     potential = Prism(1.0, height, prestrain, 1.0, k_base, k_bar).potential()
     rigid = Prism(1.0, height, prestrain, 1.0).potential()
-    assert potential.reach[1] == potential.domain[1]
-    assert potential.reach[0] <= max(potential.domain[0], 0.8 * rigid.domain[0])
+    assert potential.computable_domain[1] == potential.domain[1]
+    assert potential.computable_domain[0] <= max(potential.domain[0], 0.8 * rigid.domain[0])

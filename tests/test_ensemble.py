@@ -30,7 +30,7 @@ SPEEDS = np.linspace(-0.01, 0.03, 13)  # 8 lanes together and 5 beside copies
 def lanes_alone(chain, start, t_end, **options):
     """Final u and v of each lane as a chain of its own."""
     several = Ensemble(chain, start.u.shape[1])
-    starts = [several.lane(start, k) for k in range(several.lanes)]
+    starts = [several.select(start, k) for k in range(several.count)]
     runs = [simulate(chain, one, t_end, **options).final for one in starts]
     return np.stack([r.u for r in runs], 1), np.stack([r.v for r in runs], 1)
 
@@ -89,7 +89,7 @@ def test_lanes_move_as_their_scenes_alone(name, method):
     assert run.u.shape == (4, *together.shape)
     assert len(run) == len(scenes)
     for k, (scene, one) in enumerate(zip(scenes, run, strict=True)):
-        alone = simulate(scene, together.lane(start, k), 6.0, **options)
+        alone = simulate(scene, together.select(start, k), 6.0, **options)
         assert one.scene is scene
         np.testing.assert_array_equal(one.u, run.u[..., k])
         for field in (
@@ -114,7 +114,7 @@ def test_a_tolerance_holds_in_every_lane():
 
 def test_locking_is_told_with_its_lane():
     ensemble = Ensemble(prism_chain(10), 3)
-    with pytest.raises(LockingError, match="between sites 0 and 1 of lane 2"):
+    with pytest.raises(LockingError, match="between sites 0 and 1 of scene 2"):
         simulate(ensemble, ensemble.at_rest({0: [0.01, 0.02, 0.5]}), 10.0)
 
 
@@ -126,7 +126,7 @@ def test_every_lane_is_watched_at_both_ends_of_the_domain(end):
     for lanes, far in ((1025, 0), (1025, 1023), (1025, 1024), (11, 9)):  # 1024 at once at most
         ensemble = Ensemble(chain, lanes)
         start = ensemble.at_rest({0: [-2 * end * (lane == far) for lane in range(lanes)]})
-        words = f"sites 0 and 1 of lane {far} got there|lane {far}: .*sites 0 and 1 got there"
+        words = f"sites 0 and 1 of scene {far} got there|scene {far}: .*sites 0 and 1 got there"
         with pytest.raises(LockingError, match=words) as caught:
             simulate(ensemble, start, 4.0, dt=0.01)
         assert 0.09 < np.abs(caught.value.run.elongation_range).max() < 0.1
@@ -136,7 +136,7 @@ def test_states_of_another_shape_are_refused():
     ensemble = Ensemble(prism_chain(10), 3)
     with pytest.raises(TensegrityError, match=r"shape \(10, 2\), the ensemble has \(10, 3\)"):
         simulate(ensemble, State(np.zeros((10, 2)), np.zeros((10, 2))), 1.0)
-    with pytest.raises(TensegrityError, match="lanes 0"):
+    with pytest.raises(TensegrityError, match="count 0"):
         Ensemble(prism_chain(10), 0)
     with pytest.raises(TensegrityError, match="not a Chain"):
         Ensemble([ensemble])

@@ -50,7 +50,7 @@ def printed(program, r):
 
 def elongations(spring):
     """Over the domain, close to its ends, and ever closer to the reference."""
-    low, high = (math.copysign(min(abs(end), 1.0), end) for end in spring.reach)
+    low, high = (math.copysign(min(abs(end), 1.0), end) for end in spring.computable_domain)
     near = 10.0 ** -np.arange(1.0, 12.0, 2.0)
     over = np.linspace(low, high, 41)[1:-1]
     ends = np.array([low, high]) * (1 - 1e-4)

@@ -32,6 +32,23 @@ RESULTS = (
     "print(hashlib.sha256(numbers).hexdigest(), *[x for x in LATE if x in sys.modules])"
 ).replace("LATE", repr(fresh.LATE))
 
+SIMPLIFIED = (
+    "import sympy as sp\n"
+    "x, y = sp.symbols('x y')\n"
+    "sp.simplify(sp.sin(x) ** 2 + sp.cos(x) ** 2), sp.cancel((x**2 - y**2) / (x - y))\n"
+    "from derivations import polygon\n"
+    "polygon.members_condition()\n"
+    "[sp.Dummy() for _ in range(20)]\n"
+)
+TEXTS = (
+    "from tensegrity.engine.codegen import c_text\n"
+    "from tensegrity.engine.law import Change\n"
+    "from tensegrity.prisms.closed import rigid_law\n"
+    "from tensegrity.prisms.condensed import ElasticLaw\n"
+    "for law in (rigid_law(), rigid_law(True), ElasticLaw(False, 1)):\n"
+    "    print(c_text((law,)), c_text((law, Change(law)), (None, None), steps='driven'))\n"
+)
+
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
@@ -52,6 +69,21 @@ def results(cache):
     assert answer.stderr == ""
     digest, *late = answer.stdout.split()
     return digest, late
+
+
+def test_c_text_depends_neither_on_earlier_algebra_nor_on_hashes(tmp_path):
+    texts = []
+    for seed, before in ((0, ""), (1, SIMPLIFIED)):
+        cache = str(tmp_path / str(seed))  # empty: all is derived
+        environment = os.environ | {"XDG_CACHE_HOME": cache, "PYTHONHASHSEED": str(seed)}
+        texts.append(
+            subprocess.run(
+                [sys.executable, "-c", before + TEXTS], cwd=ROOT, env=environment, check=True,
+                capture_output=True,
+            ).stdout
+        )  # fmt: skip
+    assert len(texts[0]) > 10_000
+    assert texts[0] == texts[1]
 
 
 def damage(files, kind):

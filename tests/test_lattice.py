@@ -155,6 +155,6 @@ def test_mixed_chain_follows_newton(ends, rng):
 def test_energy_of_the_chain_is_that_of_its_sites():
     chain = prism_chain(30)
     run = simulate(chain, smooth_blow(chain), 20.0)
-    sites = chain.site_energy(run.u, run.v)
+    sites = chain.site_energy(run)
     np.testing.assert_allclose(sites.sum(axis=1), run.energy, rtol=1e-13)
     assert math.isclose(chain.energy(run.final), run.energy[-1], rel_tol=1e-14)

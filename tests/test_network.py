@@ -117,7 +117,7 @@ def test_free_patch_keeps_energy_momentum_and_angular_momentum(dim):
     np.testing.assert_allclose(
         angular_momentum(network, run.final), angular_momentum(network, start), rtol=0, atol=1e-14
     )
-    sites = network.site_energy(run.u, run.v).sum(axis=1)
+    sites = network.site_energy(run).sum(axis=1)
     np.testing.assert_allclose(sites, run.energy, rtol=1e-12)
 
 

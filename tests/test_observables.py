@@ -41,6 +41,15 @@ def test_speed_from_arrivals_is_that_of_the_exact_wave(waves, passing):
     assert speed(passing, (60, 510)) == pytest.approx(waves[0].speed, rel=1e-10)
 
 
+def test_a_passage_is_exact_where_the_rate_is_a_polynomial_of_ninth_degree():
+    """At unequal instants, one of which may be the passage itself."""
+    t = np.array([0.0, 0.3, 0.5, 0.9, 1.2, 1.4, 1.9, 2.1, 2.4, 2.5])
+    for crest in (1.27, 1.4):
+        integral = np.polynomial.Polynomial.fromroots([crest] + [-1.0] * 8).integ()
+        instant = passage(t, integral(t) - integral(5.0), integral.deriv()(t))
+        assert instant == pytest.approx(crest, abs=1e-14)
+
+
 def test_a_passage_is_found_to_tenth_order_in_the_recording_interval():
     """The crest of x/2 - cosh x, elongation of a pulse that is steeper behind."""
     crest, errors = math.asinh(0.5), []

@@ -106,7 +106,7 @@ def test_a_lane_of_its_own_that_locks_is_named():
     chains = [Chain(Prism(1.0, 0.7, p, 1.0).potential(), 12) for p in np.linspace(0.01, 0.08, 8)]
     several = Ensemble(chains)
     start = several.at_rest({0: np.where(np.arange(8) == 5, 0.9, 0.01)})
-    with pytest.raises(LockingError, match="sites 0 and 1 of lane 5 got there at t"):
+    with pytest.raises(LockingError, match="sites 0 and 1 of scene 5 got there at t"):
         simulate(several, start, 5.0, tol=1e-4)
 
 
@@ -114,7 +114,7 @@ def test_lanes_of_other_shape_are_refused():
     for other in (prism_chain(11), patch(4)):
         with pytest.raises(TensegrityError, match=r"scene 1, .* differs in shape"):
             Ensemble([prism_chain(10), other])
-    with pytest.raises(TensegrityError, match="give a scene and lanes"):
+    with pytest.raises(TensegrityError, match="give a scene and its count"):
         Ensemble(prism_chain(10))
     with pytest.raises(TensegrityError, match="empty"):
         Ensemble([])

@@ -252,7 +252,7 @@ def test_a_contact_that_changes_side_twice_in_a_step_is_treated(kind):
 def test_slack_strings_are_contacts_of_exponent_one():
     r, k, taut = sp.symbols("r k taut")
     string = Potential(k * sp.Max(r + taut, 0) ** 2 / 2, r, {k: 2.0, taut: 0.05}, length=1.0)
-    assert string.openings == ((-0.05, 2.0, 1.0, 1.0),)
+    assert string.kinks == ((-0.05, 2.0, 1.0, 1.0),)
     positions = np.array([[0, 0.0], [1, 0], [0.5, 0.8]])
     net = Network(positions, [(0, 1), (0, 2), (1, 2)], string)
     state = State(np.zeros((3, 2)), np.array([[0.2, -0.1], [-0.15, 0.1], [0.05, 0.3]]))
@@ -318,7 +318,7 @@ def test_corrected_steps_are_taken_where_contacts_can_open():
     assert chosen(PowerLaw(1.0, 3.0)) == "corrected6"
     assert chosen(PowerLaw(1.0, 3.2)) == "rkn6"
     assert chosen(Prism(1.0, 0.7, 0.1, 1.0).potential()) == "rkn6"
-    assert Polynomial(Prism(1.0, 0.7, 0.1, 1.0).potential(), -1e-2, 1e-2).openings == ()
+    assert Polynomial(Prism(1.0, 0.7, 0.1, 1.0).potential(), -1e-2, 1e-2).kinks == ()
 
 
 def test_a_run_with_corrections_is_kept_in_a_file(tmp_path):

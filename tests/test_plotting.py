@@ -54,7 +54,7 @@ def test_run_of_a_chain_shows_energy_over_sites_and_time():
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("site", "time [s]")
     image = axes.collections[0]
     assert image.get_array().shape == (len(run.t), 40)
-    assert image.get_array().max() == run.scene.site_energy(run.u, run.v).max()
+    assert image.get_array().max() == run.scene.site_energy(run).max()
 
 
 def test_a_picture_needs_all_sites():
@@ -78,7 +78,7 @@ def test_run_of_a_pack_is_a_map_of_the_largest_energies(dim):
     assert axes.get_ylabel() == ("y [mm]" if dim == 2 else "z [mm]")
     (sites,) = (c for c in axes.collections if c.get_array() is not None)
     order = np.argsort(sites.get_array())
-    largest = scene.site_energy(run.u, run.v).max(axis=0)
+    largest = scene.site_energy(run).max(axis=0)
     assert np.allclose(sites.get_array()[order], np.sort(largest), rtol=1e-15, atol=0)
     assert (order == np.arange(scene.sites)).all()  # the largest is drawn over the others
     places = 1e3 * scene.positions[np.argsort(largest)][:, [0, -1]]

@@ -203,7 +203,7 @@ def test_waves_that_overlap_are_cut_at_the_least_elongation_between_them():
     least = 40 + int(np.argmin(r[40:45]))
     assert r[least] > 0.01 * r.max()  # or the cut would not matter
     assert (second.last, first.first) == (least, least + 1)
-    each = chain.site_energy(state.u, state.v)
+    each = chain.site_energy(state)
     for pulse in (first, second):
         inside = slice(pulse.first, pulse.last + 1)
         assert pulse.energy == pytest.approx(each[inside].sum(), rel=1e-12)

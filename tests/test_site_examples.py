@@ -33,7 +33,13 @@ assert x == 2
 ```
 
 ```python
-assert not plt.get_fignums()
+from concurrent.futures import ProcessPoolExecutor
+
+def twice(x):
+    return 2 * x
+
+with ProcessPoolExecutor(1) as pool:
+    assert list(pool.map(twice, [x])) == [4] and not plt.get_fignums()
 ```
 """
 

@@ -5,6 +5,7 @@ Numbers with many digits are references from independent codes.
 
 import numpy as np
 import pytest
+from scipy.linalg import eigh
 from scipy.optimize import brentq
 from structures import cross, icosahedron, upright
 
@@ -28,6 +29,7 @@ def ball():
 def test_icosahedron_has_one_self_stress_and_one_mechanism(ball):
     stress = ball.self_stress()
     assert stress.states.shape == (1, 30)
+    assert (stress.states[0, 6:] > 0).all()
     assert ball.mechanisms().shape == (1, 12, 3)
     q = stress.feasible
     assert np.allclose(q[:6] / q[6], -1.5, rtol=1e-13)
@@ -89,6 +91,20 @@ def test_frequencies_weigh_each_node_by_its_mass(ball):
         assert np.linalg.norm(heavy.stiffness() @ v - frequency**2 * weights * v) < 1e-12
         assert np.sqrt(np.sum(shape**2, axis=1)).max() == pytest.approx(1)
     assert modes.eigenvalues == pytest.approx(ball.modes(5).eigenvalues, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "supports", [None, held([0, 1], axes=[1]) + held([5]), plates([0, 4], [3, 7], (1, -2, 0.5))]
+)
+def test_modes_on_supports_are_those_of_the_permitted_motions(ball, supports):
+    """Of the generalised problem on a basis of them, without the rigid ones of stiffness 0."""
+    heavy = ball.at(ball.positions, mass=np.geomspace(1.0, 50.0, 12))
+    freedom, mass = heavy.freedom(supports), np.repeat(heavy.mass, 3)
+    basis = freedom.motions.toarray()
+    weights = basis.T @ (mass[:, None] * basis)
+    squares = eigh(basis.T @ heavy.stiffness() @ basis, weights, eigvals_only=True)
+    wanted = np.sqrt(squares[freedom.rigid.shape[1] :][:6])
+    assert heavy.modes(6, supports).frequencies == pytest.approx(wanted, rel=1e-11)
 
 
 def test_large_structures_have_the_modes_of_their_stiffness():

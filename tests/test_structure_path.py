@@ -81,6 +81,8 @@ def test_stable_branch_keeps_three_strings_taut_and_its_load_falls(ball):
     assert path.stable_height.all()
     assert not path.stable_load[beyond].any()
     assert path.load.max() == pytest.approx(corner.load, rel=1e-12)
+    slack = ", ".join(map(str, np.flatnonzero(path.slack[-1])))
+    assert corner.note == f"strings {slack} slack, 3 of 6 strings at natural length are taut beyond"
 
 
 def test_rows_of_a_path_are_equilibria_found_without_it(ball):

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import threading
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -21,7 +22,7 @@ from tensegrity import (
     simulate,
     solitary_wave,
 )
-from tensegrity.once import once
+from tensegrity.once import SIZE, once
 from tensegrity.prisms.fold_curve import limit_load
 
 THREADS = 4
@@ -175,3 +176,47 @@ def test_one_wrong_prism_among_many_is_refused():
     for wrong in (Prism(1.0, 0.7, 0.05, 1.0), [1.0], None, "prisms"):
         with pytest.raises(TensegrityError, match=r"[pP]rism"):
             equilibrium_paths(wrong)
+
+
+def test_different_objects_are_built_at_the_same_time():
+    both = threading.Barrier(2, timeout=60)
+
+    @once
+    def build(name):
+        both.wait()  # passed only by two builders together
+        return name
+
+    with ThreadPoolExecutor(2) as pool:
+        assert [*pool.map(build, "ab")] == ["a", "b"]
+
+
+def test_old_results_are_forgotten_and_the_cache_stays_bounded():
+    @once
+    def build(number):
+        return [number]
+
+    first = build(0)
+    assert build(0) is first
+    for number in range(1, SIZE + 1):
+        build(number)
+    assert build(SIZE) is build(SIZE)
+    assert build(0) == first
+    assert build(0) is not first
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+def test_a_forked_process_does_not_wait_for_a_builder_that_it_has_not():
+    code = (
+        "import os, threading; from tensegrity.once import once\n"
+        "begun, go_on = threading.Event(), threading.Event()\n"
+        "@once\n"
+        "def build():\n"
+        "    begun.set(); go_on.wait(); return 7\n"
+        "thread = threading.Thread(target=build); thread.start(); begun.wait()\n"
+        "child = os.fork()\n"
+        "go_on.set()\n"
+        "if child == 0: os._exit(build())\n"
+        "assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 7; thread.join()\n"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    subprocess.run([sys.executable, "-c", code], env=environment, check=True, timeout=60)

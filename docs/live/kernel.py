@@ -48,8 +48,8 @@ def text() -> str:
         "RIGID_PARAMETERS": len(rigid_law().parameters),
         "ELASTIC_PARAMETERS": len(ELASTIC.values),
         "ELASTIC_LENGTH": repr(ELASTIC.length),
-        "ELASTIC_LOWEST": repr(ELASTIC.reach[0]),
-        "ELASTIC_HIGHEST": repr(ELASTIC.reach[1]),
+        "ELASTIC_LOWEST": repr(ELASTIC.computable_domain[0]),
+        "ELASTIC_HIGHEST": repr(ELASTIC.computable_domain[1]),
         **{role.upper(): place for role, place in programs["places"].items()},
     }
     return "\n".join([

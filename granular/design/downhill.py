@@ -33,7 +33,7 @@ from tensegrity.typing import Array, Indices
 
 PARTS = 12  # steps of velocity Verlet in one of a search's
 TINY = 1e-30  # step of a derivative through the complex plane, relative
-NORMS = (32.0, 128.0)  # a lower one leads away from a low place near which a way starts
+NORMS = (32.0, 128.0)  # a lower one leads away from a low place near which a descent starts
 ITERATIONS = 120  # of each norm
 PEAKS = 8  # the highest maxima, whose slopes are computed
 PROGRAMS = 40  # linear ones
@@ -146,8 +146,8 @@ def _maxima(force: Array) -> tuple[Array, Indices, Array]:
     return (weights * force[steps]).sum(axis=1), steps, weights
 
 
-class Way(NamedTuple):
-    """What was computed on the way down from a start.
+class Descent(NamedTuple):
+    """What was computed on a descent from its start.
 
     Attributes
     ----------
@@ -175,18 +175,18 @@ class Descents:
     unit = "start"
     part = 1  # starts that one worker is given
 
-    def __call__(self, starts: Array) -> Way:
-        """The way from one start, (1, count); without designs where no wave arrives through it."""
+    def __call__(self, starts: Array) -> Descent:
+        """The descent from one start, (1, count); empty where no wave arrives in time."""
         of, start = self.problem, starts[0]
         space = cast("Sizes", of.space)
         if not np.isfinite(of(starts)[0]):
-            return Way(starts[:0], np.empty(0))
+            return Descent(starts[:0], np.empty(0))
         steps = PARTS * step_count(of.dt, of.t_end, of.dt)
         return downhill(Pass(space, of.striker, of.wall, of.t_end, steps), space, start)
 
 
-def downhill(one: Pass, space: Sizes, start: Array) -> Way:
-    """The way from a start to the nearest low place; it ends where no wave arrives in time.
+def downhill(one: Pass, space: Sizes, start: Array) -> Descent:
+    """The descent from a start to the nearest low place; it ends where no wave arrives in time.
 
     Parameters
     ----------
@@ -198,7 +198,7 @@ def downhill(one: Pass, space: Sizes, start: Array) -> Way:
 
     Returns
     -------
-    Way
+    Descent
         All designs that were computed, in their order.
     """
     from scipy.optimize import minimize
@@ -232,7 +232,7 @@ def downhill(one: Pass, space: Sizes, start: Array) -> Way:
         _pressed(one, space, rows[int(np.argmin(forces))], keep)
     except NotArrived:
         pass
-    return Way(np.array(rows).reshape(-1, x.size), np.array(forces))
+    return Descent(np.array(rows).reshape(-1, x.size), np.array(forces))
 
 
 def _fits(space: Sizes, sizes: Array) -> bool:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 FINER = (2, 4)  # of whose steps the best are computed again
 MOVED = 1e-3  # relative change of a force that is the integration's, not the design's
 FINALISTS = 16  # the best designs that are computed again, at a time
-KEPT = 4 * FINALISTS  # the best of a search: so many are looked at
+CANDIDATES = 4 * FINALISTS  # the best of a search: so many are looked at
 WINDOW = 10  # times longer, for the maximum to stay
 
 

@@ -34,7 +34,7 @@ STARTS = 8  # from which one goes downhill before any is heard of
 HOPS = 4  # of these, from near the lowest places
 LOWEST = 6  # of which there are so many
 JUMP = 0.15  # of the range of a diameter
-APART = 0.1  # of the range: what two of them differ by, in some diameter
+LEAST_DISTANCE = 0.1  # of the range: what two of them differ by, in some diameter
 SIGMA = 0.3  # of the range of a gene, at the start of an adaptation
 
 
@@ -119,7 +119,7 @@ def starting(space: Sizes, rng: np.random.Generator) -> Proposals:
             starts[:HOPS] = space.projected(np.where(other, shaken, moved(rng, near)))
         found, values = yield starts
         rows, forces = _ranked(np.concatenate([rows, found]), np.append(forces, values))
-        kept = _distinct(rows, APART * (space.diameters[1] - space.diameters[0]))[:LOWEST]
+        kept = _distinct(rows, LEAST_DISTANCE * (space.diameters[1] - space.diameters[0]))[:LOWEST]
         rows, forces = rows[kept], forces[kept]
 
 

@@ -8,7 +8,7 @@ Displacement and velocity of the last bead are recorded at each step.  Where its
 sign its overlap with the wall has a maximum, which is located on the cubic through the values and
 slopes at both steps: maxima between the steps are included.
 
-The step is the fraction `SHARE` of the time unit of Hertz's impact, (m^2/(alpha^2 v))^(1/5), of
+The step is the fraction `STEP_FRACTION` of the time unit of an impact, (m^2/(alpha^2 v))^(1/5), of
 the fastest contact that the beads of a design could make in any order.  With it the force is
 within 1e-4 of its limit for steel beads of 4 and 10 mm, and with twice the step within 1e-3;
 errors are typically a hundred times smaller.  Late maxima, after many collisions, have larger
@@ -41,10 +41,10 @@ from tensegrity.typing import Array
 
 METHOD: Any = METHODS["rkn6"]
 EXPONENT = 1.5  # of Hertz's law; `granular.contact` derives it
-SHARE = 0.25  # of the time unit of the fastest contact
-RUNGS = 4  # step counts of one doubling: chains run together where they have the same
-WIDTHS = (8, 16, 32, 64)  # lanes of a compiled loop
-KEPT = 512  # steps of which the last bead's motion is kept at a time
+STEP_FRACTION = 0.25  # of the time unit of the fastest contact
+PER_DOUBLING = 4  # step counts of one doubling: chains run together where they have the same
+BATCH_SIZES = (8, 16, 32, 64)  # numbers of chains for which compiled loops exist
+CHUNK = 512  # steps of which the last bead's motion is kept at a time
 MOST = 10**8  # steps
 PATIENCE = 1000  # windows that are searched for the arrival of a wave
 EVERY = 2  # steps between the values that a spline goes through
@@ -120,7 +120,7 @@ def peak_force(
     dt = None if dt is None else check.number("dt", dt, above=0, unit="s")
     native.require()
     forces = np.empty(len(chains))
-    for steps, members in _alike(chains, striker, wall, t_end, dt):
+    for steps, members in _by_step_count(chains, striker, wall, t_end, dt):
         mine = [chains[k] for k in members]
         found = largest(Designs.of(mine), striker, wall, t_end, steps)
         if np.isinf(found.first).any():
@@ -178,15 +178,15 @@ def step_count(unit: float, t_end: float, dt: float | None) -> int:
         raise TensegrityError(
             f"dt {dt:g} s must be at most {unit:g} s, the time unit of the fastest contact"
         )
-    wanted = t_end / (SHARE * unit if dt is None else dt)
+    wanted = t_end / (STEP_FRACTION * unit if dt is None else dt)
     if not wanted <= MOST:
         raise TensegrityError(f"t_end {t_end:g} s takes {wanted:.3g} steps, at most {MOST:g} go")
     if dt is None:
-        wanted = 2 ** (math.ceil(RUNGS * math.log2(max(wanted, 1.0))) / RUNGS)
+        wanted = 2 ** (math.ceil(PER_DOUBLING * math.log2(max(wanted, 1.0))) / PER_DOUBLING)
     return max(math.ceil(wanted), 1)
 
 
-def _alike(
+def _by_step_count(
     chains: Sequence[Sequence[Bead]],
     striker: Striker,
     wall: Material,
@@ -226,13 +226,13 @@ def largest(designs: Designs, striker: Striker, wall: Material, t_end: float, st
     found, done, bound = [], 0, {}
     while done < len(designs):
         left = len(designs) - done
-        width = next((w for w in WIDTHS if w >= left), WIDTHS[-1])
-        lanes = designs[np.minimum(np.arange(done, done + width), len(designs) - 1)]
-        all_ = lanes.behind(striker.bead)
-        contacts = np.ascontiguousarray(all_.contacts(wall).T)
+        width = next((w for w in BATCH_SIZES if w >= left), BATCH_SIZES[-1])
+        batch = designs[np.minimum(np.arange(done, done + width), len(designs) - 1)]
+        moving = batch.behind(striker.bead)
+        contacts = np.ascontiguousarray(moving.contacts(wall).T)
         if width not in bound:
             bound[width] = _Moving(len(contacts), width, t_end / steps)
-        bound[width].start(contacts, 1 / all_.mass.T, striker.speed)
+        bound[width].start(contacts, 1 / moving.mass.T, striker.speed)
         found.append(Peaks(*(x[:left] for x in _peaks(bound[width], contacts[-1], steps))))
         done += width
     return Peaks(*(np.concatenate(x) for x in zip(*found, strict=True)))
@@ -242,13 +242,13 @@ def _peaks(moving: _Moving, wall_contact: Array, steps: int) -> Peaks:
     """The same for as many as run in one loop, from their start."""
     dt, overlap = moving.dt, np.zeros(wall_contact.size)
     first = np.full(overlap.shape, math.inf)
-    for done in range(0, steps, KEPT):
-        u, v = moving.follow(min(KEPT, steps - done))
-        step, lane = np.nonzero((v[:-1] > 0) & (v[1:] <= 0))
-        ends = u[step, lane], u[step + 1, lane], dt * v[step, lane], dt * v[step + 1, lane]
-        share, top = _top(*ends)
-        np.maximum.at(overlap, lane, top)
-        np.minimum.at(first, lane, (done + step + share) * dt)
+    for done in range(0, steps, CHUNK):
+        u, v = moving.follow(min(CHUNK, steps - done))
+        step, chain = np.nonzero((v[:-1] > 0) & (v[1:] <= 0))
+        ends = u[step, chain], u[step + 1, chain], dt * v[step, chain], dt * v[step + 1, chain]
+        fraction, top = _largest(*ends)
+        np.maximum.at(overlap, chain, top)
+        np.minimum.at(first, chain, (done + step + fraction) * dt)
     return Peaks(wall_contact * np.maximum(overlap, u[-1]) ** EXPONENT, first)
 
 
@@ -260,21 +260,21 @@ class _Moving:
     velocity at the step has besides is added from its two contacts.
     """
 
-    def __init__(self, count: int, lanes: int, dt: float) -> None:
+    def __init__(self, count: int, chains: int, dt: float) -> None:
         self.dt, self._law = dt, PowerLaw(1.0, EXPONENT).law
-        self._table = np.zeros((count * lanes, len(self._law.parameters)))  # 0: no preload
-        self._springs = np.arange(count * lanes).reshape(count, lanes)
-        self._weights = np.zeros((count + 1, lanes))  # the wall is held
-        self._u, self._v = np.zeros((2, count + 1, lanes))
+        self._table = np.zeros((count * chains, len(self._law.parameters)))  # 0: no preload
+        self._springs = np.arange(count * chains).reshape(count, chains)
+        self._weights = np.zeros((count + 1, chains))  # the wall is held
+        self._u, self._v = np.zeros((2, count + 1, chains))
 
     def start(self, contacts: Array, weights: Array, speed: float) -> None:
         """Others, at their start.
 
         Parameters
         ----------
-        contacts : ndarray, (count, lanes)
+        contacts : ndarray, (count, chains)
             Constants of the contacts, the wall's last [N/m^1.5].
-        weights : ndarray, (count, lanes)
+        weights : ndarray, (count, chains)
             Inverse masses, the striker's first [1/kg].
         speed : float
             Of the striker [m/s].
@@ -304,7 +304,7 @@ class _Moving:
         return last, self._kick * self._weights[1] * push - v[:, 1]
 
 
-def _top(start: Array, stop: Array, rise: Array, fall: Array) -> tuple[Array, Array]:
+def _largest(start: Array, stop: Array, rise: Array, fall: Array) -> tuple[Array, Array]:
     """Where in a step, from 0 to 1, and how high the cubic with these values and slopes, times
     the step, is highest; the first slope is > 0, the second <= 0."""
     gain = stop - start
@@ -338,7 +338,7 @@ def not_arrived(
     longer, when = t_end, ""
     while longer < PATIENCE * t_end and longer / unit < MOST / 1000:
         longer *= 2
-        found = largest(design, striker, wall, longer, math.ceil(longer / (SHARE * unit)))
+        found = largest(design, striker, wall, longer, math.ceil(longer / (STEP_FRACTION * unit)))
         if np.isfinite(found.first[0]):
             when = f": its first maximum at the wall comes at {found.first[0]:.4g} s"
             break

@@ -20,8 +20,8 @@ import numpy as np
 
 from granular.beads import Striker
 from granular.design import objective
-from granular.design.downhill import Descents, Way
-from granular.design.finalists import KEPT, Best, chosen
+from granular.design.downhill import Descent, Descents
+from granular.design.finalists import CANDIDATES, Best, chosen
 from granular.design.methods import POPULATION, suits
 from granular.design.objective import Build, Problem
 from granular.design.spaces import Choice, Order, Sizes, Space
@@ -118,11 +118,11 @@ def search(
         )
     seed = check.whole("seed", seed, least=0)
     unit = float(space.all_kinds.behind(striker.bead).unit(wall, striker.speed)[0])
-    dt = t_end / objective.step_count(unit, t_end, COARSE * objective.SHARE * unit)
+    dt = t_end / objective.step_count(unit, t_end, COARSE * objective.STEP_FRACTION * unit)
     native.require()
     problem = Problem(space, striker, wall, t_end, dt, build)
     with WorkerPool(executor) as workers, one_bar("design"):
-        trail = _Trail(problem, workers, budget, checkpoint, name, seed)
+        trail = _SearchRecord(problem, workers, budget, checkpoint, name, seed)
         try:
             with progress(budget, "design", trail.begun) as trail.bar:
                 trail.follow(propose(space, np.random.default_rng(seed)))
@@ -133,23 +133,23 @@ def search(
 
 
 def _parts(data: dict[str, Any]) -> tuple[dict[str, Any], list[tuple[Any, Array]], str]:
-    """What a checkpoint holds: of what, the best design and the forces of each way, a digest."""
+    """The problem, the best design and the forces of each descent, and the digest of a file."""
     check.kind("of", data["of"], dict)
     forces = archive.array("forces", data["forces"], (None,), are_finite=False)
     check.kind("digest", data["digest"], str)
     counts, rows = data.get("counts", ()), data.get("rows", ())
     if len(counts) != len(rows) or (len(counts) and np.sum(counts) != len(forces)):
-        raise TensegrityError(f"{len(rows)} ways of {np.sum(counts)} forces, of {len(forces)}")
+        raise TensegrityError(f"{len(rows)} descents of {np.sum(counts)} forces, of {len(forces)}")
     if not len(counts):  # of a design each
         return data["of"], [(None, force) for force in forces[:, None]], data["digest"]
-    ways = np.split(forces, np.cumsum(counts)[:-1])
-    return data["of"], list(zip(rows, ways, strict=True)), data["digest"]
+    descents = np.split(forces, np.cumsum(counts)[:-1])
+    return data["of"], list(zip(rows, descents, strict=True)), data["digest"]
 
 
-class _Trail:
+class _SearchRecord:
     """The designs of a search and what they are worth, in memory and in a file.
 
-    Every row that is proposed leads to one design or more: to itself, or to all on a way downhill.
+    Every row that is proposed leads to one design or more: to itself, or to all of a descent.
     The budget is that of designs.
     """
 
@@ -162,8 +162,8 @@ class _Trail:
         self._leads = Descents(problem) if method == "gradient" else problem
         self.forces: list[float] = []
         self._known: dict[bytes, tuple[Array, float]] = {}  # the best design of each row
-        self._top, self._top_forces = np.empty((0, problem.space.count)), np.empty(0)
-        self._whole: list[tuple[Any, int]] = []  # best design of ways within the budget, and count
+        self._best, self._best_forces = np.empty((0, problem.space.count)), np.empty(0)
+        self._whole: list[tuple[Any, int]] = []  # best design of a descent, and count
         self._written, self._digest = 0, hashlib.sha256()
         self._path: Path | None = None if path is None else check.path("checkpoint", path)
         self._old: list[tuple[Any, Array]] = []
@@ -206,10 +206,10 @@ class _Trail:
         new = {key: k for k, key in reversed(list(enumerate(keys))) if key not in self._known}
         numbers = sorted(new.values())[: self._budget - len(self.forces)]
         is_first, waiting = not self.forces, iter(numbers)
-        for ways in self._ways(rows[numbers]):
-            mine = [keys[next(waiting)] for _ in ways]
-            for key, way in zip(mine, ways, strict=True):
-                self._take(key, way)
+        for found in self._descents(rows[numbers]):
+            mine = [keys[next(waiting)] for _ in found]
+            for key, descent in zip(mine, found, strict=True):
+                self._take(key, descent)
             self._rank([self._known[key] for key in mine if key in self._known])
             self._write()
             if len(self.forces) >= self._budget:
@@ -220,27 +220,27 @@ class _Trail:
             self._refuse_early(rows)
         return found, values
 
-    def _ways(self, rows: Array) -> Iterator[list[Way]]:
+    def _descents(self, rows: Array) -> Iterator[list[Descent]]:
         """What rows lead to, in lists of what is known together: by the file, or computed."""
         begun = len(self._whole)
         old = self._old[begun : begun + len(rows)]
         yield [
-            Way(np.repeat([row if best is None else best], len(forces), axis=0), forces)
+            Descent(np.repeat([row if best is None else best], len(forces), axis=0), forces)
             for row, (best, forces) in zip(rows, old, strict=False)
         ]
         yield from self._computed(self._leads, rows[len(old) :], begun + len(old))
 
-    def _take(self, key: bytes, way: Way) -> None:
-        """Count a way, as far as the budget goes."""
+    def _take(self, key: bytes, descent: Descent) -> None:
+        """Count a descent, as far as the budget goes."""
         is_fresh = len(self._whole) >= len(self._old)
-        forces = way.forces[: self._budget - len(self.forces)]
+        forces = descent.forces[: self._budget - len(self.forces)]
         self.forces += forces.tolist()
-        best = way.rows[int(np.argmin(forces))] if len(forces) else None
+        best = descent.rows[int(np.argmin(forces))] if len(forces) else None
         if best is not None:
             self._known[key] = best, float(forces.min())
         if is_fresh and self.bar is not None:
             self.bar.update(len(forces))
-        if len(forces) == len(way.forces):  # a larger budget goes the others again
+        if len(forces) == len(descent.forces):  # a larger budget repeats the others
             self._digest.update(key)
             self._whole.append((best, len(forces)))
             if len(self._whole) == len(self._old):
@@ -251,9 +251,9 @@ class _Trail:
         if not designs:
             return
         rows, values = (np.array(x) for x in zip(*designs, strict=True))
-        top, forces = np.concatenate([self._top, rows]), np.append(self._top_forces, values)
-        order = np.argsort(forces, kind="stable")[:KEPT]
-        self._top, self._top_forces = top[order].astype(rows.dtype), forces[order]
+        top, forces = np.concatenate([self._best, rows]), np.append(self._best_forces, values)
+        order = np.argsort(forces, kind="stable")[:CANDIDATES]
+        self._best, self._best_forces = top[order].astype(rows.dtype), forces[order]
 
     def _write(self) -> None:
         """Keep what is new."""
@@ -285,14 +285,14 @@ class _Trail:
 
     def _computed(
         self, leads: Problem | Descents, rows: Array, number: int = 0
-    ) -> Iterator[list[Way]]:
+    ) -> Iterator[list[Descent]]:
         """Ways from rows in their order, in lists of those that one worker computes; `number` is
         that of the first."""
         size = leads.part
         if size > 1 and not self._workers.is_remote:
             size = max(1, len(rows))
         parts = [rows[k : k + size] for k in range(0, len(rows), size)]
-        done: dict[int, list[Way]] = {}
+        done: dict[int, list[Descent]] = {}
         given = 0
         for k, result in self._workers.outcomes(leads, parts):
             if isinstance(result, Failed):
@@ -300,14 +300,14 @@ class _Trail:
                     raise TensegrityError(f"{leads.unit} {number + k * size}: {result.error}")
                 self.failed += len(parts[k])
                 result = np.full(len(parts[k]), np.inf)
-            if not isinstance(result, Way):
+            if not isinstance(result, Descent):
                 pairs = zip(parts[k][:, None], result[:, None], strict=True)
-                done[k] = [Way(*pair) for pair in pairs]
+                done[k] = [Descent(*pair) for pair in pairs]
             else:
                 done[k] = [result]
-            for j, way in enumerate(done[k]):
-                if np.isnan(way.forces).any():
-                    beads = check.shown(self._problem.space.beads(way.rows[0]))
+            for j, descent in enumerate(done[k]):
+                if np.isnan(descent.forces).any():
+                    beads = check.shown(self._problem.space.beads(descent.rows[0]))
                     where = number + k * size + j
                     raise TensegrityError(f"the force of {leads.unit} {where} is nan N: {beads}")
             while given in done:
@@ -316,16 +316,16 @@ class _Trail:
 
     def best(self) -> Best:
         """The best design that does not move with the step, in the longer window too."""
-        problem, some = self._problem, np.isfinite(self._top_forces)
+        problem, some = self._problem, np.isfinite(self._best_forces)
         if not some.any():
             raise TensegrityError(f"no design of {len(self.forces)} has a force at the wall")
 
         def force(t_end: float, dt: float, rows: Array) -> Array:
             parts = self._computed(replace(problem, t_end=t_end, dt=dt), rows)
-            return np.concatenate([way.forces for ways in parts for way in ways])
+            return np.concatenate([descent.forces for found in parts for descent in found])
 
         row, again, converged, rejected = chosen(
-            force, problem.t_end, problem.dt, self._top[some], self._top_forces[some]
+            force, problem.t_end, problem.dt, self._best[some], self._best_forces[some]
         )
         return Best(
             beads=problem.space.beads(row), peak_force=again[-2].force,

@@ -22,6 +22,7 @@ from tensegrity.branches.arclength import (
 from tensegrity.typing import Array, Indices
 
 CONSTANT = 1e-13  # component of a unit tangent below which an unknown is constant
+SAME_POINT = 1e-12  # last correction up to which its Jacobian is that of the corrected point
 SECANT, LARGEST_SECANT = 1e-4, 0.2  # first and largest secant step, in scaled unknowns
 
 
@@ -36,6 +37,9 @@ class Equations(Protocol):
 
     def linearised(self, u: Array) -> tuple[Array, Array]:
         """Scaled residual (m - 1,) and its Jacobian (m - 1, m)."""
+
+    def residual(self, u: Array) -> Array:
+        """Scaled residual (m - 1,) alone."""
 
     def tests(self, u: Array) -> Array:
         """Event functions, each of which vanishes at its events, (roots,)."""
@@ -52,6 +56,7 @@ class ManyProblem(ArclengthStepper):
     def __init__(self, equations: Any) -> None:
         super().__init__(equations.names, equations.scale, equations.roots, equations.folds)
         self.equations, self._stationary = equations, list(equations.folds.values())
+        self._unmoved = np.arange(self.m)
         for number in equations.leaving:
             self.vanishing[number] = math.inf
 
@@ -94,33 +99,44 @@ class ManyProblem(ArclengthStepper):
         m, step = self.m, control[0]
         tangent = here[m : 2 * m]
         z = guess = self.predicted(before, here, step)
-        last, matrix, right = math.inf, np.empty((m, m), order="F"), np.empty(m)
+        last, matrix, right = math.inf, np.empty((m, m), order="F"), np.zeros(m)
         matrix[m - 1] = tangent
         for _ in range(ITERATIONS):
-            g, matrix[: m - 1] = self.linearised(z, None)
-            right[: m - 1], right[m - 1] = g, tangent @ (z - guess)
-            move, info = lapack.dgesv(matrix, right)[2:]
-            if info or not np.isfinite(move).all():
+            right[: m - 1], matrix[: m - 1] = self.linearised(z, None)
+            right[m - 1] = tangent @ (z - guess)
+            factors, pivots, move, info = lapack.dgesv(matrix, right)
+            last = float(np.abs(move).max())
+            if info or not last < math.inf:
                 return self._rejected_row(z, control)
-            z, last = z - move, float(np.abs(move).max())
-        g, matrix[: m - 1] = self.linearised(z, None)
-        factors, pivots, info = lapack.dgetrf(matrix)
-        end = np.zeros(m)
-        end[-1] = 1.0
-        new = lapack.dgetrs(factors, pivots, end)[0]
-        size = np.linalg.norm(new)
-        if info or not np.isfinite(size):
+            z = z - move
+            if last <= SAME_POINT:
+                break
+        if last > SAME_POINT:
+            matrix[: m - 1] = self.linearised(z, None)[1]
+            factors, pivots, info = lapack.dgetrf(matrix)
+        u = self.unknowns(z)
+        residual = float(np.abs(self.equations.residual(u)).max())
+        right[:-1], right[-1] = 0.0, 1.0
+        new = lapack.dgetrs(factors, pivots, right)[0]
+        size = math.sqrt(new @ new)
+        if info or not size < math.inf:
             return self._rejected_row(z, control)
         new = new / size
-        swaps = np.count_nonzero(pivots != np.arange(m))
-        side = float(np.prod(np.sign(np.diag(factors)))) * (-1) ** swaps
-        missed, chord, cosine = z - guess, np.linalg.norm(z - here[:m]), float(new @ tangent)
+        odd = np.count_nonzero(pivots != self._unmoved) + np.count_nonzero(factors.diagonal() < 0)
+        side, missed, moved = (-1.0) ** odd, z - guess, z - here[:m]
+        chord, cosine = math.sqrt(moved @ moved), float(new @ tangent)
         error, arc = error_and_arc(np.abs(missed).max(), chord, cosine, step, here[self.length])
         parts = new[self._stationary]
         parts[np.abs(parts) <= CONSTANT] = 0.0
-        residual, sides = np.abs(g).max(), side * here[self.side]
-        figures = [error, np.linalg.norm(missed), last, cosine, residual, sides]
-        row = [z, new, [residual, arc, side], self.equations.tests(self.unknowns(z)), parts]
+        figures = [
+            error,
+            math.sqrt(missed @ missed),
+            last,
+            cosine,
+            residual,
+            side * here[self.side],
+        ]
+        row = [z, new, [residual, arc, side], self.equations.tests(u), parts]
         return np.concatenate([*row, control_function()("control", figures, control)])
 
     def _rejected_row(self, z: Array, control: Array) -> Array:

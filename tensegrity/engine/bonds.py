@@ -40,8 +40,8 @@ class Bonds:
         [1/kg], 0 for a held site.
     contacts : Contacts, optional
         Contacts of a network; the bonds of a chain join neighbours.
-    openings : ndarray, (kinks, springs, 4), optional
-        The kinks of each different spring, `Potential.openings`; NaN after its last one.
+    kinks : ndarray, (kinks, springs, 4), optional
+        The kinks of each different spring, `Potential.kinks`; NaN after its last one.
     """
 
     laws: tuple
@@ -50,7 +50,7 @@ class Bonds:
     group: np.ndarray
     inverse_mass: np.ndarray
     contacts: Contacts | None = None
-    openings: np.ndarray | None = None
+    kinks: np.ndarray | None = None
 
     @property
     def dim(self):
@@ -93,35 +93,75 @@ class Contacts:
 
     Attributes
     ----------
-    kind : ndarray of int, (contacts,)
-        Index into `KINDS`.
     first, second : ndarray of int, (contacts,)
         Rows that a contact joins; the first of a wall contact is the wall.
-    geometry : ndarray, (dim + 2, contacts)
-        Reference separation of the two, or normal of the wall [m]; initial gap; length [m].
+    gap, length : ndarray, (contacts,)
+        Elongation at the reference places [m]; length [m], 0 of contacts with walls.
     positions : ndarray, (sites, dim)
         Reference places [m], whose differences are the separations of pairs.
     load : ndarray, (sites, dim)
         Constant forces [N].
-    walls : int
+    normals : ndarray, (walls, dim)
+        Of the walls.
     crowding : ndarray of int, (sites,), optional
         Approximate number of sites of higher numbers with which each may have contacts, where the
         list changes during a run; the same for all lists of a scene.
     """
 
-    kind: np.ndarray
     first: np.ndarray
     second: np.ndarray
-    geometry: np.ndarray
+    gap: np.ndarray
+    length: np.ndarray
     positions: np.ndarray
     load: np.ndarray
-    walls: int
+    normals: np.ndarray
     crowding: np.ndarray | None = None
+
+    @property
+    def walls(self):
+        return len(self.normals)
 
     @property
     def rows(self):
         """Number of sites and walls, and one more."""
         return len(self.load) + self.walls + 1
+
+    @cached_property
+    def kind(self):
+        """Index into `KINDS` of each contact; (contacts,)."""
+        return fixed(np.where(self.first < len(self.load), PAIR, WALL).astype(np.uint8))
+
+    @cached_property
+    def places(self):
+        """Reference places of the sites [m], the normals of walls, and 0; (rows + 1, dim)."""
+        spare = np.zeros((2, self.load.shape[1]))
+        return fixed(np.concatenate([self.positions, self.normals, spare]))
+
+    @cached_property
+    def geometry(self):
+        """`geometry_of` all contacts."""
+        return fixed(self.geometry_of(slice(None)))
+
+    def geometry_of(self, some):
+        """Geometry of some contacts: reference separation [m], or normal of the wall; initial gap
+        and length [m]; on a line the sign of the separation.
+
+        Parameters
+        ----------
+        some : slice or ndarray of int
+
+        Returns
+        -------
+        ndarray, (dim + 2, some)
+        """
+        first, second, pair = self.first[some], self.second[some], self.kind[some] == PAIR
+        found = np.empty((self.load.shape[1] + 2, len(first)))
+        for row, place in zip(found[:-2], self.places.T, strict=True):
+            row[:] = np.where(pair, place[second] - place[first], place[first])
+        if len(found) == 3:
+            found[0, pair] = np.sign(found[0, pair])
+        found[-2], found[-1] = self.gap[some], self.length[some]
+        return found
 
 
 @dataclass(frozen=True, eq=False)

@@ -183,6 +183,8 @@ class Bound:
     def _corrections(self, method):
         """Structure of the steps of a method that corrects the loss of contacts."""
         loop, u = self._loop, self.u
+        if loop.dim:
+            self._scene.fill(**layout.of_contacts(loop, self._bonds))
         numbers = openings.contacts(self._bonds, loop.batch)
         numbers |= dict(zip(("nodes", "weights", "offsets"), method.rule, strict=True))
         row = integers(numbers.pop("row"))

@@ -22,6 +22,7 @@ from tensegrity.engine.bonds import Bonds
 from tensegrity.engine.bound import Bound
 from tensegrity.engine.compiled import compiled
 from tensegrity.engine.law import Change
+from tensegrity.engine.layout import of_contacts
 from tensegrity.engine.methods import Splitting
 from tensegrity.engine.native import structure
 from tensegrity.typing import Array, Indices
@@ -255,6 +256,8 @@ class BoundDriven(Bound):
             "decay": np.exp(-drifts[:, None] * forcing.ground * weights),
             "drift_factor": drift_factor,
         }
+        if loop.dim:
+            self._scene.fill(**of_contacts(loop, forcing.bonds))
         if forcing.damped == DAMPED_NETWORK:
             of, damped_bonds = forcing.bonds.contacts, forcing.damped_bonds
             ends = loop.dim * np.stack([of.first, of.second], axis=1)[damped_bonds]

@@ -1,25 +1,36 @@
-/* Elongations of contacts outside of a loop, with the geometry of the loop. */
+/* Elongations of contacts outside of a loop, from `begin` to `end` of a set. */
 
 typedef struct {
-    const integer *first, *second;  /* (count) rows that a pair joins; of a wall, the site */
-    const real *geometry;           /* (DIM + 2, count) D, g, L; `apart` is the stride of rows */
-    integer apart;
+    const int *first, *second;     /* (count) rows that a contact joins; `first` may be a wall */
+    const real *at;                /* (rows, DIM) reference places, and the normals of walls */
+    const real *gap, *length;      /* (count), or one of all where the step is 0 */
+    integer gap_step, length_step;
 } places;
 
-#define ELONGATIONS(KIND, MOVED)                                                            \
+/* On a line the direction from the first site to the second counts. */
+static inline real apart(const real *at, integer from, integer to, int k)
+{
+    const real d = at[to * DIM + k] - at[from * DIM + k];
+    return DIM > 1 ? d : (d > 0) - (d < 0);
+}
+
+#define ELONGATIONS(KIND, PLACE, MOVED)                                                     \
     __attribute__((flatten)) void KIND##_elongations(                                       \
-        const places *of, integer n, const real *restrict u, real *restrict out)            \
+        const places *of, integer begin, integer end, const real *restrict u,               \
+        real *restrict out)                                                                 \
     {                                                                                       \
-        const integer *restrict first = of->first, *restrict second = of->second;           \
-        const real *restrict x = of->geometry;                                              \
-        const integer next = of->apart, gap = DIM * next, length = gap + next;              \
-        EACH(n) {                                                                           \
+        const int *restrict first = of->first + begin, *restrict second = of->second + begin; \
+        const real *restrict at = of->at, *restrict gaps = of->gap, *restrict sizes = of->length; \
+        const integer each_gap = of->gap_step, each_size = of->length_step;                 \
+        EACH(end - begin) {                                                                 \
+            const integer p = first[i], q = second[i];                                      \
+            const real gap = gaps[(begin + i) * each_gap], size = sizes[(begin + i) * each_size]; \
             real d[DIM], w[DIM], along[DIM], r;                                             \
-            for (int k = 0; k < DIM; k++) d[k] = x[k * next + i], w[k] = MOVED;             \
-            KIND##_contact(d, w, x[gap + i], x[length + i], &r, along);                     \
+            for (int k = 0; k < DIM; k++) d[k] = PLACE, w[k] = MOVED;                       \
+            KIND##_contact(d, w, gap, size, &r, along);                                     \
             out[i] = r;                                                                     \
         }                                                                                   \
     }
 
-ELONGATIONS(pair, u[second[i] * DIM + k] - u[first[i] * DIM + k])
-ELONGATIONS(wall, u[second[i] * DIM + k])
+ELONGATIONS(pair, apart(at, p, q, k), u[q * DIM + k] - u[p * DIM + k])
+ELONGATIONS(wall, at[p * DIM + k], u[q * DIM + k])

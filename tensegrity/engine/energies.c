@@ -8,19 +8,21 @@
 
 typedef void (*law)(integer order, integer n, const double *parameters, const double *r,
                     double *out);
-typedef void (*elongation_function)(const void *, integer, const double *, double *);
+typedef void (*elongation_function)(const void *, integer, integer, const double *, double *);
 
 enum { ENERGY, TENSION, STIFFNESS, BLOCK = 64 }; /* points that one call of a law evaluates */
 
-/* Bonds that one call evaluates: of one spring, or of one law with different parameters. */
+/* Bonds of one law and of one spring, or of several.  At most `most` are evaluated in one call. */
 typedef struct {
-    void *function;             /* a `law`: `values` or `values_own` of evaluate.c */
+    void *function;             /* a `law`: `values`, or of several `values_own`, of evaluate.c */
     void *elongations;          /* of elongations.c; 0 for neighbours on a line */
-    const double *parameters;   /* (parameters,), or (parameters, count) */
-    const double *low, *high;   /* (count) ends of the domain, or one of each */
+    const double *parameters;   /* (parameters, different) */
+    const double *low, *high;   /* (different) ends of the domain */
+    const int *spring;          /* (count) the spring of each bond; 0 where there is one */
     const integer *members;     /* (count) numbers of the bonds; 0 where they are consecutive */
     const void *places;         /* argument of `elongations` */
-    integer own, count, start;  /* start: place of the first */
+    integer different, own;     /* numbers of springs, and of parameters where there are several */
+    integer most, count, start; /* start: place of the first */
 } bond_set;
 
 static double pairwise_sum(const double *x, integer n)
@@ -45,45 +47,66 @@ static double pairwise_sum(const double *x, integer n)
     return sum;
 }
 
-/* Elongations of the bonds of a set; returns whether all are in the domain, which NaN is not. */
-static integer elongations(const bond_set *s, const double *u, double *restrict r)
+/* Elongations of the bonds of a set from `begin` to `end`; returns whether all are in the domain,
+   which NaN is not. */
+static integer elongations(const bond_set *s, integer begin, integer end, const double *u,
+                           double *restrict r)
 {
+    const integer *members = s->members + begin, n = end - begin;
     integer outside = 0;
     if (s->elongations) {
-        ((elongation_function)s->elongations)(s->places, s->count, u, r);
+        ((elongation_function)s->elongations)(s->places, begin, end, u, r);
     } else if (!s->members) {
-        u += s->start;
-        for (integer i = 0; i < s->count; i++) r[i] = u[i + 1] - u[i];
+        u += s->start + begin;
+        for (integer i = 0; i < n; i++) r[i] = u[i + 1] - u[i];
     } else {
-        for (integer i = 0; i < s->count; i++) r[i] = u[s->members[i] + 1] - u[s->members[i]];
+        for (integer i = 0; i < n; i++) r[i] = u[members[i] + 1] - u[members[i]];
     }
-    if (s->own) {
-        for (integer i = 0; i < s->count; i++)
-            outside |= !(r[i] >= s->low[i]) | !(r[i] <= s->high[i]);
+    if (s->different > 1) {
+        const int *spring = s->spring + begin;
+        for (integer i = 0; i < n; i++)
+            outside |= !(r[i] >= s->low[spring[i]]) | !(r[i] <= s->high[spring[i]]);
     } else {
         const double low = *s->low, high = *s->high;
-        for (integer i = 0; i < s->count; i++) outside |= !(r[i] >= low) | !(r[i] <= high);
+        for (integer i = 0; i < n; i++) outside |= !(r[i] >= low) | !(r[i] <= high);
     }
     return !outside;
 }
 
+/* Parameters of bonds `begin` to `end` of a set, (parameters, end - begin) where it has several
+   springs. */
+static const double *parameters(const bond_set *s, integer begin, integer end, double *restrict p)
+{
+    if (s->different == 1) return s->parameters;
+    for (integer k = 0; k < s->own; k++)
+        for (integer i = begin; i < end; i++)
+            p[k * (end - begin) + i - begin] = s->parameters[k * s->different + s->spring[i]];
+    return p;
+}
+
 /* Total energy of each of `rows` states with so many `entries`; returns 0 where an elongation is
    outside its domain.  `mass` is that of each entry; `loads` is 0 without loads.  `scratch` has one
-   number for each of `all` bonds, then the larger of `entries` and the bonds of a set. */
+   number for each of `all` bonds, then the larger of `entries` and the bonds of a call, then the
+   parameters of these. */
 integer energies(const bond_set *sets, integer count, integer all, const double *mass,
                  const double *loads, integer entries, integer rows, const double *u,
                  const double *v, double *scratch, double *total)
 {
     FLUSH
-    double *restrict stored = scratch, *restrict part = scratch + all;
+    integer most = entries;
+    for (integer s = 0; s < count; s++) most = sets[s].most > most ? sets[s].most : most;
+    double *restrict stored = scratch, *restrict part = scratch + all, *own = part + most;
     for (integer k = 0; k < rows; k++, u += entries, v += entries) {
         for (integer s = 0; s < count; s++) {
             const bond_set *set = sets + s;
-            const integer n = set->count;
-            if (!elongations(set, u, part)) return 0;
-            double *out = set->members ? part : stored + set->start;
-            ((law)set->function)(ENERGY, n, set->parameters, part, out);
-            if (set->members) for (integer i = 0; i < n; i++) stored[set->members[i]] = part[i];
+            for (integer b = 0; b < set->count; b += set->most) {
+                const integer end = b + set->most < set->count ? b + set->most : set->count;
+                if (!elongations(set, b, end, u, part)) return 0;
+                double *out = set->members ? part : stored + set->start + b;
+                ((law)set->function)(ENERGY, end - b, parameters(set, b, end, own), part, out);
+                if (set->members)
+                    for (integer i = b; i < end; i++) stored[set->members[i]] = part[i - b];
+            }
         }
         for (integer i = 0; i < entries; i++) part[i] = mass[i] * (v[i] * v[i]);
         total[k] = 0.5 * pairwise_sum(part, entries) + pairwise_sum(stored, all);

@@ -23,14 +23,14 @@ if TYPE_CHECKING:
     from tensegrity.engine.bonds import Contacts
     from tensegrity.typing import Array, Flags, Indices
 
-    Set = tuple[Compiled, Array, Array, Indices]
+    Set = tuple[Compiled, Array, Array, Indices, Indices]
 
-PART = 1024  # contacts of a network in a set, so that intermediate results stay in the cache
 FINITE = 2  # what `largest` returns of finite numbers
 
 BOND_SET = structure("energies.c", "bond_set")
 SPRINGS = structure("energies.c", "springs")
 SEARCH_GRID = structure("energies.c", "search_grid")
+PART = 1024  # contacts of a network whose intermediate results stay in the cache
 PLACES = structure("elongations.c", "places")
 
 
@@ -55,9 +55,10 @@ class Energies:
     ----------
     mass : ndarray, shape of a state
         [kg]
-    sets : sequence of (Compiled, ndarray, ndarray, ndarray)
-        Loop of a law; parameters, (parameters,) or (parameters, bonds); domain [m], (2, 1) or
-        (2, bonds); numbers of the bonds, increasing.
+    sets : sequence of (Compiled, ndarray, ndarray, ndarray, ndarray)
+        Loop of a law; parameters, (parameters, springs), and domain [m], (2, springs), of different
+        springs; the spring of each bond, (bonds,), where there are several; numbers of the bonds,
+        increasing.
     contacts : Contacts, optional
         For a network; the bonds of a chain join neighbours.
     """
@@ -67,13 +68,15 @@ class Energies:
         parts = sets if contacts is None else _of_contacts(sets, contacts)
         rows = [_bond_set(*part, contacts) for part in parts]
         each, bonds = (BOND_SET * len(rows))(*rows), sum(len(columns) for *_, columns in sets)
+        most = max((row.most for row in rows), default=0)
         mass, loads = np.ascontiguousarray(mass), None
         if contacts is not None and contacts.load.any():
             loads = np.ascontiguousarray(contacts.load)
         self._held = rows, each, mass, loads  # referenced as long as C may read them
         given = ctypes.addressof(each), len(rows), bonds, address(mass)
         self._given = *given, None if loads is None else address(loads), mass.size
-        self._room = bonds + max(mass.size, *(row.count for row in rows), 0)
+        own = max((row.own for row in rows), default=0)  # parameters of each bond
+        self._room = bonds + max(mass.size, most) + own * most
 
     def __call__(self, u: Array, v: Array) -> Array | None:
         """Total energies [J] of states u and v, (..., *shape of a state), the potential of loads
@@ -93,10 +96,11 @@ class Energies:
 
 
 def _bond_set(
-    loop: Compiled, parameters: Array, domain: Array, columns: Indices, contacts: Contacts | None
-) -> Any:
+    loop: Compiled, parameters: Array, domain: Array, springs: Indices, columns: Indices,
+    contacts: Contacts | None,
+) -> Any:  # fmt: skip
     """The structure `bond_set` of C for a set."""
-    own, (low, high) = parameters.ndim == 2, np.ascontiguousarray(domain)
+    (own, different), (low, high) = parameters.shape, np.ascontiguousarray(domain)
     first, last = (columns[0], columns[-1] + 1) if len(columns) else (0, 0)
     in_a_row = last - first == len(columns)
     elongations = places = None
@@ -104,14 +108,17 @@ def _bond_set(
         elongations = _elongations(contacts.load.shape[1])[contacts.kind[columns][0]]
         places = _places(contacts, slice(first, last) if in_a_row else columns)
     return BOND_SET(
-        function=pointer(loop.library.values_own if own else loop.library.values),
+        function=pointer(loop.library.values_own if different > 1 else loop.library.values),
         elongations=elongations,
         parameters=loop.numbers(parameters),
         low=low,
         high=high,
         members=None if in_a_row else integers(columns),
         places=places,
-        own=own,
+        spring=np.ascontiguousarray(springs, dtype=np.int32) if different > 1 else None,
+        different=different,
+        own=own if different > 1 else 0,
+        most=len(columns) if contacts is None else min(PART, len(columns)),
         count=len(columns),
         start=first,
     )
@@ -120,28 +127,25 @@ def _bond_set(
 def _places(contacts: Contacts, columns: slice | Indices) -> Any:
     """The structure `places` of C for the contacts of a set; views of the network's arrays where
     possible."""
-    geometry = contacts.geometry[:, columns]
-    if not isinstance(columns, slice):
-        geometry = np.ascontiguousarray(geometry)
+    gap, length = contacts.gap[columns], contacts.length[columns]
     return PLACES(
-        first=integers(contacts.first[columns]),
-        second=integers(contacts.second[columns]),
-        geometry=geometry,
-        apart=geometry.strides[0] // geometry.itemsize,
+        first=np.ascontiguousarray(contacts.first[columns], dtype=np.int32),
+        second=np.ascontiguousarray(contacts.second[columns], dtype=np.int32),
+        at=contacts.places,
+        gap=gap,
+        length=length,
+        gap_step=gap.strides[0] // gap.itemsize,
+        length_step=length.strides[0] // length.itemsize,
     )
 
 
 def _of_contacts(sets: Sequence[Set], contacts: Contacts) -> Iterator[Set]:
-    """Sets of at most `PART` contacts of one kind."""
-    for loop, parameters, domain, columns in sets:
+    """Sets of contacts of one kind."""
+    for loop, parameters, domain, springs, columns in sets:
         for kind in range(len(KINDS)):
             mine = np.flatnonzero(contacts.kind[columns] == kind)
-            for k in range(0, len(mine), PART):
-                part = mine[k : k + PART]
-                given = parameters, domain
-                if parameters.ndim == 2:
-                    given = parameters[:, part], domain[:, part]
-                yield loop, *given, columns[part]
+            if len(mine):
+                yield loop, parameters, domain, springs[mine], columns[mine]
 
 
 class SearchPoints:

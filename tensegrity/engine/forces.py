@@ -39,13 +39,16 @@ def bond_elongations(bonds, u):
     """Elongation of each bond [m], (..., bonds), without its gradient."""
     if bonds.contacts is None:
         return np.diff(u, axis=-1)
-    first, second, pair, geometry = connectivity(bonds)
-    parts = []
-    for k in range(0, max(len(pair), 1), PART):
+    contacts = bonds.contacts
+    found = np.empty((*u.shape[:-2], len(contacts.first)), dtype=u.dtype)
+    for k in range(0, found.shape[-1], PART):
         some = slice(k, k + PART)
-        w = _between(u, first[some], second[some], pair[some])
-        parts.append(_elongations_at(geometry[:, some], pair[some], w))
-    return np.concatenate(parts, axis=-1)
+        pair = contacts.kind[some] == PAIR
+        w = _between(u, contacts.first[some], contacts.second[some], pair)
+        all_in_one = found.shape[-1] <= PART
+        geometry = contacts.geometry if all_in_one else contacts.geometry_of(some)
+        found[..., some] = _elongations_at(geometry, pair, w)
+    return found
 
 
 def _between(u, first, second, pair):

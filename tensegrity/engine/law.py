@@ -154,7 +154,8 @@ def named(what: str, laws: Sequence[Any], *more: Any) -> tuple[Any, ...] | None:
 def to_casadi(expression: Any, symbols: Sequence[Any]) -> Callable[..., Any]:
     """A SymPy expression, or a list of them, as a function of CasADi SX symbols.
 
-    Common subexpressions are computed once.
+    Common subexpressions are computed once.  The order of terms depends on that of
+    `symbols` only, not on what SymPy has done before in the process.
     """
     import casadi as ca
     import sympy as sp
@@ -168,6 +169,9 @@ def to_casadi(expression: Any, symbols: Sequence[Any]) -> Callable[..., Any]:
         return result
 
     own = [sp.Dummy(f"x{k}") for k in range(len(symbols))]  # a symbol may be called exp
+    # terms are sorted by the names that are printed, which of a dummy is a running number
+    last_first = sorted(own, key=lambda one: one.name, reverse=True)
+    printed = {one: sp.Symbol(f"given_{k:04d}") for k, one in enumerate(last_first)}
     renamed = dict(zip(symbols, own, strict=True))
 
     def is_one_sided_power(one):
@@ -183,10 +187,6 @@ def to_casadi(expression: Any, symbols: Sequence[Any]) -> Callable[..., Any]:
         one = sp.sympify(one).replace(is_one_sided_power, one_sided_power)
         return one.replace(sp.Piecewise, branches).replace(sp.sign, signum).xreplace(renamed)
 
-    if isinstance(expression, (list, tuple)):
-        expression = [prepared(one) for one in expression]
-    else:
-        expression = prepared(expression)
     names = {
         "Max": lambda *x: ca.fmax(*x),
         "Min": lambda *x: ca.fmin(*x),
@@ -196,7 +196,16 @@ def to_casadi(expression: Any, symbols: Sequence[Any]) -> Callable[..., Any]:
         "choose": ca.if_else,
         "signum": ca.sign,
     }
-    return sp.lambdify(own, expression, modules=[names, ca], cse=True)
+    several = isinstance(expression, (list, tuple))
+    shared, forms = sp.cse([prepared(one) for one in (expression if several else [expression])])
+    shared = [(symbol, form.xreplace(printed)) for symbol, form in shared]
+    forms = [form.xreplace(printed) for form in forms]
+    return sp.lambdify(
+        [printed[one] for one in own],
+        forms if several else forms[0],
+        modules=[names, ca],
+        cse=lambda given: (shared, given),
+    )
 
 
 def horner(coefficients, t):

@@ -125,28 +125,27 @@ def elongations(bonds, runs, batch=1, pieces=1):
 
 def _net(loop, bonds, pieces):
     runs, contacts, found = bonds.runs, bonds.contacts, slices(bonds)
-    place = contacts.geometry[:, runs.source]
-    entries = replace(runs, source=runs.source[found.contact], first=found.first)
+    listed = runs.source[found.contact]
+    entries = replace(runs, source=listed.astype(np.int32), first=found.first)
     dim, sites = bonds.dim, len(contacts.load)
-    places, w, load = np.zeros((3, contacts.rows + 1, dim))
-    places[:sites], w[:sites] = contacts.positions, bonds.inverse_mass[:, None]
-    load[:sites], w[sites : contacts.rows - 1] = contacts.load, 1  # velocities of walls: impulses
+    w, load = np.zeros((2, contacts.rows + 1, dim))
+    w[:sites] = bonds.inverse_mass[:, None]
+    w[sites : contacts.rows - 1] = 1  # velocities of walls: impulses
+    if contacts.load.any():
+        load[:sites] = contacts.load
     fields = {
         "w": w,
         "load": load,
-        "geometry": place,
-        "places": places,
-        "from": dim * contacts.first[runs.source],
-        "to": dim * contacts.second[runs.source],
+        "places": contacts.places,
         "first": runs.first,
         "law": 4 * runs.law + 2 * runs.kind + runs.own,
         "slice": found.slice,
         "begin": found.begin,
         "entry": found.first,
     }
-    fields |= _varying("gap", place[dim, found.contact], found.first)
-    fields |= _varying("length", place[-1, found.contact], found.first)
-    fields |= _by_wall(bonds, found, place[:dim])
+    fields |= _varying("gap", contacts.gap[listed], found.first)
+    fields |= _varying("length", contacts.length[listed], found.first)
+    fields |= _by_wall(bonds, found)
     more = {
         "site": found.site.astype(np.int32),
         "other": found.other.astype(np.int32),
@@ -156,24 +155,37 @@ def _net(loop, bonds, pieces):
         "rows": contacts.rows,
         "tiles": found.tiles,
         "loaded": bool(contacts.load.any()),
+        **dict.fromkeys(("geometry", "from", "to")),  # see `of_contacts`
     }
+    found = replace(found, contact=None, other=None, counts=None)
     return _with_parameters(loop, bonds, entries, fields, pieces, found, **more)
 
 
-def _by_wall(bonds, found, normal):
+def of_contacts(loop, bonds):
+    """Fields of a network that only some methods need: geometry and ends of all contacts."""
+    contacts, source = bonds.contacts, bonds.runs.source
+    return {
+        "geometry": loop.numbers(contacts.geometry_of(source)),
+        "from": integers(bonds.dim * contacts.first[source].astype(np.int64)),
+        "to": integers(bonds.dim * contacts.second[source].astype(np.int64)),
+    }
+
+
+def _by_wall(bonds, found):
     """Fields for contacts with walls.
 
     Normals of the groups of each run with walls, and where these begin; the place of each contact
     among them, sorted by wall and then in the order of the list, and the first one of each wall.
     """
     runs, contacts = bonds.runs, bonds.contacts
-    dim, blocks, at, places, walls = len(normal), [np.zeros(0)], [], [], []
+    dim, blocks, at, places, walls = bonds.dim, [np.zeros(0)], [], [], []
     for k, kind in enumerate(runs.kind):
         at.append(sum(map(len, blocks)))
         if kind == WALL:
             part = slice(*found.first[k : k + 2])
             entries, counting = found.contact[part], np.flatnonzero(found.counts[part])
-            groups = normal[:, entries].reshape(dim, -1, GROUP)
+            normal = contacts.places[contacts.first[runs.source[entries]]].T
+            groups = normal.reshape(dim, -1, GROUP)
             blocks.append(groups.swapaxes(0, 1).ravel())
             order = counting[np.argsort(entries[counting])]
             places.append(at[-1] + order // GROUP * GROUP * dim + order % GROUP)

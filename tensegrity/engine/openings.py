@@ -72,7 +72,7 @@ def contacts(bonds, batch=1):
         index of the exponent into "exponents", "betas", (rows,), and "tables", (rows, 3,
         DEGREE + 1).
     """
-    place, strength, exponent, side = np.moveaxis(bonds.openings, -1, 0)
+    place, strength, exponent, side = np.moveaxis(bonds.kinks, -1, 0)
     within, springs = is_treated(exponent), bonds.group
     if bonds.contacts is not None:
         springs = springs[bonds.runs.source]

@@ -213,12 +213,12 @@ def _of_batch(task: _Task, scene: Any, state: Any) -> Any:
     """Gradients of all scenes of an ensemble, on threads, as the loops release the interpreter."""
 
     def one(number: int) -> Any:
-        return _of_scene(task, scene.scenes[number], scene.lane(state, number))
+        return _of_scene(task, scene.scenes[number], scene.select(state, number))
 
     first = one(0)  # compiles the loops for all
     with ThreadPoolExecutor(threaded.threads()) as pool:
-        each = [first, *pool.map(one, range(1, scene.lanes))]
-    return [_stacked(lanes) for lanes in zip(*each, strict=True)]
+        each = [first, *pool.map(one, range(1, scene.count))]
+    return [_stacked(scenes) for scenes in zip(*each, strict=True)]
 
 
 def _stacked(found: Sequence[Gradient]) -> BatchGradient:
@@ -244,7 +244,7 @@ class BatchGradient(Gradient):
 
     def by(self, name: str) -> Array:
         """Derivatives as by `Gradient.by`, with a last axis that counts scenes."""
-        return np.stack([lane.by(name) for lane in self._scene], axis=-1)
+        return np.stack([one.by(name) for one in self._scene], axis=-1)
 
 
 def _of_scene(task: _Task, scene: Any, state: Any) -> list[Gradient]:

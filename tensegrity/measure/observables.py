@@ -17,6 +17,7 @@ from tensegrity import check
 from tensegrity.engine import forces
 from tensegrity.errors import TensegrityError
 from tensegrity.measure.pulses import peaks, sites_around
+from tensegrity.root import polynomial_through, root
 from tensegrity.runs.run import Run
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.dynamics import dynamics
@@ -49,9 +50,6 @@ def passage(t: Array, elongation: Array, rate: Array) -> float:
     TensegrityError
         No extremum within the record; arrays of different lengths, or values that are not finite.
     """
-    from scipy.interpolate import BarycentricInterpolator
-    from scipy.optimize import brentq
-
     t, elongation, rate = _columns(t=t, elongation=elongation, rate=rate)
     size = np.abs(elongation)
     large = size >= PEAK_FRACTION * size.max()
@@ -61,11 +59,8 @@ def passage(t: Array, elongation: Array, rate: Array) -> float:
     first = int(np.argmax(sign_changes))
     part = slice(max(first + 1 - NEIGHBOURS, 0), first + 1 + NEIGHBOURS)
     start = t[first]
-    curve = BarycentricInterpolator(t[part] - start, rate[part])
-    for place in (first, first + 1):  # the curve passes through the samples to round-off only
-        if rate[place] == 0:
-            return float(t[place])
-    return float(start + brentq(curve, 0.0, t[first + 1] - start, xtol=1e-300, rtol=1e-14))
+    curve = polynomial_through(t[part] - start, rate[part])
+    return float(start + root(curve, 0.0, t[first + 1] - start, relative=1e-14))
 
 
 def arrival(run: Run, bond: int, direction: int | None = None, after: float = 0.0) -> float:

@@ -214,7 +214,7 @@ class Instant:
         self.chain, self.u, self.v = chain, state.u, state.v
         self.r = chain.elongation(state.u)
         self.least = max(least, ROUND_OFF * float(np.abs(state.u).max()))
-        self.site_energy = chain.site_energy(state.u, state.v)
+        self.site_energy = chain.site_energy(state)
         self.tension = chain.bond_tension(state.u)
 
     def pulses(self, fraction: float, first: int = 0, last: int | None = None) -> list[Pulse]:

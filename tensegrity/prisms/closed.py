@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,8 +23,9 @@ from tensegrity.engine.programs import derived as program_of
 from tensegrity.engine.programs import run
 from tensegrity.errors import EquilibriumError, NoLocking
 from tensegrity.once import once
+from tensegrity.printing import call
 from tensegrity.root import root
-from tensegrity.springs.potential import Potential, call
+from tensegrity.springs.potential import Potential, potential_of_law
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -133,7 +135,7 @@ def _about(prism: Any, height: float, preload: float) -> Potential:
     numbers = [float(value) for value in values.values()]
     domain = -float(values[role["lock"]]), float(values[role["stroke"]])
     origin = call(f"{prism!r}.potential", preload=preload)
-    return Potential.from_law(law, numbers, height, domain, ends, origin, (prism, preload))
+    return potential_of_law(law, numbers, height, domain, ends, origin, (prism, preload))
 
 
 def _loaded_shift(unloaded: Potential, preload: float) -> float:
@@ -356,8 +358,6 @@ def assembled(
     EquilibriumError
         If the members have no self-stressed state of positive height.
     """
-    from scipy.optimize import brentq
-
     sine = math.sin(math.pi / sides)
     cross, base, bar = lengths
     if not 1e-100 < min(lengths) <= max(lengths) < 1e100:
@@ -375,12 +375,14 @@ def assembled(
             f"stiffness {min(stiffness):g} N/m must be above 1e-100 and k_cross {stiffness[0]:g} "
             "N/m below 1e100"
         )
-    condition, stressed_lengths, squared_height = _assembly()
-    softness = [1 / k for k in stiffness]
+    condition, stressed_lengths, squared_height = (
+        partial(run, program_of(_of_members, name), math) for name in ("gap", "lengths", "height")
+    )
+    given = (*lengths, *(1 / k for k in stiffness), sine)
     most = min(stiffness[0], 2 * sine * stiffness[1])
 
     def gap(x: float) -> float:
-        return condition(x, *lengths, *softness, sine)
+        return float(condition((x, *given))[0])
 
     high = most * (1 - 1e-16)
     if not gap(0.0) * gap(high) < 0:
@@ -388,9 +390,9 @@ def assembled(
             f"bar {lengths[2]:g} m is too long for cross {lengths[0]:g} m and base "
             f"{lengths[1]:g} m: the stress of the strings is not resolved in floating point"
         )
-    density = brentq(gap, 0.0, high, xtol=1e-300, rtol=1e-15)
-    length, side, _ = stressed_lengths(density, *lengths, *softness, sine)
-    squared = squared_height(length, side, sine)
+    density = root(gap, 0.0, high)
+    length, side = stressed_lengths((density, *given))
+    (squared,) = squared_height((length, side, sine))
     if not squared > 0:
         raise EquilibriumError(
             f"these members make no prism: h^2 = {squared:.6g} m^2 must be above 0 (cross strings "
@@ -399,13 +401,16 @@ def assembled(
     return side, math.sqrt(squared), density / (stiffness[0] - density)
 
 
-@once
-def _assembly() -> tuple[Callable[..., Any], ...]:
-    """Assembly condition, lengths and squared height as functions of lengths and compliances."""
+def _of_members(name: str) -> tuple[list[Any], tuple[Any, ...]]:
+    """The assembly condition and the lengths at self-stress in natural lengths and compliances,
+    or the squared height in the lengths."""
     import sympy as sp
 
     from derivations import polygon, prism, regular
 
+    if name == "height":
+        cross = sp.Symbol("s", positive=True)
+        return [polygon.height_squared()], (cross, prism.base, regular.half_sine)
     softness = sp.symbols("c_1:4", nonnegative=True)
     constants = (prism.k_cross, prism.k_base, prism.k_bar)
     condition, lengths = polygon.members_condition()
@@ -416,9 +421,4 @@ def _assembly() -> tuple[Callable[..., Any], ...]:
     gap = squares[2] - squares[0] - squares[1] / regular.half_sine
     if sp.simplify(gap - condition.subs(soft)) != 0:
         raise ArithmeticError("the condition on members is not that of their lengths")
-    cross = sp.Symbol("s", positive=True)
-    return (
-        sp.lambdify(symbols, gap, "math"),
-        sp.lambdify(symbols, forms, "math"),
-        sp.lambdify((cross, prism.base, regular.half_sine), polygon.height_squared(), "math"),
-    )
+    return {"gap": [gap], "lengths": forms[:2]}[name], symbols

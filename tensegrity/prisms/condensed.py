@@ -22,8 +22,9 @@ from tensegrity.engine.compiled import Functions, evaluated
 from tensegrity.engine.law import deflated, horner
 from tensegrity.errors import EquilibriumError, LockingError, RangeError
 from tensegrity.once import once
+from tensegrity.printing import call
 from tensegrity.prisms.equations import UNKNOWNS, inner, kind_of, numbers, problem, tangent
-from tensegrity.springs.potential import Potential, call
+from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array, Flags, Members
 
 STALLED = 1e-10  # size below which a step that no longer shrinks is round-off
@@ -180,9 +181,9 @@ class ElasticPotential(Potential):
     _domain: Any
 
     def __init__(self, prism: Members, preload: float = 0.0) -> None:
-        self.made_of = (prism, preload)
+        self._made_of = (prism, preload)
         self._prism, self._preload = prism, preload
-        self.origin = call(f"{prism!r}.potential", preload=preload)
+        self._origin = call(f"{prism!r}.potential", preload=preload)
         self._kind = kind_of(prism)
         self._p = numbers(prism)
         self._at_rest = self._loaded() if preload else self._zero()
@@ -245,7 +246,7 @@ class ElasticPotential(Potential):
         return self._in_loop[1]
 
     @property
-    def reach(self) -> tuple[float, float]:
+    def computable_domain(self) -> tuple[float, float]:
         """Range of elongations that the compiled loop can follow [m].
 
         It is the whole `domain`, with two exceptions.  For members so stiff that the bars of the
@@ -307,18 +308,18 @@ class ElasticPotential(Potential):
         interval = [(low + high) / 2, 2 / (high - low)]
         return np.array([*scales, *self._p[:4], *interval, *coefficients.ravel(), *self._p[6:]])
 
-    def beyond(self, r: float) -> LockingError:
-        """The error for an elongation at or beyond an end of the domain or of the `reach`."""
+    def _range_error(self, r: float) -> LockingError:
+        """The error for an elongation at or beyond an end of either domain."""
         if not self._domain[0] < r < self._domain[1]:
-            return super().beyond(r)
+            return super()._range_error(r)
         side = int(r > 0)
         way, what = (
             ("below", "stiff; take them as rigid (inf)"),
             ("above", "stiff, or this soft"),
         )[side]
         return RangeError(
-            f"elongation {r:.6g} m is at or {way} {self.reach[side]:.6g} m, as far as the compiled "
-            f"loop can follow members this {what}"
+            f"elongation {r:.6g} m is at or {way} {self.computable_domain[side]:.6g} m, as far as "
+            f"the compiled loop can follow members this {what}"
         )
 
     @property
@@ -384,11 +385,15 @@ class ElasticPotential(Potential):
         slack = 64 * np.finfo(float).eps * max(self._length, self._prism.height)
         inside = (r >= low - slack) & (r <= high + slack)
         if not inside.all():
-            raise super().beyond(float(r[~inside].flat[0]))
+            raise super()._range_error(float(r[~inside].flat[0]))
         if r.size == 0:
             return np.empty(r.shape)
         flat = np.ascontiguousarray(r).reshape(-1)
-        if order == 0 and self.reach[0] <= flat.min() and flat.max() <= self.reach[1]:
+        if (
+            order == 0
+            and self.computable_domain[0] <= flat.min()
+            and flat.max() <= self.computable_domain[1]
+        ):
             return evaluated(self.law, 0, self.values, flat).reshape(r.shape)
         return self._from_states(order, flat).reshape(r.shape)
 
@@ -403,4 +408,4 @@ class ElasticPotential(Potential):
         return result + self._preload if order == 1 else result
 
     def _key(self) -> Hashable:
-        return self.made_of
+        return self._made_of

@@ -19,9 +19,9 @@ from numpy.typing import ArrayLike
 from tensegrity import check
 from tensegrity.errors import NoLocking, TensegrityError
 from tensegrity.notebook import page
-from tensegrity.printing import filled
+from tensegrity.printing import call, filled
 from tensegrity.prisms.closed import assembled, exact, rigid_potential
-from tensegrity.springs.potential import Potential, call
+from tensegrity.springs.potential import Potential
 from tensegrity.structures.structure import Structure
 
 DRAWN = 0.95  # fraction of the compressive domain that a notebook's picture shows
@@ -243,7 +243,7 @@ class Prism:
         # the shape at rest does not depend on the spring constants
         replace(self, **finite).structure().plot(shape)
         potential = self.potential()
-        low, high = potential.reach
+        low, high = potential.computable_domain
         r = np.linspace(DRAWN * low, min(high, -low) / 2, 200)
         curve.plot(-r, -potential.tension(r))
         curve.set(xlabel="shortening [m]", ylabel="axial load [N]")

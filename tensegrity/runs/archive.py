@@ -24,6 +24,7 @@ from tensegrity.errors import TensegrityError
 from tensegrity.prisms.closed import rigid_law
 from tensegrity.prisms.condensed import ElasticPotential
 from tensegrity.prisms.prism import Prism
+from tensegrity.readonly import Repeated
 from tensegrity.runs.record import Record
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.dynamics import dynamics
@@ -32,8 +33,8 @@ from tensegrity.scenes.forcing import Damping, Drive
 from tensegrity.scenes.network import Network
 from tensegrity.scenes.scene import State
 from tensegrity.scenes.walls import Wall
-from tensegrity.springs.polynomial import Polynomial
-from tensegrity.springs.potential import Potential
+from tensegrity.springs.polynomial import Polynomial, polynomial_of_coefficients
+from tensegrity.springs.potential import Potential, potential_of_law, provenance
 from tensegrity.springs.power_law import PowerLaw
 from tensegrity.structures.dynamics import BarSpring, StringSpring
 
@@ -230,7 +231,7 @@ class _Writer:
             name = f"a{len(self.arrays)}"
             self.arrays[name] = np.ascontiguousarray(x)
             return {"array": name}
-        if isinstance(x, (tuple, list)):
+        if isinstance(x, (tuple, list, range)):
             return [self.value(one) for one in x]
         if isinstance(x, dict):
             return {"dict": [[key, self.value(one)] for key, one in x.items()]}
@@ -304,13 +305,12 @@ def _fields(x):
 
 def _shared(springs):
     """The different springs, and the index of each spring into these."""
-    different = list({id(spring): spring for spring in springs}.values())
-    number = {id(spring): k for k, spring in enumerate(different)}
-    return {"different": different, "number": np.array([number[id(s)] for s in springs], dtype=int)}
+    springs = Repeated.of(springs)
+    return {"different": springs.different, "number": springs.number.astype(int)}
 
 
 def _spread(springs):
-    return [springs["different"][k] for k in springs["number"]]
+    return Repeated(**springs)
 
 
 def _power_law(x):
@@ -321,8 +321,9 @@ def _power_law(x):
 def _rigid(x):
     if all(x.law != rigid_law(any_sides) for any_sides in (False, True)):
         return None
+    origin, made_of = provenance(x)
     parts = {"values": x.values, "length": x.length, "domain": x.domain, "ends": x.ends}
-    return parts | {"origin": x.origin, "made_of": x.made_of}
+    return parts | {"origin": origin, "made_of": made_of}
 
 
 def _make_rigid(values, length, domain, ends, origin, made_of=None):
@@ -332,7 +333,7 @@ def _make_rigid(values, length, domain, ends, origin, made_of=None):
         check.kind("text of a potential", text, str)
     if made_of is not None:
         check.kind("prism", made_of[0], Prism)
-    return Potential.from_law(law, values, length, domain, ends, origin, made_of)
+    return potential_of_law(law, values, length, domain, ends, origin, made_of)
 
 
 def _polynomial(x):
@@ -341,7 +342,7 @@ def _polynomial(x):
 
 
 def _elastic(x):
-    prism, preload = x.made_of
+    _, (prism, preload) = provenance(x)
     return {"prism": prism, "preload": preload}
 
 
@@ -369,7 +370,7 @@ def _make_chain(springs, sites, mass, ends, **forcing):
 
 def _ensemble(x):
     same = all(scene is x.scenes[0] for scene in x.scenes)
-    return {"scenes": x.scenes[0], "lanes": x.lanes} if same else {"scenes": x.scenes}
+    return {"scenes": x.scenes[0], "count": x.count} if same else {"scenes": x.scenes}
 
 
 def _wall(x):
@@ -386,7 +387,7 @@ def _make_wall(point, normal, extent):
 
 def _network(x):
     bonds = len(x.bonds)
-    opening, gaps = np.split(dynamics(x).geometry[x.dim], [bonds])
+    opening, gaps = np.split(dynamics(x).contact_bonds.contacts.gap, [bonds])
     law = dynamics(x).law
     if law is not None and not isinstance(law.given, Potential):
         return None  # a function, which no file holds
@@ -407,6 +408,7 @@ def _make_network(bonds, springs, wall_contacts, wall_gaps, **others):
     return Network(bonds=bonds, spring=each[:count], **others)
 
 
+register(Repeated, _shared)
 register(State, _fields)
 register(Damping, lambda x: {k: v if v.ndim else float(v) for k, v in _fields(x).items()})
 register(Drive, lambda x: {name: getattr(x, name) for name in ("displacement", "force")})
@@ -415,7 +417,7 @@ register(Prism, _fields)
 register(PowerLaw, _power_law)
 register(Potential, _rigid, _make_rigid)
 register(ElasticPotential, _elastic)
-register(Polynomial, _polynomial, Polynomial.of_coefficients)
+register(Polynomial, _polynomial, polynomial_of_coefficients)
 register(StringSpring, _member)
 register(BarSpring, _member)
 register(Wall, _wall, _make_wall)

@@ -76,7 +76,7 @@ class BatchMotion:
 
     def _of_scene(self, number: int, error: Any) -> Any:
         numbers = self._numbers[number]  # the error of a batch names the scene itself
-        return type(error)(f"lane {numbers[0]}: {error}") if len(numbers) == 1 else error
+        return type(error)(f"scene {numbers[0]}: {error}") if len(numbers) == 1 else error
 
     def _stacked(self, arrays: Any) -> Array:
         """Arrays of the parts joined along the last axis, without padding."""

@@ -244,7 +244,7 @@ class ForcedMotion(Motion):
             return self._diverged(locked.t)
         low = self.tuning.domain(np.array([locked.t]))[0, 0]
         side = int(locked.range[0] > low)
-        error = self.tuning.beyond(locked.t, float(locked.range[side]))
+        error = self.tuning.range_error(locked.t, float(locked.range[side]))
         where = self.dynamics.where_extreme(0, self._bound.u[: self._sites], side)
         return type(error)(f"{error}: the spring {where} got there at t = {locked.t:.6g} s")
 

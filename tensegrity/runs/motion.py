@@ -18,6 +18,7 @@ from tensegrity.engine.methods import Corrected, Splitting
 from tensegrity.errors import LockingError, StabilityError
 from tensegrity.runs.problem import MOST_STEPS, StabilityGuard
 from tensegrity.scenes.clearance import SAFETY_FACTOR
+from tensegrity.springs.potential import range_error
 from tensegrity.typing import Array
 
 SPARE = 4  # prepared loops cached with a scene for each method: one for each thread
@@ -414,14 +415,14 @@ class Motion:
                     f"passed the end of its domain at t = {t:.6g} s, which takes {barrier:.6g} J, "
                     f"with {given:.6g} J in the whole scene"
                 )
-            error = spring.beyond(elongation_range[row, side])
+            error = range_error(spring, elongation_range[row, side])
             return type(error)(f"{error}: the spring {where} got there at t = {t:.6g} s")
         return self._too_coarse(t, u, elongation_range)
 
     def _barrier(self, spring: Any, side: int) -> Any:
         """Energy at the end of a spring's domain and that of the scene [J], if the latter is less;
         otherwise None."""
-        barrier = float(spring.derivative(0, spring.reach[side], closed=True))
+        barrier = float(spring.derivative(0, spring.computable_domain[side], closed=True))
         given = self.dynamics.available_energy(self.problem.state)
         return (barrier, given) if given < barrier else None
 

@@ -37,7 +37,7 @@ def energy_density(run: Any, ax: Axes | None = None) -> Axes:
             f"{len(run.sites)} of {scene.sites} sites recorded: record all to plot"
         )
     drawn: Axes = plotting.axes(ax)
-    density = scene.site_energy(run.u, run.v)
+    density = scene.site_energy(run)
     if isinstance(scene, Network):
         largest = density.max(axis=0, initial=0.0)
         style = plotting.logarithmic(largest)

@@ -189,7 +189,7 @@ def kinks_in(dyn, elongation_range):
         return dyn.springs.kinks_within(elongation_range)
     given = dyn.law.given
     spring = given if isinstance(given, Potential) else PowerLaw(1.0, 1.0)
-    return [(spring, kink) for kink in spring.openings]
+    return [(spring, kink) for kink in spring.kinks]
 
 
 def refuse_jumps(problem, elongation_range, tol):

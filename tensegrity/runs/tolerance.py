@@ -215,7 +215,7 @@ def _with_margin(spring, low, high, margin):
     """A range of elongations wider by a margin, within the domain of the spring [m]."""
     room = margin * (high - low)
     low, high = low - room, high + room
-    return max(low, spring.reach[0]), min(high, spring.reach[1])
+    return max(low, spring.computable_domain[0]), min(high, spring.computable_domain[1])
 
 
 TRIAL = 0.85  # first step over the stability limit where a tolerance decides

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from tensegrity.engine.energies import Energies
     from tensegrity.scenes.forcing import Damping, Drive, Tune
-    from tensegrity.typing import Array
+    from tensegrity.typing import Array, Motion
 
 ENDS = ("free", "fixed")
 
@@ -201,9 +201,10 @@ class Chain(Scene):
     def _per_bond(self, name: str, u: ArrayLike) -> Array:
         return dynamics(self).springs.evaluate(name, self.elongation(u))
 
-    def site_energy(self, u: Array, v: Array) -> Array:
-        """Kinetic energy of each site, and half the energy of its bonds [J]; (..., sites)."""
-        u, v = self._checked_rows(u, v)
+    def site_energy(self, state: Motion) -> Array:
+        """Kinetic energy of each site, and half the energy of its bonds [J], of a state or of the
+        rows of a run; (..., sites)."""
+        u, v = self._checked_rows(state)
         half = self.bond_energy(u) / 2
         edge = np.zeros((*half.shape[:-1], 1))
         left, right = np.concatenate([edge, half], -1), np.concatenate([half, edge], -1)

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from tensegrity.errors import ContactError, TensegrityError
+from tensegrity.scenes.near_pairs import blocks, distances, keys, near_pairs, sorted_keys
 from tensegrity.scenes.walls import Wall, WallArrays
 from tensegrity.typing import Array, Indices
 
@@ -53,25 +54,26 @@ class Clearance:
         self.positions, self.radius, self.walls = positions, radius, walls
         self.sites, self.dim = positions.shape
         self.skin = float(radius.mean())
-        low, high = np.sort(bonds, axis=1).T
-        self._listed = np.unique(low * self.sites + high)
+        self._bonds = bonds
         self.wall_contacts, self._wall_arrays = wall_contacts, WallArrays(walls, self.dim)
         self._last_near: tuple[Array, tuple[Indices, Indices]] | None = None
         self._last_free_travel: tuple[tuple[Indices, Indices], float] | None = None
 
     def pairs(self, x: Array) -> Indices:
-        """Unlisted pairs of sites whose gap at positions x is below the skin; (n, 2)."""
-        from scipy.spatial import cKDTree
-
+        """Unlisted pairs of sites whose gap at positions x is below the skin, sorted; (n, 2)."""
         if not np.abs(x).max(initial=0.0) < FARTHEST:
             far = np.abs(x).max()
             raise TensegrityError(f"a site is {far:g} m away, must be below {FARTHEST:g} m")
-        reach = 2 * self.radius.max() + self.skin
-        found = cKDTree(x).query_pairs(reach, output_type="ndarray").reshape(-1, 2)
-        found = np.sort(found, axis=1)
-        if len(self._listed):
-            found = found[~np.isin(found[:, 0] * self.sites + found[:, 1], self._listed)]
-        return found[self.pair_gaps(x, found) < self.skin]
+        ends, distance = near_pairs(x, 2 * self.radius.max() + self.skin)
+        listed, found = sorted_keys(self._bonds, self.sites), [ends[:0]]
+        for some in blocks(len(ends)):
+            i, j = ends[some].T
+            near = distance[some] - self.radius[i] - self.radius[j] < self.skin
+            if len(listed):
+                key = keys(ends[some], self.sites)
+                near &= listed.take(np.searchsorted(listed, key), mode="clip") != key
+            found.append(ends[some][near])
+        return np.concatenate(found)
 
     def wall_pairs(self, x: Array) -> Indices:
         """Unlisted pairs (site, wall) whose gap at positions x is below the skin; (n, 2)."""
@@ -89,9 +91,11 @@ class Clearance:
 
     def pair_gaps(self, x: Array, pairs: Indices) -> Array:
         """Gap of each pair [m] at positions x (..., sites, dim), < 0 for an overlap; (..., n)."""
-        i, j = pairs.T
-        distance = np.linalg.norm(x[..., j, :] - x[..., i, :], axis=-1)
-        return distance - self.radius[i] - self.radius[j]
+        gaps = np.empty((*x.shape[:-2], len(pairs)))
+        for some in blocks(len(pairs)):
+            i, j = pairs[some].T
+            gaps[..., some] = distances(x, i, j) - self.radius[i] - self.radius[j]
+        return gaps
 
     def wall_gaps(self, x: Array, pairs: Indices) -> Array:
         """Gap of each pair (site, wall) [m], to the nearest point of the wall; (..., n)."""

@@ -169,13 +169,13 @@ class Dynamics:
     @cached_property
     def opens(self) -> bool:
         """Whether some contact can open whose exponent requires corrected steps."""
-        return self.follows or bool(is_treated(self.springs.openings[..., 2]).any())
+        return self.follows or bool(is_treated(self.springs.kinks[..., 2]).any())
 
     @cached_property
     def loop_bonds(self) -> Bonds:
         """Bonds in the form of the compiled loop."""
         springs = self.springs
-        return Bonds(*springs.table, springs.group, self.inverse_mass, openings=springs.openings)
+        return Bonds(*springs.table, springs.group, self.inverse_mass, kinks=springs.kinks)
 
     @property
     def contact_bonds(self) -> Bonds:

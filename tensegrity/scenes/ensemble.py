@@ -61,7 +61,7 @@ class Part(NamedTuple):
         """The part's section of an array whose last axis is the scenes, padded with the last."""
         if len(self.numbers) == 1:
             return np.ascontiguousarray(array[..., self.numbers[0]])
-        each = np.minimum(self.numbers[0] + np.arange(self.scene.lanes), self.numbers[-1])
+        each = np.minimum(self.numbers[0] + np.arange(self.scene.count), self.numbers[-1])
         return np.ascontiguousarray(array[..., each])
 
 
@@ -70,7 +70,7 @@ class BatchDynamics(Dynamics):
 
     def __init__(self, ensemble: Any) -> None:
         super().__init__(ensemble)
-        self.batch = (ensemble.lanes,)
+        self.batch = (ensemble.count,)
         self.scenes = ensemble.scenes
         self.members = [dynamics(scene) for scene in ensemble.scenes]
         self.wall_count, self.turns = self.members[0].wall_count, self.members[0].turns
@@ -194,11 +194,11 @@ class BatchDynamics(Dynamics):
         if group.ndim == 2 and np.any(law[group] != law[group[:, :1]]):
             return None
         mass = np.ascontiguousarray(self.inverse_mass)
-        return Bonds(laws, law, parameters, group, mass, openings=self.springs.openings)
+        return Bonds(laws, law, parameters, group, mass, kinks=self.springs.kinks)
 
     def arrays(self, state: State) -> tuple[Array, Array]:
         """u and v in the form of the compiled loop."""
-        each = [one.arrays(self.scene.lane(state, k)) for k, one in enumerate(self.members)]
+        each = [one.arrays(self.scene.select(state, k)) for k, one in enumerate(self.members)]
         u, v = (np.ascontiguousarray(np.stack(x, axis=-1)) for x in zip(*each, strict=True))
         return u, v
 
@@ -226,13 +226,13 @@ class BatchDynamics(Dynamics):
         count = len(self.scenes)
         if self._bonds is None or padded_count(count) != count or count > LARGEST_BATCH:
             raise TensegrityError(
-                f"no compiled loop takes {count} lanes of {self.scenes[0]!r} together"
+                f"no compiled loop takes {count} scenes of {self.scenes[0]!r} together"
             )
         return kernel.bind(u, v, self._bonds, method, dt)
 
     def checked(self, state: State) -> float:
         """Refuse a state that some scene refuses; return the largest energy of a scene [J]."""
-        self.scene.lane(state, 0)
+        self.scene.select(state, 0)
         one = self.members[0]
         held = list(self.scenes[0].held)
         if self._same and not (one.clearance or state.u[held].any() or state.v[held].any()):
@@ -242,7 +242,7 @@ class BatchDynamics(Dynamics):
                 energy = math.nan  # the check of each scene below names the fault
             if math.isfinite(energy):
                 return energy
-        return max(each.checked(self.scene.lane(state, k)) for k, each in enumerate(self.members))
+        return max(each.checked(self.scene.select(state, k)) for k, each in enumerate(self.members))
 
     def available_energy(self, state: State, energy: float | None = None) -> float:
         """Upper bound on the energy of a single spring [J]: the largest energy of a scene."""
@@ -272,7 +272,7 @@ class BatchDynamics(Dynamics):
         return max(one.bond_frequency_bound(k) for one, k in each)
 
     def where_extreme(self, spring: int, u: Array, side: int) -> str:
-        """Describe the bond and the lane in which a spring has its extreme elongation.
+        """Describe the bond and the scene in which a spring has its extreme elongation.
 
         Parameters
         ----------
@@ -293,16 +293,16 @@ class BatchDynamics(Dynamics):
         number = int(np.unravel_index(np.argmax(r) if side else np.argmin(r), r.shape)[1])
         one, bond = self.members[number], np.flatnonzero(mine[:, number])[0]
         where = one.where_extreme(int(one.springs.group[bond]), u[..., number], side)
-        return f"{where} of lane {self._first + number}"
+        return f"{where} of scene {self._first + number}"
 
     def where_stiffest(self, u: Array, ranges: Array) -> str:
-        """Describe the bond and the lane with the largest elongation in magnitude."""
+        """Describe the bond and the scene with the largest elongation in magnitude."""
         r = np.abs(self.elongations(u))
         number = int(np.unravel_index(np.argmax(r), r.shape)[1])
         where = self.members[number].where_stiffest(
             u[..., number], ranges[self.spring_numbers(number)]
         )
-        return f"{where} of lane {self._first + number}"
+        return f"{where} of scene {self._first + number}"
 
 
 def padded_count(count: int) -> int:
@@ -316,17 +316,17 @@ def padded_count(count: int) -> int:
 
 
 class Ensemble(HasDynamics):
-    """Several scenes of one shape, the lanes of a batch, for `simulate` and `gradient`.
+    """Several scenes of one shape, which run as a batch, for `simulate` and `gradient`.
 
-    States have u [m] and v [m/s] of shape (sites[, dim], lanes), and runs have shape
-    (T, sites[, dim], lanes); see `RunBatch`.
+    States have u [m] and v [m/s] of shape (sites[, dim], scenes), and runs have shape
+    (T, sites[, dim], scenes); see `RunBatch`.
 
     Parameters
     ----------
     scenes : Scene, or sequence of Scene
-        One scene for all lanes, or one scene per lane, each with masses and springs of its own.
-    lanes : int, optional
-        Number of lanes, at least 1; required with a single scene, excluded with a sequence.
+        One scene, which is repeated, or several, each with masses and springs of its own.
+    count : int, optional
+        Number of repetitions, at least 1; required with a single scene, excluded with a sequence.
 
     Raises
     ------
@@ -348,18 +348,18 @@ class Ensemble(HasDynamics):
     (8, (40,))
     """
 
-    def __init__(self, scenes: Scene | Sequence[Scene], lanes: int | None = None) -> None:
-        if isinstance(scenes, Scene) and lanes is not None:
-            lanes = check.whole("lanes", lanes, least=1)
+    def __init__(self, scenes: Scene | Sequence[Scene], count: int | None = None) -> None:
+        if isinstance(scenes, Scene) and count is not None:
+            count = check.whole("count", count, least=1)
             check.room(
-                f"a run of {scenes.sites} sites in {lanes} lanes",
-                BYTES_PER_SITE * scenes.sites * lanes,
+                f"a run of {scenes.sites} sites in {count} scenes",
+                BYTES_PER_SITE * scenes.sites * count,
             )
-            scenes = (scenes,) * lanes
-        elif lanes is not None or isinstance(scenes, Scene) or not isinstance(scenes, Sequence):
+            scenes = (scenes,) * count
+        elif count is not None or isinstance(scenes, Scene) or not isinstance(scenes, Sequence):
             raise TensegrityError(
-                f"scenes {check.shown(scenes)}, lanes {check.shown(lanes)}: give a scene and "
-                "lanes, or several scenes"
+                f"scenes {check.shown(scenes)}, count {check.shown(count)}: give a scene and "
+                "its count, or several scenes"
             )
         self.scenes = tuple(scenes)
         for number, scene in enumerate(self.scenes):
@@ -376,14 +376,14 @@ class Ensemble(HasDynamics):
                 raise TensegrityError(f"scene {number}, {scene!r}, differs in shape from {one!r}")
 
     @property
-    def lanes(self) -> int:
-        """Number of lanes: the scenes in the batch."""
+    def count(self) -> int:
+        """Number of scenes in the batch."""
         return len(self.scenes)
 
     @cached_property
     def shape(self) -> tuple[int, ...]:
         """Shape of the displacements of a state."""
-        return (*self.scenes[0].shape, self.lanes)
+        return (*self.scenes[0].shape, self.count)
 
     @property
     def sites(self) -> int:
@@ -401,10 +401,10 @@ class Ensemble(HasDynamics):
     def at_rest(self, velocity: Mapping[int, ArrayLike] | None = None) -> State:
         """The undeformed state, in which the given sites have a velocity and all others rest.
 
-        {site: velocity} [m/s]: one velocity for all lanes, or one per lane along the last axis.
+        {site: velocity} [m/s]: one velocity for all scenes, or one per scene along the last axis.
         A site whose motion is prescribed has the displacement and velocity of its drive at t = 0.
         """
-        wanted, each = (*self.shape[1:-1], self.lanes), [{} for _ in self.scenes]  # type: ignore
+        wanted, each = (*self.shape[1:-1], self.count), [{} for _ in self.scenes]  # type: ignore
         for site, values in velocities(velocity):
             try:
                 given = check.floats("velocity", values)
@@ -414,10 +414,10 @@ class Ensemble(HasDynamics):
             except ValueError:
                 raise TensegrityError(
                     f"velocity {check.shown(values)} of site {site} must be one number or "
-                    f"{self.lanes}"
+                    f"{self.count}"
                 ) from None
-            for lane, mine in enumerate(each):
-                one = given[..., lane]
+            for number, mine in enumerate(each):
+                one = given[..., number]
                 mine[site] = one if one.ndim else float(one)
         states = [scene.at_rest(mine) for scene, mine in zip(self.scenes, each, strict=True)]
         state = State(*(np.stack([getattr(x, k) for x in states], axis=-1) for k in "uv"))
@@ -425,13 +425,13 @@ class Ensemble(HasDynamics):
         return state
 
     def check(self, state: State) -> None:
-        """Refuse a state of another shape, or one that the scene of a lane refuses."""
+        """Refuse a state of another shape, or one that a scene of the ensemble refuses."""
         dynamics(self).checked(state)
 
-    def lane(self, state: State, number: int) -> State:
-        """The state of one lane, by its index from 0."""
-        refuse_other(state, self.shape, f"ensemble has {self.shape}, lanes last")
-        number = check.whole("lane", number, least=0, below=self.lanes)
+    def select(self, state: State, number: int) -> State:
+        """The state of one scene, by its index from 0."""
+        refuse_other(state, self.shape, f"ensemble has {self.shape}, scenes last")
+        number = check.whole("scene", number, least=0, below=self.count)
         return unchecked_state(*(np.ascontiguousarray(x[..., number]) for x in (state.u, state.v)))
 
     __str__ = concise
@@ -439,7 +439,7 @@ class Ensemble(HasDynamics):
     def __repr__(self) -> str:
         same = all(scene is self.scenes[0] for scene in self.scenes)
         what = repr(self.scenes[0]) if same else f"{self.scenes[0]!r}, ..."
-        return f"Ensemble({what}, {self.lanes} lanes)"
+        return f"Ensemble({what}, {self.count} scenes)"
 
 
 def _form(scene: Scene) -> tuple[object, ...]:

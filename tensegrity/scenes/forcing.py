@@ -21,6 +21,7 @@ from tensegrity.printing import concise, printed
 from tensegrity.readonly import FixedDict, fixed
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.signals import RTOL, check_signals, expression_of, signals_of
+from tensegrity.springs.potential import argument
 from tensegrity.springs.tuned import spring_at
 
 if TYPE_CHECKING:
@@ -240,9 +241,9 @@ def _checked_tune(scene: Any, tune: Any) -> Any:
     for name, signal in signals.items():
         spring, begin = different[0], float(signal(np.array(0.0)))
         spring.varied({name: begin})  # refuses a name that is no argument of the spring
-        if abs(spring.argument(name) - begin) > RTOL * abs(begin):
+        if abs(argument(spring, name) - begin) > RTOL * abs(begin):
             raise TensegrityError(
-                f"tune begins at {name} {begin:.9g}, the spring has {spring.argument(name):.9g}"
+                f"tune begins at {name} {begin:.9g}, the spring has {argument(spring, name):.9g}"
             )
     return FixedDict(signals)
 
@@ -314,9 +315,9 @@ def driven_entries(scene: Any, prescribed: bool) -> tuple[Any, Any]:
 def time_signals(scene: Any) -> list[Any]:
     """All functions of time that drive or tune a scene, or the scenes of an ensemble."""
     found: list[Any] = []
-    for lane in getattr(scene, "scenes", (scene,)):
-        found += () if callable(lane.tune) else lane.tune.values()
-        for drive in lane.drive.values():
+    for one in getattr(scene, "scenes", (scene,)):
+        found += () if callable(one.tune) else one.tune.values()
+        for drive in one.drive.values():
             found += [signal for signal in drive.signals if signal is not None]
     return found
 
@@ -380,7 +381,7 @@ def forcing_of(scene: Any, t_end: float, tuning: Any = None) -> Forcing:
     if tuning is not None:
         bonds = replace(
             bonds, laws=(tuning.law,), law=np.zeros(1, int), parameters=tuning.at(np.zeros(1)),
-            group=np.zeros(len(bonds.group), int), openings=None,
+            group=np.zeros(len(bonds.group), int), kinks=None,
         )  # fmt: skip
     return Forcing(
         bonds,

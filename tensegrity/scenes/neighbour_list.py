@@ -18,7 +18,8 @@ from tensegrity import check
 from tensegrity.errors import ContactError, StabilityError, TensegrityError
 from tensegrity.readonly import fixed
 from tensegrity.scenes.clearance import Clearance, ClearanceMonitor
-from tensegrity.scenes.network_input import contact_geometry
+from tensegrity.scenes.near_pairs import keys
+from tensegrity.scenes.network_input import contact_ends, contact_geometry
 from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array
 
@@ -110,8 +111,8 @@ class NeighbourList(Clearance):
         near = near.reshape(self.sites, -1)
         pairs = np.stack([np.repeat(np.arange(self.sites), count), near.ravel()], axis=1)
         pairs = np.unique(np.sort(pairs[pairs[:, 0] != pairs[:, 1]], axis=1), axis=0)
-        low, high = np.sort(pairs, axis=1).T
-        pairs = pairs[~np.isin(low * self.sites + high, self._listed)]
+        listed = keys(self._bonds, self.sites)
+        pairs = pairs[~np.isin(keys(pairs, self.sites), listed)]
         walls = np.indices((self.sites, len(self.walls))).reshape(2, -1).T
         known = {tuple(pair) for pair in self.wall_contacts.tolist()}
         walls = [pair for pair in walls.tolist() if tuple(pair) not in known]
@@ -129,38 +130,38 @@ def _sorted(pairs):
     return pairs[np.lexsort(pairs.T[::-1])]
 
 
-def contacts_with(scene, geometry, pairs, walls):
+def contacts_with(scene, pairs, walls):
     """Attributes of a network with these contacts in addition to its own.
 
     Parameters
     ----------
     scene : Network
         A network with contacts="follow".
-    geometry : ndarray, (dim + 2, contacts)
-        Geometry of its own contacts; see `contact_geometry`.
     pairs, walls : ndarray of int, (n, 2)
         Pairs of sites, and of a site and a wall, that get a contact.
 
     Returns
     -------
     dict
-        Bonds, wall contacts, springs, lengths and geometry, by the names of the attributes.
+        Bonds, wall contacts, springs, lengths and gaps, by the names of the attributes.
     """
-    count, law, own_geometry = len(scene.bonds), scene._law, geometry[scene.dim]
+    count, law = len(scene.bonds), scene._law
     bonds = np.concatenate([scene.bonds, pairs])
     contacts = np.concatenate([scene.wall_contacts, walls])
     lengths = np.concatenate([scene.lengths, scene.radius[pairs].sum(axis=1)])
-    lengths, found = contact_geometry(
+    lengths, gaps = contact_geometry(
         scene.positions, bonds, lengths, scene.walls, contacts, scene.radius
     )
     own = np.r_[:count, len(bonds) : len(bonds) + len(scene.wall_contacts)]
-    found[scene.dim, own] = own_geometry  # more accurate than the rounded positions
+    gaps = gaps.copy()
+    gaps[own] = scene._gaps  # more accurate than the rounded positions
     of_pairs = tuple(law(i, j) for i, j in pairs.tolist())
     of_walls = tuple(law(site, scene.walls[wall]) for site, wall in walls.tolist())
     springs = scene.springs[:count] + of_pairs + scene.springs[count:] + of_walls
+    ends, bonds = contact_ends(bonds, contacts, scene.sites)
     return {
-        "bonds": fixed(bonds), "wall_contacts": fixed(contacts), "springs": springs,
-        "lengths": fixed(lengths), "_geometry": fixed(found),
+        "bonds": bonds, "wall_contacts": fixed(contacts), "springs": springs, "_ends": ends,
+        "_lengths": fixed(lengths), "lengths": fixed(lengths[: len(bonds)]), "_gaps": fixed(gaps),
     }  # fmt: skip
 
 

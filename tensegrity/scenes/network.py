@@ -25,11 +25,13 @@ from tensegrity.scenes.network_dynamics import NetworkDynamics
 from tensegrity.scenes.network_input import (
     checked_bonds,
     checked_wall_contacts,
+    contact_ends,
     contact_geometry,
     held_sites,
     numbers,
     per_site,
     plane_walls,
+    refuse_too_many,
     site_number,
     springs_of,
     whole_pairs,
@@ -46,7 +48,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from tensegrity.scenes.forcing import Damping, Drive, Tune
-    from tensegrity.typing import Array
+    from tensegrity.typing import Array, Motion
 
 
 class Network(Scene):
@@ -137,6 +139,8 @@ class Network(Scene):
         damping: Damping | None = None,
         tune: Tune | None = None,
     ) -> None:
+        if isinstance(positions, np.ndarray) and positions.ndim:
+            refuse_too_many(len(positions))
         self.positions = numbers("positions", positions)
         if self.positions.ndim != 2 or self.positions.shape[1] not in (1, 2, 3):
             raise TensegrityError(
@@ -144,24 +148,27 @@ class Network(Scene):
             )
         self.sites, self.dim = self.positions.shape
         check.whole("sites", self.sites, least=1)
-        self.bonds = checked_bonds(bonds, self.sites)
+        pairs = checked_bonds(bonds, self.sites)
         self.mass = per_site("mass", mass, "kg", self.sites)
         self.radius = None if radius is None else per_site("radius", radius, "m", self.sites)
         self.walls = plane_walls(walls, self.dim)
-        pairs = whole_pairs("wall_contacts", wall_contacts)
-        if len(pairs) and self.radius is None:
-            raise TensegrityError(f"{len(pairs)} wall contacts need the radius of the sites")
-        self.wall_contacts = checked_wall_contacts(pairs, self.walls, self.positions)
+        touching = whole_pairs("wall_contacts", wall_contacts)
+        if len(touching) and self.radius is None:
+            raise TensegrityError(f"{len(touching)} wall contacts need the radius of the sites")
+        self.wall_contacts = checked_wall_contacts(touching, self.walls, self.positions)
+        self._ends, self.bonds = contact_ends(pairs, self.wall_contacts, self.sites)
         springs = springs_of(spring, len(self.bonds), "bond")
         if len(self.wall_contacts) or wall_spring is not None:
             springs += springs_of(wall_spring, len(self.wall_contacts), "wall contact")
         self.springs = springs
-        self.loads = np.zeros(self.shape) if loads is None else numbers("loads", loads, self.shape)
+        none = np.broadcast_to(0.0, self.shape)
+        self.loads = none if loads is None else numbers("loads", loads, self.shape)
         self.held = held_sites(held, self.sites)
-        self.lengths, self._geometry = contact_geometry(
+        self._lengths, self._gaps = contact_geometry(
             self.positions, self.bonds, lengths, self.walls, self.wall_contacts, self.radius,
             wall_gaps,
         )  # fmt: skip
+        self.lengths = self._lengths[: len(self.bonds)]
         self._law = new_contact_law(contacts, law, self.radius)
         of = dynamics(self)
         _ = of.loop_bonds  # refuses springs that the compiled loop cannot take
@@ -264,10 +271,11 @@ class Network(Scene):
         """Force of each wall contact [N], compression > 0; (..., wall contacts)."""
         return -dynamics(self).evaluate("tension", u)[..., len(self.bonds) :]
 
-    def site_energy(self, u: Array, v: Array) -> Array:
-        """Energy of each site [J]; (..., sites): its kinetic energy, half the energy of its bonds,
-        the energy of its wall contacts, and the potential of its load."""
-        u, v = self._checked_rows(u, v)
+    def site_energy(self, state: Motion) -> Array:
+        """Energy of each site [J], of a state or of the rows of a run; (..., sites): its kinetic
+        energy, half the energy of its bonds, the energy of its wall contacts, and the potential of
+        its load."""
+        u, v = self._checked_rows(state)
         result = 0.5 * self.mass * np.sum(v**2, axis=-1) - np.sum(self.loads * u, axis=-1)
         bonds, walls = np.split(dynamics(self).evaluate("energy", u), [len(self.bonds)], axis=-1)
         bonds = bonds / 2

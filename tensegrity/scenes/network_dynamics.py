@@ -13,9 +13,9 @@ from numpy.typing import ArrayLike
 
 from tensegrity import check
 from tensegrity.engine import forces
-from tensegrity.engine.bonds import PAIR, WALL, Bonds, Contacts
+from tensegrity.engine.bonds import Bonds, Contacts
 from tensegrity.engine.energies import Energies
-from tensegrity.readonly import fixed
+from tensegrity.readonly import Repeated, fixed
 from tensegrity.scenes.clearance import Clearance, neighbour_counts
 from tensegrity.scenes.dynamics import Dynamics
 from tensegrity.scenes.neighbour_list import NeighbourList, contacts_with
@@ -33,16 +33,14 @@ class NetworkDynamics(Dynamics):
 
     Attributes
     ----------
-    geometry : ndarray, (dim + 2, contacts)
-        Geometry of the bonds and wall contacts at the reference positions; see `contact_geometry`.
     law : NewContactLaw or None
         Force law of contacts that form during the run; None if the list of contacts is fixed.
     """
 
     def __init__(self, scene: Any) -> None:
         super().__init__(scene)
-        self.wall_count, self.geometry = len(scene.walls), scene._geometry
-        self.spring_lengths, self.turns = self.geometry[-1], scene.dim > 1
+        self.wall_count = len(scene.walls)
+        self.spring_lengths, self.turns = scene._lengths, scene.dim > 1
         self.law = scene._law
         self.follows = self.law is not None
         self._lists: tuple[Any, ...] = ()
@@ -51,15 +49,18 @@ class NetworkDynamics(Dynamics):
     def contact_bonds(self) -> Bonds:
         """Bonds and wall contacts with their geometry."""
         scene, springs = self.scene, self.springs
-        kind = np.full(len(scene.springs), WALL)
-        kind[: len(scene.bonds)] = PAIR
-        first = np.concatenate([scene.bonds[:, 0], self.sites + scene.wall_contacts[:, 1]])
-        second = np.concatenate([scene.bonds[:, 1], scene.wall_contacts[:, 0]])
-        arrays = (fixed(x) for x in (kind, first, second))
-        places = self.geometry, scene.positions
-        behind = scene.loads, self.wall_count, self.neighbour_counts
-        contacts = Contacts(*arrays, *places, *behind)  # type: ignore[call-arg]
-        return Bonds(*springs.table, springs.group, self.inverse_mass, contacts, springs.openings)
+        normals = np.array([wall.normal for wall in scene.walls]).reshape(-1, self.dim)
+        contacts = Contacts(
+            first=scene._ends[:, 0],
+            second=scene._ends[:, 1],
+            gap=scene._gaps,
+            length=scene._lengths,
+            positions=scene.positions,
+            load=scene.loads,
+            normals=normals,
+            crowding=self.neighbour_counts,
+        )
+        return Bonds(*springs.table, springs.group, self.inverse_mass, contacts, springs.kinks)
 
     @cached_property
     def loop_bonds(self) -> Bonds:
@@ -69,7 +70,7 @@ class NetworkDynamics(Dynamics):
         if (
             self.dim == 1 and self.sites == len(count) + 1 and scene.radius is None
             and np.array_equal(scene.bonds.T, row) and not scene.walls and not scene.loads.any()
-            and np.all(self.geometry[0] > 0) and not self.geometry[1].any()
+            and np.all(np.diff(scene.positions[:, 0]) > 0) and not scene._gaps.any()
         ):  # fmt: skip
             return replace(bonds, contacts=None)
         return bonds
@@ -134,7 +135,7 @@ class NetworkDynamics(Dynamics):
         """Dynamics with these contacts in addition to the scene's own, all of them fixed."""
         if not len(pairs) and not len(walls):
             return self._alone
-        return self._varied(**contacts_with(self.scene, self.geometry, pairs, walls))
+        return self._varied(**contacts_with(self.scene, pairs, walls))
 
     @cached_property
     def _alone(self) -> Self:
@@ -150,7 +151,7 @@ class NetworkDynamics(Dynamics):
 
     def with_springs(self, springs: Sequence[Potential]) -> Any:
         """The same network with one new spring for each distinct spring in `springs`."""
-        scene = self.scene._varied(springs=tuple(springs[k] for k in self.springs.group))
+        scene = self.scene._varied(springs=Repeated(springs, self.springs.group))
         scene._in_thread.dynamics = found = type(self)(scene)
         found.__dict__["neighbour_counts"] = self.neighbour_counts
         return scene

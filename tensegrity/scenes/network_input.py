@@ -4,14 +4,17 @@ its contacts."""
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
+from tensegrity.readonly import Repeated
+from tensegrity.scenes.near_pairs import blocks, keys, total
 from tensegrity.scenes.scene import SMALLEST_MASS
-from tensegrity.scenes.walls import Wall, floats
+from tensegrity.scenes.walls import Wall, WallArrays, floats
 from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array, Indices
 
@@ -25,7 +28,7 @@ def contact_geometry(
     radius: Array | None,
     wall_gaps: ArrayLike | None = None,
 ) -> tuple[Array, Array]:
-    """Natural lengths of the bonds and the reference geometry of all contacts.
+    """Lengths of all contacts and their elongations at the reference positions.
 
     Parameters
     ----------
@@ -44,57 +47,72 @@ def contact_geometry(
 
     Returns
     -------
-    lengths : ndarray, (bonds,)
-        [m].
-    geometry : ndarray, (dim + 2, bonds + wall contacts)
-        For each contact the reference separation of its two sites, or the normal of its wall (on a
-        line the sign of the separation, 1 or -1); the initial elongation or gap [m]; and the
-        length [m], 0 for a contact with a wall.
+    lengths : ndarray, (bonds + wall contacts,)
+        [m].  Of all contacts: of the bonds, and 0 of contacts with walls.
+    gaps : ndarray, (bonds + wall contacts,)
+        Initial elongation, or gap to the wall [m].
 
     Raises
     ------
     TensegrityError
         Two joined sites that coincide, a length <= 0, or a gap far from that of the positions.
     """
-    exact = positions.astype(np.longdouble)
-    separation = exact[bonds[:, 1]] - exact[bonds[:, 0]]
-    distance = np.sqrt(np.sum(separation**2, axis=1))
-    lengths, elongation = _lengths(lengths, bonds, distance)
-    site, wall = wall_contacts.T
-    dim = positions.shape[1]
-    normals = np.array([w.normal for w in walls]).reshape(-1, dim)[wall]
-    heights = [walls[w].height(exact[s]) for s, w in wall_contacts.tolist()]
+    count, (site, wall) = len(bonds), wall_contacts.T
+    found, gaps = np.zeros((2, count + len(site)))
+    given = None if lengths is None else _given_lengths(lengths, count)
+    for some in blocks(count):
+        distance = _distances(positions, bonds[some])
+        if not distance.all():
+            number = some.start + int(np.argmin(distance))
+            i, j = bonds[number]
+            raise TensegrityError(f"bond {number} joins sites {i} and {j} at the same place")
+        found[:count][some] = distance if given is None else given[some]
+        if given is not None:
+            gaps[:count][some] = distance - given[some]
+    heights = WallArrays(walls, positions.shape[1]).height(exact(positions[site]), wall)
     radii = np.zeros(0) if radius is None else radius[site]
-    gaps = (np.array(heights, dtype=np.longdouble) - radii).astype(float)
+    gaps[count:] = heights - radii
     if wall_gaps is not None:
-        gaps = checked_wall_gaps(wall_gaps, gaps, radii)
-    geometry = np.zeros((dim + 2, len(bonds) + len(gaps)))
-    reference = np.sign(separation) if dim == 1 else separation
-    geometry[:dim] = np.concatenate([reference.astype(float), normals]).T
-    geometry[dim] = np.concatenate([elongation, gaps])
-    geometry[-1, : len(bonds)] = lengths
-    return lengths, geometry
+        gaps[count:] = checked_wall_gaps(wall_gaps, gaps[count:], radii)
+    return found, gaps if gaps.any() else np.broadcast_to(0.0, gaps.shape)
 
 
-def _lengths(lengths: ArrayLike | None, bonds: Indices, distance: Array) -> tuple[Array, Array]:
-    """Natural lengths, by default the distances, and the elongations at these distances [m]."""
-    same = np.flatnonzero(distance == 0)
-    if same.size:
-        i, j = bonds[same[0]]
-        raise TensegrityError(f"bond {same[0]} joins sites {i} and {j} at the same place")
-    if lengths is None:
-        return distance.astype(float), np.zeros(len(bonds))
+def _distances(positions: Array, bonds: Indices) -> Any:
+    """Distances of the two sites of bonds [m], in extended precision."""
+    separation = exact(positions[bonds[:, 1]]) - positions[bonds[:, 0]]
+    separation *= separation
+    return np.sqrt(total(separation))
+
+
+def exact(values: Array) -> Any:
+    """Values in extended precision."""
+    return values.astype(np.longdouble)
+
+
+def _given_lengths(lengths: ArrayLike, count: int) -> Array:
+    """Natural lengths of the bonds [m], checked."""
     lengths = numbers("lengths", lengths)
-    if lengths.shape not in ((), (len(bonds),)):
-        raise TensegrityError(f"lengths have shape {lengths.shape}, must be ({len(bonds)},)")
-    lengths = np.broadcast_to(lengths, (len(bonds),)).copy()
+    if lengths.shape not in ((), (count,)):
+        raise TensegrityError(f"lengths have shape {lengths.shape}, must be ({count},)")
+    lengths = np.broadcast_to(lengths, (count,)).copy()
     bad = np.flatnonzero(~(lengths > 0))
     if bad.size:
         raise TensegrityError(f"length {lengths[bad[0]]:g} m of bond {bad[0]} must be above 0")
-    return lengths, (distance - lengths).astype(float)
+    return lengths
 
 
 GAP_TOLERANCE = 0.1  # largest difference of `wall_gaps` from the positions' gaps, over the radius
+
+
+LARGEST = 2**29  # sites and walls: the loop numbers their rows, of four numbers, with 32 bits
+
+
+def refuse_too_many(sites: int) -> None:
+    """Refuse more sites and walls than the compiled loop can number."""
+    if sites > LARGEST:
+        raise TensegrityError(
+            f"{sites} sites and walls must be at most {LARGEST}: the loop numbers them with 32 bits"
+        )
 
 
 def site_number(name: str, value: object, sites: int) -> int:
@@ -154,15 +172,40 @@ def held_sites(held: Iterable[int], sites: int) -> list[int]:
 def checked_bonds(bonds: ArrayLike, sites: int) -> Indices:
     """Bonds as pairs of different sites, without duplicates; (bonds, 2)."""
     bonds = whole_pairs("bonds", bonds)
-    for number, (i, j) in enumerate(bonds.tolist()):
-        if not 0 <= min(i, j) <= max(i, j) < sites:
-            raise TensegrityError(
-                f"bond {number} joins sites {i} and {j}, which must be 0 to {sites - 1}"
-            )
-        if i == j:
+    low, high = np.minimum(*bonds.T), np.maximum(*bonds.T)
+    wrong = np.flatnonzero((low < 0) | (high >= sites) | (low == high))
+    if wrong.size:
+        number, (i, j) = wrong[0], bonds[wrong[0]].tolist()
+        if i == j and 0 <= i < sites:
             raise TensegrityError(f"bond {number} joins site {i} to itself")
-    _refuse_duplicates("bond", np.sort(bonds, axis=1))
+        raise TensegrityError(
+            f"bond {number} joins sites {i} and {j}, which must be 0 to {sites - 1}"
+        )
+    _refuse_duplicates("bond", keys(bonds, sites))
     return bonds
+
+
+def contact_ends(bonds: Indices, wall_contacts: Indices, sites: int) -> tuple[Indices, Indices]:
+    """Rows that each contact joins, sites and after them walls, the wall first.
+
+    Parameters
+    ----------
+    bonds : ndarray of int, (bonds, 2)
+    wall_contacts : ndarray of int, (wall contacts, 2)
+        Site and wall of each.
+    sites : int
+
+    Returns
+    -------
+    ends, bonds : ndarray of int, (bonds + wall contacts, 2), (bonds, 2)
+        All, and as a view those of the bonds, with contiguous columns.
+    """
+    ends: Any = np.empty((2, len(bonds) + len(wall_contacts)), dtype=np.int32)
+    ends[:, : len(bonds)] = bonds.T
+    ends[0, len(bonds) :] = sites + wall_contacts[:, 1]
+    ends[1, len(bonds) :] = wall_contacts[:, 0]
+    ends.flags.writeable = False
+    return ends.T, ends.T[: len(bonds)]
 
 
 def plane_walls(walls: Iterable[Wall], dim: int) -> tuple[Wall, ...]:
@@ -198,16 +241,21 @@ def checked_wall_contacts(contacts: Indices, walls: Sequence[Wall], positions: A
     TensegrityError
         A site or wall that does not exist, a site beyond the edge of its wall, or a duplicate.
     """
-    for number, (site, wall) in enumerate(contacts.tolist()):
-        site_number(f"site of wall contact {number}:", site, len(positions))
-        if not 0 <= wall < len(walls):
-            raise TensegrityError(
-                f"wall contact {number} is with wall {wall}, there are {len(walls)}"
-            )
-        beyond = walls[wall].overhang(positions[site])
-        if beyond > 0:
-            raise TensegrityError(f"site {site} is {beyond:.3g} m beyond the end of wall {wall}")
-    _refuse_duplicates("wall contact", contacts)
+    site, wall = contacts.T
+    wrong = (site < 0) | (site >= len(positions)) | (wall < 0) | (wall >= len(walls))
+    if wrong.any():
+        number = int(np.argmax(wrong))
+        site_number(f"site of wall contact {number}:", int(site[number]), len(positions))
+        raise TensegrityError(
+            f"wall contact {number} is with wall {wall[number]}, there are {len(walls)}"
+        )
+    beyond = WallArrays(walls, positions.shape[1]).overhang(positions[site], wall)
+    if np.any(beyond > 0):
+        worst = int(np.argmax(beyond > 0))
+        raise TensegrityError(
+            f"site {site[worst]} is {beyond[worst]:.3g} m beyond the end of wall {wall[worst]}"
+        )
+    _refuse_duplicates("wall contact", site * len(walls) + wall)
     return contacts
 
 
@@ -266,7 +314,7 @@ def numbers(name: str, value: ArrayLike, shape: tuple[int, ...] | None = None) -
 def whole_pairs(name: str, pairs: ArrayLike) -> Indices:
     """Pairs of integers as an array (n, 2)."""
     try:
-        array = np.array(pairs)
+        array = np.asarray(pairs)
     except ValueError:  # of different lengths
         raise TensegrityError(f"{name} {check.shown(pairs)} must be pairs of numbers") from None
     if array.size == 0 and isinstance(pairs, (tuple, list, np.ndarray)):
@@ -275,19 +323,21 @@ def whole_pairs(name: str, pairs: ArrayLike) -> Indices:
         raise TensegrityError(
             f"{name} of shape {array.shape} and type {array.dtype} must be pairs of whole numbers"
         )
-    return array.astype(int)
+    return array if array.dtype.kind == "i" else array.astype(int)
 
 
-def _refuse_duplicates(name: str, pairs: Indices) -> None:
-    _, back, count = np.unique(pairs, axis=0, return_inverse=True, return_counts=True)
-    if np.any(count > 1):
-        twins = np.flatnonzero(back.ravel() == np.argmax(count > 1))
+def _refuse_duplicates(name: str, keys: Indices) -> None:
+    """Refuse contacts of which two have the same key."""
+    if np.all(keys[1:] > keys[:-1]):
+        return
+    found = np.sort(keys)
+    same = np.flatnonzero(found[1:] == found[:-1])
+    if same.size:
+        twins = np.flatnonzero(keys == found[same[0]])
         raise TensegrityError(f"{name}s {twins[0]} and {twins[1]} are the same")
 
 
-def springs_of(
-    spring: Potential | Sequence[Potential] | None, count: int, name: str
-) -> tuple[Potential, ...]:
+def springs_of(spring: Potential | Sequence[Potential] | None, count: int, name: str) -> Repeated:
     """One potential for each bond or contact.
 
     Parameters
@@ -300,7 +350,7 @@ def springs_of(
 
     Returns
     -------
-    tuple of Potential
+    Repeated of Potential, (count,)
 
     Raises
     ------
@@ -308,15 +358,17 @@ def springs_of(
         Anything that is not a Potential, or another number of them.
     """
     if isinstance(spring, Potential):
-        return (spring,) * count
+        return Repeated((spring,), np.zeros(count, dtype=int))
     if not isinstance(spring, Sequence):
         raise TensegrityError(
             f"spring {check.shown(spring)} of the {name}s is not a Potential, nor a list"
             f"{check.made_by(spring, Potential)}"
         )
-    springs = tuple(spring)
+    springs = Repeated.of(spring)
     if len(springs) != count:
         raise TensegrityError(f"{len(springs)} springs for {count} {name}s")
-    for number, one in enumerate(springs):
-        check.kind(f"spring of {name} {number}", one, Potential)
+    for number, one in enumerate(springs.different):
+        if not isinstance(one, Potential):
+            first = int(np.argmax(springs.number == number))
+            check.kind(f"spring of {name} {first}", one, Potential)
     return springs

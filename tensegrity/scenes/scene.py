@@ -16,6 +16,7 @@ from tensegrity.printing import concise, printed
 from tensegrity.readonly import FixedDict
 from tensegrity.scenes.dynamics import HasDynamics, dynamics
 from tensegrity.scenes.forcing import checked_forcing
+from tensegrity.typing import Motion
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -114,7 +115,7 @@ class Scene(HasDynamics):
     dim: int
     mass: Array
     loads: Any
-    springs: tuple[Potential, ...]
+    springs: Sequence[Potential]
     held: Sequence[int]
     shape: tuple[int, ...]
     _shape_text: str
@@ -123,7 +124,7 @@ class Scene(HasDynamics):
         def elongation(self, u: ArrayLike) -> Array: ...
         def bond_energy(self, u: Array) -> Array: ...
         def bond_tension(self, u: Array) -> Array: ...
-        def site_energy(self, u: Array, v: Array) -> Array: ...
+        def site_energy(self, state: Motion) -> Array: ...
         def momentum(self, state: State) -> Any: ...
         def at_rest(self, velocity: Any = None) -> State: ...
         def _check_sites(self, state: State) -> None: ...
@@ -211,9 +212,12 @@ class Scene(HasDynamics):
     def _refuse_other(self, state: object) -> None:
         refuse_other(state, self.shape, self._shape_text)
 
-    def _checked_rows(self, u: ArrayLike, v: ArrayLike) -> tuple[Array, Array]:
+    def _checked_rows(self, state: Motion) -> tuple[Array, Array]:
         """Validated displacements and velocities of one state or of many."""
-        u, v = check.rows("displacements", u, self.shape), check.rows("velocities", v, self.shape)
+        if not isinstance(state, Motion):
+            raise TensegrityError(f"state {check.shown(state)} is neither a State nor a Run")
+        u = check.rows("displacements", state.u, self.shape)
+        v = check.rows("velocities", state.v, self.shape)
         if u.shape != v.shape:
             raise TensegrityError(f"displacements have shape {u.shape}, velocities {v.shape}")
         return u, v

@@ -157,9 +157,13 @@ class WallArrays:
 
     def overhang(self, x: Array, numbers: Indices) -> Array:
         """Distances by which the projections lie beyond the edges [m], < 0 inside."""
+        if not np.isfinite(self._sides).any():
+            return np.full(np.broadcast_shapes(x.shape[:-1], numbers.shape), -np.inf)
         return np.max(self._beyond(x, numbers), axis=-1, initial=-np.inf)
 
     def distance(self, x: Array, numbers: Indices) -> Array:
         """Distances from the nearest points of the walls [m], >= 0."""
+        if not np.isfinite(self._sides).any():
+            return np.abs(self.height(x, numbers))
         beyond = np.maximum(self._beyond(x, numbers), 0)
         return np.sqrt(self.height(x, numbers) ** 2 + np.sum(beyond**2, axis=-1))

@@ -16,12 +16,13 @@ from tensegrity.engine.bonds import Contacts
 from tensegrity.engine.compiled import evaluated, loop_of_law
 from tensegrity.engine.energies import Energies, Search, SearchPoints
 from tensegrity.errors import StabilityError, TensegrityError
-from tensegrity.readonly import fixed
+from tensegrity.readonly import Repeated, fixed
 from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array, Flags, Indices
 
 ORDERS = ("energy", "tension", "stiffness")
 NEAR_END = np.logspace(-16, 0, 321)  # fractions of a range at which a search samples
+PART = 2**16  # springs that are numbered at once
 SEARCH_FRACTIONS = np.concatenate([NEAR_END, np.linspace(0, 1, 201)])
 REFINEMENTS = [np.arange(1, 65) / 64] * 4
 WAYS = SearchPoints(
@@ -59,15 +60,14 @@ class Springs:
         shape: tuple[int, ...] | None = None,
         lengths: Array | None = None,
     ) -> None:
-        known: dict[tuple, int] = {}
+        shared, (sizes, size) = Repeated.of(springs), _length_classes(lengths)
+        kind = np.min_scalar_type(len(shared.different) * len(sizes))
+        found, same = numbered(np.multiply(shared.number, len(sizes), dtype=kind) + size)
+        keys = [divmod(key, len(sizes)) for key in found.tolist()]
+        keys = [(shared.different[spring], sizes[length]) for spring, length in keys]
         numbers: dict[tuple, int] = {}
-        group = np.zeros(len(springs), dtype=int)
-        sizes = [0] * len(springs) if lengths is None else _length_classes(lengths)
-        for k, (spring, size) in enumerate(zip(springs, sizes, strict=True)):
-            same = id(spring), size
-            if same not in known:
-                known[same] = numbers.setdefault((spring, size), len(numbers))
-            group[k] = known[same]
+        equal = np.array([numbers.setdefault(key, len(numbers)) for key in keys], dtype=same.dtype)
+        group = equal[same]
         self.kinds = tuple(numbers)
         self.different = tuple(spring for spring, _ in numbers)
         self.group = fixed(group if shape is None else group.reshape(shape))
@@ -88,21 +88,21 @@ class Springs:
         return laws, fixed(np.array(numbers, dtype=int)), fixed(parameters)
 
     @cached_property
-    def openings(self) -> Array:
+    def kinks(self) -> Array:
         """Place, strength, exponent and side of the kinks of each spring; (kinks, springs, 4),
         padded with NaN."""
-        most = max((len(spring.openings) for spring in self.different), default=0)
+        most = max((len(spring.kinks) for spring in self.different), default=0)
         found = np.full((max(most, 1), len(self), 4), np.nan)
         for k, spring in enumerate(self.different):
-            for row, opening in zip(found, spring.openings, strict=False):
+            for row, opening in zip(found, spring.kinks, strict=False):
                 row[k] = opening
         return fixed(found)
 
     @cached_property
     def _kinks(self):
         """All kinks, (kinks, 4), and the indices of their springs."""
-        kink, spring = np.nonzero(~np.isnan(self.openings[..., 2]))
-        return self.openings[kink, spring], spring
+        kink, spring = np.nonzero(~np.isnan(self.kinks[..., 2]))
+        return self.kinks[kink, spring], spring
 
     @property
     def has_kinks(self) -> bool:
@@ -130,9 +130,11 @@ class Springs:
         return np.flatnonzero(~((kinks[:, 0] < low) | (kinks[:, 0] > high)))
 
     @cached_property
-    def reach(self) -> Any:
+    def computable_domain(self) -> Any:
         """Lowest and highest elongation that a run can compute [m]; (springs, 2)."""
-        return fixed(np.array([spring.reach for spring in self.different]).reshape(-1, 2))
+        return fixed(
+            np.array([spring.computable_domain for spring in self.different]).reshape(-1, 2)
+        )
 
     @cached_property
     def force_model(self) -> str:
@@ -201,11 +203,14 @@ class Springs:
             None if some law has no compiled energy.
         """
         found = []
-        for one, columns in self._groups:
+        for one, columns in self._grouped(self.group.ravel()):
             loop = loop_of_law(one.law)
             if loop is None or "energy" not in one.law.compiled:
                 return None
-            found.append((loop, one.values, self.reach[one.rows].T, columns))
+            used, number = numbered(one.rows)
+            parameters = np.array([self.different[k].values for k in used]).T
+            number = np.broadcast_to(number, columns.shape)
+            found.append((loop, parameters, self.computable_domain[used].T, number, columns))
         return Energies(mass, found, contacts)
 
     def _evaluate_springs(self, name, r, numbers):
@@ -310,7 +315,7 @@ class Springs:
     def _searches(self):
         """The compiled search for each name in `ORDERS` for which all springs have a compiled
         function."""
-        if not self.different or not np.array_equal(self.reach, self.domains):
+        if not self.different or not np.array_equal(self.computable_domain, self.domains):
             return {}
         laws, law, parameters = self.table
         loops, kinds = [loop_of_law(one) for one in laws], {type(one) for one in self.different}
@@ -334,11 +339,14 @@ class _SpringGroup:
         first = springs.different[group[0]]
         self.law, self._one = first.law, first if np.all(group == group[0]) else None
         if self._one is not None:
-            self.values, self.rows = first.values, group[:1]
-            return
+            group = group[:1]
         self._springs, self.rows = springs, group
-        self.values = np.ascontiguousarray(springs.table[2][group].T)
-        self._low, self._high = springs.domains[group].T
+
+    @cached_property
+    def _each(self):
+        """Parameters, (parameters, bonds), and ends of the domains, (2, bonds), of all bonds."""
+        parameters = np.ascontiguousarray(self._springs.table[2][self.rows].T)
+        return parameters, np.ascontiguousarray(self._springs.domains[self.rows].T)
 
     def evaluate(self, name, r):
         """Energy [J], tension [N] or stiffness [N/m] at elongations r (..., bonds)."""
@@ -347,14 +355,15 @@ class _SpringGroup:
             if getattr(type(self._one), name) is not getattr(Potential, name):
                 return getattr(self._one, name)(r)
             return self._one.derivative(order, r, order == 0)
-        above = r >= self._low if order == 0 else r > self._low
-        inside = above & (r <= self._high if order == 0 else r < self._high)
+        parameters, (low, high) = self._each
+        above = r >= low if order == 0 else r > low
+        inside = above & (r <= high if order == 0 else r < high)
         if not inside.all():
             worst = tuple(x[0] for x in np.nonzero(~inside))
             if np.isnan(r[worst]):
                 raise TensegrityError("elongation nan m is not a number")
-            raise self._springs.different[self.rows[worst[-1]]].beyond(float(r[worst]))
-        return evaluated(self.law, order, self.values, np.ascontiguousarray(r))
+            raise self._springs.different[self.rows[worst[-1]]]._range_error(float(r[worst]))
+        return evaluated(self.law, order, parameters, np.ascontiguousarray(r))
 
 
 def _evaluated(sets, name, r):
@@ -368,8 +377,33 @@ def _evaluated(sets, name, r):
 
 
 def _length_classes(lengths):
-    """A class for each length, equal within one or two per cent; -1 for a length of 0."""
-    numbers, bonds = np.full(len(lengths), -1), lengths > 0
-    if bonds.any():
-        numbers[bonds] = np.round(np.log(lengths[bonds] / lengths[bonds].min()) / 0.01)
-    return numbers.tolist()
+    """Classes of lengths equal within one or two per cent, -1 for a length of 0, and the index of
+    the class of each."""
+    if lengths is None:
+        return [0], 0
+    classes = np.full(len(lengths), -1, dtype=np.int32)
+    shortest = lengths.min(initial=np.inf, where=lengths > 0)
+    for k in range(0, len(lengths), PART):
+        some = lengths[k : k + PART]
+        bonds = some > 0
+        classes[k : k + PART][bonds] = np.round(np.log(some[bonds] / shortest) / 0.01)
+    found, size = numbered(classes)
+    return found.tolist(), size
+
+
+def numbered(keys):
+    """Different whole numbers in the order of their first places, and the index of each number in
+    these; few of them, or of a small range, are found without sorting."""
+    low, high = (keys.min(), keys.max()) if len(keys) else (0, -1)
+    if int(high) - int(low) >= max(len(keys), PART):
+        found, first, index = np.unique(keys, return_index=True, return_inverse=True)
+        order = np.argsort(first)
+        return found[order], np.argsort(order)[index]
+    first = np.full(int(high) - int(low) + 1, len(keys))
+    for k in reversed(range(0, len(keys), PART)):
+        part = keys[k : k + PART] - low
+        first[part[::-1]] = np.arange(k, k + len(part))[::-1]  # the last of equal places counts
+    order = np.argsort(first, kind="stable")[: np.count_nonzero(first < len(keys))]
+    index = np.zeros(len(first), dtype=np.min_scalar_type(len(order)))
+    index[order] = np.arange(len(order))
+    return order + low, index[keys - low]

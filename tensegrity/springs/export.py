@@ -69,7 +69,7 @@ def _text(potential: Any, name: str) -> str:
     """The C text that `to_c` writes, with names that begin with `name`."""
     import casadi as ca
 
-    law, (low, high) = potential.law, potential.reach
+    law, (low, high) = potential.law, potential.computable_domain
     generator = ca.CodeGenerator(f"{name}_of.c")
     for quantity in QUANTITIES:
         symbols = functions(law)[quantity].sx_in()

@@ -128,49 +128,8 @@ class Polynomial(Potential):
         check.number("width of the range", high - low, least=NARROWEST, unit="m")
         for r in (low, high):
             if not spring.domain[0] <= r <= spring.domain[1]:
-                raise spring.beyond(r)
+                raise spring._range_error(r)
         self._fit(spring, low, high, error)
-
-    @classmethod
-    def of_coefficients(
-        cls,
-        degree: int,
-        values: ArrayLike,
-        length: float | None,
-        domain: tuple[float, float],
-        error_estimate: float,
-    ) -> Polynomial:
-        """A polynomial from the coefficients of one that was fitted before.
-
-        Parameters
-        ----------
-        degree : int
-            One of 7, 11, ... 47.
-        values : array_like
-            Parameters of its law.
-        length : float or None
-            Length at r = 0 [m].
-        domain : (float, float)
-            Range of elongation [m].
-        error_estimate : float
-            Relative error of the tension, >= 0.
-
-        Returns
-        -------
-        Polynomial
-
-        Raises
-        ------
-        TensegrityError
-            Another degree, or values that do not match it.
-        """
-        if degree not in DEGREES:
-            raise TensegrityError(f"degree {check.shown(degree)} must be one of {DEGREES}")
-        made = cls.__new__(cls)
-        count = len(PolynomialLaw(degree).parameters)
-        made._take(degree, check.vector("coefficients", values, (count,)), length, domain)
-        made.error_estimate = check.number("error_estimate", error_estimate, least=0)
-        return made
 
     def _take(self, degree, values, length, domain):
         self.degree, ends = degree, ("the range of the polynomial ends",) * 2
@@ -207,13 +166,53 @@ class Polynomial(Potential):
         low, high = self.domain
         return f"polynomial of degree {self.degree} on [{low:.4g}, {high:.4g}] m"
 
-    def beyond(self, r: float) -> RangeError:
+    def _range_error(self, r: float) -> RangeError:
         """The error for an elongation at or beyond an end of the range."""
-        return RangeError(str(super().beyond(r)))
+        return RangeError(str(super()._range_error(r)))
 
     def __repr__(self) -> str:
         estimate = f"error_estimate={self.error_estimate:.2g}"
         return f"Polynomial(degree {self.degree}, domain={self.domain} m, {estimate})"
+
+
+def polynomial_of_coefficients(
+    degree: int,
+    values: ArrayLike,
+    length: float | None,
+    domain: tuple[float, float],
+    error_estimate: float,
+) -> Polynomial:
+    """A polynomial from the coefficients of one that was fitted before.
+
+    Parameters
+    ----------
+    degree : int
+        One of 7, 11, ... 47.
+    values : array_like
+        Parameters of its law.
+    length : float or None
+        Length at r = 0 [m].
+    domain : (float, float)
+        Range of elongation [m].
+    error_estimate : float
+        Relative error of the tension, >= 0.
+
+    Returns
+    -------
+    Polynomial
+
+    Raises
+    ------
+    TensegrityError
+        Another degree, or values that do not match it.
+    """
+    if degree not in DEGREES:
+        raise TensegrityError(f"degree {check.shown(degree)} must be one of {DEGREES}")
+    made = Polynomial.__new__(Polynomial)
+    count = len(PolynomialLaw(degree).parameters)
+    made._take(degree, check.vector("coefficients", values, (count,)), length, domain)
+    made.error_estimate = check.number("error_estimate", error_estimate, least=0)
+    return made
 
 
 def _angles(count):

@@ -22,7 +22,7 @@ from tensegrity.engine.compiled import evaluated
 from tensegrity.engine.law import DerivedLaw, Law, check_law
 from tensegrity.engine.programs import derived, run
 from tensegrity.errors import LockingError, TensegrityError
-from tensegrity.printing import concise
+from tensegrity.printing import concise, number_text
 from tensegrity.readonly import fixed
 from tensegrity.springs.kinks import kinks
 
@@ -72,8 +72,8 @@ class Potential:
     array([-0.2103,  0.    ,  0.1903])
     """
 
-    origin = ""  # the call that made this potential, unless it is that of its class
-    made_of: Any = None  # the prism and the preload of a prism's potential
+    _origin = ""  # the call that made this potential, unless it is that of its class
+    _made_of: Any = None  # the prism and the preload of a prism's potential
 
     def __init__(
         self,
@@ -132,35 +132,6 @@ class Potential:
         self._domain = low, high
         self.ends = ends
 
-    @classmethod
-    def from_law(
-        cls,
-        law: Law,
-        values: ArrayLike,
-        length: float | None,
-        domain: tuple[float, float],
-        ends: tuple[str, str],
-        origin: str = "",
-        made_of: Any = None,
-    ) -> Potential:
-        """A potential from a law that is more than an energy, such as that of a prism.
-
-        Parameters
-        ----------
-        law, values, length, domain, ends, origin, made_of
-            The law, the values of its parameters, the length at r = 0 [m], the range of elongation
-            [m], what limits it at either end, the printed form, and the prism with its preload.
-
-        Returns
-        -------
-        Potential
-        """
-        potential = cls.__new__(cls)
-        potential._set(law, values, length, domain, ends)
-        potential.origin = origin
-        potential.made_of = made_of
-        return potential
-
     def varied(self, values: Mapping[str, float]) -> Potential:
         """The same spring with other values of its arguments.
 
@@ -176,39 +147,32 @@ class Potential:
         """
         if not isinstance(values, Mapping):
             raise TensegrityError(f"values {check.shown(values)} must be a dict of numbers")
-        known = VARIED if self.made_of else tuple(self.parameters)
+        known = VARIED if self._made_of else tuple(self.parameters)
         unknown = [name for name in values if name not in known]
         if unknown:
             raise TensegrityError(
                 f"{unknown[0]!r} is not an argument of {check.shown(self)} that may change: "
                 f"{', '.join(known) or 'there are none'}"
             )
-        if self.made_of:
-            prism, preload = self.made_of
+        if self._made_of:
+            prism, preload = self._made_of
             given = dict(values)
             preload = given.pop("preload", preload)
             return replace(prism, **given).potential(preload)
         return self._with(self.parameters | dict(values))
 
-    def argument(self, name: str) -> float:
-        """The value of a parameter, or of an argument of the prism or the preload, by name."""
-        if self.made_of:
-            prism, preload = self.made_of
-            return float(preload if name == "preload" else getattr(prism, name))
-        return self.parameters[name]
-
     def _with(self, parameters: dict[str, float]) -> Potential:
         other = copy(self)
-        for name in ("_hash", "openings"):
+        for name in ("_hash", "kinks"):
             other.__dict__.pop(name, None)
         values = [check.number(f"parameter {name}", x) for name, x in parameters.items()]
         other.values = fixed(np.array(values))
         return other
 
-    def shift_from(self, other: Potential) -> float:
+    def _shift_from(self, other: Potential) -> float:
         """Elongation [m] of this spring where that of `other`, from which it was varied, is 0:
         prisms and contacts are measured from an equilibrium that depends on their arguments."""
-        if self.made_of:
+        if self._made_of:
             return float(other.length or 0.0) - float(self.length or 0.0)
         return 0.0
 
@@ -223,7 +187,7 @@ class Potential:
         return self._domain
 
     @property
-    def reach(self) -> tuple[float, float]:
+    def computable_domain(self) -> tuple[float, float]:
         """(lowest, highest) elongation [m] in a run: `domain`, or the part that can be computed."""
         return self._domain
 
@@ -302,12 +266,12 @@ class Potential:
         inside = (r >= low) & (r <= high) if closed else (r > low) & (r < high)
         if not inside.all():
             worst = float(r[~inside].flat[0]) if r.ndim else float(r)
-            raise self.beyond(worst)
+            raise self._range_error(worst)
         flat = np.ascontiguousarray(r).reshape(-1)
         return evaluated(self.law, order, self.values, flat).reshape(r.shape)
 
     @cached_property
-    def openings(self) -> tuple[Kink, ...]:
+    def kinks(self) -> tuple[Kink, ...]:
         """Kinks of the force, such as losses of contact: place [m], strength, exponent and side
         of each; see `tensegrity.springs.kinks`."""
         law = self.law
@@ -318,7 +282,7 @@ class Potential:
     @property
     def smooth(self) -> bool:
         """Whether the force has no kinks."""
-        return not self.openings
+        return not self.kinks
 
     def sound_speed(self, mass: float = 1.0) -> float:
         """Speed of long waves of small amplitude in a chain of these springs.
@@ -374,7 +338,7 @@ class Potential:
         EquilibriumError
             A prism with elastic members whose inner unknowns few iterations do not find: they are
             far too stiff.  With others the file holds for all elongations that runs can follow,
-            `reach`.
+            `computable_domain`.
 
         Notes
         -----
@@ -390,8 +354,8 @@ class Potential:
 
         return to_c(self, path)
 
-    def beyond(self, r: float) -> LockingError:
-        """The error for an elongation at or beyond an end of the domain or of the reach."""
+    def _range_error(self, r: float) -> LockingError:
+        """The error for an elongation at or beyond an end of either domain."""
         side = int(r > 0)
         bound, way = self._domain[side], ("at or below", "at or above")[side]
         return LockingError(f"elongation {r:.6g} m is {way} {bound:.6g} m, where {self.ends[side]}")
@@ -415,8 +379,8 @@ class Potential:
     __str__ = concise
 
     def __repr__(self) -> str:
-        if self.origin:
-            return self.origin
+        if self._origin:
+            return self._origin
         values = ", ".join(
             f"{name!r}: {number_text(value)}" for name, value in self.parameters.items()
         )
@@ -434,11 +398,46 @@ def _sound_speed_squared() -> tuple[list[Any], tuple[Any, ...]]:
     return [squared], (form.stiffness, form.mass)
 
 
-def number_text(number: float) -> str:
-    """The shortest text that evaluates to this number: 1 rather than 1.0."""
-    return repr(float(number)).removesuffix(".0")
+def potential_of_law(
+    law: Law,
+    values: ArrayLike,
+    length: float | None,
+    domain: tuple[float, float],
+    ends: tuple[str, str],
+    origin: str = "",
+    made_of: Any = None,
+) -> Potential:
+    """A potential from a law that is more than an energy, such as that of a prism.
+
+    Parameters
+    ----------
+    law, values, length, domain, ends, origin, made_of
+        The law, the values of its parameters, the length at r = 0 [m], the range of elongation
+        [m], what limits it at either end, the printed form, and the prism with its preload.
+
+    Returns
+    -------
+    Potential
+    """
+    potential = Potential.__new__(Potential)
+    potential._set(law, values, length, domain, ends)
+    potential._origin, potential._made_of = origin, made_of
+    return potential
 
 
-def call(name: str, **given: Any) -> str:
-    """The text of a call with these arguments, such as f(x=1, y=2)."""
-    return f"{name}({', '.join(f'{key}={number_text(value)}' for key, value in given.items())})"
+def provenance(potential: Potential) -> tuple[str, Any]:
+    """The printed form of a potential, and the prism and the preload that it was made of."""
+    return potential._origin, potential._made_of
+
+
+def argument(potential: Potential, name: str) -> float:
+    """The value of a parameter, or of an argument of the prism or the preload, by name."""
+    if potential._made_of:
+        prism, preload = potential._made_of
+        return float(preload if name == "preload" else getattr(prism, name))
+    return potential.parameters[name]
+
+
+def range_error(potential: Potential, r: float) -> LockingError:
+    """The error for an elongation [m] at or beyond an end of either domain of a potential."""
+    return potential._range_error(r)

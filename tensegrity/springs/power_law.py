@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from tensegrity import check
 from tensegrity.engine.law import DerivedLaw, Law
-from tensegrity.springs.potential import Potential, call
+from tensegrity.printing import call
+from tensegrity.springs.potential import Potential
 
 if TYPE_CHECKING:
     import sympy as sp
@@ -71,10 +72,10 @@ class PowerLaw(Potential):
         domain = (-math.inf, math.inf)
         self._set(DerivedLaw(_power_law, exponent), values, length, domain)
         self._exponent = exponent
-        self.openings = ((overlap, stiffness, exponent, -1.0),)
+        self.kinks = ((overlap, stiffness, exponent, -1.0),)
         given: dict[str, Any] = {"stiffness": stiffness, "exponent": exponent, "preload": preload}
         given |= {} if length is None else {"length": self._length}
-        self.origin = call("PowerLaw", **given)
+        self._origin = call("PowerLaw", **given)
 
     @property
     def exponent(self) -> float:
@@ -85,9 +86,9 @@ class PowerLaw(Potential):
         stiffness, preload = parameters["stiffness"], parameters["preload"]
         return PowerLaw(stiffness, self._exponent, preload, self._length)
 
-    def shift_from(self, other: Potential) -> float:
+    def _shift_from(self, other: Potential) -> float:
         """Shift of the elongation relative to another contact: the difference of their overlaps at
-        rest [m]; see `Potential.shift_from`."""
+        rest [m]; see `Potential._shift_from`."""
         return float(self.values[2] - other.values[2])
 
 

@@ -189,7 +189,7 @@ class Tuned:
     def _refused(self, arguments: Array) -> TensegrityError | None:
         """The error of the spring with these arguments, or None if it exists."""
         try:
-            _ = self._spring(arguments).reach
+            _ = self._spring(arguments).computable_domain
         except TensegrityError as error:
             return error
         return None
@@ -258,7 +258,7 @@ class Tuned:
             law = max(laws, key=lambda one: getattr(one, "steps", 0))
         if len(laws) > 1 and not all(hasattr(one, "steps") for one in laws):
             raise TensegrityError("the springs of a function of time must all have the same law")
-        shifts = np.array([one.shift_from(self._first) for one in springs])
+        shifts = np.array([one._shift_from(self._first) for one in springs])
         for spring, shift in zip(springs, shifts, strict=True):
             if spring.length != self._first.length and not shift:
                 raise TensegrityError(
@@ -266,7 +266,7 @@ class Tuned:
                     f"{self._first.length:.12g} m: elongations would refer to another shape"
                 )
         rows = np.array([spring.values for spring in springs])
-        ends = np.array([spring.reach for spring in springs]) - shifts[:, None]
+        ends = np.array([spring.computable_domain for spring in springs]) - shifts[:, None]
         if shifts.any():
             law, rows = Shifted(law), np.column_stack([rows, shifts])
         return law, np.column_stack([rows, np.clip(ends, -NO_END, NO_END)])
@@ -282,10 +282,12 @@ class Tuned:
         """Largest error of the tension at arguments x between the nodes, over its largest value."""
         spring = self._spring(middle + half * x)
         p = np.ascontiguousarray(_value(series, x[None])[0, :-2])
-        shift = spring.shift_from(self._first)
-        places = [abs(x[0]) for x in spring.openings if np.isfinite(x[0])]
+        shift = spring._shift_from(self._first)
+        places = [abs(x[0]) for x in spring.kinks if np.isfinite(x[0])]
         size = max(places, default=0.0) or 1.0
-        reach = [end if np.isfinite(end) else np.copysign(size, end) for end in spring.reach]
+        reach = [
+            end if np.isfinite(end) else np.copysign(size, end) for end in spring.computable_domain
+        ]
         r = np.concatenate([reach[0] * FRACTIONS, reach[1] * FRACTIONS])
         right = spring.tension(r)
         wrong = np.abs(evaluated(law, 1, p, np.ascontiguousarray(r - shift)) - right)
@@ -327,10 +329,10 @@ class Tuned:
         """The spring at time t [s], measured from its own equilibrium."""
         return self._spring(self._arguments(np.array([t]), 0)[0])
 
-    def beyond(self, t: float, r: float) -> LockingError:
+    def range_error(self, t: float, r: float) -> LockingError:
         """The error for an elongation r [m] at or beyond an end of the domain at time t [s]."""
         spring = self.spring(t)
-        return spring.beyond(r + spring.shift_from(self._first))
+        return spring._range_error(r + spring._shift_from(self._first))
 
 
 def spring_at(tune: Callable[[float], Potential], t: float) -> Potential:

@@ -7,9 +7,10 @@ import math
 from tensegrity import check
 from tensegrity.engine.law import Law
 from tensegrity.once import once
+from tensegrity.printing import call
 from tensegrity.scenes.network import Network
 from tensegrity.springs.kinks import TAUT
-from tensegrity.springs.potential import Potential, call
+from tensegrity.springs.potential import Potential
 from tensegrity.structures.members import Members
 from tensegrity.typing import Array
 
@@ -24,8 +25,8 @@ class _Member(Potential):
         length = check.number("length", length, above=0, unit="m")
         values = [stiffness, TAUT * length] if self.tension_only else [stiffness]
         self._set(_law(self.tension_only), values, length, (-math.inf, math.inf))
-        self.openings = ((0.0, stiffness, 1.0, 1.0),) if self.tension_only else ()
-        self.origin = call(type(self).__name__, stiffness=stiffness, length=length)
+        self.kinks = ((0.0, stiffness, 1.0, 1.0),) if self.tension_only else ()
+        self._origin = call(type(self).__name__, stiffness=stiffness, length=length)
 
 
 class StringSpring(_Member):

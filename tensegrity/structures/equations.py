@@ -15,8 +15,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tensegrity.engine import forces
-
 if TYPE_CHECKING:
     from tensegrity.structures.members import Members
     from tensegrity.typing import Array, Flags, Indices
@@ -27,6 +25,7 @@ ROUND_OFF = 1e-3  # weight of stiffness times length in the scale of residuals
 BACK = -0.01  # control at which a path that has reversed ends
 INSIDE = 1e-9  # fraction of a bar next to its ends within which it is not crossed
 PLANE = 1e-9  # volume over lengths below which two bars are coplanar
+NEXT, LAST = np.array([1, 2, 0]), np.array([2, 0, 1])  # axes of a vector product
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,20 +83,35 @@ class Loading:
         return np.column_stack([across, self.along / size])
 
     @cached_property
+    def unit(self) -> Array:
+        """Work of the unit load on each motion of the basis, (free,)."""
+        return np.asarray(self.basis.T @ self.along)
+
+    @cached_property
     def weight(self) -> Array:
         """Work of the constant loads on each motion of the basis, (free,)."""
         return np.asarray(self.basis.T @ (self.motions.T @ self.dead.ravel()))
 
     @cached_property
+    def moves(self) -> Indices:
+        """Numbers of the unknowns that are motions of the basis, (free,)."""
+        numbers = np.arange(self.free)
+        if self.pattern is not None:
+            numbers[-1] += 1
+        return numbers
+
+    @cached_property
     def by_node(self) -> Array:
-        """Displacement of each node with each motion of the basis, (nodes, dim, free)."""
-        return np.asarray((self.motions @ self.basis).reshape(*self.positions.shape, -1))
+        """Displacement of each node with each unknown, (nodes, dim, free + 1)."""
+        found = np.zeros((*self.positions.shape, self.free + 1))
+        found[..., self.moves] = (self.motions @ self.basis).reshape(*self.positions.shape, -1)
+        return found
 
     @cached_property
     def gain(self) -> Array:
-        """Change of each separation with each motion of the basis, (members dim, free)."""
+        """Change of each separation with each unknown, (members, dim, free + 1)."""
         i, j = self.members.ends.T
-        return (self.by_node[j] - self.by_node[i]).reshape(-1, self.free)
+        return np.asarray(self.by_node[j] - self.by_node[i])
 
     @cached_property
     def start(self) -> Array:
@@ -131,15 +145,9 @@ class Loading:
         return pairs[np.abs(self.crossing(self.positions, pairs)[0]) > PLANE]
 
     def positions_at(self, u: Array) -> Array:
-        """Positions at unknowns u [m], (nodes, dim)."""
-        motion = self.motions @ (self.basis @ self.coordinates(u))
-        return self.positions + motion.reshape(self.positions.shape)
-
-    def coordinates(self, u: Array) -> Array:
-        """Coefficients of the motions of the basis, (free,)."""
-        if self.pattern is None:
-            return u[:-1]
-        return np.concatenate([u[:-2], u[-1:]])
+        """Positions at unknowns u (..., free + 1) [m], (..., nodes, dim)."""
+        moved = u @ self.by_node.reshape(-1, self.free + 1).T
+        return np.asarray(self.positions + moved.reshape(*u.shape[:-1], *self.positions.shape))
 
     def crossing(self, x: Array, pairs: Indices | None = None) -> tuple[Array, Flags]:
         """Signed volume spanned by pairs of bars over the product of lengths and the size, and
@@ -148,17 +156,76 @@ class Loading:
         pairs = self.pairs if pairs is None else pairs
         if not len(pairs):
             return np.zeros(0), np.zeros(0, dtype=bool)
-        a, b = (x[ends[pairs[:, 0], k]] for k in (0, 1))
-        c, d = (x[ends[pairs[:, 1], k]] for k in (0, 1))
+        (a, b), (c, d) = (x[ends[pairs[:, k]].T] for k in (0, 1))
         first, second, separations = b - a, d - c, c - a
-        normal = np.cross(first, second)
+        normal = _cross(first, second)
         size = np.einsum("ij,ij->i", normal, normal) + 1e-300
-        volume = np.einsum("ij,ij->i", separations, normal)
-        s = np.einsum("ij,ij->i", np.cross(separations, second), normal) / size
-        t = np.einsum("ij,ij->i", np.cross(separations, first), normal) / size
+        s = np.einsum("ij,ij->i", _cross(separations, second), normal) / size
+        t = np.einsum("ij,ij->i", _cross(separations, first), normal) / size
         within = (s > INSIDE) & (s < 1 - INSIDE) & (t > INSIDE) & (t < 1 - INSIDE)
-        lengths = np.linalg.norm(first, axis=1) * np.linalg.norm(second, axis=1)
-        return volume / (lengths * self.span), within
+        return self._volumes(first, second, separations, normal), within
+
+    def _volumes(self, first: Array, second: Array, separations: Array, normal: Array) -> Array:
+        products = np.einsum("ij,ij->i", first, first) * np.einsum("ij,ij->i", second, second)
+        return np.einsum("ij,ij->i", separations, normal) / (np.sqrt(products) * self.span)
+
+    @cached_property
+    def strings(self) -> Indices:
+        """Numbers of the strings."""
+        return np.flatnonzero(self.members.tension_only)
+
+    @cached_property
+    def between(self) -> tuple[Array, Array]:
+        """Separations of the first ends of the bars of each pair at the start, (pairs, 3), and
+        their change with each unknown, (pairs, 3, free + 1)."""
+        i, j = self.members.ends[self.pairs, 0].T
+        return self.positions[j] - self.positions[i], self.by_node[j] - self.by_node[i]
+
+    @cached_property
+    def volumes_at_start(self) -> Array:
+        """Volumes of `crossing` at the start."""
+        return self.crossing(self.positions)[0]
+
+    def volumes(self, u: Array, d: Array) -> Array:
+        """Volumes of `crossing` at unknowns u, where separations of members are d; (pairs,)."""
+        if not len(self.pairs):
+            return np.zeros(0)
+        (start, change), (first, second) = self.between, d[self.pairs.T]
+        return self._volumes(first, second, start + change @ u, _cross(first, second))
+
+    @cached_property
+    def at_plates(self) -> tuple[list[str], Array, Array]:
+        """Names of the events at plates, their functions at the start, (events,), and gradients,
+        (events, free + 1): distances over the size."""
+        if not self.plate:
+            return [], np.zeros(0), np.zeros((0, self.free + 1))
+        normal, low, up = self.plate
+        others = sorted(set(range(len(self.positions))) - {*low, *up})
+        heights = self.positions @ normal, np.einsum("i,nif->nf", normal, self.by_node)
+        bottom = [x[low[0]] for x in heights] if low else [-np.inf, 0.0]
+        names = [f"plate {node} lower" for node in others]
+        found = [[x[others] - below for x, below in zip(heights, bottom, strict=True)]]
+        if up:
+            names += [*(f"plate {node} upper" for node in others), "flat"]
+            found.append([x[up[0]] - x[others] for x in heights])
+            found.append([x[up[:1],] - below for x, below in zip(heights, bottom, strict=True)])
+        start, rows = (np.concatenate(x) / self.span for x in zip(*found, strict=True))
+        return names, start, rows
+
+    @cached_property
+    def roots(self) -> tuple[str, ...]:
+        """Names of the event functions of all pieces."""
+        found = [f"string {s}" for s in self.strings.tolist()]
+        found += [f"contact {a} {b}" for a, b in self.pairs.tolist()]
+        found += self.at_plates[0]
+        found += [name for name, end in zip(("load", "height"), self.limits, strict=True)
+                  if np.isfinite(end)]  # fmt: skip
+        return (*found, *(["back"] if self.pattern is None else []))
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Vector products, (n, 3); `numpy.cross` takes several times as long."""
+    return np.asarray(a[:, NEXT] * b[:, LAST] - a[:, LAST] * b[:, NEXT])
 
 
 class SmoothPiece:
@@ -177,7 +244,8 @@ class SmoothPiece:
 
     def __init__(self, loading: Loading, taut: Flags, critical: Indices, strains: Array) -> None:
         self.loading, self.taut = loading, taut
-        self.strings = np.flatnonzero(loading.members.tension_only)
+        self.stiffness = np.where(taut, loading.members.stiffness, 0.0)
+        self.strings = loading.strings
         self.offset = np.zeros(len(taut))
         self.offset[critical] = strains[critical]
         self.leaving = np.searchsorted(self.strings, critical)
@@ -187,108 +255,101 @@ class SmoothPiece:
         last = [loading.force, loading.span] if loaded else [1.0]
         self.scale = np.array([loading.span] * len(names) + last)
         self.folds = {"fold": -2, "turn": -1} if loaded else {"fold": -1}
-        self.volume, _ = loading.crossing(loading.positions)
-        roots = [f"string {s}" for s in self.strings.tolist()]
-        roots += [f"contact {a} {b}" for a, b in loading.pairs.tolist()]
-        self.plate_nodes: list[int] = []
-        if loading.plate:
-            _, low, up = loading.plate
-            others = sorted(set(range(len(loading.positions))) - {*low, *up})
-            self.plate_nodes = others
-            roots += [f"plate {node} lower" for node in others]
-            roots += [f"plate {node} upper" for node in others] if up else []
-            roots += ["flat"] if up else []
-        self.limits = [k for k in (0, 1) if np.isfinite(loading.limits[k])]
-        roots += [("load", "height")[k] for k in self.limits]
-        roots += [] if loaded else ["back"]
-        self.roots = tuple(roots)
+        self.roots = loading.roots
 
     def natural(self, u: Array) -> Array:
-        """Natural lengths of the members [m]."""
-        members = self.loading.members
-        return members.natural if self.loading.pattern is not None else (
-            members.natural + u[-1] * self.loading.change
-        )  # fmt: skip
+        """Natural lengths of the members [m], (..., members)."""
+        loading = self.loading
+        if loading.pattern is not None:
+            return loading.members.natural
+        return np.asarray(loading.members.natural + u[..., -1:] * loading.change)
 
     def separations(self, u: Array) -> tuple[Array, Array]:
-        """Separations (members, dim) and lengths (members,) of the ends of members [m]."""
-        moved = self.loading.gain @ self.loading.coordinates(u)
-        d = self.loading.start + moved.reshape(self.loading.start.shape)
-        return d, np.sqrt(np.einsum("ij,ij->i", d, d))
+        """Separations (..., members, dim) and lengths (..., members) of the ends of members [m] at
+        unknowns u (..., m)."""
+        start, gain = self.loading.start, self.loading.gain
+        moved = u @ gain.reshape(-1, gain.shape[-1]).T
+        d = start + moved.reshape(*u.shape[:-1], *start.shape)
+        return d, np.sqrt(np.einsum("...j,...j->...", d, d))
 
     def tensions(self, u: Array) -> Array:
-        """Tensions of the members [N], (members,)."""
-        return self._tensions_at(u, self.separations(u)[1])
-
-    def _tensions_at(self, u: Array, lengths: Array) -> Array:
-        """Tensions at given lengths of the members [N], (members,)."""
-        tensions = self.loading.members.stiffness * (lengths - self.natural(u))
-        return np.where(self.taut, tensions, 0.0)
+        """Tensions of the members [N], (..., members)."""
+        return np.asarray(self.stiffness * (self.separations(u)[1] - self.natural(u)))
 
     def strains(self, u: Array) -> Array:
         """Strains of the members, length over natural length minus 1, (members,)."""
         return self.separations(u)[1] / self.natural(u) - 1
 
+    def residual(self, u: Array) -> Array:
+        """Unbalanced forces on the motions over their scale, (m - 1,)."""
+        d, lengths = self.separations(u)
+        tensions = self.stiffness * (lengths - self.natural(u))
+        force = (tensions / lengths)[:, None] * d
+        gain = self.loading.gain.reshape(force.size, -1)
+        return self._scaled_residual(
+            u, (force.ravel() @ gain)[self.loading.moves], lengths, tensions
+        )[0]
+
+    def _scaled_residual(
+        self, u: Array, pulled: Array, lengths: Array, tensions: Array
+    ) -> tuple[Array, float]:
+        """The residual from forces of members on the motions, and its scale [N]."""
+        loading = self.loading
+        left = pulled - loading.weight
+        if loading.pattern is not None:
+            left = left - u[-2] * loading.unit
+        stiffest = float((loading.members.stiffness * lengths).max())
+        size = float(np.abs(tensions).max()) + ROUND_OFF * stiffest
+        return left / size, size
+
     def linearised(self, u: Array) -> tuple[Array, Array]:
         """Unbalanced forces on the motions over their scale, and the Jacobian of this residual."""
-        loading, members = self.loading, self.loading.members
+        loading = self.loading
         d, lengths = self.separations(u)
-        tensions = self._tensions_at(u, lengths)
-        density = tensions / lengths
-        along = loading.basis.T @ loading.along
-        left = loading.gain.T @ (density[:, None] * d).ravel() - loading.weight
-        size = np.abs(tensions).max() + ROUND_OFF * float(np.max(members.stiffness * lengths))
-        stiff = self.tangent_of(d, lengths, density)
+        tensions = self.stiffness * (lengths - self.natural(u))
+        along, stiff = self._tangent(d, lengths, tensions)
+        along, moves = along[:, loading.moves], loading.moves
+        g, size = self._scaled_residual(u, tensions @ along, lengths, tensions)
+        jacobian = stiff[moves]
         if loading.pattern is None:
-            rate = np.where(self.taut, -members.stiffness * loading.change / lengths, 0.0)
-            last = loading.gain.T @ (rate[:, None] * d).ravel()
-            return left / size, np.column_stack([stiff, last]) / size
-        g = left - u[-2] * along
-        return g / size, np.column_stack([stiff[:, :-1], -along, stiff[:, -1]]) / size
+            jacobian[:, -1] = (-self.stiffness * loading.change) @ along
+        else:
+            jacobian[:, -2] = -loading.unit
+        return g, jacobian / size
 
-    def tangent_of(self, d: Array, lengths: Array, density: Array) -> Array:
-        """Tangent stiffness over the motions of the basis.
-
-        Parameters
-        ----------
-        d : ndarray, (members, dim)
-            Separations of the ends of members [m].
-        lengths, density : ndarray, (members,)
-            Lengths [m] and force densities, tension over length [N/m].
-
-        Returns
-        -------
-        ndarray, (free, free)
-            [N/m].
+    def _tangent(self, d: Array, lengths: Array, tensions: Array) -> tuple[Array, Array]:
+        """Elongation of each member with each unknown, (..., members, m), and the tangent stiffness
+        over all unknowns, (..., m, m) [N/m]: the sum of k e^T e + q (g^T g - e^T e) over members,
+        with the gains g of their separations, e = n g and the force densities q.
         """
-        stiffness = np.where(self.taut, self.loading.members.stiffness, 0.0)
-        blocks = forces.tangents(d / lengths[:, None], stiffness, density)
-        turned = np.matmul(blocks, self.loading.gain.reshape(*d.shape, -1))
-        return np.asarray(self.loading.gain.T @ turned.reshape(self.loading.gain.shape))
+        gain = self.loading.gain
+        flat = gain.reshape(-1, gain.shape[-1])
+        along = (d[..., None, :] @ gain)[..., 0, :] / lengths[..., None]
+        density = tensions / lengths
+        spread = np.repeat(density, d.shape[-1], axis=-1)
+        pulled = (along * (self.stiffness - density)[..., None]).swapaxes(-1, -2)
+        return along, pulled @ along + (flat.T * spread[..., None, :]) @ flat
 
     def tangent(self, u: Array) -> Array:
-        """Tangent stiffness over the motions of the basis at unknowns u, (free, free)."""
+        """Tangent stiffness over the motions of the basis at unknowns u (..., m) [N/m],
+        (..., free, free)."""
         d, lengths = self.separations(u)
-        return self.tangent_of(d, lengths, self._tensions_at(u, lengths) / lengths)
+        whole = self._tangent(d, lengths, self.stiffness * (lengths - self.natural(u)))[1]
+        moves = self.loading.moves
+        return np.asarray(whole[..., moves[:, None], moves])
 
     def tests(self, u: Array) -> Array:
         """Event functions, each of which vanishes at its events, (roots,)."""
         loading = self.loading
-        x = loading.positions_at(u)
-        parts = [(self.strains(u) - self.offset)[self.strings], loading.crossing(x)[0]]
-        if loading.plate:
-            normal, low, up = loading.plate
-            heights = x @ normal
-            inner = heights[self.plate_nodes]
-            parts.append((inner - heights[low[0]]) / loading.span if low else np.ones(len(inner)))
-            if up:
-                parts.append((heights[up[0]] - inner) / loading.span)
-                bottom = heights[low[0]] if low else -np.inf
-                parts.append(np.array([(heights[up[0]] - bottom) / loading.span]))
-        ends = (u[-2] - loading.limits[0]) / loading.force, (u[-1] / loading.limits[1]) ** 2 - 1
-        parts.append(np.array([ends[k] for k in self.limits]))
-        parts.append(np.array([u[-1] - BACK] if loading.pattern is None else []))
-        return np.concatenate(parts)
+        d, lengths = self.separations(u)
+        strains = lengths / self.natural(u) - 1
+        _, start, rows = loading.at_plates
+        plates = start + rows @ u
+        parts = [(strains - self.offset)[self.strings], loading.volumes(u, d), plates]
+        most, farthest = loading.limits
+        ends = [(u[-2] - most) / loading.force] if np.isfinite(most) else []
+        ends += [(u[-1] / farthest) ** 2 - 1] if np.isfinite(farthest) else []
+        return np.concatenate([*parts, ends, [u[-1] - BACK] if loading.pattern is None else []])
 
     def test_gradient(self, u: Array, number: int) -> Array:
         """Gradient of one event function where it vanishes, (m,)."""
@@ -297,9 +358,8 @@ class SmoothPiece:
         if number < strings:
             member = self.strings[number]
             d, lengths = self.separations(u)
-            natural, dim = self.natural(u)[member], d.shape[1]
-            gain = loading.gain[dim * member : dim * (member + 1)]
-            self._place(row, (d[member] / lengths[member]) @ gain / natural)
+            natural = self.natural(u)[member]
+            row = (d[member] / lengths[member]) @ loading.gain[member] / natural
             if loading.pattern is None:
                 row[-1] = -lengths[member] * loading.change[member] / natural**2
             return row
@@ -311,28 +371,14 @@ class SmoothPiece:
         elif name == "back":
             row[-1] = 1.0
         elif name == "contact":
-            self._place(row, self._volume_gradient(loading.positions_at(u), *map(int, rest)))
+            row = self._volume_gradient(loading.positions_at(u), *map(int, rest))
         else:
-            normal, low, up = loading.plate  # type: ignore[misc]
-            rise = np.einsum("i,nif->nf", normal, loading.by_node)
-            bottom = rise[low[0]] if low else 0.0
-            if name == "flat":
-                change = rise[up[0]] - bottom
-            else:
-                node = rise[int(rest[0])]
-                change = node - bottom if rest[1] == "lower" else rise[up[0]] - node
-            self._place(row, change / loading.span)
+            names, _, rows = loading.at_plates
+            row = rows[names.index(self.roots[number])]
         return row
 
-    def _place(self, row: Array, by_motion: Array) -> None:
-        """Write derivatives in the motions of the basis to their places in a row."""
-        if self.loading.pattern is None:
-            row[:-1] = by_motion
-        else:
-            row[:-2], row[-1] = by_motion[:-1], by_motion[-1]
-
     def _volume_gradient(self, x: Array, one: int, other: int) -> Array:
-        """Gradient of the scaled volume of `Loading.crossing` in these motions, (free,)."""
+        """Gradient of the scaled volume of `Loading.crossing`, (m,)."""
         loading, ends = self.loading, self.loading.members.ends
         (a, b), (c, d) = ends[one], ends[other]
         first, second, separations = x[b] - x[a], x[d] - x[c], x[c] - x[a]

@@ -47,6 +47,7 @@ FIRST_ROWS = 300  # rows of a piece before the first check whether the path leav
 NEUTRAL = 1e-10  # eigenvalues below this fraction of the stiffness are zero
 AT_NATURAL = TAUT  # strain below which a string is at its natural length where a piece ends
 PIECES = 100
+AT_ONCE = 2**20  # numbers in the tangents of several rows that are computed together
 ROUND_OFF = 1e-13  # eigenvalues above minus this fraction of the stiffness are not negative
 WIDE = 1e-3  # step above which the location of a bifurcation is refined once
 NEARER = 0.1  # fraction of the interval between two rows that the refinement interpolates
@@ -156,7 +157,7 @@ class PathFollower:
             if not self.parts:
                 raise EquilibriumError(self.end)
             return None
-        rows, negative = traced.z, np.array([self._negative(piece, x) for x in traced.z])
+        rows, negative = traced.z, self._negative(piece, traced.z)
         events = self._events(piece, traced, negative)
         departure = self._departure(events, negative)
         if departure is None and len(traced) >= points < SETTINGS.points:
@@ -249,7 +250,11 @@ class PathFollower:
         words = [_changed(piece.taut, switched)]
         x = self.loading.positions_at(u)
         volume, within = self.loading.crossing(x)
-        if ((np.abs(volume) <= TOUCHING) & within & (np.abs(piece.volume) > TOUCHING)).any():
+        if (
+            (np.abs(volume) <= TOUCHING)
+            & within
+            & (np.abs(self.loading.volumes_at_start) > TOUCHING)
+        ).any():
             self.events.append(("slack", row, u, piece, ", ".join(words)))
             self.events.append(("contact", row, u, piece, "bars meet"))
             self.end = ENDS["contact"]
@@ -271,8 +276,8 @@ class PathFollower:
                 self.end = ENDS["snap"].format("change of active set")
                 return None
         if chosen is not None and len(critical) > 1:
-            count = int(chosen.taut[critical].sum())
-            words.append(f"{count} of {len(critical)} strings at natural length are taut beyond")
+            taut = f"{chosen.taut[critical].sum()} of {len(critical)} strings at natural length"
+            words = [_changed(piece.taut, chosen.taut) or words[0], f"{taut} are taut beyond"]
         if chosen is not None and chosen.sense != incoming:
             words.append("the path reverses its sense")
         self.events.append(("slack", row, u, piece, ", ".join(words)))
@@ -299,23 +304,21 @@ class PathFollower:
 
     # stability
 
-    def _constrained_tangent(self, piece: SmoothPiece, u: Array) -> Array:
-        """Tangent stiffness for a given last unknown (shortening or control)."""
-        stiff = piece.tangent(u)
-        return stiff if self.loading.pattern is None else stiff[:-1, :-1]
-
-    def _negative(self, piece: SmoothPiece, u: Array) -> tuple[int, int]:
-        """Counts of negative eigenvalues under given load, and for a given last unknown."""
-        stiff = piece.tangent(u)
-        scale = np.ones(len(stiff))
-        if (
-            self.loading.pattern is not None
-        ):  # the last motion is of 1 m of shortening: as the others
-            scale[-1] = np.sqrt(self.loading.along @ self.loading.along)
-        whole, inner = stiff * scale[:, None] * scale, self._constrained_tangent(piece, u)
+    def _negative(self, piece: SmoothPiece, u: Array) -> Array:
+        """Counts of negative eigenvalues at unknowns u (rows, m), (rows, 2): under given load, and
+        for a given last unknown."""
+        some = 1 + AT_ONCE // self.loading.gain.size
+        if len(u) > some:
+            halves = np.array_split(u, 2)
+            return np.concatenate([self._negative(piece, half) for half in halves])
+        whole = inner = piece.tangent(u)
+        if self.loading.pattern is not None:
+            scale = np.ones(self.loading.free)  # the last motion is of 1 m of shortening:
+            scale[-1] = np.sqrt(self.loading.along @ self.loading.along)  # as the others
+            whole, inner = whole * scale[:, None] * scale, inner[:, :-1, :-1]
         bound = -ROUND_OFF * float(self.loading.members.stiffness.max())
-        low, high = (int(np.sum(np.linalg.eigvalsh(k) < bound)) for k in (whole, inner))
-        return low, high
+        counts = [np.sum(np.linalg.eigvalsh(k) < bound, axis=-1) for k in (whole, inner)]
+        return np.stack(counts, axis=-1)
 
     def _bifurcations(
         self, piece: SmoothPiece, traced: Branch, negative: Array, events: list[_Located]
@@ -359,7 +362,9 @@ class PathFollower:
         """
         from numpy.polynomial import chebyshev
 
-        after = self._negative(stepper.equations, stepper.unknowns(ends[1][: stepper.m]))[1]
+        after = self._negative(stepper.equations, stepper.unknowns(ends[1][: stepper.m])[None])[
+            0, 1
+        ]
         number = below if after > below else below - 1
         m = stepper.m
         passes_limit_point = ends[0][2 * m - 1] * ends[1][2 * m - 1] <= 0
@@ -373,10 +378,9 @@ class PathFollower:
                 for part in parts.tolist()
             ]
             us = np.array([stepper.unknowns(one) for one in z])
-            values = [
-                np.linalg.eigvalsh(self._constrained_tangent(stepper.equations, u))[number]
-                for u in us
-            ]
+            stiff = stepper.equations.tangent(us)
+            inner = stiff if self.loading.pattern is None else stiff[:, :-1, :-1]
+            values = np.linalg.eigvalsh(inner)[:, number]
             place = (
                 parts if passes_limit_point else us[:, -1]
             )  # round-off moves solutions along the path too
@@ -394,34 +398,33 @@ class PathFollower:
 
     def _table(self) -> StructurePath:
         names, loaded = ["shortening", "load"], self.loading.pattern is not None
-        us = [u for part in self.parts for u in part.u]
-        pieces = [part.piece for part in self.parts for _ in part.u]
+        pieces = [(part.piece, part.u) for part in self.parts]
         negative = np.concatenate([part.negative for part in self.parts])
-        columns = self._columns(us, pieces)
+        columns = self._columns(pieces)
         columns |= {"stable_load": negative[:, 0] == 0, "stable_height": negative[:, 1] == 0}
         order = [*(names if loaded else ["control", "work"]), "stable_load", "stable_height"]
         columns = {n: columns[n] for n in (*order, *(n for n in columns if n not in order))}
         events = []
         for kind, row, u, piece, note in self.events:
-            at = self._columns([u], [piece])
+            at = self._columns([(piece, u[None])])
             events.append(Event(kind, row, {k: float(v[0]) for k, v in at.items()}, note))
-        positions = np.array([self.loading.positions_at(u) for u in us])
-        slack = np.array([~piece.taut for piece in pieces])
+        positions = np.concatenate([self.loading.positions_at(us) for _, us in pieces])
+        slack = np.concatenate([np.tile(~piece.taut, (len(us), 1)) for piece, us in pieces])
         return StructurePath(
             self.structure, columns, events, self.end, fixed(positions), fixed(slack),
             self.supports,
         )  # fmt: skip
 
-    def _columns(self, us: list[Array], pieces: list[SmoothPiece]) -> dict[str, Array]:
-        tensions = np.array([piece.tensions(u) for piece, u in zip(pieces, us, strict=True)])
+    def _columns(self, pieces: list[tuple[SmoothPiece, Array]]) -> dict[str, Array]:
+        tensions = np.concatenate([piece.tensions(us) for piece, us in pieces])
+        us = np.concatenate([us for _, us in pieces])
         if self.loading.pattern is not None:
-            columns = {"shortening": np.array([u[-1] for u in us]) + 0.0,
-                       "load": np.array([u[-2] for u in us]) + 0.0}  # fmt: skip
+            columns = {"shortening": us[:, -1] + 0.0, "load": us[:, -2] + 0.0}
         else:
             stored = np.sum(tensions**2 / (2 * self.loading.members.stiffness), axis=1)
             start = self.structure.members.energy(self.structure.positions)
-            carried = np.array([self.loading.weight @ self.loading.coordinates(u) for u in us])
-            columns = {"control": np.array([u[-1] for u in us]), "work": stored - start - carried}
+            carried = us[:, self.loading.moves] @ self.loading.weight
+            columns = {"control": us[:, -1].copy(), "work": stored - start - carried}
         return columns | {f"tension {m}": t for m, t in enumerate(tensions.T)}
 
 

@@ -36,7 +36,8 @@ class SelfStress:
     Attributes
     ----------
     states : ndarray, (count, members)
-        Force densities [N/m], tension > 0; the rows are an orthonormal basis of all states.
+        Force densities [N/m], tension > 0; the rows are an orthonormal basis of all states, each
+        with the sign that makes the sum over strings at least that over bars.
     singular_values : ndarray, (members,)
         Singular values of the equilibrium matrix in descending order [m].
     pulls_only : ndarray of bool, (members,)
@@ -93,7 +94,7 @@ class SelfStress:
             smallest, largest = self.singular_values[-1], self.singular_values[0]
             raise EquilibriumError(
                 f"no self-stress: the smallest singular value {smallest:.3g} m is above "
-                f"{ZERO:g} of the largest {largest:.3g} m"
+                f"{ZERO:g} of the largest {largest:.3g} m; see Structure.nearest_form"
             )
         signed = np.where(self.pulls_only, 1.0, -1.0) * self.states
         least = np.zeros(count + 1)
@@ -147,7 +148,9 @@ def self_stress(positions: Array, ends: Indices, pulls_only: Flags) -> SelfStres
     members = len(ends)
     _, sizes, right = np.linalg.svd(matrix)
     sizes = np.concatenate([sizes, np.zeros(members - len(sizes))])
-    return SelfStress(right[sizes <= ZERO * sizes[0]], sizes, pulls_only)
+    states = right[sizes <= ZERO * sizes[0]]
+    turned = states @ np.where(pulls_only, 1.0, -1.0) < 0
+    return SelfStress(np.where(turned[:, None], -states, states), sizes, pulls_only)
 
 
 def mechanisms(positions: Array, ends: Indices) -> Array:

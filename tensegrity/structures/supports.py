@@ -10,7 +10,7 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import EquilibriumError, TensegrityError
-from tensegrity.minimum import complement, lowest
+from tensegrity.minimum import DENSE, complement, lowest
 from tensegrity.printing import concise
 from tensegrity.typing import Array, Flags
 
@@ -76,27 +76,32 @@ class Supports:
         from scipy.sparse import csc_array
 
         held, on_platforms = self._fixed_coordinates(nodes, dim), self._platform_nodes(platforms)
-        on_plates, axes, normal = {*self.lower, *self.upper}, np.eye(dim), self.direction(dim)
-        moving: list[tuple[Any, Array]] = []
-        for node in range(nodes):
-            if node in on_platforms:
-                own = axes[:-1]
-            elif node in on_plates:
-                own = self._in_plane_directions(node, held[node])
-            else:
-                own = axes[~held[node]]
-            moving += [((node,), along) for along in own]
+        own = {node: self._in_plane_directions(node, held[node])
+               for node in (*self.lower, *self.upper)}  # fmt: skip
+        own |= {node: list(np.eye(dim)[:-1]) for node in on_platforms}
+        free, normal = ~held, self.direction(dim)
+        count = free.sum(axis=1)
+        for node, along in own.items():
+            free[node], count[node] = False, len(along)
+        first, total = np.cumsum(count) - count, int(count.sum())
+        node, axis = np.nonzero(free)
+        rows = [dim * node + axis]
+        columns = [first[node] + np.cumsum(free, axis=1)[node, axis] - 1]
+        values = [np.ones(len(node))]
+        moving = [((node,), one, first[node] + k)
+                  for node, along in own.items() for k, one in enumerate(along)]  # fmt: skip
         groups = (*platforms, *([self.upper] if self.upper else []))
-        moving += [(group, normal / np.sqrt(len(group))) for group in groups]
-        rows: list[int] = []
-        columns: list[int] = []
-        values: list[float] = []
-        for column, (group, along) in enumerate(moving):
-            for node in group:
-                rows += range(dim * node, dim * node + dim)
-                columns += [column] * dim
-                values += along.tolist()
-        matrix = csc_array((values, (rows, columns)), shape=(nodes * dim, len(moving)))
+        moving += [
+            (group, normal / np.sqrt(len(group)), total + k) for k, group in enumerate(groups)
+        ]
+        for group, along, column in moving:
+            rows.append((dim * np.array(group)[:, None] + np.arange(dim)).ravel())
+            columns.append(np.full(dim * len(group), column))
+            values.append(np.tile(along, len(group)))
+        entries = np.concatenate(rows), np.concatenate(columns)
+        matrix = csc_array(
+            (np.concatenate(values), entries), shape=(nodes * dim, total + len(groups))
+        )
         matrix.eliminate_zeros()
         return matrix
 
@@ -335,7 +340,7 @@ class Freedom:
         tangent : sparse array, (nodes dim, nodes dim)
             Tangent stiffness K [N/m].
         mass : ndarray, (nodes dim,)
-            Diagonal of M [kg].
+            Diagonal of M, of each node the same in all directions [kg].
         count : int
 
         Returns
@@ -343,10 +348,14 @@ class Freedom:
         tuple of ndarray, (count,) and (nodes dim, count)
             Eigenvalues in ascending order [1/s^2], and vectors of unit modal mass.
         """
-        from scipy.sparse import diags_array
-
-        weights = self.reduced(diags_array(mass))
-        values, vectors = lowest(self.reduced(tangent), weights, self.rigid, count, NEGLIGIBLE)
+        motions = self.motions
+        if tangent.shape[0] <= DENSE:
+            stiffness = motions.T @ (motions.T @ tangent.toarray()).T
+        else:
+            stiffness = self.reduced(tangent)
+        # as a node has the same mass in all directions, M stays diagonal
+        own = np.add.reduceat(motions.data**2 * mass[motions.indices], motions.indptr[:-1])
+        values, vectors = lowest(stiffness, own, self.rigid, count, NEGLIGIBLE)
         return values, self.motions @ vectors
 
     def refuse_unbalanced(self, positions: Array, loads: Array) -> None:

@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from tensegrity.errors import ResolutionError, TensegrityError
+from tensegrity.root import polynomial_through
 from tensegrity.waves.nonlinear_part import nonlinear_part, rising_parts
 from tensegrity.waves.travelling import (
     Grid,
@@ -280,7 +281,7 @@ class Family:
     @property
     def kink(self):
         """Size of the elongation at the first kink of the force on this side [m]; inf if none."""
-        places = [self.sign * place for place, *_ in self.potential.openings]
+        places = [self.sign * place for place, *_ in self.potential.kinks]
         return min((place for place in places if place > 0), default=math.inf)
 
     @cached_property
@@ -292,8 +293,6 @@ class Family:
     def stiffness_at_end(self, closest):
         """Limit of m c^2 [N/m] as the peak approaches the end of the domain: of a wave there if the
         force is finite, else extrapolated in the square root of the remaining stroke."""
-        from scipy.interpolate import BarycentricInterpolator
-
         finite = self.finite_at_end
         left = np.array([AT_END]) if finite else closest * 2.0 ** np.arange(NODES)
         values = []
@@ -306,7 +305,7 @@ class Family:
                 crest = math.nextafter(self.end, 0.0) if finite else abs(law.reference)
                 return self._collision(crest)
             values.append(profile.mu * law.secant)
-        return values[0] if finite else float(BarycentricInterpolator(np.sqrt(left), values)(0.0))
+        return values[0] if finite else polynomial_through(np.sqrt(left), np.array(values))(0.0)
 
     def _collision(self, crest):
         """m c^2 [N/m] of a wave far above the sound speed, in which masses collide in pairs.

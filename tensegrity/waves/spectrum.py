@@ -158,9 +158,7 @@ def modes(scene: Scene, about: State | None = None, count: int = 10) -> Modes:
     free = np.flatnonzero(moves.ravel())
     count = min(count, free.size)
     mass = np.repeat(scene.mass, moves.size // scene.sites)[free]
-    from scipy.sparse import diags_array
-
-    of = stiffness[free][:, free], diags_array(mass)
+    of = stiffness[free][:, free], mass
     squares, vectors = lowest(*of, np.zeros((free.size, 0)), count, BOUND)
     if squares.min(initial=0.0) < 0:
         raise EquilibriumError(
