@@ -90,7 +90,7 @@ def write_groups(complete, output):
             write_table(folder / "printed.csv", side_by_side(rows))
 
 
-def update(found, drawn, output, shown_in=SHOWN, data=_stored.DATA):
+def update(found, drawn, output, shown_in=SHOWN, data=_stored.DATA, made=_stored.MADE):
     """Refresh what is under version control: pictures that README and site show, results that
     were computed again, and seconds."""
     for group in {module.GROUP for module in found.values()}:
@@ -98,7 +98,7 @@ def update(found, drawn, output, shown_in=SHOWN, data=_stored.DATA):
             for path in (output / group).glob(f"{name}.*"):
                 if (shown_in / path.name).is_file():
                     shutil.copyfile(path, shown_in / path.name)
-    for path in _stored.MADE.glob("*.npz"):
+    for path in made.glob("*.npz"):
         shutil.move(path, data / path.name)
     known = costs() | {one.name: round(one.work, 1) for one in drawn}
     names = sorted(known.keys() & pictures().keys())

@@ -18,6 +18,7 @@ import numpy as np
 from figures._solitons import pulses
 from tensegrity import (
     Chain,
+    Polynomial,
     Potential,
     Record,
     State,
@@ -26,8 +27,6 @@ from tensegrity import (
     simulate,
     solitary_wave,
 )
-from tensegrity.prisms.condensed import ElasticPotential
-from tensegrity.springs.polynomial import Polynomial
 
 TRAIN = 2  # compression pulses that make one
 CUT = 1e-10  # of the peak, at which the launched wave is truncated
@@ -47,14 +46,14 @@ class Interface:
     near, far : Potential
     masses : (float, float)
         Of the sites of the near and of the far chain [kg]; the site between has the far one's.
-    crest : float
+    peak : float
         Elongation of the incident wave [m], > 0: rarefaction.
     """
 
     near: Potential
     far: Potential
     masses: tuple[float, float]
-    crest: float
+    peak: float
 
     @property
     def sounds(self):
@@ -69,7 +68,7 @@ class Interface:
 
     def wave(self):
         """The incident wave."""
-        return solitary_wave(self.near, self.masses[0], amplitude=self.crest)
+        return solitary_wave(self.near, self.masses[0], amplitude=self.peak)
 
     def chain(self, before, after):
         """The chain with `before` near and `after` far bonds."""
@@ -79,13 +78,13 @@ class Interface:
 class Start(NamedTuple):
     """A wave on its way to the interface, at site `before`.
 
-    `met` is the time at which its peak arrives there [s].
+    `arrival` is the time at which its peak arrives there [s].
     """
 
     chain: Chain
     state: State
     before: int
-    met: float
+    arrival: float
 
 
 def start(interface, wave, before, after):
@@ -128,13 +127,13 @@ class Answer(NamedTuple):
         )
 
 
-def _exact(spring, mass, crest):
-    return solitary_wave(spring, mass, amplitude=crest)
+def _exact(spring, mass, peak):
+    return solitary_wave(spring, mass, amplitude=peak)
 
 
-def answer(interface, run, row, before, met, least=0.01):
+def answer(interface, run, row, before, arrival, least=0.01):
     """The pulses at a recorded instant; `least` is relative to the largest elongation of a part."""
-    u, v, t = run.u[row], run.v[row], run.t[row] - met
+    u, v, t = run.u[row], run.v[row], run.t[row] - arrival
     r = np.diff(u)
     sides = parts(r, v, before)
     found = []
@@ -147,7 +146,7 @@ def answer(interface, run, row, before, met, least=0.01):
             floor = max(least * np.abs(part).max(), 0.1 * size)
             exact = partial(_exact, spring, mass)
             found.append(pulses(part, speeds, sign, exact, sound * t, floor))
-    ends = float(max(np.abs(r[:ENDS]).max(), np.abs(r[-ENDS:]).max()) / interface.crest)
+    ends = float(max(np.abs(r[:ENDS]).max(), np.abs(r[-ENDS:]).max()) / interface.peak)
     return Answer(*found, ends)
 
 
@@ -187,7 +186,7 @@ class Outcome(NamedTuple):
         """Largest relative change of the peak of a solitary wave from one step to the other."""
         least = self.incident.energy
         several = [
-            [x.crest for x in (*one.back, *one.train) if x.is_solitary(least)]
+            [x.peak for x in (*one.back, *one.train) if x.is_solitary(least)]
             for one in (self.coarse, self.fine)
         ]
         return max((abs(a / b - 1) for a, b in zip(*several, strict=False)), default=0.0)
@@ -225,15 +224,15 @@ def outcome(interface, duration, after, dt=None, rows=ROWS):
     before = math.ceil(1.02 * wave.speed * duration + 2 * wave.reach(CUT)) + 20
     while True:
         begun = start(interface, wave, before, after)
-        t_end = begun.met + duration
+        t_end = begun.arrival + duration
         record = Record(times=t_end * np.arange(rows + 1) / rows)
         coarse = simulate(*begun[:2], t_end, method="rkn6", dt=dt, record=record)
-        first = answer(interface, coarse, -1, before, begun.met)
+        first = answer(interface, coarse, -1, before, begun.arrival)
         if first.ends <= QUIET:
             break
         after *= 2
     fine = simulate(*begun[:2], t_end, method="rkn6", dt=coarse.dt / 2, record=record)
-    second = answer(interface, fine, -1, before, begun.met)
+    second = answer(interface, fine, -1, before, begun.arrival)
     return Outcome(fine, begun, wave, first, second)
 
 
@@ -248,6 +247,6 @@ def _fitted(spring):
 
 def fits(spring, parts, error):
     """Polynomials for an elastic prism, over the parts of its domain where a fit exists."""
-    for part in parts if isinstance(spring, ElasticPotential) else ():
+    for part in () if type(spring) is Potential else parts:  # a closed form runs as it is
         with contextlib.suppress(TensegrityError):
             yield Polynomial(spring, part * spring.domain[0], part * spring.domain[1], error)

@@ -1,4 +1,4 @@
-"""Interfaces of prisms searched for both waves: `python -m figures._composite_search`.
+"""Interfaces of prisms searched for both waves.
 
 Genes are numbers from 0 to 1, for what `LIMITS` names.  Each seed first draws interfaces uniformly,
 then adapts a normal distribution (covariance matrix adaptation, `cmaes`) from the best of them.  A
@@ -8,30 +8,37 @@ coarse run, velocity Verlet with polynomials for the springs, several interfaces
 
 from __future__ import annotations
 
-import argparse
 import math
-import sys
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from figures import _composite
 from figures._composite import Interface
-from figures._files import lines, write_table
+from figures._files import lines, side_by_side
 from figures._solitons import MISFIT, pulses
-from tensegrity import METHODS, Ensemble, Prism, State, TensegrityError, sweep
-from tensegrity.prisms.condensed import ElasticPotential
+from figures._stored import stored
+from tensegrity import (
+    METHODS,
+    Ensemble,
+    Polynomial,
+    Potential,
+    Prism,
+    State,
+    TensegrityError,
+    sweep,
+)
 from tensegrity.scenes.dynamics import dynamics
+<<<<<<< HEAD
+=======
 from tensegrity.springs.polynomial import PolynomialLaw
 from tensegrity.springs.potential import potential_of_law
+>>>>>>> main
 from tensegrity.waves.family import Family
 from tensegrity.waves.solitary import approximate_wave
 
-FOLDER = Path(__file__).parent / "data"
-BEST, SCATTER, COUNTS = (FOLDER / f"composite_{x}.csv" for x in ("best", "search", "counts"))
 LIMITS = {  # lowest, highest, and whether even in the logarithm
     "height near": (0.3, 1.5, False),
     "prestrain near": (1e-3, 1.0, True),
@@ -41,7 +48,7 @@ LIMITS = {  # lowest, highest, and whether even in the logarithm
     "k_cross far": (1e-3, 10.0, True),
     "mass far": (0.1, 10.0, True),
     "preload": (0.0, 0.2, False),
-    "crest": (0.05, 0.95, False),
+    "peak": (0.05, 0.95, False),
     "k_base near": (0.7, 100.0, True),
     "k_bar near": (3.0, 300.0, True),
     "k_base far": (0.7, 100.0, True),
@@ -49,7 +56,7 @@ LIMITS = {  # lowest, highest, and whether even in the logarithm
 }
 """Base 1 m and k_cross 1 N/m of the near prism, mass 1 kg of its sites; k_base and k_bar over the
 k_cross of their prism, inf where a kind has rigid ones; the preload over the smaller k_cross times
-base; the crest over the largest elongation of the near prism."""
+base; the peak over the largest elongation of the near prism."""
 COMMON = list(LIMITS)[:9]
 KINDS = {  # which prisms have elastic bases and bars
     "elastic to rigid": (True, False),
@@ -63,7 +70,7 @@ BEGUN, ADAPTED = 4, 160  # descents, from the best of different seeds, and inter
 POPULATION, PART = 16, 64  # interfaces that a descent, or a draw, computes at a time
 ORDER = (0, 1, 0, 1, 2, 1)  # kinds of the seeds, in turn
 SIGMA = 0.1  # of a gene, at the start of a descent
-LANES = 8
+BATCH = 8
 BONDS = 300, 200  # of the near and the far chain
 TRAVEL = 70  # bonds that sound goes in the far chain
 LONGEST = 500.0  # ... or in the near one
@@ -73,7 +80,7 @@ TIMED = 0.75  # of the near chain: as far as the reflected wave is followed
 STEP = 0.5  # of a step of Verlet, times the largest frequency
 DEGREE, FIT = 27, 1e-5  # of the polynomials; error
 STIFFEST = 0.8  # part of a domain, whose stiffness sets the step
-KEPT = (0.95, 0.8)  # of a domain that they cover, in turn
+COVERED = (0.95, 0.8)  # of a domain that they cover, in turn
 FAINT = 1e-7  # energy fraction that counts as zero
 AHEAD, BEHIND = 0.1, 1e-5  # what energy before and behind a front counts that is no exact wave
 WORTHY = 1e-5  # energy fraction ahead of sound above which exact waves are computed
@@ -110,29 +117,34 @@ def interface(named):
             k_base=one[f"k_base {side}"] * stiff, k_bar=one[f"k_bar {side}"] * stiff,
         )  # fmt: skip
         springs.append(prism.potential(load))
-    crest = one["crest"] * springs[0].domain[1]
-    return Interface(*springs, (1.0, one["mass far"]), crest)
+    peak = one["peak"] * springs[0].domain[1]
+    return Interface(*springs, (1.0, one["mass far"]), peak)
 
 
 def polynomial(spring):
     """A polynomial of one degree for all elastic prisms, so that they run as a batch."""
-    if not isinstance(spring, ElasticPotential):
+    if type(spring) is Potential:  # a closed form
         return spring
-    for fitted in _composite.fits(spring, KEPT, FIT):
+    for fitted in _composite.fits(spring, COVERED, FIT):
         if fitted.degree <= DEGREE:
             padded = np.append(fitted.values, np.zeros(DEGREE - fitted.degree))
+<<<<<<< HEAD
+            about = spring.length, fitted.domain, fitted.error_estimate
+            return Polynomial.of_coefficients(DEGREE, padded, *about)
+=======
             law, about = PolynomialLaw(DEGREE), (spring.length, fitted.domain, fitted.ends)
             return potential_of_law(law, padded, *about, repr(fitted))
+>>>>>>> main
     raise TensegrityError(f"no polynomial of degree {DEGREE}")
 
 
-class Lane(NamedTuple):
+class Candidate(NamedTuple):
     """One interface on its way into an ensemble, its time scaled so that the run takes 1 s."""
 
     number: int
     interface: Interface
     wave: object
-    met: float
+    arrival: float
     stiffest: float  # largest frequency [rad] of a run
 
 
@@ -147,7 +159,7 @@ class Worth(NamedTuple):
 
 
 def prepared(kind, number, genes):
-    """A `Lane`, or the `Worth` of what cannot be run."""
+    """A `Candidate`, or the `Worth` of what cannot be run."""
     try:
         real = interface(values(kind, genes))
     except TensegrityError as error:
@@ -162,15 +174,17 @@ def prepared(kind, number, genes):
     except TensegrityError as error:
         return Worth(1.95 * BARRED, reason=type(error).__name__)
     try:
-        wave = approximate_wave(Family(real.near, 1), real.masses[0], real.crest)
+        wave = approximate_wave(Family(real.near, 1), real.masses[0], real.peak)
     except TensegrityError:
-        slope = float(real.near.stiffness_slope(0.0)) * real.crest / real.near.stiffness(0.0)
+        slope = float(real.near.stiffness_slope(0.0)) * real.peak / real.near.stiffness(0.0)
         return Worth(BARRED - min(max(-slope, 0), 9), reason="no rarefaction wave")
+    if 2 * (wave.reach(_composite.CUT) + 2) > BONDS[0]:
+        return Worth(BARRED, reason="incident wave too wide")
     duration = max(min(TRAVEL / far, LONGEST / near), SHORTEST / near)
-    met = (wave.reach(_composite.CUT) + 2) / wave.speed
-    whole = duration + met
+    arrival = (wave.reach(_composite.CUT) + 2) / wave.speed
+    whole = duration + arrival
     scaled = Interface(
-        real.near, real.far, tuple(m / whole**2 for m in real.masses), real.crest
+        real.near, real.far, tuple(m / whole**2 for m in real.masses), real.peak
     )  # fmt: skip
     wave = replace(
         wave, mass=scaled.masses[0], speed=wave.speed * whole, momentum=wave.momentum / whole,
@@ -179,24 +193,24 @@ def prepared(kind, number, genes):
     r = np.linspace(-STIFFEST, STIFFEST, 41)
     top = 0.0
     for spring, mass, reach in zip(
-        (real.near, real.far), scaled.masses, (2 * real.crest, math.inf), strict=True
+        (real.near, real.far), scaled.masses, (2 * real.peak, math.inf), strict=True
     ):
         low, high = max(spring.domain[0], -reach), min(spring.domain[1], reach)
         met_stiffness = spring.stiffness(np.where(r < 0, -low * r, high * r))
         top = max(top, 4 * float(met_stiffness.max()) / mass)
-    return Lane(number, scaled, wave, met / whole, math.sqrt(top))
+    return Candidate(number, scaled, wave, arrival / whole, math.sqrt(top))
 
 
-def followed(lanes):
-    """{number: Worth} of up to `LANES` lanes, which run at once, also beyond where some lock."""
-    filled = [*lanes, *[lanes[0]] * (LANES - len(lanes))]
+def followed(candidates):
+    """{number: Worth} of up to `BATCH` candidates, which run at once, even if some springs lock."""
+    filled = [*candidates, *[candidates[0]] * (BATCH - len(candidates))]
     begun = [_composite.start(x.interface, x.wave, *BONDS) for x in filled]
     scene = Ensemble([x.chain for x in begun])
     state = State(*(np.stack([getattr(x.state, n) for x in begun], axis=1) for n in ("u", "v")))
     steps = math.ceil(max(x.stiffest for x in filled) / STEP / ROWS)
     of = dynamics(scene)
     loop = of.bind(*of.arrays(state), METHODS["verlet"], 1 / (ROWS * steps))
-    alive, found, rows = np.ones(LANES, dtype=bool), {}, []
+    alive, found, rows = np.ones(BATCH, dtype=bool), {}, []
     for row in range(ROWS):
         loop.forget_range()
         loop.go(row * steps, (row + 1) * steps)
@@ -211,43 +225,45 @@ def followed(lanes):
     u, v = (np.array(x) for x in zip(*rows, strict=True))
     t = np.arange(1, ROWS + 1) / ROWS
     return found | {
-        x.number: judged(x, t, u[..., k], v[..., k]) for k, x in enumerate(lanes) if alive[k]
+        x.number: evaluated(x, t, u[..., k], v[..., k])
+        for k, x in enumerate(candidates)
+        if alive[k]
     }
 
 
 def _inside(springs, ranges):
-    """Whether all bonds of each batch member stayed where their springs are defined; (LANES,)."""
+    """Whether all bonds of each batch member stayed where their springs are defined; (BATCH,)."""
     low, high = springs.domains.T
     good = (ranges[:, 0] > low) & (ranges[:, 1] < high)
     return good[springs.group].all(axis=0)
 
 
-def judged(lane, t, u, v):
+def evaluated(candidate, t, u, v):
     """The worth of an interface, from the rows of its run."""
-    real, wave, before = lane.interface, lane.wave, BONDS[0]
-    t = t - lane.met
+    real, wave, before = candidate.interface, candidate.wave, BONDS[0]
+    t = t - candidate.arrival
     sounds = real.sounds
     early = np.flatnonzero(t <= TIMED * before / wave.speed)[-1]
-    looks, shares, found = [], [], []
+    sides, fractions, found = [], [], []
     for side, row, sign in ((0, early, 1), (1, -1, -1)):
         part = _composite.parts(np.diff(u[row]), v[row], before)[side]
-        looks.append((side, sign, *part, (real.near, real.far)[side], sounds[side] * t[row]))
-    for _, sign, r, _, spring, place in looks:
+        sides.append((side, sign, *part, (real.near, real.far)[side], sounds[side] * t[row]))
+    for _, sign, r, _, spring, place in sides:
         front = max(math.floor(place), 0)
         energy = 2 * spring.energy(np.where(sign * r > 0, r, 0.0)) / wave.energy
-        shares.append(
+        fractions.append(
             AHEAD * energy[front + 1 :].sum() + BEHIND * energy[front // 2 : front + 1].sum()
         )
-    if min(shares) < AHEAD * WORTHY:
-        return Worth(rank(*shares, 0.0))
-    for side, sign, r, speeds, spring, front in looks:
+    if min(fractions) < AHEAD * WORTHY:
+        return Worth(rank(*fractions, 0.0))
+    for side, sign, r, speeds, spring, front in sides:
         size = float((sign * r[math.floor(front) :]).max(initial=0.0))
         exact = _rough(spring, real.masses[side], sign)
         several = pulses(r, speeds, sign, exact, front, 0.1 * size, limit=1 + side)
         found.append([quality(x.misfit) * x.energy / wave.energy for x in several])
     first = max(found[0], default=0.0)
     train = [*sorted(found[1], reverse=True), 0.0, 0.0]
-    worth = rank(max(first, shares[0]), max(train[0], shares[1]), train[1])
+    worth = rank(max(first, fractions[0]), max(train[0], fractions[1]), train[1])
     return Worth(worth, first, *train[:2])
 
 
@@ -257,11 +273,11 @@ def _rough(spring, mass, sign):
     except TensegrityError as error:
         reason = error
 
-        def none(crest):
+        def none(peak):
             raise reason
 
         return none
-    return lambda crest: approximate_wave(side, mass, abs(crest))
+    return lambda peak: approximate_wave(side, mass, abs(peak))
 
 
 def quality(misfit):
@@ -278,9 +294,11 @@ def rank(reflected, first, second):
 def worths(kind, rows):
     """`Worth` of each row of genes."""
     found = {k: prepared(kind, k, row) for k, row in enumerate(rows)}
-    lanes = sorted((x for x in found.values() if isinstance(x, Lane)), key=lambda x: x.stiffest)
-    for k in range(0, len(lanes), LANES):
-        found |= followed(lanes[k : k + LANES])
+    candidates = sorted(
+        (x for x in found.values() if isinstance(x, Candidate)), key=lambda x: x.stiffest
+    )
+    for k in range(0, len(candidates), BATCH):
+        found |= followed(candidates[k : k + BATCH])
     return [found[k] for k in range(len(rows))]
 
 
@@ -335,45 +353,50 @@ def last_cases(cases, found):
     return [(cases[k][0], seed + j, best[k][:-5]) for j, k in enumerate(order)]
 
 
-def searched(executor=None, checkpoint=None):
-    """Cases and what each computed; files next to the checkpoint store completed cases."""
+def searched(executor=None):
+    """Cases, and all interfaces that each computed."""
     cases, found = [], []
     for number in range(ROUNDS):
-        files = [None if checkpoint is None else f"{checkpoint}.{number}.{k}" for k in (1, 2)]
-        first = first_cases(number)
-        drawn_ones = sweep(descent, first, executor, files[0])
-        last = last_cases(first, drawn_ones)
-        cases += first + last
-        found += drawn_ones + sweep(descent, last, executor, files[1])
+        cases += first_cases(number)
+        found += computed(cases[len(found) :], executor)
+        cases += last_cases(cases[-SEEDS:], found[-SEEDS:])
+        found += computed(cases[len(found) :], executor)
     return cases, found
 
 
-def write(folder, cases, found):
-    """Three tables: the best of each descent with all numbers, shares of energy of all that were
-    followed, and how many were not, and why."""
-    followed, best, counts = [], [], {}
+def computed(cases, executor):
+    """What each case computed; the error of the first one that failed is raised."""
+    found = sweep(descent, cases, executor)
+    for one in found:
+        if not isinstance(one, list):
+            raise TensegrityError(one.error)
+    return found
+
+
+@stored("composite")
+def results():
+    """Three tables: the best interface of each case with all numbers, energy fractions of all
+    that were simulated, and how many were not, and why."""
+    simulated, best, counts = [], [], {}
+    with ProcessPoolExecutor() as pool:
+        cases, found = searched(pool)
     for (kind, seed, _), rows in zip(cases, found, strict=True):
         top = max(rows, key=lambda row: row[-5])
-        named = values(kind, top[:-5])
-        best.append(
-            {"kind": kind, "seed": seed} | dict(zip(COLUMNS, top[-5:-1], strict=True)) | named
-        )
+        about = {"kind": kind, "seed": seed}
+        best.append(about | dict(zip(COLUMNS, top[-5:-1], strict=True)) | values(kind, top[:-5]))
         for row in rows:
             reason = row[-1] or FOLLOWED
             counts[kind, seed, reason] = counts.get((kind, seed, reason), 0) + 1
             if reason == FOLLOWED:
-                shares = (f"{x:.3g}" for x in row[-4:-1])
-                followed.append(
-                    {"kind": kind, "seed": seed} | dict(zip(COLUMNS[1:], shares, strict=True))
-                )
+                fractions = (float(f"{x:.3g}") for x in row[-4:-1])
+                simulated.append(about | dict(zip(COLUMNS[1:], fractions, strict=True)))
     best.sort(key=lambda row: -row["worth"])
     tally = [
         {"kind": kind, "seed": seed, "reason": reason, "count": count}
         for (kind, seed, reason), count in sorted(counts.items())
     ]
-    for path, rows in zip((BEST, SCATTER, COUNTS), (best, followed, tally), strict=True):
-        columns = {key: [row[key] for row in rows] for key in rows[0]}
-        write_table(folder / path.name, columns)
+    tables = {"best": best, "search": simulated, "counts": tally}
+    return {name: side_by_side(rows) for name, rows in tables.items()}
 
 
 def best(columns):
@@ -381,23 +404,3 @@ def best(columns):
     of their two waves."""
     rows = sorted(lines(columns), key=lambda row: -min(row[key] for key in COLUMNS[1:3]))
     return [(row["kind"], int(row["seed"]), {name: row[name] for name in LIMITS}) for row in rows]
-
-
-def main(arguments=None):
-    """Entry point; returns the exit code."""
-    parser = argparse.ArgumentParser(
-        prog="python -m figures._composite_search", description=__doc__.splitlines()[0]
-    )
-    parser.add_argument(
-        "--output", type=Path, default=FOLDER, help="folder for CSV files of the results"
-    )
-    parser.add_argument("--checkpoint", type=Path, help="file from which to resume")
-    parser.add_argument("--processes", type=int, default=2)
-    options = parser.parse_args(arguments)
-    with ProcessPoolExecutor(options.processes) as pool:
-        write(options.output, *searched(pool, options.checkpoint))
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -29,7 +29,7 @@ def pulses_in_words(table, where):
     mine = [row for row in lines(table) if row["where"] == where and row["solitary"]]
     return (
         "; ".join(
-            f"peak {row['crest']:.4g} m, {row['ratio']:.4f} times the sound speed, misfit "
+            f"peak {row['peak']:.4g} m, {row['ratio']:.4f} times the sound speed, misfit "
             f"{100 * row['misfit']:.2g} %, energy {row['energy']:.2g}, {row['ahead']:.0f} sites "
             "ahead of the acoustic front"
             for row in mine
@@ -58,7 +58,7 @@ def table(tables):
     return rows
 
 
-CHANGE = "largest change of a crest at half the step"
+CHANGE = "largest change of a peak at half the step"
 
 
 def searched(tables):

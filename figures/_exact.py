@@ -7,19 +7,28 @@ import time
 import numpy as np
 import sympy as sp
 
-from tensegrity import Chain, Potential, PowerLaw, Prism, Record, simulate, solitary_wave, speed
-from tensegrity.waves.solitary import largest_speed
+from tensegrity import (
+    Chain,
+    Potential,
+    PowerLaw,
+    Prism,
+    Record,
+    predict,
+    simulate,
+    solitary_wave,
+    speed,
+)
 
 PRISMS = ((0.7, 0.01), (0.6, 0.001), (0.8, 0.1))  # height over base, prestrain
 RATIOS = (1.001, 1.01, 1.05, 1.3, 2.0, 5.0)
-STROKE = 0.97  # of the locking stroke, up to which residuals are told
+STROKE = 0.97  # of the locking stroke, up to which residuals are reported
 EXPONENTS = (1.5, 2.0, 3.0)
 SITES, LEAD, BETWEEN = 620, 40, (60, 510)
 
 
 def rigid_waves(spring):
     """Waves of a rigid prism at `RATIOS`, as far as its stroke allows, and the seconds of each."""
-    largest, found = largest_speed(spring) / spring.sound_speed(), []
+    largest, found = predict(spring)["compression"].speeds[1] / spring.sound_speed(), []
     for ratio in RATIOS:
         if ratio < largest:
             began = time.perf_counter()
@@ -51,7 +60,7 @@ def toda_gap(decay=1.0):
 
 
 def constants():
-    """{exponent: (c of c = k A^((n - 1)/2) for unit stiffness, mass and crest, residual)}."""
+    """{exponent: (c of c = k A^((n - 1)/2) for unit stiffness, mass and peak, residual)}."""
     waves = {n: solitary_wave(PowerLaw(1.0, n, length=1.0), amplitude=-1.0) for n in EXPONENTS}
     return {n: (wave.speed, wave.residual) for n, wave in waves.items()}
 

@@ -1,8 +1,8 @@
-"""Files of pictures: whole or not there, and the tables of a picture in one file.
+"""Files of pictures, written as a whole or not at all; the tables of a picture in one file.
 
-The tables of a picture stand in one CSV in long form, a number a line: `table,column,row,value`.
-Any table can be told so, whatever the lengths of its columns.  What the picture prints stands
-first, as a table called "printed".
+A CSV file holds all tables of a picture in long form, one number in each line,
+`table,column,row,value`, so that columns may differ in length.  The printed lines come first, as a
+table called "printed".
 """
 
 from __future__ import annotations
@@ -17,23 +17,23 @@ HEADER = ["table", "column", "row", "value"]
 
 
 def write(path, save):
-    """Have `save(temporary path)` write beside the path, then rename: never half a file."""
-    handle, beside = tempfile.mkstemp(prefix=".", suffix=path.suffix, dir=path.parent)
+    """Let `save` write a temporary file in the same folder and rename it: no partial file."""
+    handle, temporary = tempfile.mkstemp(prefix=".", suffix=path.suffix, dir=path.parent)
     os.close(handle)
     try:
-        save(beside)
-        os.chmod(beside, 0o644)
-        os.replace(beside, path)
+        save(temporary)
+        os.chmod(temporary, 0o644)
+        os.replace(temporary, path)
     except BaseException:
-        os.unlink(beside)
+        os.unlink(temporary)
         raise
 
 
 def write_rows(path, rows):
     """Rows as CSV."""
 
-    def save(beside):
-        with open(beside, "w", newline="") as file:
+    def save(temporary):
+        with open(temporary, "w", newline="") as file:
             csv.writer(file).writerows(rows)
 
     write(path, save)

@@ -62,10 +62,10 @@ def short(cell):
 
 def write_page(group, rendered, folder):
     """One page of a group's sections, where all of them were just made; the file written."""
-    told = [n for n, m in chosen([group]).items() if hasattr(m, "text")]
-    if not told or not set(told) <= set(rendered):
+    described = [n for n, m in chosen([group]).items() if hasattr(m, "text")]
+    if not described or not set(described) <= set(rendered):
         return []
-    sections = [(folder / f"{name}.md").read_text() for name in told]
+    sections = [(folder / f"{name}.md").read_text() for name in described]
     path = folder / f"{group}.md"
     page = "\n".join([f"# {PAGES.get(group, group.capitalize())}\n", *sections])
     write(path, lambda beside: Path(beside).write_text(page))

@@ -7,12 +7,22 @@ import math
 import numpy as np
 
 from figures import _measure, _scenes
-from tensegrity import LockingError, Record, arrival, sech2, simulate, solitary_wave, speed, tent
+from tensegrity import (
+    LockingError,
+    Record,
+    arrival,
+    duration,
+    sech2,
+    simulate,
+    solitary_wave,
+    speed,
+    tent,
+)
 
 FINE = 0.008  # of its width that the wave goes in a step of the coarser run
 EVERY = 4  # steps between recorded instants
 TIMED = (0.7, 0.9)  # of the way: where the pulse is timed
-SPANNED = 1.0  # sites of travel around the crest from which a profile is assembled
+SPANNED = 1.0  # sites of travel around the peak from which a profile is assembled
 INSTANTS = 8  # of them
 
 
@@ -68,7 +78,7 @@ def comparison(spring, ratio, travel, bracket, around):
     -------
     tables : dict
         "profiles", "launched", "emerged", "asymptotic": strain (extension > 0) against the
-        distance from the crest; "numbers", with errors.
+        distance from the peak; "numbers", with errors.
     run : Run
         Of the impact.
     """
@@ -97,14 +107,14 @@ def comparison(spring, ratio, travel, bracket, around):
         "speed of the launched wave over exact - 1": _measure.Number(
             again["speed"].value / wave.speed - 1, again["speed"].error / wave.speed
         ),
-        "emerged - exact, over the crest": _measure.Number(
-            float(off / abs(wave.amplitude)), found["crest"].error / abs(wave.amplitude)
+        "emerged - exact, over the peak": _measure.Number(
+            float(off / abs(wave.amplitude)), found["peak"].error / abs(wave.amplitude)
         ),
-        "crest over locking stroke": _measure.Number(
+        "peak over locking stroke": _measure.Number(
             wave.amplitude / spring.domain[0], wave.residual
         ),
-        "sech^2 - exact, over the crest": _measure.Number(gaps["sech2"], wave.residual),
-        "tent - exact, over the crest": _measure.Number(gaps["tent"], wave.residual),
+        "sech^2 - exact, over the peak": _measure.Number(gaps["sech2"], wave.residual),
+        "tent - exact, over the peak": _measure.Number(gaps["tent"], wave.residual),
         "energy error": max(found["energy error"], again["energy error"]),
     }
     tables = {
@@ -123,9 +133,8 @@ def comparison(spring, ratio, travel, bracket, around):
 
 def _numbers(run, travel):
     bond = _bonds(travel)[1]
-    pulse = _measure.Passing(run, bond)
-    measured = speed(run, _bonds(travel))
-    return {"speed": measured, "width": measured * pulse.duration(), "crest": pulse.crest}
+    measured, amplitude = _measure.leader(run, _bonds(travel))
+    return {"speed": measured, "width": measured * duration(run, bond), "peak": amplitude}
 
 
 def _of_sound(number, spring):
@@ -134,7 +143,7 @@ def _of_sound(number, spring):
 
 
 def profile(run, travel, measured, around):
-    """Strain against distance from the crest, from the instants that span a few sites of travel.
+    """Strain against distance from the peak, from the instants that span a few sites of travel.
 
     One instant holds only a few masses of a short wave.
     """
@@ -160,6 +169,6 @@ def draw(axes, tables, title):
         axes.plot(tables[name]["x"], -tables[name]["strain"], mark, ms=4, label=label)
     axes.set(xlabel="distance from the peak [sites]", ylabel="compressive strain")
     axes.set_title(title, fontsize=10)
-    crest = -curves["exact"].min()
+    peak = -curves["exact"].min()
     tops = [-curves[name].min() for name in ("sech2", "tent")]
-    axes.set_ylim(-0.05 * crest, 1.15 * max([crest, *(t for t in tops if t < 3 * crest)]))
+    axes.set_ylim(-0.05 * peak, 1.15 * max([peak, *(t for t in tops if t < 3 * peak)]))

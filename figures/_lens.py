@@ -59,7 +59,7 @@ def line(x, y):
 
 
 def half_width(x, profile):
-    """Width of the crest nearest to the middle of x where it has fallen to half on both sides."""
+    """Width of the peak nearest to the middle of x where it has fallen to half on both sides."""
     k = int(np.argmax(profile))
     half = profile[k] / 2
     left = np.flatnonzero(profile[:k] < half)[-1]

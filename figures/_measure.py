@@ -8,8 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from tensegrity import Chain, Record, State, simulate, speed
-from tensegrity.measure.observables import passage
+from tensegrity import Chain, Record, State, arrival, duration, simulate, speed
 
 SHOWN_SITES, SHOWN_INSTANTS = 200, 200  # at most, of a space-time density
 FAINTEST = 1e-5  # of the largest energy of a site: below it is shown as that
@@ -105,9 +104,9 @@ def density_table(t, energy):
     group = -(-energy.shape[1] // SHOWN_SITES)
     whole = energy.shape[1] // group * group
     energy = energy[rows, :whole].reshape(len(rows), -1, group).mean(axis=2)
-    share = np.maximum(energy / energy.max(), FAINTEST)
+    fraction = np.maximum(energy / energy.max(), FAINTEST)
     places = (np.arange(energy.shape[1]) + 0.5) * group - 0.5
-    columns = {f"{x:g}": rounded(column) for x, column in zip(places, share.T, strict=True)}
+    columns = {f"{x:g}": rounded(column) for x, column in zip(places, fraction.T, strict=True)}
     return {"time": rounded(t[rows], 6), **columns}
 
 
@@ -162,46 +161,18 @@ def from_table(table):
     return {name: Number(float(value), float(error)) for name, value, error in rows}
 
 
-class Passing:
-    """The leading pulse as it passes a bond.
-
-    Parameters
-    ----------
-    run : Run
-    bond : int
-    sign : int, optional
-        Of its elongation: 1 rarefaction, -1 compression; 0 takes either.
-    after : float, optional
-        Only from this instant on [s].
-
-    Attributes
-    ----------
-    instant : float
-        [s]
-    crest : float
-        Elongation [m].
-    """
-
-    def __init__(self, run, bond, sign=0, after=0.0):
-        left, later = run.sites.index(bond), run.t >= after
-        self._t = run.t[later]
-        self._r, self._rate = (np.diff(x[later, left : left + 2])[:, 0] for x in (run.u, run.v))
-        judged = np.maximum(self._r * sign, 0) if sign else self._r
-        self.instant = passage(self._t, judged, self._rate)
-        self.crest = float(CubicHermiteSpline(self._t, self._r, self._rate)(self.instant))
-
-    def duration(self, level=0.05):
-        """How long the elongation is beyond a level of the crest, around it [s]."""
-        above = CubicHermiteSpline(self._t, self._r / self.crest - level, self._rate / self.crest)
-        crossed = above.roots(extrapolate=False)
-        after = int(np.searchsorted(crossed, self.instant))
-        return float(crossed[after] - crossed[after - 1])
+def peak(run, bond, after=0.0):
+    """Instant [s] at which the leading pulse passes a bond, and its peak elongation [m]."""
+    instant, left = arrival(run, bond, after=after), run.sites.index(bond)
+    elongation, rate = (np.diff(x[:, left : left + 2])[:, 0] for x in (run.u, run.v))
+    return instant, float(CubicHermiteSpline(run.t, elongation, rate)(instant))
 
 
-def leader(run, bonds, sign=0, after=0.0):
-    """Speed of the leading pulse between two bonds [sites/s, > 0 either way], and its crest [m]."""
-    near, far = (Passing(run, bond, sign, after) for bond in bonds)
-    return abs(bonds[1] - bonds[0]) / (far.instant - near.instant), far.crest
+def leader(run, bonds, after=0.0):
+    """Speed of the leading pulse between two bonds [sites/s, > 0 either way], and its peak
+    elongation at the second one [m]."""
+    (near, _), (far, amplitude) = (peak(run, bond, after) for bond in bonds)
+    return abs(bonds[1] - bonds[0]) / (far - near), amplitude
 
 
 def launched_width(wave, travel=60):
@@ -213,6 +184,6 @@ def launched_width(wave, travel=60):
     sites = [bond - 20, bond - 19, bond, bond + 1]
 
     def width(run):
-        return {"width": Passing(run, bond).duration() * speed(run, (bond - 20, bond))}
+        return {"width": duration(run, bond) * speed(run, (bond - 20, bond))}
 
     return resolved(scene, width, 0.05 / wave.speed, sites)[1]["width"]

@@ -68,7 +68,7 @@ class Nodes:
         raise EquilibriumError(f"no equilibrium of the nodes in {ITERATIONS} iterations")
 
     def _rigid(self):
-        """Motions in the plane that stretch nothing, (count, 12, 3)."""
+        """Rigid motions in the plane, (count, 12, 3)."""
         motions = np.zeros((len(self.places), 6, 2, 3))
         motions[:, :, 0, 0] = motions[:, :, 1, 1] = 1
         flat = self.places.reshape(-1, 6, 3)[:, :, :2]

@@ -8,10 +8,10 @@ import numpy as np
 
 from figures import _searches
 from figures._stored import stored
-from granular import Bead, Striker, hexagonal_pack, materials
-from granular.design import Choice, Order, objective, search
-from granular.design.objective import wall_peak
-from tensegrity import sweep
+from granular import Bead, Striker, hexagonal_pack, materials, simulate, wall_force
+from granular.contact_network import wall_sites
+from granular.design import Choice, Order, search
+from tensegrity import Record, largest_peak, sweep
 
 GROUP = "protectors"
 STEEL, PTFE = materials["steel"], materials["ptfe"]
@@ -49,16 +49,24 @@ SPACES = {
     "order of half steel, half PTFE": Order([HARD, SOFT] * (COUNT // 2)),
     "any of six materials": Choice(COUNT, DIAMETER, [materials[name] for name in NAMES]),
 }
+<<<<<<< HEAD
+FINE = 1.16e-6  # s, half a step of the search
+=======
 FINE = (
     0.5
     * objective.STEP_FRACTION
     * float(objective.Designs.of([[HARD, SOFT]]).unit(STEEL, STRIKER.speed)[0])
 )  # s
+>>>>>>> main
 
 
-def peak(beads):
+def peak(beads, dt=FINE):
     """Largest force on the floor [N], and when [s]."""
-    return wall_peak(build, beads, T_END, FINE)
+    scene, name = build(beads)
+    record = Record(every=2, sites=wall_sites(scene, name))
+    run = simulate(scene, scene.start(), T_END, method="rkn6", dt=dt, record=record)
+    instant, force = largest_peak(run.t, wall_force(run, name))
+    return force, instant
 
 
 @stored(GROUP)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from granular import (
     Bead,
     Striker,
@@ -61,12 +59,6 @@ def floor_of(scene, t_end, name="floor"):
     """Instants and the force on the floor [N] of a quick run."""
     run = quick(scene, t_end, Record(interval=ROW, sites=wall_sites(scene, name)))
     return run.t, wall_force(run, name)
-
-
-def crests(t, force, least):
-    """Indices of rows higher than their neighbours and than `least`."""
-    inner = (force[1:-1] > force[:-2]) & (force[1:-1] >= force[2:]) & (force[1:-1] > least)
-    return np.flatnonzero(inner) + 1
 
 
 def direct(bead, speed):

@@ -9,8 +9,7 @@ from __future__ import annotations
 from functools import cache
 
 from figures._measure import Scene
-from tensegrity import Chain, Potential, PowerLaw, Prism, solitary_wave
-from tensegrity.springs.polynomial import Polynomial
+from tensegrity import Chain, Polynomial, Potential, PowerLaw, Prism, solitary_wave
 
 VISITED = 0.6, 0.9  # of the domain of the softening prism that a polynomial covers
 

@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 
 from granular import Bead, materials
-from tensegrity.typing import Array
 
 
 class Found(NamedTuple):
@@ -27,7 +26,7 @@ class Found(NamedTuple):
 
     beads: list[Bead]
     peak_force: float
-    least: Array
+    least: np.ndarray
     converged_in_time: bool
     rejected: int
     seed: int

@@ -2,9 +2,9 @@
 
 A pulse counts as solitary where
 
-* the exact wave of its crest exists, and elongations and velocities over the width of that wave
-  (where it is above 5 % of its crest) differ from it by at most `MISFIT` of their largest;
-* its crest is ahead of the acoustic front;
+* the exact wave of its peak exists, and elongations and velocities over the width of that wave
+  (where it is above 5 % of its peak) differ from it by at most `MISFIT` of their largest;
+* its peak is ahead of the acoustic front;
 * it carries at least `LEAST` of the incident energy.
 
 The velocities determine speed and direction.
@@ -19,20 +19,20 @@ import numpy as np
 
 from tensegrity import TensegrityError
 
-MISFIT = 0.05  # of the crest
+MISFIT = 0.05  # of the peak
 LEAST = 1e-4  # of the incident energy, that a pulse carries
-LEVEL = 0.05  # of a crest, between which a wave has its width
-ROUNDS, SAME = 4, 1e-3  # in which crest and place of a pulse are found, and when they are
+LEVEL = 0.05  # of a peak, between which a wave has its width
+ROUNDS, SAME = 4, 1e-3  # in which peak and place of a pulse are found, and when they are
 
 
 class Found(NamedTuple):
-    """A pulse and the exact wave of its crest.
+    """A pulse and the exact wave of its peak.
 
     Attributes
     ----------
     place : float
-        Of the crest, in bonds from the interface.
-    crest : float
+        Of the peak, in bonds from the interface.
+    peak : float
         [m].
     misfit : float
         Of elongations and velocities, the larger one; inf where there is no exact wave.
@@ -43,7 +43,7 @@ class Found(NamedTuple):
     """
 
     place: float
-    crest: float
+    peak: float
     misfit: float
     ahead: float
     ratio: float = math.nan
@@ -56,12 +56,12 @@ class Found(NamedTuple):
         return self.misfit <= MISFIT and self.ahead > 0 and self.energy >= LEAST * incident
 
 
-def crests(r, sign, least, limit):
+def peaks(r, sign, least, limit):
     """Bonds with the `limit` largest maxima of sign * r above `least`, the largest first."""
     size = sign * r
     inner = size[1:-1]
-    peak = (inner >= size[:-2]) & (inner > size[2:]) & (inner >= least)
-    found = np.flatnonzero(peak) + 1
+    is_peak = (inner >= size[:-2]) & (inner > size[2:]) & (inner >= least)
+    found = np.flatnonzero(is_peak) + 1
     return found[np.argsort(-size[found], kind="stable")[:limit]]
 
 
@@ -73,14 +73,14 @@ def matched(r, v, bond, exact):
     r : ndarray, (bonds,)
     v : ndarray, (bonds + 1,)
     bond : int
-        Of its crest.
+        Of its peak.
     exact : callable
-        exact(crest) is the exact wave of a crest [m].
+        exact(peak) is the exact wave of a peak [m].
 
     Returns
     -------
     wave : SolitaryWave
-        Of the crest found.
+        Of the peak found.
     place : float
         [bonds].
     misfit : float
@@ -88,15 +88,15 @@ def matched(r, v, bond, exact):
     Raises
     ------
     TensegrityError
-        If there is no wave of that crest.
+        If there is no wave of that peak.
     """
-    crest, place = _top(r, bond)
+    peak, place = _top(r, bond)
     for _ in range(ROUNDS):
-        wave = exact(crest)
-        place, share = _placed(r, wave, place, bond)
-        if abs(share - 1) < SAME:
+        wave = exact(peak)
+        place, factor = _placed(r, wave, place, bond)
+        if abs(factor - 1) < SAME:
             break
-        crest *= share
+        peak *= factor
     return wave, place, misfit(r, v, wave, place)
 
 
@@ -108,7 +108,7 @@ def _top(r, bond):
 
 
 def _placed(r, wave, place, bond):
-    """Place of the crest and share of the wave's amplitude, by least squares over its width."""
+    """Place of the peak and factor of the wave's amplitude, by least squares over its width."""
     from scipy.optimize import least_squares
 
     half = wave.width(LEVEL) / 2
@@ -150,13 +150,13 @@ def pulses(r, v, sign, exact, front, least, limit=4):
     sign : int
         1 rarefaction, -1 compression.
     exact : callable
-        exact(crest) is the exact wave of a crest [m].
+        exact(peak) is the exact wave of a peak [m].
     front : float
         [bonds].
     least : float
-        Elongation from which a crest counts [m], > 0.
+        Elongation from which a peak counts [m], > 0.
     limit : int, optional
-        How many are looked at, the largest ones.
+        Largest number of pulses, the largest ones.
 
     Returns
     -------
@@ -165,7 +165,7 @@ def pulses(r, v, sign, exact, front, least, limit=4):
     """
     found = []
     begin = max(math.floor(front), 0)
-    for bond in crests(r[begin:], sign, least, limit) + begin:
+    for bond in peaks(r[begin:], sign, least, limit) + begin:
         try:
             wave, place, gap = matched(r, v, int(bond), exact)
         except TensegrityError:

@@ -5,8 +5,9 @@ as the histories of a search.  Its tables stand in one compressed .npz of number
 pickles: in `figures/data`, under version control, or, where they were computed again here, in
 `figures/output/data`.  A file counts as long as it is of the same sources: the module of the
 function, what that imports from `figures`, however far, and the modules in which what these
-import from the packages is defined; names of modules, comments, docstrings and layout aside.  What
-lies deeper in the packages is left to a slow test, which computes every result again.
+import from the packages is defined; names of modules, comments, docstrings and layout aside, and
+the functions of a picture that show numbers and compute none (`SHOWING`).  What lies deeper in the
+packages is left to a slow test, which computes every result again.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ ROOT = HERE.parent
 DATA, MADE = HERE / "data", HERE / "output" / "data"
 PACKAGES = ("derivations", "tensegrity", "granular", "figures")
 NAMES, SOURCES, COMMAND, SECONDS = "names", "sources", "command", "seconds"
+SHOWING = ("draw", "animate", "table", "text")  # functions of a picture, from its tables
 RESULTS = {}  # {name: the function itself}, of all modules imported so far
 fresh = False  # whether only results that were computed here count
 
@@ -164,9 +166,14 @@ def used(module):
 
 @cache
 def digest(path):
-    """What stays the same while comments, docstrings, imports or layout of a source change."""
+    """What stays the same while comments, docstrings, imports or layout of a source change, or how
+    a picture shows its numbers."""
     text = path.read_bytes()
-    text = repr(form(ast.parse(text))).encode() if path.suffix == ".py" else text
+    if path.suffix == ".py":
+        tree = ast.parse(text)
+        if b"\nNAME = " in text:  # a picture
+            tree.body = [node for node in tree.body if getattr(node, "name", "") not in SHOWING]
+        text = repr(form(tree)).encode()
     return hashlib.sha256(text).hexdigest()[:16]
 
 
@@ -190,5 +197,5 @@ def form(node):
 def everything():
     """The digest of all that a picture may depend on: of the sources of all packages."""
     paths = [p for package in PACKAGES for p in sorted((ROOT / package).rglob("*.*"))]
-    parts = [digest(p) for p in paths if p.suffix in (".py", ".c", ".h")]
-    return hashlib.sha256(" ".join(parts).encode()).hexdigest()[:16]
+    parts = [p.read_bytes() for p in paths if p.suffix in (".py", ".c", ".h")]
+    return hashlib.sha256(b"".join(parts)).hexdigest()[:16]

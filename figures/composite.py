@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import contextlib
-import csv
 import math
 
 import numpy as np
 
 from figures import _composite, _composite_words, _measure
 from figures._composite import Interface
-from figures._composite_search import BEST, COLUMNS, COUNTS, FAINT, KINDS, SCATTER, best, interface
+from figures._composite_search import COLUMNS, FAINT, KINDS, best, interface, results
 from figures._composite_words import cases_of, quantities
 from figures._solitons import LEAST
-from tensegrity import Potential, solitary_wave
-from tensegrity.errors import RangeError
+from tensegrity import Potential, RangeError, solitary_wave
 
 NAME = "composite"
 GROUP = "composite"
@@ -26,18 +23,6 @@ LEAST_TRAVEL = 200  # ... and in the near one
 LONGEST = 3000  # ... at most
 CUBIC = (1.0, 1.0, 0.36), (0.010237, -1.149207, 1.542135), 1.388055, 1.6  # laws, mass, c/cs
 CUBIC_TIME = 700.0  # s
-
-
-def columns_of(path):
-    """Columns of a CSV file, as numbers where they are numeric."""
-    columns = {}
-    with open(path, newline="") as file:
-        for row in csv.DictReader(file):
-            for key, value in row.items():
-                with contextlib.suppress(ValueError):
-                    value = float(value)
-                columns.setdefault(key, []).append(value)
-    return columns
 
 
 def duration(real):
@@ -68,8 +53,8 @@ def cubic():
     near, far = (
         Potential(law, r, dict(zip((k, a, b), numbers, strict=True))) for numbers in CUBIC[:2]
     )
-    crest = solitary_wave(near, speed_ratio=CUBIC[3]).amplitude
-    return Interface(near, far, (1.0, CUBIC[2]), crest)
+    peak = solitary_wave(near, speed_ratio=CUBIC[3]).amplitude
+    return Interface(near, far, (1.0, CUBIC[2]), peak)
 
 
 def numbers(real, one):
@@ -81,18 +66,18 @@ def numbers(real, one):
         "reflected solitary rarefactions": back,
         "transmitted solitary compressions": train,
         "incident speed over sound": one.incident.speed_ratio,
-        "incident crest [m]": one.incident.amplitude,
+        "incident peak [m]": one.incident.amplitude,
         "impedance far over near": z[1] / z[0],
         "sound far over near": sounds[1] / sounds[0],
         "momentum of the near chain": near,
         "momentum of the far chain": far,
         "momentum of the compressions": pushed,
         "momentum error": abs(near + far - 1),
-        "time [s]": one.run.t[-1] - one.begun.met,
+        "time [s]": one.run.t[-1] - one.begun.arrival,
         "step [s]": one.run.dt,
         "energy error": one.run.energy_error,
-        "largest change of a crest at half the step": one.moved,
-        "at an end, over the crest": one.fine.ends,
+        "largest change of a peak at half the step": one.moved,
+        "at an end, over the peak": one.fine.ends,
     }
 
 
@@ -118,7 +103,7 @@ def profile(real, one, name, number):
     r = np.diff(one.run.final.u)
     part = _composite.parts(r, one.run.final.v, one.begun.before)[side][0]
     spring, mass = (real.near, real.far)[side], real.masses[side]
-    wave = solitary_wave(spring, mass, amplitude=found.crest)
+    wave = solitary_wave(spring, mass, amplitude=found.peak)
     bonds = np.arange(
         max(math.floor(found.place - found.width), 0), math.ceil(found.place + found.width) + 1
     )
@@ -131,10 +116,10 @@ def profile(real, one, name, number):
 
 def data():
     """Verdicts, pulses, profiles and energy density of the best interface; control and search."""
-    tables, found = {}, columns_of(BEST)
+    tables, search = {}, results()
     control = cubic()
     cases = [("cubic laws", control, _composite.outcome(control, CUBIC_TIME, 2 * TRAVEL))]
-    for kind, seed, named in best(found)[:VERIFIED]:
+    for kind, seed, named in best(search["best"])[:VERIFIED]:
         cases.append((f"prisms, {kind}, seed {seed}", *verified(named)))
     chief = max(cases[1:], key=lambda case: (case[2].does_both, min(case[2].verdict)))[0]
     for name, real, one in cases:
@@ -147,7 +132,7 @@ def data():
                 for k, _ in zip(range(2), several, strict=False):
                     if several[k].width > 0:
                         tables[f"profile {where} {k}"] = profile(real, one, where, k)
-    return tables | {"best": found, "search": columns_of(SCATTER), "counts": columns_of(COUNTS)}
+    return tables | search
 
 
 def draw(figure, tables):

@@ -32,17 +32,17 @@ SIZES = dict(zip(SCENES, (1e-3, 1e-9), strict=True))  # of the drive [m]: waves 
 def scene(name, drive=None):
     """A chain of alternating masses, its dashpots included; drive: {site: Drive}."""
     sites = 2 * CELLS
-    share = np.clip((np.arange(sites) / 2 - SOFT) / (CELLS - SOFT), 0, None) ** 2
+    fraction = np.clip((np.arange(sites) / 2 - SOFT) / (CELLS - SOFT), 0, None) ** 2
     if name == SCENES[0]:
         import sympy as sp
 
         r = sp.Symbol("r")
         spring, mass = Potential(r**2 / 2, r, length=1.0), np.tile([1.0, HEAVY], CELLS)
-        return Chain(spring, sites, mass, drive=drive, damping=Damping(ground=STRENGTH * share))
+        return Chain(spring, sites, mass, drive=drive, damping=Damping(ground=STRENGTH * fraction))
     pair = [Bead(4.76e-3, materials[x]) for x in ("ptfe", "steel")]
     row = chain(pair * CELLS, preload=PRELOAD)
     k = float(row.springs[4].stiffness(0.0))
-    damping = Damping(ground=STRENGTH * math.sqrt(k * row.mass[1]) * share)
+    damping = Damping(ground=STRENGTH * math.sqrt(k * row.mass[1]) * fraction)
     return chain(pair * CELLS, preload=PRELOAD, drive=drive, damping=damping)
 
 
@@ -84,9 +84,9 @@ def decay(spring, masses, frequency):
 def swept(name):
     """Driven ratios over frequency, and those of the closed form."""
     spring, masses, (_, low, _, top) = numbers(name)
-    shares = np.linspace(0.12, 0.98, COUNT)
+    fractions = np.linspace(0.12, 0.98, COUNT)
     w = (
-        shares[np.abs(shares * top - low) > 0.01 * top] * top
+        fractions[np.abs(fractions * top - low) > 0.01 * top] * top
     )  # the group velocity vanishes at an edge
     found = [ratio(name, float(x)) for x in w]
     return {

@@ -79,4 +79,4 @@ def draw(figure, tables):
         axes.set(ylabel="y [mm]", title=title)
         axes.autoscale_view()
         axes.margins(0.05)
-        figure.colorbar(dots, ax=axes, shrink=0.8)
+        figure.colorbar(dots, ax=axes, shrink=0.5)

@@ -41,19 +41,19 @@ def data():
             [o.peak(floor(pack)), o.p_norm(floor(pack), 32)], pack, pack.start(), ENDS[name], dt=DT,
             wanted=("diameter",), checkpoints=CHECKPOINTS,
         )  # fmt: skip
-        share = 100 * MICRON * peak.by("diameter") / peak.value
+        percent = 100 * MICRON * peak.by("diameter") / peak.value
         axes = "xz" if pack.dim == 2 else "xyz"
         columns = dict(zip(axes, pack.positions.T, strict=True))
-        tables[name] = columns | {"percent per um": share}
+        tables[name] = columns | {"percent per um": percent}
         values |= {
             f"{name}: beads": pack.sites,
             f"{name}: largest force on the floor [N]": peak.value,
-            f"{name}: largest derivative by a diameter [% per um]": np.abs(share).max(),
+            f"{name}: largest derivative by a diameter [% per um]": np.abs(percent).max(),
             f"{name}: beads with more than a hundredth of the largest":
-            np.sum(np.abs(share) > 0.01 * np.abs(share).max()),
+            np.sum(np.abs(percent) > 0.01 * np.abs(percent).max()),
             f"{name}: 32-norm's derivatives along the peak's (cosine)":
-            np.dot(share, norm.by("diameter"))
-            / np.linalg.norm(share) / np.linalg.norm(norm.by("diameter")),
+            np.dot(percent, norm.by("diameter"))
+            / np.linalg.norm(percent) / np.linalg.norm(norm.by("diameter")),
             f"{name}: digits unaffected by round-off": peak.digits,
             f"{name}: error of the reversed run at the start [m, m/s]": peak.reversal,
         }  # fmt: skip
@@ -78,13 +78,13 @@ def draw(figure, tables):
     left, right = figure.subplots(1, 2, width_ratios=(1.6, 1))
     plane, space = tables["plane"], tables["space"]
     chosen = section(space)
-    for axes, beads, rows, title, share in (
+    for axes, beads, rows, title, percent in (
         (left, plane, slice(None), "in the plane, struck in the middle", 1.0),
         (right, space, chosen, "in space: a section next to the striker", 0.85),
     ):
         x, z, value = (np.asarray(beads[k])[rows] for k in ("x", "z", "percent per um"))
         places = np.stack([x, z], axis=1)
-        dots = disks(axes, places, share * _packs.D, cmap="RdBu_r", ec="0.5", lw=0.4)
+        dots = disks(axes, places, percent * _packs.D, cmap="RdBu_r", ec="0.5", lw=0.4)
         dots.set_array(value)
         most = np.abs(np.asarray(beads["percent per um"])).max()
         dots.set_clim(-most, most)

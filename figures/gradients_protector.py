@@ -8,10 +8,9 @@ are random ones whose gradients are free of round-off: in the others the motion 
 gradients are exact but useless.  A result counts if the same holds for it, and if its peak persists
 with two finer steps.
 
-`python -m figures.gradients_protector` finds the chain that the picture begins with, `FOUND`: the
-better of two starts, in 45 seconds of one processor.  Another processor rounds differently, and its
-iteration may end at another chain.  The force after the end of the window is not constrained, and
-the optimiser moves it there: a window ten times longer shows it.
+The chain is the best of five starts; another processor rounds differently, and its iteration may
+end at another one.  The force after the end of the window is not constrained, and the optimiser
+moves it there: a window ten times longer shows it.
 """
 
 from __future__ import annotations
@@ -20,6 +19,7 @@ import numpy as np
 from scipy.optimize import linprog
 
 from figures import _gradients
+from figures._stored import stored
 from tensegrity import Chain, Prism, gradient
 from tensegrity import objective as o
 
@@ -31,23 +31,9 @@ WINDOW, LONGER, DT = 1000.0, 10_000.0, 0.2  # s
 FINER = (0.05, 0.025)  # s: what is found is computed again, since an optimiser finds errors
 MOVED = 0.001  # relative change of a peak that is the integration's
 UNIFORM = np.append(np.geomspace(0.01, 0.1, 14), 0.0708)  # the last: of finer scans
-RANDOM, STARTS, DIGITS = 40, 2, 13  # chains drawn; starts; digits unaffected by round-off these
+RANDOM, STARTS, DIGITS = 40, 5, 13  # chains drawn; starts; digits unaffected by round-off these
 MAXIMA, REACH, NEAR = 24, 0.1, 1e-4  # pressed down; relative change of a prestrain, first and last
 ROUNDS, PROGRAMS = 3, 60  # each round begins with the first reach
-FOUND = np.array([  # 0.00371940 N; the other start led to 0.00734904 N
-    0.1, 0.010874714613, 0.00198690656506, 0.0308495641724, 0.0180475712261,
-    0.0740820331091, 0.00850395714026, 0.0696693357248, 0.0999609451284, 0.00453677373495,
-    0.00242687949638, 0.00672005471455, 0.0516149866508, 0.00457704294302, 0.0182653202607,
-    0.00108929519317, 0.035392413869, 0.00510066617659, 0.00147064025678, 0.0791135438194,
-    0.00816208285862, 0.0103043617033, 0.0690298632491, 0.0010003907013, 0.0217712786696,
-    0.0039344062136, 0.00153164118874, 0.0338799509045, 0.00322916638387, 0.00338919909997,
-    0.0808470124597, 0.00151536197697, 0.00955705544356, 0.0010003907013, 0.00128527239335,
-    0.0527806779792, 0.0514955499078, 0.0143890950974, 0.00169313896941, 0.0117796574788,
-    0.001, 0.0240970595937, 0.044215736797, 0.0154619211839, 0.0215363349866,
-    0.001, 0.00188911527276, 0.0225258958512, 0.00827425349515, 0.0583399646536,
-    0.0492140592124, 0.00122310101361, 0.0204711662092, 0.0343511908281, 0.0011359149768,
-    0.00255534940262, 0.0244046841388, 0.0572603085757, 0.00292014895367, 0.00496555411108,
-])  # fmt: skip
 
 
 def chain(prestrains):
@@ -70,14 +56,14 @@ def peak(prestrains, window=WINDOW, dt=FINER[0]):
 
 def load(prestrains):
     """Load of the wall after each step [N]."""
-    kept = []
+    recorded = []
 
     def keep(t, y):
-        kept.append(y[0].copy())
+        recorded.append(y[0].copy())
         return 0.0, 0 * y
 
     differentiated(prestrains, o.of([o.load(wall=0)], keep))
-    return kept[0]
+    return recorded[0]
 
 
 def maxima(x):
@@ -121,7 +107,7 @@ def pressed(start):
 
 
 def settled(way):
-    """The lowest peak with the finest step, and its chain, of the calm ones that hold."""
+    """The lowest peak with the finest step, and its chain, of those whose peaks persist."""
     for _, prestrains in sorted(way, key=lambda one: one[0]):
         top = differentiated(prestrains, o.peak(o.load(wall=0)), wanted=("prestrain",))
         if top.digits < DIGITS:
@@ -133,31 +119,29 @@ def settled(way):
 
 
 def drawn():
-    """Random chains, prestrains even in their logarithms; and the gradients of their peaks."""
+    """Gradients of the peaks of random chains, and the chains: logarithms of prestrains uniform."""
     rows = np.exp(np.random.default_rng(0).uniform(*np.log(RANGE), (RANDOM, BONDS)))
-    return rows, [differentiated(p, o.peak(o.load(wall=0)), wanted=("prestrain",)) for p in rows]
+    peaks = [differentiated(p, o.peak(o.load(wall=0)), wanted=("prestrain",)) for p in rows]
+    return list(zip(peaks, rows, strict=True))
 
 
-def search():
-    """The lowest chain from the lowest calm ones of those drawn: its peak [N], its prestrains."""
-    rows, first = drawn()
-    order = np.argsort([one.value for one in first])
+def search(first):
+    """Prestrains of the best chain, from the best of those drawn that are not chaotic."""
+    calm = [(one.value, row) for one, row in first if one.digits >= DIGITS]
     found = []
-    for k in [k for k in order if first[k].digits >= DIGITS][:STARTS]:
-        best = first[k].value, rows[k]
+    for best in sorted(calm, key=lambda one: one[0])[:STARTS]:
         for _ in range(ROUNDS):
             best = settled([best, *pressed(best[1])])
         found.append(best)
-        print(f"start {k}: {first[k].value:.6g} N -> {best[0]:.8g} N", flush=True)
-    return min(found, key=lambda one: one[0])
+    return min(found, key=lambda one: one[0])[1]
 
 
+@stored(NAME)
 def data():
     """The best uniform chain, random ones and that found: prestrains and loads of the wall."""
     uniform = [peak(np.full(BONDS, p)) for p in UNIFORM]
-    _, first = drawn()
-    way = pressed(FOUND)
-    best = settled(way)[1]
+    first = drawn()
+    best = search(first)
     designs = {"best uniform": np.full(BONDS, UNIFORM[int(np.argmin(uniform))]),
                "by gradients": best}  # fmt: skip
     loads, values, peaks = {"t": DT * np.arange(int(WINDOW / DT) + 1)}, {}, {}
@@ -170,9 +154,9 @@ def data():
     last = differentiated(best, o.peak(o.load(wall=0)), wanted=("prestrain",), dt=FINER[0])
     values |= {
         f"median of {RANDOM} random chains, {WINDOW:g} s [N]":
-        np.median([one.value for one in first]),
-        "share of these that are calm": np.mean([one.digits >= DIGITS for one in first]),
-        "passes from the chain found before": len(way),
+        np.median([one.value for one, _ in first]),
+        "fraction of these without chaotic motion":
+        np.mean([one.digits >= DIGITS for one, _ in first]),
         "digits unaffected by round-off the chain found": last.digits,
         "its steepest slope [% of the peak per % of a prestrain]":
         np.abs(last.by("prestrain") * best / last.value).max(),
@@ -207,7 +191,3 @@ def draw(figure, tables):
     right.set(xlabel="bond, from the struck end", ylabel="prestrain")
     right.set_ylim(1e-4)
     right.legend(loc="lower left")
-
-
-if __name__ == "__main__":
-    print(", ".join(f"{p:.12g}" for p in search()[1]))

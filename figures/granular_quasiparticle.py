@@ -16,8 +16,7 @@ import numpy as np
 from derivations import contact, junction
 from figures import _guide
 from figures._guide import STEEL, row
-from granular import materials, sensor_force, simulate, y_guide
-from granular.guide import Guide
+from granular import Guide, materials, sensor_force, simulate, y_guide
 from granular.layout import crossed_layout
 from tensegrity import Record, first_peak, peaks
 

@@ -40,7 +40,7 @@ def table(tables):
     for name, one in tables.items():
         late = one["branch 2"][one["t [s]"] > FROM]
         lines.append(
-            row("trapping", f"{name}: share in the soft branch, mean from 0.8 ms; at 2.4 ms",
+            row("trapping", f"{name}: fraction in the soft branch, mean from 0.8 ms; at 2.4 ms",
                 f"{late.mean():.3f}; {late[-1]:.3f}", "trapped")
         )  # fmt: skip
     return lines

@@ -81,7 +81,7 @@ def measured(name, velocity):
         "energy [J]": energy,
         "mass [kg]": one.mass,
         "alpha [N/m^1.5]": alpha,
-        "share of the energy": energy / run.energy[0],
+        "fraction of the energy": energy / run.energy[0],
         "energy error": run.energy_error,
     }
 
@@ -138,7 +138,7 @@ def table(tables):
         row(name, "the same of the exact travelling wave", f"{exact['effective mass'][0]:.6f}"),
         row(name, "width in beads, at 1 % of the compression", wide, "about 5"),
         row(name, "width of the long wave's solution in beads", _long_wave_width(), "about 5"),
-        row(name, "fraction of the energy in the wave", float(w["share of the energy"][2])),
+        row(name, "fraction of the energy in the wave", float(w["fraction of the energy"][2])),
     ]  # fmt: skip
 
 

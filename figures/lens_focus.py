@@ -100,15 +100,15 @@ def table(tables):
     peak = _lens.top(t, seen["lens [Pa]"])[1]
     late = "late by [s]"
     name = "21 chains, focus 20 m ahead"
-    rays, crests, seen_crests = (chain[f"{k}, {late}"] for k in ("ray", "peak", "sampled peak"))
+    rays, peaks, seen_peaks = (chain[f"{k}, {late}"] for k in ("ray", "peak", "sampled peak"))
     return [
         row(name, "prestrain of the centre", float(chain["prestrain"][10]), "0.05287"),
         row(name, "prestrain of the edge", float(chain["prestrain"][0]), "0.09433"),
         row(name, "largest delay [s]", numbers["largest delay [s]"][0], "5.5228"),
         row(name, "pulse, width at half its peak [s]", pulse),
         row(name, "arrivals at the focus over the pulse, own peak of each end",
-            float(np.ptp(crests) / pulse), "< 1e-3"),
-        row(name, "the same by samples", float(np.ptp(seen_crests) / pulse), "< 1e-3"),
+            float(np.ptp(peaks) / pulse), "< 1e-3"),
+        row(name, "the same by samples", float(np.ptp(seen_peaks) / pulse), "< 1e-3"),
         row(name, "the same of rays from the centres", float(np.ptp(rays) / pulse)),
         row(name, "alignment: peak over the sum of single peaks",
             f"1 - {1 - numbers['alignment'][0]:.1e}", ">= 0.999"),

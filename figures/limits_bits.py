@@ -46,8 +46,8 @@ def start(sites):
 def run(chain, state, t_end, looks=LOOKS):
     """Rows of u and v at evenly spaced instants."""
     every = round(t_end / DT) // (looks - 1)
-    kept = simulate(chain, state, t_end, dt=DT, method="rkn6", record=Record(every=every))
-    return kept.t, np.stack([kept.u, kept.v])
+    found = simulate(chain, state, t_end, dt=DT, method="rkn6", record=Record(every=every))
+    return found.t, np.stack([found.u, found.v])
 
 
 def in_numpy(chain, state, t_end):

@@ -54,14 +54,19 @@ def predicted(method, steps, dt):
     _, _, frequencies, energies = scene()
     xx, xv, vx, vv = METHODS[method].step_matrix(frequencies[1:] * dt)
     factor = xx * vv - xv * vx  # of the energy in a mode, per step
-    kept = energies[0] + (energies[1:] * np.exp(np.outer(looks(steps), np.log(factor)))).sum(axis=1)
-    return kept / energies.sum() - 1
+    remaining = energies[0] + (energies[1:] * np.exp(np.outer(looks(steps), np.log(factor)))).sum(
+        axis=1
+    )
+    return remaining / energies.sum() - 1
 
 
 def data(steps=STEPS):
     """Change of the energy of each method over the same time."""
     dt = STEP / scene()[2].max()
-    tables = {name: drifting(name, int(steps * share), dt / share) for name, share in WORK.items()}
+    tables = {
+        name: drifting(name, int(steps * fraction), dt / fraction)
+        for name, fraction in WORK.items()
+    }
     tables["rk4"]["predicted"] = predicted("rk4", steps, dt)
     return tables
 
@@ -70,8 +75,8 @@ def text(tables):
     """The section of the page."""
     change = {name: tables[name]["change of the energy"] for name in WORK}
     rows = [
-        [name, f"{STEP / share:g}", f"{steps:.0e}", f"{np.max(np.abs(change[name])):.1e}"]
-        for name, share, steps in ((n, w, STEPS * w) for n, w in WORK.items())
+        [name, f"{STEP / fraction:g}", f"{steps:.0e}", f"{np.max(np.abs(change[name])):.1e}"]
+        for name, fraction, steps in ((n, w, STEPS * w) for n, w in WORK.items())
     ]
     head = ["method", "dt omega_max", "steps", "largest change of the energy, relative"]
     return (

@@ -65,13 +65,13 @@ def good_step(gap, method):
 
 
 def outcome(gap, dt, over=1.0):
-    """How a run with a fixed step ends: "kept" or the name of the error, and its message."""
+    """How a run with a fixed step ends: "accepted" or the name of the error, and its message."""
     chain, state = collision(gap, over)
     try:
         simulate(chain, state, duration(chain, state), dt=dt, record=Record(every=10**9))
     except (StabilityError, LockingError) as error:
         return type(error).__name__, str(error)
-    return "kept", ""
+    return "accepted", ""
 
 
 def data():
@@ -105,8 +105,8 @@ def powers(tables):
 def text(tables):
     """The section of the page."""
     t, fixed = tables["steps"], tables["fixed"]
-    kept = [g for g, how in zip(GAPS, fixed["outcome"], strict=True) if how == "kept"]
-    refused = np.array(fixed["outcome"]) != "kept"
+    accepted = [g for g, how in zip(GAPS, fixed["outcome"], strict=True) if how == "accepted"]
+    refused = np.array(fixed["outcome"]) != "accepted"
     worst = np.nanmax(fixed["energy error of the bare loop"][refused])
     near = int(np.argmin(np.abs(GAPS - 1e-3)))
     rows = [
@@ -121,7 +121,7 @@ def text(tables):
         f"for an energy error of {ENERGY_ERROR:.0e}, steps that fall with the powers of the table "
         "(the energy at stake falls too, with the root, which in theory leaves "
         f"3/4 - 1/(2 order)).\n\n{grid(head, rows)}\n\n"
-        f"A fixed step of {FIXED:g} s with verlet is accepted down to {min(kept):.1e} of the "
+        f"A fixed step of {FIXED:g} s with verlet is accepted down to {min(accepted):.1e} of the "
         "stroke; closer, `simulate` ends the run with a `StabilityError` that names the time and "
         "the sites, where the bare loop would have gone on with an energy wrong by up to "
         f"{worst:.2g} of itself. "
@@ -143,10 +143,10 @@ def draw(figure, tables):
     left.axhline(FIXED, color="0.5", lw=0.8)
     left.set(xlabel="fraction of the stroke left", ylabel="step [s]; dotted: stability limit")
     left.legend(fontsize=8)
-    kept = np.array([how == "kept" for how in fixed["outcome"]])
+    accepted = np.array([how == "accepted" for how in fixed["outcome"]])
     error = fixed["energy error of the bare loop"]
-    right.loglog(GAPS[kept], error[kept], "C0o", label="accepted")
-    right.loglog(GAPS[~kept], error[~kept], "C3x", label="refused: StabilityError")
+    right.loglog(GAPS[accepted], error[accepted], "C0o", label="accepted")
+    right.loglog(GAPS[~accepted], error[~accepted], "C3x", label="refused: StabilityError")
     right.set(
         xlabel="fraction of the stroke left", ylabel="error of the energy, bare loop",
         title=f"verlet, dt = {FIXED:g} s",

@@ -74,15 +74,15 @@ def prisms_in_a_row():
         row, prisms = chain_of(spring), Nodes(ELASTIC, SITES - 1)
 
         def acceleration(u):
-            pull = prisms.tension(ELASTIC.height + row.elongation(u))
-            return np.diff(pull, prepend=0.0, append=0.0)
+            tension = prisms.tension(ELASTIC.height + row.elongation(u))
+            return np.diff(tension, prepend=0.0, append=0.0)
 
         state = row.at_rest(BLOW)
         return stepped(acceleration, state.u, state.v, "rkn6", dt, STEPS)[0]
 
     row = chain_of(spring)
-    met = simulate(row, row.at_rest(BLOW), T_END, dt=dt, method="rkn6").elongation_range[0]
-    fits = {error: Polynomial(spring, *(1.05 * met), error) for error in FITS}
+    visited = simulate(row, row.at_rest(BLOW), T_END, dt=dt, method="rkn6").elongation_range[0]
+    fits = {error: Polynomial(spring, *(1.05 * visited), error) for error in FITS}
     rungs = {"rigid": lambda: run(rigid)}
     rungs |= {f"elastic, degree {p.degree}": (lambda p=p: run(p)) for p in fits.values()}
     rungs |= {"elastic, exact": lambda: run(spring), "18 coordinates": nodes}

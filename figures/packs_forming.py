@@ -51,7 +51,7 @@ def gas():
     return scene, scene.at_rest(dict(enumerate(velocity.tolist())))
 
 
-def met(scene, run):
+def approached(scene, run):
     """Pairs of beads in contact in some row, with the first such instant; {(i, j): s}."""
     i, j = np.triu_indices(scene.sites, 1)
     found = {}
@@ -68,7 +68,7 @@ def data():
     for name, make in (("break shot", break_shot), ("gas", gas)):
         scene, state = make()
         run = simulate(scene, state, ENDS[name], record=Record(interval=INTERVAL))
-        pairs = met(scene, run)
+        pairs = approached(scene, run)
         key = name.replace(" ", "_")
         tables[f"{key}_energy"] = {"t [s]": run.t, "error": run.energy / run.energy[0] - 1}
         tables[f"{key}_pairs"] = {

@@ -11,6 +11,7 @@ import numpy as np
 
 from figures import _packs
 from figures._packs import FAST, GLASS, STEEL, D, row
+from figures._stored import stored
 from granular import Bead, pack, simulate, wall_force
 from tensegrity import Record, largest_peak
 
@@ -44,7 +45,8 @@ def tolerated(tolerance, seed):
     return 1 - largest_peak(run.t, wall_force(run, "floor"))[1] / _packs.direct(STEEL, FAST)
 
 
-def data(tolerances=TOLERANCES, seeds=SEEDS):
+@stored(NAME)
+def data():
     """Efficiencies by layers, sides, beads, tolerances."""
     by_layers = [efficiency(_packs.cube(n), layers=n) for n in LAYERS]
     hard = [efficiency(_packs.cube(n, sides="steel"), layers=n) for n in STEEL_SIDES]
@@ -55,13 +57,13 @@ def data(tolerances=TOLERANCES, seeds=SEEDS):
         "steel, 17 layers": by_layers[LAYERS.index(17)],
         "glass, 17 layers": efficiency(_packs.cube(17, bead=GLASS), GLASS),
     }
-    found = {f"{eps:.0e}": [tolerated(eps, seed) for seed in range(seeds)] for eps in tolerances}
+    found = {f"{eps:.0e}": [tolerated(eps, seed) for seed in range(SEEDS)] for eps in TOLERANCES}
     return {
         "layers": {"layers": np.array(LAYERS), "PTFE sides": np.array(by_layers)},
         "hard": {"layers": np.array(STEEL_SIDES), "steel sides": np.array(hard)},
         "sides": {"sides": [str(name) for name in SIDES], "efficiency": np.array(by_sides)},
         "beads": {"beads": list(beads), "efficiency": np.array(list(beads.values()))},
-        "tolerance": {"seed": np.arange(seeds), **{k: np.array(v) for k, v in found.items()}},
+        "tolerance": {"seed": np.arange(SEEDS), **{k: np.array(v) for k, v in found.items()}},
     }
 
 

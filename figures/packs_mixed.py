@@ -66,14 +66,14 @@ def measured(scene, t_end, levels, name):
     run = _packs.quick(scene, t_end, Record(interval=INTERVAL))
     instant, force = largest_peak(run.t, wall_force(run, "floor"))
     k = int(np.argmin(np.abs(run.t - instant)))
-    shares = energies(run).fractions
+    fractions = energies(run).fractions
     count = levels // 2
     upper = [f"row {n}" for n in range(1, count + 1)] if name == "plane" else [
         f"layer {n}" for n in range(levels - count, levels + 1)]  # fmt: skip
     sites = [scene.sites - 1, *(s for part in upper for s in scene.parts[part])]
     kinetic = scene.mass[:, None] * run.v[k] ** 2
     lateral = kinetic[:, :-1].sum() / kinetic.sum()
-    curve = 1 - shares[:, sites].sum(axis=1)
+    curve = 1 - fractions[:, sites].sum(axis=1)
     return (force, instant, 1 - curve[k], lateral, curve.max()), curve, run.t
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from figures import _packs
 from figures._packs import ROW, SLOW, STEEL, D, row
 from granular import energies, wall_force
-from tensegrity import Record, largest_peak
+from tensegrity import Record, largest_peak, peaks
 from tensegrity.animation import moving
 from tensegrity.plotting import film
 
@@ -51,7 +51,7 @@ def data():
         struck = [k for k in range(len(scene.bonds)) if scene.sites - 1 in scene.bonds[k]]
         line = [max(struck, key=lambda k: scene.contact_forces(run.u)[:, k].max()), *down(scene)]
         forces = scene.contact_forces(run.u)[:, line]
-        peaks = np.array([first(run.t, force) for force in forces.T])
+        firsts = np.array([first(run.t, force) for force in forces.T])
         shares = energies(run).fractions
         tables |= {
             f"{name}_floor": {"t [s]": run.t, "floor [N]": each.sum(axis=1)},
@@ -60,8 +60,8 @@ def data():
                 "peak [N]": np.array([largest_peak(run.t, f)[1] for f in each.T]),
             },
             f"{name}_line": {
-                "t [s]": peaks[:, 0], "peak [N]": peaks[:, 1],
-                "speed [m/s]": np.append(D / np.diff(peaks[:, 0]), np.nan),
+                "t [s]": firsts[:, 0], "peak [N]": firsts[:, 1],
+                "speed [m/s]": np.append(D / np.diff(firsts[:, 0]), np.nan),
             },
             f"{name}_rows": {"t [s]": run.t[::10], **{
                 part: shares[::10][:, list(sites)].sum(axis=1)
@@ -73,8 +73,8 @@ def data():
 
 def first(t, force):
     """Instant and height of the first peak above a fifth of the largest force."""
-    k = _packs.crests(t, force, force.max() / 5)[0]
-    return largest_peak(t[k - 2 : k + 3], force[k - 2 : k + 3])
+    instants, heights = peaks(t, force, level=0.2)
+    return instants[0], heights[0]
 
 
 def thinned(scene):

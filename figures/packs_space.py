@@ -88,7 +88,8 @@ def draw(figure, tables):
     panels[-1].stackplot(1e3 * t["t [s]"], [t[name] for name in names], labels=names, alpha=0.8)
     panels[-1].plot(1e3 * t["t [s]"], t["lateral part of the motion"], "k--", lw=1.2,
                     label="lateral fraction of kinetic energy")  # fmt: skip
-    panels[-1].set(xlabel="time [ms]", ylabel="fraction of the energy", ylim=(0, 1), title="energy")
+    panels[-1].set(xlabel="time [ms]", ylabel="fraction of the energy", ylim=(0, 1))
+    panels[-1].set_title("distribution of the energy", fontsize=9)
     panels[-1].margins(x=0)
     panels[-1].legend(fontsize=7, loc="upper right", framealpha=0.8, frameon=True)
 

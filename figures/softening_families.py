@@ -15,10 +15,10 @@ GROUP = "softening_limits"
 
 def data():
     """Crests and speeds over that of sound of each family, and what is predicted of it."""
-    columns = ("spring", "family", "ends", "crest", "speed ratio", "residual")
+    columns = ("spring", "family", "ends", "peak", "speed ratio", "residual")
     table = {key: [] for key in columns}
-    limits = {key: [] for key in ("spring", "family", "starts", "ends", "first crest",
-                                  "last crest", "lowest", "highest", "certain")}  # fmt: skip
+    limits = {key: [] for key in ("spring", "family", "starts", "ends", "first peak",
+                                  "last peak", "lowest", "highest", "certain")}  # fmt: skip
     for name, spring in springs().items():
         prediction = predict(spring)
         for family in prediction.families:
@@ -45,7 +45,7 @@ def table(tables):
         speeds = [found["speed ratio"][j] for j in own]
         rows.append({
             "spring": name.replace("$", ""), "family": family, "starts": limits["starts"][k],
-            "ends": limits["ends"][k], "last crest": float(limits["last crest"][k]),
+            "ends": limits["ends"][k], "last peak": float(limits["last peak"][k]),
             "limit c/cs": float(limits["highest"][k]), "fastest found": max(speeds),
             "waves": len(own), "largest residual": max(found["residual"][j] for j in own),
         })  # fmt: skip
@@ -64,21 +64,21 @@ def draw(figure, tables):
             family = limits["family"][k]
             own = [j for j, pair in enumerate(zip(found["spring"], found["family"], strict=True))
                    if pair == (name, family)]  # fmt: skip
-            x, y = (np.array([found[c][j] for j in own]) for c in ("crest", "speed ratio"))
+            x, y = (np.array([found[c][j] for j in own]) for c in ("peak", "speed ratio"))
             order = np.argsort(np.abs(x))
             axes.plot(x[order], y[order], ".-", color=f"C{color}", label=family)
             if math.isfinite(limits["highest"][k]):
                 axes.axhline(limits["highest"][k], color=f"C{color}", ls="--", lw=1)
-            if math.isfinite(limits["last crest"][k]):
-                axes.axvline(limits["last crest"][k], color=f"C{color}", ls=":", lw=1)
+            if math.isfinite(limits["last peak"][k]):
+                axes.axvline(limits["last peak"][k], color=f"C{color}", ls=":", lw=1)
             if limits["starts"][k] == "threshold":
-                axes.axvline(limits["first crest"][k], color=f"C{color}", ls="-.", lw=0.8)
+                axes.axvline(limits["first peak"][k], color=f"C{color}", ls="-.", lw=0.8)
         fast = max(y for y, s in zip(found["speed ratio"], found["spring"], strict=True)
                    if s == name)  # fmt: skip
         if fast > 6:
             axes.set_yscale("log")
         axes.set_title(name, fontsize=10)
-        axes.set(xlabel="crest r [m], extension > 0", ylabel="c/c$_s$")
+        axes.set(xlabel="peak r [m], extension > 0", ylabel="c/c$_s$")
         axes.legend(fontsize=8)
     for axes in panels[len(names) :]:
         axes.set_visible(False)

@@ -30,10 +30,10 @@ def data():
     for number, name in enumerate(SMALL):
         families = predict(known[name]).families
         family = next(f for f in families if f.starts == "rest")
-        crests = family.curve(excess=EXCESS).amplitude
+        peaks = family.curve(excess=EXCESS).amplitude
         law = [family.small_crest(e) for e in EXCESS.tolist()]
-        tables[f"small_{number}"] = {"excess": EXCESS, "crest": crests,
-                                     "error": np.abs(crests / law - 1)}  # fmt: skip
+        tables[f"small_{number}"] = {"excess": EXCESS, "peak": peaks,
+                                     "error": np.abs(peaks / law - 1)}  # fmt: skip
     for number, (name, spring) in enumerate(TOPS.values()):
         family = predict(spring)[name]
         curve = family.curve(amplitude=family.crests[1] * (1 - GAPS))
@@ -84,14 +84,14 @@ def draw(figure, tables):
         one = tables[f"small_{number}"]
         small.loglog(one["excess"], np.maximum(one["error"], 1e-16), ".-", label=name)
     small.loglog(EXCESS, EXCESS**2, "k:", lw=1, label="slope 2")
-    small.set(xlabel="c/c$_s$ - 1", ylabel="crest: relative error of the two-term law")
+    small.set(xlabel="c/c$_s$ - 1", ylabel="peak: relative error of the two-term law")
     for number, name in enumerate(TOPS):
         one = tables[f"top_{number}"]
         top.semilogx(one["gap"], one["width"], ".-", label=name)
         fit = one["width"][-1] + one["rise"][0] * np.log(GAPS[-1] / GAPS)
         top.semilogx(GAPS, fit, "k:", lw=1)
     top.plot([], [], "k:", lw=1, label="slope 2/k$_t$, predicted")
-    top.set(xlabel="(r* - crest)/r*", ylabel="width at 5 % of the peak [sites]")
+    top.set(xlabel="(r* - peak)/r*", ylabel="width at 5 % of the peak [sites]")
     for n in (12, 6):
         one = tables[f"wall_{n}"]
         label = f"Lennard-Jones {n}-{n // 2}"

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from tensegrity import Prism, predict
-from tensegrity.waves.solitary import largest_speed
 
 NAME = "solitary_families"
 GROUP = "waves"
@@ -26,15 +25,16 @@ def data():
     tables = {}
     for name, (prism, preload, family) in SPRINGS.items():
         spring = prism.potential(preload=preload)
-        bound = largest_speed(spring, family=family, closest=4e-3) / spring.sound_speed()
+        waves = predict(spring)[family]
+        bound = waves.speeds[1] / spring.sound_speed()
         largest = min(FASTEST, 1 + 0.9 * (bound - 1))
         excess = np.geomspace(2e-3, largest - 1, POINTS)
-        curve = predict(spring)[family].curve(speed_ratio=1 + excess)
+        curve = waves.curve(speed_ratio=1 + excess)
         tables[name.replace(", ", "_").replace(" ", "_")] = {
             "speed_excess": excess,
             "width": curve.width,
             "energy": curve.energy,
-            "crest": curve.amplitude,
+            "peak": curve.amplitude,
         }
     return tables
 
@@ -44,11 +44,14 @@ def draw(figure, tables):
     figure.set_size_inches(12, 4.4)
     axes = figure.subplots(1, 3)
     for name, table in zip(SPRINGS, tables.values(), strict=True):
-        for one, column in zip(axes, ("width", "energy", "crest"), strict=True):
+        for one, column in zip(axes, ("width", "energy", "peak"), strict=True):
             one.loglog(table["speed_excess"], np.abs(table[column]), ".-", label=name)
     excess = np.geomspace(2e-3, 0.05, 2)
     axes[0].loglog(excess, 9.0 * (24 * excess) ** -0.5, "k:", lw=1, label="slope -1/2")
     labels = ("width at 5 % of the peak [sites]", "energy [k$_{cross}$ l$^2$]", "|peak| [l]")
     for one, label in zip(axes, labels, strict=True):
         one.set(xlabel="c/c$_s$ - 1", ylabel=label)
+    ticks = (2, 3, 5, 10, 20, 40)
+    axes[0].set_yticks(ticks, [str(tick) for tick in ticks])
+    axes[0].set_yticks([], minor=True)
     axes[0].legend(fontsize=8)

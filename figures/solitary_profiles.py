@@ -6,8 +6,7 @@ import numpy as np
 
 from figures import _exact
 from figures._measure import row
-from tensegrity import Prism, sech2, solitary_wave, tent
-from tensegrity.waves.solitary import largest_speed
+from tensegrity import Prism, predict, sech2, solitary_wave, tent
 
 NAME = "solitary_profiles"
 GROUP = "waves"
@@ -24,7 +23,7 @@ def data():
     numbers |= {name: [] for name in ("stroke_used", "width", "residual")}
     for shape, label in PRISMS.items():
         spring = Prism(1.0, *shape, 1.0).potential()
-        largest = largest_speed(spring) / spring.sound_speed()
+        largest = predict(spring)["compression"].speeds[1] / spring.sound_speed()
         for ratio in RATIOS:
             line = [*shape, ratio, largest, np.nan, np.nan, np.nan]
             if ratio < largest:
@@ -71,8 +70,8 @@ def draw(figure, tables):
         one.plot(table["x"], -table["sech2"], "C1--", label="sech$^2$")
         one.plot(table["x"], -table["tent"], "C2:", lw=2, label="tent")
         one.plot(table["x"], -table["exact"], "C0", label="exact")
-        crests = [np.max(-table[name]) for name in ("exact", "sech2", "tent")]
-        one.set_ylim(-0.05 * crests[0], 1.1 * max(c for c in crests if c < 4 * crests[0]))
+        peaks = [np.max(-table[name]) for name in ("exact", "sech2", "tent")]
+        one.set_ylim(-0.05 * peaks[0], 1.1 * max(c for c in peaks if c < 4 * peaks[0]))
         used, wide = numbers["stroke_used"][index], numbers["width"][index]
         title += f"\n{used:.3f} of the stroke, {wide:.2f} sites at 5 %"
         one.set_title(title, fontsize=9)

@@ -45,7 +45,7 @@ def struck(prism, blow, width):
     return times, *watched
 
 
-def crest(times, compression):
+def peak(times, compression):
     """Speed between the units over that of sound, and largest compression of the far one [m]."""
     rows = compression.argmax(axis=0)
     return (FAR - NEAR) / float(np.diff(times[rows])[0]), float(compression[:, 1].max())
@@ -58,7 +58,7 @@ def data(progress=iter):
     for slenderness, prestrain, width, blow in progress(cases):
         prism = Prism(1.0, slenderness, prestrain, **STIFFNESS)
         times, line, space = struck(prism, blow, width)
-        one, other = crest(times, line), crest(times, space)
+        one, other = peak(times, line), peak(times, space)
         rows.append((slenderness, prestrain, width, blow, one[0], other[0],
                      one[1] / slenderness, other[1] / slenderness))  # fmt: skip
         if (slenderness, prestrain) == SHAPES[-1] and blow == BLOWS[0] and width != WIDTHS[1]:
@@ -67,7 +67,7 @@ def data(progress=iter):
                 "column": space[:, 1] / slenderness,
             }  # fmt: skip
     names = ("slenderness", "prestrain", "width", "blow", "chain_speed", "column_speed",
-             "chain_crest", "column_crest")  # fmt: skip
+             "chain_peak", "column_peak")  # fmt: skip
     return {"map": dict(zip(names, map(list, zip(*rows, strict=True)), strict=True)), **tables}
 
 
@@ -76,7 +76,7 @@ def draw(figure, tables):
     figure.set_size_inches(10, 7)
     cells = figure.subplots(2, 2)
     table = {name: np.array(values) for name, values in tables["map"].items()}
-    for axes, name in zip(cells[0], ("crest", "speed"), strict=True):
+    for axes, name in zip(cells[0], ("peak", "speed"), strict=True):
         for k, (slenderness, prestrain) in enumerate(SHAPES):
             for blow, style in zip(BLOWS, ("o-", "s--"), strict=True):
                 rows = (table["slenderness"] == slenderness) & (table["blow"] == blow)

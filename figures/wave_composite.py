@@ -55,7 +55,7 @@ TRANSMISSION = "a delayed train of compression pulses in the soft branch"
 OTHERWISE = "anomalous reflection of compression and rarefaction waves"
 TIMED = 380, 500  # bonds before the interface at which a reflected pulse is timed
 PASSED = 70, 120  # and a transmitted one, beyond
-CUT = 1e-10  # of the crest, cut off where the wave is launched
+CUT = 1e-10  # of the peak, cut off where the wave is launched
 COUNTED = 0.25  # of the largest elongation beyond: from there a pulse counts
 CLOSED = 60  # bonds beyond, in the densely recorded runs whose interface is balanced
 CLOSE = 1e-3  # a reflected rarefaction this close to the exact wave of its peak is a soliton
@@ -103,34 +103,34 @@ def outcome(run, wave, case, timed=TIMED, passed=PASSED):
     Returns
     -------
     dict
-        energy, impulse: of the near part at last, over incident ones; back, back crest: speed
-        over sound and elongation [m] of the leading reflected pulse; on, on crest: the same of
+        energy, impulse: of the near part at last, over incident ones; back, back peak: speed
+        over sound and elongation [m] of the leading reflected pulse; on, on peak: the same of
         the first large pulse beyond; late: how much later than sound it comes there [s];
         momentum error: of the whole chain, over that of the wave.
     """
     sound, further = wave.sound_speed, case.far.sound_speed()
     energy = run.scene.site_energy(run.final)
     near, last = (
-        _measure.Passing(run, case.before - bonds, after=met(wave) + 0.9 * bonds / sound)
+        _measure.peak(run, case.before - bonds, after=met(wave) + 0.9 * bonds / sound)
         for bonds in timed
     )
-    first, second = (_measure.Passing(run, case.before + bonds) for bonds in passed)
+    first, second = (_measure.peak(run, case.before + bonds) for bonds in passed)
     return {
         "energy": float(energy[: case.before].sum() / energy.sum()),
         "impulse": float(run.final.v[: case.before].sum() / wave.momentum),
-        "back": (timed[1] - timed[0]) / (last.instant - near.instant) / sound,
-        "back crest": last.crest,
-        "on": (passed[1] - passed[0]) / (second.instant - first.instant) / further,
-        "on crest": second.crest,
-        "late": first.instant - met(wave) - passed[0] / further,
+        "back": (timed[1] - timed[0]) / (last[0] - near[0]) / sound,
+        "back peak": last[1],
+        "on": (passed[1] - passed[0]) / (second[0] - first[0]) / further,
+        "on peak": second[1],
+        "late": first[0] - met(wave) - passed[0] / further,
         "momentum error": float(np.abs(run.v.sum(axis=1) / wave.momentum - 1).max()),
     }
 
 
-def exact_ratio(spring, crest):
-    """Speed over sound of the exact wave of a crest, with its residual; nan where there is none."""
+def exact_ratio(spring, peak):
+    """Speed over sound of the exact wave of a peak, with its residual; nan where there is none."""
     try:
-        wave = solitary_wave(spring, amplitude=crest)
+        wave = solitary_wave(spring, amplitude=peak)
     except TensegrityError:
         return Number(math.nan, math.nan)
     return Number(wave.speed_ratio, wave.residual)
@@ -182,11 +182,11 @@ def data():
         pushed, pulled = train(run, case.before, since)
         found |= {
             "acoustics": Number(acoustics(case), 0.0),
-            "exact back": exact_ratio(case.near, found["back crest"].value),
-            "exact on": exact_ratio(case.far, found["on crest"].value),
+            "exact back": exact_ratio(case.near, found["back peak"].value),
+            "exact on": exact_ratio(case.far, found["on peak"].value),
             "compression pulses": Number(pushed, 0.0),
             "rarefaction pulses": Number(pulled, 0.0),
-            "incident crest": Number(wave.amplitude, wave.residual),
+            "incident peak": Number(wave.amplitude, wave.residual),
             "energy balance": Number(closed.energy_error, 0.0),
             "momentum balance": Number(closed.momentum_error, 0.0),
         }
@@ -237,7 +237,7 @@ def table(tables):
                 max(found[key].error for key in ("energy", "impulse", "back")),
             )
         )
-        kind = "rarefaction" if value["on crest"] > 0 else "compression"
+        kind = "rarefaction" if value["on peak"] > 0 else "compression"
         rows.append(
             _measure.row(
                 f"composite, {name}: transmission",
@@ -255,7 +255,7 @@ def table(tables):
 
 
 def _reflected(value):
-    kind = "rarefaction" if value["back crest"] > 0 else "compression"
+    kind = "rarefaction" if value["back peak"] > 0 else "compression"
     text = f"{kind} leads at {value['back']:.6f} cs"
     if abs(value["back"] - value["exact back"]) < CLOSE and value["back"] > 1:
         return f"{text}, a soliton ({_exact(value['exact back'])})"
@@ -263,4 +263,4 @@ def _reflected(value):
 
 
 def _exact(ratio):
-    return "no exact wave" if math.isnan(ratio) else f"exact wave of its crest {ratio:.6f}"
+    return "no exact wave" if math.isnan(ratio) else f"exact wave of its peak {ratio:.6f}"

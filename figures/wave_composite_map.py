@@ -52,9 +52,9 @@ def answer(ratio, k_cross):
             found[f"{name}{where}"] = np.nan
     gone = met(wave) + 0.9 * TIMED[0] / wave.sound_speed
     for name, run in runs.items():
-        back, crest = _measure.leader(run, bonds[:2], after=gone)
+        back, peak = _measure.leader(run, bonds[:2], after=gone)
         on, further = _measure.leader(run, bonds[2:])
-        found[f"{name}back"] = np.copysign(back / wave.sound_speed, crest)
+        found[f"{name}back"] = np.copysign(back / wave.sound_speed, peak)
         found[f"{name}on"] = np.copysign(on / soft.sound_speed(), further)
     return found
 

@@ -13,7 +13,7 @@ GROUP = "waves"
 NORMAL = (1.5, 2.0, 3.0)
 ABNORMAL = 0.5
 SIZES = (0.1, 1.0, 10.0)  # m, peaks
-RAREFACTION = 0.6  # m, crest in the precompressed chain of exponent ABNORMAL
+RAREFACTION = 0.6  # m, peak in the precompressed chain of exponent ABNORMAL
 BLOW = 0.5  # m/s
 STRUCK = (1.5, ABNORMAL)  # exponents of the precompressed chains that are struck
 BLOWS = {"pushed": BLOW, "pulled": -BLOW}  # velocity of the first mass
@@ -71,8 +71,8 @@ def struck(exponent, blow, sites=180, travel=150):
 
 def leading(run):
     """Speed of the first large pulse over that of sound, and its sign times its size [m]."""
-    fast, crest = _measure.leader(run, TIMED)
-    return {"ratio": fast / run.scene.springs[0].sound_speed(), "crest": crest}
+    fast, peak = _measure.leader(run, TIMED)
+    return {"ratio": fast / run.scene.springs[0].sound_speed(), "peak": peak}
 
 
 def data():
@@ -155,12 +155,12 @@ def table(tables):
 
 def _struck_row(tables, n, blow):
     found = _measure.from_table(tables[f"n{n:g} {blow}"])
-    what = "compression" if found["crest"].value < 0 else "rarefaction"
+    what = "compression" if found["peak"].value < 0 else "rarefaction"
     ratio = found["ratio"].value
     kind = f"supersonic {what} leads" if ratio > 1 else f"no soliton, {what} leads"
     return _measure.row(
         f"power law n = {n:g}, precompressed, free end {blow} at {BLOW} m/s",
         "normal: compression leads; abnormal: rarefaction leads",
-        f"{kind}: {ratio:.6f} cs, crest {found['crest'].value:+.4f} m",
+        f"{kind}: {ratio:.6f} cs, peak {found['peak'].value:+.4f} m",
         found["ratio"].error,
     )

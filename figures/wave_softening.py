@@ -6,7 +6,7 @@ import numpy as np
 
 from figures import _measure, _scenes
 from figures._measure import Number
-from tensegrity import LockingError, Record, budget, simulate, solitary_wave
+from tensegrity import LockingError, Record, arrival, budget, simulate, solitary_wave
 
 NAME = "wave_softening"
 GROUP = "waves"
@@ -50,27 +50,32 @@ def struck(blow, speed, sites=SITES, duration=DURATION):
 
 
 def leading(run):
-    """Speed and crest of the first pulse, and the speed of the tail behind it.
+    """Speed and peak of the first pulse, and the speed of the tail behind it.
 
     The tail's front is its first large extremum of the other sign.
 
     Returns
     -------
     dict
-        speed, tail: over the speed of sound; crest: elongation [m].
+        speed, tail: over the speed of sound; peak: elongation [m].
     """
-    fast, crest = _measure.leader(run, SENSORS)
+    fast, peak = _measure.leader(run, SENSORS)
     near, far = SENSORS
-    behind = [
-        _measure.Passing(run, bond, -np.sign(crest), _measure.Passing(run, bond).instant).instant
-        for bond in SENSORS
-    ]
+    behind = [tail(run, bond) for bond in SENSORS]
     sound = run.scene.springs[-1].sound_speed(run.scene.mass[-1])
     return {
         "speed": fast / sound,
         "tail": (far - near) / (behind[1] - behind[0]) / sound,
-        "crest": crest,
+        "peak": peak,
     }
+
+
+def tail(run, bond):
+    """Instant at which the front of the tail passes a bond [s]."""
+    instant, amplitude = _measure.peak(run, bond)
+    left = run.sites.index(bond)
+    elongation = run.u[:, left + 1] - run.u[:, left]
+    return arrival(run, bond, after=run.t[(run.t > instant) & (elongation * amplitude < 0)][0])
 
 
 def kind(blow, speed):
@@ -80,7 +85,7 @@ def kind(blow, speed):
     -------
     word : str
         "soliton": a rarefaction wave that is supersonic and as fast as the exact wave of its
-        crest; "forming": a rarefaction that is not (yet); "compression"; "collapse": a
+        peak; "forming": a rarefaction that is not (yet); "compression"; "collapse": a
         prism softened past its limit point and left the range that is followed.
     speed : float
         Over the speed of sound; 0 where nothing was measured.
@@ -91,11 +96,11 @@ def kind(blow, speed):
         run = simulate(*struck(blow, speed), method="rkn6", dt=STEP, record=record)
     except LockingError:
         return "collapse", 0.0
-    fast, crest = _measure.leader(run, SENSORS)
+    fast, peak = _measure.leader(run, SENSORS)
     ratio = fast / run.scene.springs[-1].sound_speed(run.scene.mass[-1])
-    if crest < 0:
+    if peak < 0:
         return "compression", ratio
-    exact = solitary_wave(_scenes.softening(PRELOAD), amplitude=crest).speed_ratio
+    exact = solitary_wave(_scenes.softening(PRELOAD), amplitude=peak).speed_ratio
     formed = ratio > 1 + CLOSE and abs(ratio - exact) < CLOSE
     return ("soliton" if formed else "forming"), ratio
 
@@ -106,10 +111,10 @@ def measured(blow, speed):
     short = struck(blow, speed, *CLOSED)
     passed = budget(simulate(*short, method="rkn6", dt=STEP / 4, record=Record(every=1)), 0)
     found["momentum error"] = Number(passed.momentum_error, passed.energy_error)
-    if found["crest"].value > 0:
-        wave = solitary_wave(_scenes.softening(PRELOAD), amplitude=found["crest"].value)
+    if found["peak"].value > 0:
+        wave = solitary_wave(_scenes.softening(PRELOAD), amplitude=found["peak"].value)
         found["exact speed"] = Number(wave.speed_ratio, wave.residual)
-        found["share"] = Number(wave.energy / run.energy[0], 2 * found["crest"].error)
+        found["fraction"] = Number(wave.energy / run.energy[0], 2 * found["peak"].error)
     return run, found
 
 
@@ -170,9 +175,9 @@ def table(tables):
         _measure.row(
             scene,
             "leading rarefaction soliton, supersonic",
-            f"{held['speed'].value:.6f} cs with {held['share'].value:.3f} of the energy; the exact "
-            f"wave of that crest {held['exact speed'].value:.6f} cs (off by {exact:.0e}: the pulse "
-            "still sheds its tail)",
+            f"{held['speed'].value:.6f} cs with {held['fraction'].value:.3f} of the energy; the "
+            f"exact wave of that peak {held['exact speed'].value:.6f} cs (off by {exact:.0e}: the "
+            "pulse still sheds its tail)",
             held["speed"].error,
         ),
         _measure.row(

@@ -17,7 +17,7 @@ WAVES = {
     3.0: ((0.7, 0.01), {"travel": 80, "bracket": (0.115, 0.125), "around": 4}),
     12.16: ((0.6, 0.001), {"travel": 48, "bracket": (0.155, 0.165), "around": 4}),
 }
-NEAR = (1.01, 1.05)  # speeds at which sech^2 is judged, at these prestrains
+NEAR = (1.01, 1.05)  # speeds at which sech^2 is compared, at these prestrains
 PRESTRAINS = (0.1, 0.01)
 CLAIMED = {
     1.05: "localised on about 7 prisms",
@@ -79,7 +79,7 @@ def table(tables):
     near, errors = tables["near sound"], "deviation from the exact wave"
     for prestrain in PRESTRAINS:
         off = ", ".join(
-            f"{gap:.3f} of the crest at {ratio:g} cs"
+            f"{gap:.3f} of the peak at {ratio:g} cs"
             for ratio, gap in zip(NEAR, near[f"{prestrain:g}"], strict=True)
         )
         rows.append(
@@ -91,12 +91,12 @@ def table(tables):
             )
         )
     for ratio in (2.0, 3.0, 12.16):
-        gap = _measure.from_table(tables[f"{ratio:g} numbers"])["tent - exact, over the crest"]
+        gap = _measure.from_table(tables[f"{ratio:g} numbers"])["tent - exact, over the peak"]
         rows.append(
             _measure.row(
                 f"tent, {ratio:g} cs",
                 "almost coincides at 12.16 cs",
-                f"off by {gap.value:.3f} of the crest",
+                f"off by {gap.value:.3f} of the peak",
                 errors,
             )
         )

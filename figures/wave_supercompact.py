@@ -17,7 +17,7 @@ CHECKED = (0.1, 0.01, 0.0)  # run along a chain as well
 
 
 def at_amplitude(prestrain, part=PART):
-    """The wave whose crest is a part of the locking stroke."""
+    """The wave whose peak is a part of the locking stroke."""
     spring = _scenes.rigid(HEIGHT, prestrain)
     return solitary_wave(spring, amplitude=part * spring.domain[0])
 
@@ -27,21 +27,21 @@ def data():
     energy = at_amplitude(0.0).energy
     rows, profiles = [], {"x": (x := np.linspace(-4, 4, 401))}
     for prestrain in PRESTRAINS:
-        same_crest = at_amplitude(prestrain)
+        same_peak = at_amplitude(prestrain)
         same_energy = solitary_wave(_scenes.rigid(HEIGHT, prestrain), energy=energy)
-        error = _checked(same_crest) if prestrain in CHECKED else np.nan
-        crest = same_energy.amplitude / same_energy.potential.domain[0]
+        error = _checked(same_peak) if prestrain in CHECKED else np.nan
+        peak = same_energy.amplitude / same_energy.potential.domain[0]
         rows.append(
-            (prestrain, same_crest.width(), same_energy.width(), error, crest, same_crest.speed)
+            (prestrain, same_peak.width(), same_energy.width(), error, peak, same_peak.speed)
         )
-        profiles[f"{prestrain:g}"] = same_crest.elongation(x) / same_crest.amplitude
-    names = ("prestrain", "at amplitude", "at energy", "difference on a chain", "crest over stroke")
+        profiles[f"{prestrain:g}"] = same_peak.elongation(x) / same_peak.amplitude
+    names = ("prestrain", "at amplitude", "at energy", "difference on a chain", "peak over stroke")
     columns = zip(*rows, strict=True)
     tables = {"widths": dict(zip((*names, "speed"), columns, strict=True)), "profiles": profiles}
     cubic = solitary_wave(PowerLaw(1.0, 3.0), amplitude=-1.0)
     small = at_amplitude(0.0, 1e-3)
     tables["limit"] = {
-        "case": ["pure cubic force", "no prestrain, crest 1e-3 of the stroke"],
+        "case": ["pure cubic force", "no prestrain, peak 1e-3 of the stroke"],
         "width": [cubic.width(), small.width()],
     }
     wave = at_amplitude(0.0)

@@ -15,11 +15,11 @@ from tensegrity import (
     Prism,
     Record,
     State,
+    pulses,
     simulate,
     solitary_wave,
     speed,
 )
-from tensegrity.measure.observables import crest
 
 NAME = "wave_tuning"
 GROUP = "waves"
@@ -42,14 +42,14 @@ RAMPS = {"slow": 6.0, "quick": 0.5}  # s: the prestrain goes with erf(time/this)
 WINDOW = 11  # of these times, to both sides together: erf is constant outside, to round-off
 START, LEAD = 40, 50.0  # site; s before the change
 AFTERWARDS = 70.0  # s
-TIMED = (55, 80), (60, 110)  # bonds before; bonds from where the crest is after the change
+TIMED = (55, 80), (60, 110)  # bonds before; bonds from where the peak is after the change
 STEP = 0.1  # s
 
 
 def characteristics(prism, preload, amplitude):
-    """Sound speed, speed and width of the wave of a crest, impedance; nan where there is none.
+    """Sound speed, speed and width of the wave of a peak, impedance; nan where there is none.
 
-    There is none beyond the limit point, and no wave where the bars meet before that crest.
+    There is none beyond the limit point, and no wave where the bars meet before that peak.
 
     Returns
     -------
@@ -120,12 +120,12 @@ def outcome(before, during, after):
     Returns
     -------
     dict
-        before, after: speeds [sites/s]; crest: elongation over that of the exact wave of that
-        speed, less 1; share: of the energy at last, in that wave; work: done by the change, over
+        before, after: speeds [sites/s]; peak: elongation over that of the exact wave of that
+        speed, less 1; fraction: of the energy at last, in that wave; work: done by the change, over
         the energy at first; momentum: its largest change, relative; energy: largest deviation of
         energy - work, over the energy at first.
     """
-    start = int(crest(after.scene.elongation(during.final.u))[0])
+    start = int(pulses(after, 0, fraction=0.5)[-1].place - 0.5)
     now, elongation = _measure.leader(after, [start + bond for bond in TIMED[1]])
     wave = solitary_wave(after.scene.springs[0], speed=now)
     first, work = before.energy[0], during.work[-1]
@@ -134,8 +134,8 @@ def outcome(before, during, after):
     return {
         "before": speed(before, TIMED[0]),
         "after": now,
-        "crest": elongation / wave.amplitude - 1,
-        "share": float(wave.energy / after.energy[-1]),
+        "peak": elongation / wave.amplitude - 1,
+        "fraction": float(wave.energy / after.energy[-1]),
         "work": float(work / first),
         "momentum": float(np.abs(momenta / momenta[0] - 1).max()),
         "energy": float(max(np.abs(gap - first).max() for gap in gaps) / first),
@@ -224,13 +224,13 @@ def table(tables):
         locked = int(np.isnan(columns["wave speed"]).sum()) - none
         if locked:
             beyond += (
-                f"; {locked} of {columns['preload'].size} have no wave of that crest (white): "
+                f"; {locked} of {columns['preload'].size} have no wave of that peak (white): "
                 "their bars meet before"
             )
         rows.append(
             _measure.row(
                 f"{name} prism, prestrain {given[2][0]:g} to {given[2][-1]:g}, preload 0 to "
-                f"{given[3][-1]:g} N, crest {given[1]:g} m",
+                f"{given[3][-1]:g} N, peak {given[1]:g} m",
                 "wave properties tunable by local and global prestress",
                 ranges + beyond,
                 "residual of the waves, 1e-12",
@@ -243,8 +243,8 @@ def table(tables):
                 f"prestrain {BEFORE:g} to {AFTER:g} while a wave travels, {name} ({ramp:g} s)",
                 "adjusted on the fly",
                 f"speed {found['before'].value:.6f} to {found['after'].value:.6f} sites/s, with "
-                f"{found['share'].value:.4f} of the energy; crest that of the exact wave to "
-                f"{abs(found['crest'].value):.0e}; work {found['work'].value:.4f} of the energy "
+                f"{found['fraction'].value:.4f} of the energy; peak that of the exact wave to "
+                f"{abs(found['peak'].value):.0e}; work {found['work'].value:.4f} of the energy "
                 f"at first; energy less work closes to {found['energy'].value:.0e}, momentum to "
                 f"{found['momentum'].value:.0e}",
                 max(found["before"].error, found["after"].error),

@@ -12,25 +12,26 @@ from figures import (
     _composite_search,
     _composite_words,
     _solitons,
+    _stored,
     composite,
     wave_composite_map,
 )
-from tensegrity import Chain, Prism, Record, budget, simulate, solitary_wave
-from tensegrity.errors import RangeError
+from tensegrity import Chain, Prism, RangeError, Record, budget, simulate, solitary_wave
 from tensegrity.prisms.condensed import ElasticPotential
 from tensegrity.waves.family import Family
 from tensegrity.waves.solitary import approximate_wave
 
 WINNER, SECOND = 0, 18  # seeds of the interfaces that do both
 RIGID = Prism(1.0, 0.8, 0.02, 1.0).potential()
+RESULTS, _ = _stored.read(_stored.DATA / "composite_search_results.npz")
 
 
 def exact(spring):
-    return lambda crest: solitary_wave(spring, amplitude=crest)
+    return lambda peak: solitary_wave(spring, amplitude=peak)
 
 
 def stored():
-    return _composite_search.best(composite.columns_of(_composite_search.BEST))
+    return _composite_search.best(RESULTS["best"])
 
 
 def seen(chain, state, sign, front=0.0, spring=RIGID):
@@ -50,7 +51,7 @@ def test_two_solitary_waves_put_into_a_run_are_found():
     assert len(found) == 2
     for one, wave in zip(found, waves, strict=True):
         assert one.misfit < 5e-3
-        assert one.crest == pytest.approx(wave.amplitude, rel=2e-3)
+        assert one.peak == pytest.approx(wave.amplitude, rel=2e-3)
         assert one.ratio == pytest.approx(wave.speed_ratio, rel=2e-3)
     assert not seen(chain, run.final, 1)
 
@@ -65,7 +66,7 @@ def test_a_wave_that_comes_back_is_refused():
     assert back.misfit > 1
 
 
-def test_crests_of_a_dispersive_train_are_refused():
+def test_peaks_of_a_dispersive_train_are_refused():
     """A pull on a chain that carries no small rarefaction waves spreads into a train."""
     chain = Chain(RIGID, 250)
     run = simulate(chain, chain.at_rest({0: -0.01}), 150.0 / RIGID.sound_speed(), method="rkn6")
@@ -136,12 +137,12 @@ def test_what_the_far_chain_holds_is_what_the_incident_wave_brought_less_what_st
         for _ in range(2)
     )
     masses = tuple(rng.uniform(0.5, 2, 2))
-    crest = -0.3 * rng.uniform() * near.domain[1] - 0.02
-    crest = max(crest, 0.3 * near.domain[0])
-    real = _composite.Interface(near, far, masses, crest)
+    peak = -0.3 * rng.uniform() * near.domain[1] - 0.02
+    peak = max(peak, 0.3 * near.domain[0])
+    real = _composite.Interface(near, far, masses, peak)
     wave = real.wave()
     begun = _composite.start(real, wave, 60, 60)
-    duration = begun.met + 20.0 / max(*real.sounds, wave.speed)
+    duration = begun.arrival + 20.0 / max(*real.sounds, wave.speed)
     run = simulate(
         begun.chain, begun.state, duration, method="rkn6", tol=None, record=Record(every=1)
     )
@@ -227,6 +228,7 @@ def test_words_and_pictures_are_made_of_what_was_computed(control, monkeypatch):
     alone = [("kind", 7, dict.fromkeys(_composite_search.LIMITS, 1.0))]
     for module in (composite, _composite_words):
         monkeypatch.setattr(module, "best", lambda _: alone)
+    monkeypatch.setattr(composite, "results", lambda: RESULTS)
     monkeypatch.setattr(composite, "verified", lambda named: control)
     monkeypatch.setattr(composite, "cubic", lambda: control[0])
     monkeypatch.setattr(_composite, "outcome", lambda *_, **__: control[1])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks._candidates import SPLITTINGS
-from figures import chosen, gradients_pack, gradients_protector
+from figures import _stored, chosen, gradients_pack, gradients_protector
 from tensegrity import gradient
 from tensegrity import objective as o
 
@@ -12,20 +12,22 @@ from tensegrity import objective as o
 def test_prestrains_found_bring_the_peak_18_times_below_the_best_uniform_chain():
     """With two steps and another method, and slopes that keep their digits: by no error."""
     one = gradients_protector
+    tables, _ = _stored.read(_stored.DATA / "gradients_protector_data.npz")
+    found = tables["prestrains"]["by gradients"]
     uniform = one.peak(np.full(one.BONDS, 0.0708))
     assert uniform == pytest.approx(0.0683, rel=3e-3)  # known to three digits
-    peaks = [one.peak(one.FOUND, dt=dt) for dt in one.FINER]
+    peaks = [one.peak(found, dt=dt) for dt in one.FINER]
     assert 18 * peaks[1] <= uniform
     assert peaks[0] == pytest.approx(peaks[1], rel=one.MOVED)
-    chain = one.chain(one.FOUND)
+    chain = one.chain(found)
     start, load = chain.at_rest({0: one.SPEED}), o.peak(o.load(wall=0))
     other = gradient(
         load, chain, start, one.WINDOW, dt=0.1, method=SPLITTINGS["kahan-li 6"], wanted=()
     )
     assert other.value == pytest.approx(peaks[1], rel=one.MOVED)
-    top = one.differentiated(one.FOUND, o.peak(o.load(wall=0)), wanted=("prestrain",))
+    top = one.differentiated(found, o.peak(o.load(wall=0)), wanted=("prestrain",))
     assert top.digits >= one.DIGITS
-    assert one.RANGE[0] <= one.FOUND.min() < one.FOUND.max() <= one.RANGE[1]
+    assert one.RANGE[0] <= found.min() < found.max() <= one.RANGE[1]
 
 
 def test_maxima_of_a_chain_are_pressed_down(monkeypatch):

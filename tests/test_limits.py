@@ -93,7 +93,7 @@ def test_frequency_near_locking_grows_with_the_power_three_quarters_of_the_strok
 @pytest.mark.parametrize("gap", [1e-4, 1e-2])
 def test_a_fixed_step_is_kept_below_the_limit_of_the_turning_point_and_refused_above(gap):
     limit = limits_locking.stability_step(gap, "verlet")
-    assert limits_locking.outcome(gap, 0.7 * limit)[0] == "kept"
+    assert limits_locking.outcome(gap, 0.7 * limit)[0] == "accepted"
     how, message = limits_locking.outcome(gap, 1.2 * limit)
     assert how == "StabilityError"
     assert "between sites 0 and 1" in message
@@ -103,7 +103,7 @@ def test_a_blow_locks_with_more_than_the_energy_of_the_stroke_and_turns_with_les
     spring = limits_locking.collision(0.5)[0].springs[0]
     assert spring.energy(spring.domain[0]) > 0
     assert limits_locking.outcome(0.0, 1e-5, over=1.001)[0] == "LockingError"
-    assert limits_locking.outcome(0.0, 1e-5, over=0.99)[0] == "kept"
+    assert limits_locking.outcome(0.0, 1e-5, over=0.99)[0] == "accepted"
 
 
 def test_steps_for_a_small_energy_error_fall_as_predicted_near_locking():

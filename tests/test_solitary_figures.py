@@ -45,7 +45,7 @@ def test_12_16_sound_speeds_are_reached_by_one_of_the_prisms_only(profiles):
     assert gap < 0.1
 
 
-def test_sech2_error_over_the_crest_falls_with_gamma_squared(errors):
+def test_sech2_error_over_the_peak_falls_with_gamma_squared(errors):
     """As the order 4 of the error itself says; the range shrinks with the prestrain."""
     table = errors["sech2_h0.7_p0.1"]
     few = slice(0, 4)
@@ -83,7 +83,7 @@ def test_width_falls_and_energy_rises_along_every_family():
     for table in tables.values():
         assert (np.diff(table["width"]) < 0).all()
         assert (np.diff(table["energy"]) > 0).all()
-        assert (np.diff(np.abs(table["crest"])) > 0).all()
+        assert (np.diff(np.abs(table["peak"])) > 0).all()
     assert drawn(solitary_families, tables)[0].startswith("c/c")
 
 

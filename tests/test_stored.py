@@ -102,6 +102,13 @@ def test_the_key_of_a_source_is_of_what_it_computes_and_not_of_its_words(tmp_pat
     assert digest(tmp_path, "e", "f'{x}'") != digest(tmp_path, "f", "f'{x:3}'")
 
 
+def test_how_a_picture_shows_its_numbers_is_no_source_of_them(tmp_path):
+    data, draw = "\nNAME = 1\ndef data():\n    return {}\n", "def draw(figure, tables):\n    pass\n"
+    first = digest(tmp_path, "a", data)
+    assert first == digest(tmp_path, "b", data + draw)
+    assert first != digest(tmp_path, "c", data + draw.replace("draw", "drawn"))
+
+
 def test_a_result_depends_on_helpers_of_its_picture_and_on_what_these_import():
     found = set(_stored.sources("figures.protectors_time"))
     assert {"figures.protectors_time", "figures._protectors", "figures._searches"} <= found

@@ -90,7 +90,7 @@ def test_tall_cross_leans_on_its_stable_branch_and_a_square_one_does_not():
 def test_chain_is_enough_for_a_blow_of_ten_units():
     prism = Prism(1.0, 1.0, 0.1, **structures_waves.STIFFNESS)
     times, line, space = structures_waves.struck(prism, structures_waves.BLOWS[0], 10)
-    one, other = (structures_waves.crest(times, x) for x in (line, space))
+    one, other = (structures_waves.peak(times, x) for x in (line, space))
     assert one[0] == pytest.approx(1, abs=0.01)  # a small wide wave goes at the speed of sound
     assert other[0] == pytest.approx(one[0], rel=0.14)
     assert other[1] == pytest.approx(one[1], rel=0.06)
@@ -101,14 +101,14 @@ def test_chain_is_not_enough_for_a_sudden_blow():
     """All cases of the picture."""
     tables = structures_waves.data()
     table = {name: np.array(values) for name, values in tables["map"].items()}
-    crests = table["column_crest"] / table["chain_crest"]
+    peaks = table["column_peak"] / table["chain_peak"]
     speeds = table["column_speed"] / table["chain_speed"]
     wide, sudden = table["width"] == 10, table["width"] == 1
-    assert np.abs(crests[wide] - 1).max() < 0.06
+    assert np.abs(peaks[wide] - 1).max() < 0.06
     assert np.abs(speeds[wide] - 1).max() < 0.14
-    assert crests[sudden].min() > 0.42
-    assert crests[sudden].max() < 0.78
-    assert len(structures_waves.table(tables)) == len(crests) == 18
+    assert peaks[sudden].min() > 0.42
+    assert peaks[sudden].max() < 0.78
+    assert len(structures_waves.table(tables)) == len(peaks) == 18
     ahead = np.array([tables["trace_1"][name] for name in ("chain", "column")])
     early = np.array(tables["trace_1"]["time"]) < structures_waves.FAR - 4
     before, turning = np.abs(ahead[:, early]).max(axis=1)

@@ -57,7 +57,7 @@ def test_wave_after_an_impact_is_the_exact_wave_of_its_speed(fast):
     found = numbers(fast["numbers"])
     tuned = _measure.from_table(fast["numbers"])["speed over sound speed"]
     assert abs(tuned.value - 3.0) <= 2 * tuned.error < 1e-5  # tuned with the coarser run
-    assert found["emerged - exact, over the crest"] < 1e-6
+    assert found["emerged - exact, over the peak"] < 1e-6
     for name in ("launched", "emerged"):
         width = found[f"width, {name} [sites]"]
         assert width == pytest.approx(found["width, exact [sites]"], abs=1e-4)
@@ -126,7 +126,7 @@ def test_only_a_collapse_is_taken_for_one(monkeypatch):
 
 def test_only_pushed_blows_answer_for_a_compressive_disturbance():
     numbers = dict.fromkeys(
-        ("speed", "exact speed", "share", "tail", "energy error", "momentum error"),
+        ("speed", "exact speed", "fraction", "tail", "energy error", "momentum error"),
         _measure.Number(1.0, 1e-9),
     )
     tables = dict.fromkeys(("held", "free"), _measure.as_table(numbers))
@@ -161,7 +161,7 @@ def interface(name):
 
 def test_soft_branch_stiff_when_stretched_reflects_a_solitary_rarefaction_wave():
     case, wave, run, found = interface("rarefaction, hard to soft (stiff when stretched)")
-    exact = wave_composite.exact_ratio(case.near, found["back crest"]).value
+    exact = wave_composite.exact_ratio(case.near, found["back peak"]).value
     assert 1.01 < found["back"] == pytest.approx(exact, abs=wave_composite.CLOSE)
     assert found["impulse"] < 0 < wave_composite.acoustics(case)
     assert wave_composite.train(run, case.before, wave_composite.met(wave)) == (0, 3)
@@ -171,14 +171,14 @@ def test_soft_branch_stiff_when_stretched_reflects_a_solitary_rarefaction_wave()
 
 def test_weak_soft_branch_answers_late_with_compression():
     case, wave, run, found = interface("rarefaction, hard to soft (weak)")
-    assert found["on crest"] < 0
+    assert found["on peak"] < 0
     assert found["on"] > 1.05
     assert found["late"] > 10
     compression, rarefaction = wave_composite.train(
         run, case.before, wave_composite.met(wave) + found["late"]
     )
     assert compression >= 3 > rarefaction
-    assert found["back crest"] < 0
+    assert found["back peak"] < 0
     assert found["energy"] > 5 * wave_composite.acoustics(case) ** 2
 
 
@@ -231,11 +231,11 @@ def test_row_of_a_map_counts_the_prisms_without_a_wave():
     some = {"prestrain": [0.1] * 4, "preload": [0.0, 0.1, 0.2, 0.3], "width": [2.0, 2.0, *WHITE],
             "sound speed": [1.0, 1.0, 1.0, np.nan], "wave speed": [2.0, 2.0, *WHITE],
             "impedance": [1.0] * 4}  # fmt: skip
-    names = ("before", "after", "share", "crest", "work", "energy", "momentum")
+    names = ("before", "after", "fraction", "peak", "work", "energy", "momentum")
     change = _measure.as_table(dict.fromkeys(names, _measure.Number(1.0, 1e-9)))
     tables = dict.fromkeys(("stiffening map", "softening map"), some)
     rows = wave_tuning.table(tables | dict.fromkeys(wave_tuning.RAMPS, change))
-    assert "1 of 4 beyond the limit point; 1 of 4 have no wave of that crest" in rows[0]["measured"]
+    assert "1 of 4 beyond the limit point; 1 of 4 have no wave of that peak" in rows[0]["measured"]
 
 
 def test_preload_beyond_the_limit_point_is_a_clear_error():
@@ -250,7 +250,7 @@ def test_wave_speeds_up_as_the_strings_are_drawn_in_and_the_energy_balances():
     assert found["work"] > 0.5
     assert found["energy"] < 1e-9
     assert found["momentum"] < 1e-10
-    assert abs(found["crest"]) < 0.01
+    assert abs(found["peak"]) < 0.01
 
 
 # 7. power laws
