@@ -23,7 +23,6 @@ from figures._stored import stored
 from tensegrity import (
     METHODS,
     Ensemble,
-    Polynomial,
     Potential,
     Prism,
     State,
@@ -31,11 +30,7 @@ from tensegrity import (
     sweep,
 )
 from tensegrity.scenes.dynamics import dynamics
-<<<<<<< HEAD
-=======
-from tensegrity.springs.polynomial import PolynomialLaw
-from tensegrity.springs.potential import potential_of_law
->>>>>>> main
+from tensegrity.springs.polynomial import polynomial_of_coefficients
 from tensegrity.waves.family import Family
 from tensegrity.waves.solitary import approximate_wave
 
@@ -128,13 +123,8 @@ def polynomial(spring):
     for fitted in _composite.fits(spring, COVERED, FIT):
         if fitted.degree <= DEGREE:
             padded = np.append(fitted.values, np.zeros(DEGREE - fitted.degree))
-<<<<<<< HEAD
             about = spring.length, fitted.domain, fitted.error_estimate
-            return Polynomial.of_coefficients(DEGREE, padded, *about)
-=======
-            law, about = PolynomialLaw(DEGREE), (spring.length, fitted.domain, fitted.ends)
-            return potential_of_law(law, padded, *about, repr(fitted))
->>>>>>> main
+            return polynomial_of_coefficients(DEGREE, padded, *about)
     raise TensegrityError(f"no polynomial of degree {DEGREE}")
 
 

@@ -49,15 +49,7 @@ SPACES = {
     "order of half steel, half PTFE": Order([HARD, SOFT] * (COUNT // 2)),
     "any of six materials": Choice(COUNT, DIAMETER, [materials[name] for name in NAMES]),
 }
-<<<<<<< HEAD
 FINE = 1.16e-6  # s, half a step of the search
-=======
-FINE = (
-    0.5
-    * objective.STEP_FRACTION
-    * float(objective.Designs.of([[HARD, SOFT]]).unit(STEEL, STRIKER.speed)[0])
-)  # s
->>>>>>> main
 
 
 def peak(beads, dt=FINE):

@@ -42,7 +42,7 @@ def test_block_asserts_a_number_that_it_computed(number):
 
 def test_there_are_a_first_example_and_six_jobs_each_of_few_lines():
     assert len(BLOCKS) == TEXT.count("```python") == 1 + 6
-    assert len(re.findall(r'^### .+\n\n<img src=.+>\n\n\w', TEXT, re.MULTILINE)) == 6
+    assert len(re.findall(r"^### .+\n\n<img src=.+>\n\n\w", TEXT, re.MULTILINE)) == 6
     for block in BLOCKS:
         assert len([line for line in block.splitlines() if line.strip()]) <= MOST_LINES
 
