@@ -27,7 +27,9 @@ def test_prestrains_found_bring_the_peak_18_times_below_the_best_uniform_chain()
     assert other.value == pytest.approx(peaks[1], rel=one.MOVED)
     top = one.differentiated(found, o.peak(o.load(wall=0)), wanted=("prestrain",))
     assert top.digits >= one.DIGITS
-    assert one.RANGE[0] <= found.min() < found.max() <= one.RANGE[1]
+    assert (
+        one.RANGE[0] <= found.min() < found.max() <= one.RANGE[1] * (1 + 1e-15)
+    )  # exp(log) rounds
 
 
 def test_maxima_of_a_chain_are_pressed_down(monkeypatch):
