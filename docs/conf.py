@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 
@@ -87,6 +88,17 @@ class Formula(Directive):
         return [nodes.raw("", "\n".join(html), format="html")]
 
 
+def drop_dead_links(app, page, template, context, doctree):
+    """Links from the code of an object back to where it is documented, by another name perhaps."""
+    if page.startswith("_modules/"):
+        known = app.env.domaindata["py"]["objects"]
+        context["body"] = re.sub(
+            r'<a class="viewcode-back" href="[^"#]*#([^"]+)">.*?</a>',
+            lambda link: link[0] if link[1] in known else "",
+            context["body"],
+        )
+
+
 def setup(app):
     """Pages are made, and examples run, before the first is read; formulas are linked as docstrings
     are."""
@@ -95,4 +107,5 @@ def setup(app):
     app.connect("builder-inited", lambda app: examples.run_all(Path(app.srcdir)))
     app.connect("source-read", examples.add_results)
     app.connect("autodoc-process-docstring", pages.link_formulas)
+    app.connect("html-page-context", drop_dead_links)
     app.connect("build-finished", lambda app, _: pages.copy_live(Path(app.outdir)))
