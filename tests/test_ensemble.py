@@ -1,5 +1,7 @@
 """Ensembles: each lane moves as its chain does alone."""
 
+import warnings
+
 import numpy as np
 import pytest
 import sympy as sp
@@ -101,6 +103,46 @@ def test_lanes_move_as_their_scenes_alone(name, method):
             np.testing.assert_allclose(mine, its, rtol=0, atol=1e-13 * np.abs(its).max())
         np.testing.assert_allclose(run.energy[:, k], alone.energy, rtol=1e-13)
         assert scene.energy(one.final) == pytest.approx(one.energy[-1], rel=1e-13)
+
+
+@pytest.mark.parametrize("kind", ["chains", "one chain", "networks"])
+def test_blocks_of_a_large_ensemble_give_the_same_bits_on_any_number_of_threads(kind, monkeypatch):
+    """130 chains take three blocks, of which the last has two; a network has a loop of its own."""
+    count = 12 if kind == "networks" else 130
+    if kind == "one chain":
+        together = Ensemble(prism_chain(30), count)
+    else:
+        of = own if kind == "chains" else (lambda k: patch(4, spring=PowerLaw(k, 1.5, preload=0.3)))
+        together = Ensemble([of(k) for k in np.linspace(1, 3, count)])
+    velocity = np.linspace(0.01, 0.03, count)
+    start = together.at_rest({0: velocity if kind != "networks" else np.stack([velocity] * 2)})
+    options = {"dt": 0.05, "method": "rkn6", "record": Record(every=40)}
+    found = {}
+    for threads in "12":
+        monkeypatch.setenv("TENSEGRITY_THREADS", threads)
+        with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # one processor
+            found[threads] = simulate(together, start, 30.0, **options)
+    for name in ("u", "v", "energy"):
+        np.testing.assert_array_equal(*(getattr(run, name) for run in found.values()))
+    for k in (0, 63, 64, 127, 128, 129):
+        k = min(k, count - 1)
+        alone = simulate(together.scenes[k], together.select(start, k), 30.0, **options)
+        for mine, its in ((found["2"].u[..., k], alone.u), (found["2"].v[..., k], alone.v)):
+            np.testing.assert_allclose(mine, its, rtol=0, atol=1e-13 * np.abs(its).max())
+
+
+def test_the_first_scene_that_locks_is_named_on_any_number_of_threads(monkeypatch):
+    chains = [prism_chain(30)] * 150
+    together = Ensemble(chains)
+    velocity = np.where(np.isin(np.arange(150), (70, 130, 149)), 3.0, 0.01)
+    start = together.at_rest({0: velocity})
+    for threads in "12":
+        monkeypatch.setenv("TENSEGRITY_THREADS", threads)
+        with (
+            warnings.catch_warnings(action="ignore", category=RuntimeWarning),
+            pytest.raises((LockingError, StabilityError), match="of scene 70"),
+        ):
+            simulate(together, start, 300.0, dt=0.1)
 
 
 def test_a_tolerance_holds_in_every_lane():

@@ -3,8 +3,8 @@
 | | chain | network in 1, 2, 3 dimensions |
 |---|---|---|
 | parameters in common, or of each bond | yes | yes |
-| batch of scenes | in one loop | one after the other |
-| threads | parts of long chains, splittings | parts of large networks, splittings |
+| batch of scenes | in blocks of 64, a loop each | a loop each |
+| threads | loops of a batch; parts of long chains, splittings | loops of a batch; parts of large networks, splittings |
 | walls, loads | no: a network on a line has them | yes |
 | "corrected6" | yes, also batches, one thread | yes |
 | implicit steps | yes, a batch scene by scene | yes, one thread |

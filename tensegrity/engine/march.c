@@ -22,12 +22,13 @@ typedef struct {
 
 /* Requested states after the steps `at`, increasing: the first `size` numbers of u and v,
    `walls` numbers of v from `behind` on, sums, and the distance travelled; before the closing
-   kick if `raw`.  Or, with `places`, these entries of u, `u_count` of them, and then of v, before
-   the closing kick. */
+   kick if `raw`.  Of a loop over `width` scenes, the values of the first `used` ones are written,
+   `stride` numbers from one site to the next; all numbers together where `width` is 0.  Or, with
+   `places`, these entries of u, `u_count` of them, and then of v, before the closing kick. */
 typedef struct {
     const integer *at, *places;
     double *u, *v, *impulse, *sums, *travel;
-    integer count, raw, size, behind, walls, entries, u_count;
+    integer count, raw, size, behind, walls, entries, u_count, width, used, stride;
 } wanted;
 
 enum { DONE, STOPPED, NOT_FINITE };
@@ -42,6 +43,15 @@ static integer write_output(const loop *l, double *u, double *v)
     return l->postprocess && l->postprocess(l->scene, l->method, u, v);
 }
 
+/* Write n numbers of a loop where a request wants them, and what follows behind them. */
+static void hand_over(const wanted *w, double **to, const double *from, integer n)
+{
+    if (w->width)
+        for (integer i = 0; i < n; i += w->width, *to += w->stride) copy(*to, from + i, w->used);
+    else
+        copy(*to, from, n), *to += n;
+}
+
 static void take(const loop *l, wanted *w, integer raw)
 {
     if (w->places)
@@ -49,11 +59,10 @@ static void take(const loop *l, wanted *w, integer raw)
             *w->u++ = j < w->u_count ? l->u[w->places[j]] : l->v[w->places[j]];
     else {
         const double *u = raw ? l->u : l->output_u, *v = raw ? l->v : l->output_v;
-        copy(w->u, u, w->size);
-        copy(w->v, v, w->size);
-        w->u += w->size, w->v += w->size;
-        if (w->walls) copy(w->impulse, v + w->behind, w->walls), w->impulse += w->walls;
-        if (w->sums) copy(w->sums, l->sums, l->sum_count), w->sums += l->sum_count;
+        hand_over(w, &w->u, u, w->size);
+        hand_over(w, &w->v, v, w->size);
+        if (w->walls) hand_over(w, &w->impulse, v + w->behind, w->walls);
+        if (w->sums) hand_over(w, &w->sums, l->sums, l->sum_count);
         if (w->travel) *w->travel++ = *l->travel;
     }
     w->at++, w->count--;
@@ -83,8 +92,8 @@ integer go(const loop *l, integer done, integer end, wanted *each, integer count
         for (integer k = 0; k < count; k++)
             if (each[k].count && *each[k].at == done && !each[k].raw) seen++, last = k;
         wanted *only = each + last;
-        const int alone = seen == 1 && done < end && only->size == l->size && !only->sums
-            && (only->count == 1 || only->at[1] > done);
+        const int alone = seen == 1 && done < end && only->size == l->size && !only->width
+            && !only->sums && (only->count == 1 || only->at[1] > done);
         if (alone) { /* written in place, without a copy */
             if (write_output(l, only->u, only->v)) return STOPPED;
             only->u += l->size, only->v += l->size, only->at++, only->count--;

@@ -10,7 +10,7 @@ import numpy as np
 
 from tensegrity.engine.native import address, concatenated, library, structure
 from tensegrity.once import once
-from tensegrity.typing import Array, Indices
+from tensegrity.typing import Indices
 
 _ADDRESS, _NUMBER = ctypes.c_void_p, ctypes.c_longlong
 STOPPED, NOT_FINITE = 1, 2  # results of `go` other than 0
@@ -43,10 +43,13 @@ class Wanted(NamedTuple):
         states, as they are in the loop; `u` receives them, (count, places).
     u_count : int
         Number of entries of u among the places.
+    width : int
+        Number of scenes in the loop where u, v, impulse and sums are views of arrays for more
+        scenes, whose last axis counts them (`part`); 0 where they are contiguous.
     """
 
     at: Indices
-    u: Array
+    u: Any
     v: Any = None
     impulse: Any = None
     sums: Any = None
@@ -54,11 +57,7 @@ class Wanted(NamedTuple):
     raw: bool = False
     places: Any = None
     u_count: int = 0
-
-    @property
-    def rows(self) -> list[Array]:
-        """All arrays that receive states."""
-        return [x for x in self[1:5] if x is not None]
+    width: int = 0
 
     def with_travel(self) -> Wanted:
         """The same request, also for the distance travelled up to each state."""
@@ -66,14 +65,22 @@ class Wanted(NamedTuple):
             return self
         return self._replace(travel=np.empty(len(self.at)))
 
-    def like(self, batch: tuple[int, ...]) -> Wanted:
-        """The same request for scenes with another shape of the batch."""
+    def part(self, numbers: Any, width: int) -> Wanted:
+        """The same request for some scenes of a batch, written to their places among the others.
 
-        def room(x: Any) -> Any:
-            return None if x is None else np.empty((*x.shape[:-1], *batch))
+        Parameters
+        ----------
+        numbers : slice or int
+            Of the scenes, or of a single one.
+        width : int
+            Number of scenes in their loop, 1 for a single one.
 
-        states = {name: room(getattr(self, name)) for name in ("u", "v", "impulse", "sums")}
-        return self._replace(**states)
+        Returns
+        -------
+        Wanted
+        """
+        u, v, impulse, sums = (None if x is None else x[..., numbers] for x in self[1:5])
+        return self._replace(u=u, v=v, impulse=impulse, sums=sums, width=width)
 
 
 @once
@@ -107,7 +114,7 @@ def go(loop: Any, done: int, end: int, wanted: Sequence[Wanted], sites: int, wal
 
 def _output_buffers(one: Wanted, sites: int, walls: int) -> Any:
     """The structure `wanted` of `march.c`."""
-    at, u, v, impulse, sums, travel, raw, places, u_count = one
+    at, u, v, impulse, sums, travel, raw, places, u_count, width = one
     filled = _WANTED.of(at=address(at), u=address(u), count=len(at), raw=raw, size=u[:1].size)
     if places is not None:
         filled.places, filled.entries, filled.u_count, filled.raw = (
@@ -117,6 +124,11 @@ def _output_buffers(one: Wanted, sites: int, walls: int) -> Any:
             1,
         )
         return filled
+    if width:
+        batch = u.strides[-2 if width > 1 else -1] // u.itemsize  # scenes of the whole array
+        filled.used = u.shape[-1] if width > 1 else 1
+        filled.width, filled.stride = width, batch
+        filled.size = width * (u[:1].size // filled.used)
     filled.v, filled.behind = address(v), sites
     if impulse is not None:
         filled.impulse, filled.walls = address(impulse), walls

@@ -29,6 +29,7 @@ from tensegrity.errors import TensegrityError
 HALO = 4 * BLOCK
 PIECE = 512 * BLOCK  # bonds of a part: two arrays of them fit into the cache of one processor
 LONG = 2 * PIECE  # least entries of a chain that is divided
+WORTH = 500_000  # least forces of bonds, about half a millisecond, that are divided
 MANY = 20_000  # least contacts of a network that is divided
 
 
@@ -64,8 +65,43 @@ def processors() -> int:
 
 
 @cache
-def _pool(count):
+def _pool(count, work="parts of a scene"):
     return ThreadPoolExecutor(count, thread_name_prefix="tensegrity")
+
+
+def each(function, items, work):
+    """Results of a function of each item, in order; several at a time where there are threads.
+
+    Parameters
+    ----------
+    function : callable
+        Of one item; what it computes must not depend on the other items.
+    items : sequence
+    work : int
+        Forces or energies of bonds to be computed in all; a few are not worth a second thread.
+
+    Returns
+    -------
+    list
+
+    Raises
+    ------
+    Exception
+        The first error by the order of the items, once no item is being computed any more.
+    """
+    count = min(threads(), len(items)) if work > WORTH else 1
+    if count < 2:
+        return [function(item) for item in items]
+    jobs = [_pool(count, "scenes").submit(function, item) for item in items]
+    try:
+        wait(jobs)
+    finally:  # after Ctrl-C too: nobody writes to arrays that the caller uses again
+        for job in jobs:
+            job.cancel()
+        while not all(job.done() for job in jobs):
+            with suppress(KeyboardInterrupt):
+                wait(jobs)
+    return [job.result() for job in jobs]
 
 
 _pool_lock = Lock()  # its holder uses all threads of the pool

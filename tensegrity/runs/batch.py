@@ -1,5 +1,5 @@
 """The motion of an ensemble: scenes advanced as a batch by one loop where this is possible, one
-after the other otherwise."""
+after the other otherwise.  Several loops run on several threads."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from tensegrity.engine.threaded import each
 from tensegrity.errors import ContactError, LockingError, StabilityError
 from tensegrity.runs.forced import ForcedMotion
 from tensegrity.runs.motion import Motion, MotionState
@@ -135,17 +136,22 @@ class BatchMotion:
             motion.accept()
 
     def attempt(self, end: int, wanted: Any) -> bool:
-        """Advance all scenes to step `end`; whether every attempt may be accepted."""
-        for number, (motion, numbers) in enumerate(zip(self._parts, self._numbers, strict=True)):
-            shape = motion.dynamics.batch
-            mine = [one.like(shape) for one in wanted]
-            if not self._naming_scene(number, motion.attempt, end, mine):
+        """Advance all scenes to step `end`, on several threads; whether every attempt may be
+        accepted."""
+
+        def part(number: int) -> bool:
+            motion, numbers = self._parts[number], self._numbers[number]
+            here, width = int(numbers[0]), 1
+            if len(numbers) > 1:
+                here, width = slice(here, int(numbers[-1]) + 1), motion.dynamics.batch[0]
+            mine = [one.part(here, width) for one in wanted]
+            return self._naming_scene(number, motion.attempt, end, mine)
+
+        work = (end - self.done) * self.problem.method.stages * self.dynamics.cost
+        for number, accepted in enumerate(each(part, range(len(self._parts)), work)):
+            if not accepted:
                 self._failed = number
                 return False
-            here = numbers[0] if len(numbers) == 1 else slice(numbers[0], numbers[-1] + 1)
-            for one, own in zip(wanted, mine, strict=True):
-                for array, part in zip(one.rows, own.rows, strict=True):
-                    array[..., here] = part if len(numbers) == 1 else part[..., : len(numbers)]
         return True
 
     def error(self) -> Any:
