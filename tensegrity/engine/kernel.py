@@ -4,7 +4,7 @@
 |---|---|---|
 | parameters in common, or of each bond | yes | yes |
 | batch of scenes | in blocks of 64, a loop each | a loop each |
-| threads | loops of a batch; parts of long chains, splittings | loops of a batch; parts of large networks, splittings |
+| threads | of blocks; parts of long chains, splittings | of scenes; parts of large, splittings |
 | walls, loads | no: a network on a line has them | yes |
 | "corrected6" | yes, also batches, one thread | yes |
 | implicit steps | yes, a batch scene by scene | yes, one thread |

@@ -24,7 +24,8 @@ from tensegrity.errors import CompilerError, TensegrityError
 from tensegrity.notebook import progress
 from tensegrity.runs import archive
 
-AHEAD = 1024  # cases submitted to an executor at a time
+AHEAD = 1024  # parts of the cases submitted to an executor at a time
+TOGETHER, MOST_TOGETHER = 0.01, 100  # time of the cases that are sent together [s], their number
 NAMED = 1000  # characters of a case that a checkpoint stores to identify it
 WRITING = 0.1  # fraction of the time that writing checkpoints may take
 
@@ -261,53 +262,69 @@ class WorkerPool:
         """(number, result or Failed) of each case, in the order of completion."""
         if self._executor is None:
             for number, case in enumerate(cases):
-                yield number, _unwrapped(number, _attempt(function, case))
+                yield _numbered(number, _attempt(function, case))
             return
         self._require_sendable(function)
         ahead = AHEAD
         if isinstance(self._executor, ProcessPoolExecutor):
             ahead = 2 * (os.cpu_count() or 1) + 2  # if one process dies, all of these are lost
-        waiting, running = iter(range(len(cases))), dict[Future[Any], int]()
+        first, size, running = 0, 1, dict[Future[Any], range]()
         try:
             while True:
                 lost = []
-                while len(running) < ahead and (number := next(waiting, None)) is not None:
+                while len(running) < ahead and first < len(cases):
+                    fair = -(-(len(cases) - first) // ahead)  # so that all workers end together
+                    chunk = range(len(cases))[first : first + min(size, fair)]
+                    first = chunk.stop
                     try:
-                        running[self._executor.submit(_attempt, function, cases[number])] = number
+                        running[self._submitted(self._executor, function, cases, chunk)] = chunk
                     except RuntimeError:  # the executor broke, or was shut down
-                        lost.append(number)
+                        lost.append(chunk)
                         break
                 done = wait(running, return_when=FIRST_COMPLETED).done if running else set()
                 for future in done:
-                    number = running.pop(future)
+                    chunk = running.pop(future)
                     error = future.exception()
                     if error is None:
-                        yield number, _unwrapped(number, future.result())
+                        answers, seconds = future.result()
+                        size = _chunk_size(seconds / len(chunk))
+                        yield from map(_numbered, chunk, answers)
                     elif isinstance(error, CompilerError):
                         raise error
                     else:  # an error of the worker; those of the function are caught in `_attempt`
-                        lost.append(number)
-                for number in lost:
-                    yield number, self._retried(number, function, cases[number])
+                        lost.append(chunk)
+                for chunk in lost:
+                    yield from self._retried(chunk, function, cases)
                 if not (running or done or lost):
                     return
         finally:
             for future in running:
                 future.cancel()
 
-    def _retried(self, number: int, function: Callable[[Any], Any], case: Any) -> Any:
-        """The result of a lost case, computed again; a broken pool is replaced."""
+    @staticmethod
+    def _submitted(executor: Any, function: Any, cases: Sequence[Any], chunk: range) -> Future[Any]:
+        return executor.submit(_attempt_all, function, [cases[k] for k in chunk])
+
+    def _retried(self, chunk: range, function: Any, cases: Sequence[Any]) -> Iterator[Any]:
+        """Results of lost cases, computed again, together and, if they are lost again, one by one;
+        a broken pool is replaced."""
         try:
             if isinstance(self._executor, ProcessPoolExecutor):
                 with ProcessPoolExecutor(1) as alone:
-                    answer = alone.submit(_attempt, function, case).result()
+                    answers, _ = self._submitted(alone, function, cases, chunk).result()
                 self._replace_broken()
             else:
-                answer = self._executor.submit(_attempt, function, case).result()  # type: ignore[union-attr]
+                answers, _ = self._submitted(self._executor, function, cases, chunk).result()
         except Exception as error:
             self._replace_broken()
-            return Failed(number, f"{type(error).__name__}: {error}", lost=True)
-        return _unwrapped(number, answer)
+            if len(chunk) == 1:
+                lost = Failed(chunk[0], f"{type(error).__name__}: {error}", lost=True)
+                yield chunk[0], lost
+                return
+            for number in chunk:
+                yield from self._retried(range(number, number + 1), function, cases)
+            return
+        yield from map(_numbered, chunk, answers)
 
     def _replace_broken(self) -> None:
         if not isinstance(self._executor, ProcessPoolExecutor):
@@ -338,6 +355,17 @@ def _attempt(function: Callable[[Any], Any], case: Any) -> tuple[bool, Any]:
         return False, f"{type(error).__name__}: {error}"
 
 
-def _unwrapped(number: int, answer: tuple[bool, Any]) -> Any:
+def _attempt_all(function: Callable[[Any], Any], cases: Sequence[Any]) -> tuple[list[Any], float]:
+    """The same for several cases, and the time that they take [s]."""
+    began = time.monotonic()
+    return [_attempt(function, case) for case in cases], time.monotonic() - began
+
+
+def _chunk_size(seconds: float) -> int:
+    """Number of cases, of which one takes this time, to send together."""
+    return int(min(max(TOGETHER / max(seconds, 1e-9), 1), MOST_TOGETHER))
+
+
+def _numbered(number: int, answer: tuple[bool, Any]) -> tuple[int, Any]:
     good, result = answer
-    return result if good else Failed(number, result)
+    return number, result if good else Failed(number, result)
