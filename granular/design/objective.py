@@ -43,7 +43,7 @@ METHOD: Any = METHODS["rkn6"]
 EXPONENT = 1.5  # of Hertz's law; `granular.contact` derives it
 STEP_FRACTION = 0.25  # of the time unit of the fastest contact
 PER_DOUBLING = 4  # step counts of one doubling: chains run together where they have the same
-BATCH_SIZES = (8, 16, 32, 64)  # numbers of chains for which compiled loops exist
+BATCH = 8  # chains in one compiled loop; wider batches are no faster
 CHUNK = 512  # steps of which the last bead's motion is kept at a time
 MOST = 10**8  # steps
 PATIENCE = 1000  # windows that are searched for the arrival of a wave
@@ -223,19 +223,15 @@ def largest(designs: Designs, striker: Striker, wall: Material, t_end: float, st
     Peaks
         Arrays (designs,).
     """
-    found, done, bound = [], 0, {}
-    while done < len(designs):
-        left = len(designs) - done
-        width = next((w for w in BATCH_SIZES if w >= left), BATCH_SIZES[-1])
-        batch = designs[np.minimum(np.arange(done, done + width), len(designs) - 1)]
-        moving = batch.behind(striker.bead)
-        contacts = np.ascontiguousarray(moving.contacts(wall).T)
-        if width not in bound:
-            bound[width] = _Moving(len(contacts), width, t_end / steps)
-        bound[width].start(contacts, 1 / moving.mass.T, striker.speed)
-        found.append(Peaks(*(x[:left] for x in _peaks(bound[width], contacts[-1], steps))))
-        done += width
-    return Peaks(*(np.concatenate(x) for x in zip(*found, strict=True)))
+    found, moving = [], None
+    for done in range(0, len(designs), BATCH):
+        batch = designs[np.minimum(np.arange(done, done + BATCH), len(designs) - 1)]
+        beads = batch.behind(striker.bead)
+        contacts = np.ascontiguousarray(beads.contacts(wall).T)
+        moving = moving or _Moving(len(contacts), BATCH, t_end / steps)
+        moving.start(contacts, 1 / beads.mass.T, striker.speed)
+        found.append(_peaks(moving, contacts[-1], steps))
+    return Peaks(*(np.concatenate(x)[: len(designs)] for x in zip(*found, strict=True)))
 
 
 def _peaks(moving: _Moving, wall_contact: Array, steps: int) -> Peaks:
