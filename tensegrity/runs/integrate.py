@@ -14,8 +14,9 @@ from tensegrity.errors import TensegrityError
 from tensegrity.runs import archive
 from tensegrity.runs.march import Start
 from tensegrity.runs.motion import MotionState
+from tensegrity.runs.observers import user_observers
 from tensegrity.runs.problem import AprioriBounds, Problem
-from tensegrity.runs.record import Record, checkpoint_path, user_observers
+from tensegrity.runs.record import Record, checkpoint_path
 from tensegrity.runs.run import Run, unchecked, unchecked_replace
 from tensegrity.runs.step import default_step, fixed_step, resumed
 from tensegrity.runs.tolerance import ROUND_OFF, to_tolerance
@@ -24,7 +25,7 @@ from tensegrity.scenes.dynamics import HasDynamics, dynamics
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tensegrity.runs.record import Observe
+    from tensegrity.runs.observers import Observe
     from tensegrity.runs.run import Run, RunBatch
     from tensegrity.scenes.ensemble import Ensemble
     from tensegrity.scenes.scene import Scene, State

@@ -19,8 +19,9 @@ from tensegrity.errors import ContactError, LockingError, RecordError, Stability
 from tensegrity.notebook import progress
 from tensegrity.runs.batch import motion_of
 from tensegrity.runs.motion import MotionState
+from tensegrity.runs.observers import UserObserver
 from tensegrity.runs.problem import Problem
-from tensegrity.runs.record import ComparisonSamples, UserObserver
+from tensegrity.runs.record import ComparisonSamples
 from tensegrity.runs.recorder import Recorder
 from tensegrity.runs.run import Run
 from tensegrity.typing import Array, Observer

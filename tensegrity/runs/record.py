@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
@@ -23,21 +23,15 @@ from tensegrity.errors import TensegrityError
 from tensegrity.printing import printed
 
 if TYPE_CHECKING:
-    from typing import Any, TypeAlias
+    from typing import Any
 
     from numpy.typing import NDArray
 
     from tensegrity.typing import Array, Indices
 
-    ObserverFunction: TypeAlias = Callable[[float, Array, Array], Any]
-    Observe: TypeAlias = (
-        ObserverFunction
-        | tuple[ObserverFunction, "Record"]
-        | Sequence[ObserverFunction | tuple[ObserverFunction, "Record"]]
-    )
-
 
 INSTANTS = 500  # recorded by default
+FEW = 20  # instants, each of which may take a step of its own
 SMALL = 4_000_000  # bytes for which free memory is not checked
 PER_INSTANT = 48  # most bytes of memory for the numbers of one recorded instant
 ROUND_OFF = 16 * np.finfo(float).eps  # relative: an instant this close to the end of a step is it
@@ -127,6 +121,12 @@ class Record:
     def is_plain(self) -> bool:
         """Whether rows are taken at steps only, and held in memory."""
         return self.path is None and self.times is None and self.interval is None
+
+    def is_light(self, t_end: float) -> bool:
+        """Whether rows of a run to `t_end` [s] take no time to speak of: they are held in memory,
+        and few of them lie inside steps."""
+        inside = t_end / self.interval if self.interval else len(self.times or ())
+        return self.path is None and inside <= FEW
 
     @property
     def instants(self) -> Record:
@@ -370,81 +370,3 @@ class ComparisonSamples:
     def take(self, motion: Any) -> None:
         """Accept the states of the last attempt."""
         self._count = self._stop
-
-
-class UserObserver(OutputStates):
-    """Observer that calls a user's function with the states at some instants.
-
-    Parameters
-    ----------
-    function : callable (t, u, v)
-    record : Record
-        The instants.
-    """
-
-    def __init__(self, function: ObserverFunction, record: Record, *rest: Any) -> None:
-        super().__init__(record, *rest)
-        self.function = function
-
-    def ends(self, motion: Any, k: int) -> str | None:
-        """Call the function at the instant number k; the reason why the run ends there, or None."""
-        self.last = self.state(motion, k)
-        for array in self.last[:2]:
-            array.flags.writeable = False
-        u, v = (array.view() for array in self.last[:2])  # which cannot be made writeable
-        self.count, t, self.failed = k + 1, self.time(k), False
-        name = getattr(self.function, "__name__", type(self.function).__name__)
-        try:
-            return f"{name} ended the run at t = {t:.6g} s" if self.function(t, u, v) else None
-        except Exception as error:
-            self.failed = True
-            return f"{name} raised {check.shown(error)} at t = {t:.6g} s"
-
-    def step(self, k: int) -> int:
-        """Number of whole steps up to the instant number k."""
-        return int(self._plan.step[k])
-
-
-def user_observers(observe: Any, record: Record, scene: Any, t_end: float) -> list[Any]:
-    """Pairs of a function and its record, from the argument `observe` of `simulate`.
-
-    Parameters
-    ----------
-    observe : callable, (callable, Record), a sequence of these, or None
-    record : Record
-        Instants of functions that have no record of their own.
-    scene : Scene
-    t_end : float
-        Duration of the run [s].
-
-    Returns
-    -------
-    list of (callable, Record)
-
-    Raises
-    ------
-    TensegrityError
-        Not a function, not a record, or a record that says more than instants.
-    """
-    if observe is None:
-        return []
-    one = callable(observe) or (
-        isinstance(observe, tuple) and len(observe) == 2 and isinstance(observe[1], Record)
-    )
-    found = []
-    for given in [observe] if one else check.sequence("observe", observe, "functions"):
-        function, when = given if isinstance(given, tuple) and len(given) == 2 else (given, None)
-        if not callable(function):
-            raise TensegrityError(
-                f"observe {check.shown(function)} is not a function (t, u, v), nor it and a Record"
-            )
-        if when is not None:
-            check.kind("record of an observer", when, Record)
-            for name in ("sites", "path", "checkpoint"):
-                if getattr(when, name) is not None:
-                    raise TensegrityError(
-                        f"{name} in an observer's record: it gives instants only, of all sites"
-                    )
-            when.check(scene.sites, t_end)
-        found.append((function, record.instants if when is None else when))
-    return found

@@ -90,11 +90,13 @@ class Trial:
 def trial_of(problem: Problem, rows: bool = False) -> Problem:
     """The problem of a trial run; it records rows, at no extra cost, where it may turn out to be
     the final run."""
-    record = problem.record
-    if not record.is_plain:
-        record = Record(sites=record.sites)
-    rows = rows and problem.record.is_plain and not problem.observe
-    return unchecked_replace(problem, record=record, rows=rows, observe=())
+    record, light = problem.record, problem.record.is_light(problem.t_end)
+    return unchecked_replace(
+        problem,
+        record=record if light else Record(sites=record.sites),
+        rows=rows and light and not problem.observe,
+        observe=(),
+    )
 
 
 def _largest(samples: Array) -> Array:
@@ -351,6 +353,6 @@ def accepted_run(problem, trial, estimate):
     Run
     """
     found = trial.march
-    if not (problem.record.is_plain and found.has_rows and not problem.observe):
+    if problem.observe or not found.has_rows:
         found = march(problem, trial.steps)
     return unchecked_replace(found.run(), error_estimate=estimate if found.complete else None)
