@@ -122,12 +122,6 @@ class Record:
         """Whether rows are taken at steps only, and held in memory."""
         return self.path is None and self.times is None and self.interval is None
 
-    def is_light(self, t_end: float) -> bool:
-        """Whether rows of a run to `t_end` [s] take no time to speak of: they are held in memory,
-        and few of them lie inside steps."""
-        inside = t_end / self.interval if self.interval else len(self.times or ())
-        return self.path is None and inside <= FEW
-
     @property
     def instants(self) -> Record:
         """A record of all sites in memory at the same instants."""
@@ -227,6 +221,13 @@ class OutputTimes(NamedTuple):
     part: Array
     t: NDArray[Any]
     due: Indices
+
+
+def is_light(record: Record, t_end: float) -> bool:
+    """Whether the rows of a run to `t_end` [s] take no time to speak of: they are held in memory,
+    and few of them lie inside steps."""
+    inside = t_end / record.interval if record.interval else len(record.times or ())
+    return record.path is None and inside <= FEW
 
 
 @lru_cache(maxsize=64)  # trial runs with the same steps share them

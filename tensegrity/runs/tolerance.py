@@ -14,7 +14,7 @@ from tensegrity.errors import LockingError, RangeError, StabilityError, Tensegri
 from tensegrity.notebook import one_bar
 from tensegrity.runs.march import MarchResult, march
 from tensegrity.runs.problem import Problem
-from tensegrity.runs.record import Record
+from tensegrity.runs.record import Record, is_light
 from tensegrity.runs.run import unchecked_replace
 from tensegrity.runs.step import (
     CHECKPOINTS,
@@ -90,7 +90,7 @@ class Trial:
 def trial_of(problem: Problem, rows: bool = False) -> Problem:
     """The problem of a trial run; it records rows, at no extra cost, where it may turn out to be
     the final run."""
-    record, light = problem.record, problem.record.is_light(problem.t_end)
+    record, light = problem.record, is_light(problem.record, problem.t_end)
     return unchecked_replace(
         problem,
         record=record if light else Record(sites=record.sites),
