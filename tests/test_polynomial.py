@@ -2,7 +2,10 @@
 
 import doctest
 import math
+import subprocess
+import sys
 from functools import cache
+from pathlib import Path
 
 import mpmath
 import numpy as np
@@ -86,7 +89,7 @@ def test_error_estimate_holds_for_any_rigid_prism_and_range(height, prestrain, l
         assert high - low > 0.3 * -spring.domain[0]  # never for a small range
         return
     assert fit.error_estimate <= 10**digits
-    assert true_error(fit, spring) <= 1.02 * fit.error_estimate + 1e-14
+    assert true_error(fit, spring) <= fit.error_estimate + 1e-14
 
 
 def exact_tension(fields):
@@ -133,7 +136,7 @@ def test_an_error_that_no_node_sees_is_estimated():
     spring = Potential(R**2 / 2 + ripple / 2 * waves, R, domain=(-1, 1))
     fit = Polynomial(spring, -1, 1, 0.01)
     assert fit.degree == 7
-    assert fit.error_estimate == pytest.approx(true_error(fit, spring), rel=0.02)
+    assert fit.error_estimate == pytest.approx(1.05 * true_error(fit, spring), rel=0.02)
     assert fit.error_estimate > ripple
     with pytest.raises(ResolutionError):
         Polynomial(spring, -1, 1, 1e-4)
@@ -283,22 +286,50 @@ def test_a_tolerance_is_kept_with_polynomials_that_get_better_with_it():
 
 def test_a_fit_whose_error_shows_in_the_motion_is_refined(monkeypatch):
     chain, state = soft_blow()
-    exact = simulate(chain, state, 40.0, dt=0.02, method="rkn6").final
-    monkeypatch.setattr("tensegrity.runs.tolerance.FIRST_ERROR", 1e3)
-    run = simulate(chain, state, 40.0, tol=1e-7)
-    assert fitted_degree(run) > Polynomial(chain.springs[0], *run.elongation_range[0], 1e-4).degree
-    assert error_of(run, exact.u, exact.v) < 1e-7
+    usual = simulate(chain, state, 40.0, tol=1e-9)
+    monkeypatch.setattr("tensegrity.runs.tolerance.FIRST_ERROR", 1e5)
+    run = simulate(chain, state, 40.0, tol=1e-9)
+    low, high = run.elongation_range[0]
+    rough = Polynomial(chain.springs[0], low, high, 1e-4).degree
+    assert rough < fitted_degree(run) <= fitted_degree(usual)
+    assert error_of(run, usual.final.u, usual.final.v) < 1e-9
 
 
 def test_a_range_left_is_widened(monkeypatch):
-    monkeypatch.setattr("tensegrity.runs.tolerance.MARGINS", (-0.2, 0.5))
+    """With all energy in one spring too little, runs leave the narrower ranges, which come first
+    where a high degree is not wanted."""
     chain, state = soft_blow()
+    usual = simulate(chain, state, 40.0, tol=1e-7)
+    monkeypatch.setattr("tensegrity.runs.tolerance.MODEST", 7)
     run = simulate(chain, state, 40.0, tol=1e-7)
+    assert run.force_model == usual.force_model
+    assert np.array_equal(run.final.u, usual.final.u)
     low, high = (float(x) for x in run.force_model.split("[")[1].split("]")[0].split(", "))
-    assert low < 1.3 * run.elongation_range[0, 0] < 0
-    assert high > 1.3 * run.elongation_range[0, 1] > 0
-    monkeypatch.setattr("tensegrity.runs.tolerance.MARGINS", (-0.2,))
+    assert low < run.elongation_range[0, 0]
+    assert run.elongation_range[0, 1] < high
+    monkeypatch.setattr("tensegrity.runs.tolerance.RANGES", 0)
     assert simulate(chain, state, 40.0, tol=1e-7).force_model == "exact"
+
+
+def test_fits_of_earlier_runs_change_no_bit():
+    """What a process ran before, also with the same springs, leaves no trace."""
+    code = """
+from test_polynomial import SOFT
+from tensegrity import Chain, simulate
+for velocity, tol in (*BEFORE, (0.1, 1e-7)):
+    chain = Chain(SOFT, 600)
+    run = simulate(chain, chain.at_rest({0: velocity}), 40.0, tol=tol)
+print(run.force_model, run.error_estimate.hex(), run.final.u.tobytes().hex())
+"""
+    found = {
+        subprocess.run(
+            [sys.executable, "-c", code.replace("BEFORE", repr(before))],
+            cwd=Path(__file__).parent, capture_output=True, text=True, check=True,
+        ).stdout
+        for before in ((), ((0.103, 2e-7), (0.05, 1e-5)), ((0.1, 1e-7), (0.2, 1e-9)))
+    }  # fmt: skip
+    assert len(found) == 1
+    assert "polynomial" in found.pop()
 
 
 def test_contacts_that_open_stay_exact():

@@ -42,7 +42,8 @@ class AprioriBounds:
         self._dynamics, self._state, self._given = dynamics, state, energy
         self._known: tuple[Dynamics, float] | None = None
 
-    def _nearest(self) -> tuple[Dynamics, float]:
+    @property
+    def nearest(self) -> tuple[Dynamics, float]:
         """The dynamics with contacts that may form, and the energy a spring can receive [J]."""
         if self._known is None:
             found = self._dynamics.nearest(self._state.u)
@@ -53,12 +54,12 @@ class AprioriBounds:
     @cached_property
     def expected(self) -> StiffnessBounds:
         """Bounds if a spring receives all the energy."""
-        return bounds_at_energy(*self._nearest())  # not rounded, which would depend on the units
+        return bounds_at_energy(*self.nearest)  # not rounded, which would depend on the units
 
     @cached_property
     def first_frequency(self) -> float:
         """Bound on the angular frequency [rad/s] if one bond receives half of the energy."""
-        found, energy = self._nearest()
+        found, energy = self.nearest
         return bounds_at_energy(found, rounded(ENERGY_FRACTION * energy)).frequency
 
     @cached_property

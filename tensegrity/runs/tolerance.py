@@ -4,6 +4,7 @@ differences show that it is met; and polynomials fitted to the springs within th
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Self
 
@@ -12,8 +13,9 @@ import numpy as np
 from tensegrity.engine.codegen import cost
 from tensegrity.errors import LockingError, RangeError, StabilityError, TensegrityError
 from tensegrity.notebook import one_bar
+from tensegrity.once import once
 from tensegrity.runs.march import MarchResult, march
-from tensegrity.runs.problem import Problem
+from tensegrity.runs.problem import Problem, bounds_at_energy, rounded
 from tensegrity.runs.record import Record, is_light
 from tensegrity.runs.run import unchecked_replace
 from tensegrity.runs.step import (
@@ -28,6 +30,7 @@ from tensegrity.runs.step import (
     steps_at,
 )
 from tensegrity.springs.polynomial import DEGREES, Polynomial, PolynomialLaw
+from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array
 
 
@@ -106,62 +109,121 @@ def _largest(samples: Array) -> Array:
 
 FORCE_FRACTION = 0.1  # of a tolerance that the error of fitted forces may take
 FIRST_ERROR, LEAST_ERROR = 1e-3, 1e-13  # of the first fit over the tolerance, and of any fit
+FINER = 0.2  # error of the fit that shows the error of another one, over that
 FITS = 4  # attempts to fit
-WORTH = 0.005  # least time that fitted forces must save [s]
-PER_FIT = 0.004  # time that a fit takes [s]
+RANGES, NARROWER = 4, 0.25  # ranges that are tried, and ratio of the energies that they allow
+MODEST = 19  # degree of a fit above which a narrower range is tried first
+WORTH = 0.001  # least time that fitted forces must save [s]
+PER_FIT = 0.004  # time that the fits of a spring take [s]
 
 
-def with_polynomials(problem, coarse, tol, margin):
-    """The problem with fitted forces, if they are accurate enough.
+@once
+def _fit(spring: Potential, low: float, high: float, error: float) -> Polynomial | None:
+    """A polynomial for a spring over a range, or None.  As ranges and errors are taken from fixed
+    grids, runs with similar energies share it, and no result depends on earlier runs."""
+    try:
+        return Polynomial(spring, low, high, error)
+    except TensegrityError:  # a range of no width, or an error that no degree attains
+        return None
+
+
+def _fitted(problem: Problem, ranges: Array, errors: Sequence[float]) -> Problem | None:
+    """The problem with fits of each spring, over a range of elongation and with an error of its
+    own; None if a spring has none."""
+    fits, dyn = [], problem.dynamics
+    for spring, (low, high), error in zip(
+        dyn.springs.different, ranges.tolist(), errors, strict=True
+    ):
+        fits.append(_fit(spring, low, high, error))
+        if fits[-1] is None:
+            return None
+    return unchecked_replace(problem, surrogate=dyn.surrogate(tuple(fits)))
+
+
+def _fits(fitted: Problem) -> Sequence[Polynomial]:
+    return fitted.loop_dynamics.springs.different
+
+
+def ranges_of_fits(problem: Problem, tol: float) -> list[Array]:
+    """Ranges of elongation over which to fit the forces, in the order in which to try them.
+
+    The widest one takes a spring that receives all the energy.  Where this needs a high degree, a
+    narrower one comes first, which the run may leave.
+    """
+    dyn, energy = problem.a_priori.nearest
+    if dyn is not problem.dynamics:
+        return []
+    found = []
+    for k in range(RANGES):
+        ranges = bounds_at_energy(dyn, rounded(energy * NARROWER**k)).ranges
+        fitted = _fitted(problem, ranges, [_first_error(tol)] * len(ranges))
+        if fitted is None:
+            found.clear()
+            continue
+        found.append(ranges)
+        if max(fit.degree for fit in _fits(fitted)) <= MODEST:
+            break
+    return found[::-1]
+
+
+def _first_error(tol: float) -> float:
+    return max(10.0 ** math.floor(math.log10(FIRST_ERROR * tol)), LEAST_ERROR)
+
+
+def with_polynomials(
+    problem: Problem, ranges: Array, steps: int, instants: int, tol: float
+) -> tuple[Problem, Trial, float] | None:
+    """The problem with fitted forces, if they are accurate enough: a run with fits that are far
+    more accurate, or with the exact forces, shows their error.
 
     Parameters
     ----------
     problem : Problem
-    coarse : Trial
-        A trial run with the exact forces.
+    ranges : ndarray, (springs, 2)
+        Of elongation [m].
+    steps : int
+        Steps of the first trial run from one instant to the next.
+    instants : int
+        At which runs are compared.
     tol : float
-    margin : float
-        By which fraction of the elongations reached the range of a fit is wider on either side.
 
     Returns
     -------
     (Problem, Trial, float), or None
-        The problem, the coarse run with fitted forces, and its largest relative difference.
+        The problem, its first trial run, and the largest relative difference that fitting makes.
 
     Raises
     ------
     RangeError
-        That run leaves the range of a fit.
+        A run leaves the range of a fit.
     """
-    dyn = problem.dynamics
-    springs = dyn.springs.different
-    ranges = [
-        _with_margin(spring, *elongation_range, margin)
-        for spring, elongation_range in zip(springs, coarse.elongation_range, strict=True)
-    ]
-    error, least = max(FIRST_ERROR * tol, LEAST_ERROR), 0.0
+    error = _first_error(tol)
     for _ in range(FITS):
+        fitted = _fitted(problem, ranges, [error] * len(ranges))
+        if fitted is None:
+            return None
+        errors = [FINER * fit.error_estimate for fit in _fits(fitted)]
+        finer = _fitted(problem, ranges, errors) or problem
         try:
-            fits = [Polynomial(s, *r, error) for s, r in zip(springs, ranges, strict=True)]
-            fitted = unchecked_replace(problem, surrogate=dyn.with_springs(fits))
-            there = march(trial_of(fitted), coarse.steps, 1.0, coarse.instants)
+            first = Trial.of(trial_of(fitted), steps, instants)
+            if not first.complete:
+                return fitted, first, 0.0
+            exact = Trial(march(trial_of(finer), first.steps, 1.0, instants), instants)
         except RangeError:
             raise
         except (LockingError, StabilityError):
             return None
-        except TensegrityError:  # no fit is that accurate: try a larger error
-            least = error
-            error *= 10
-            continue
-        found = Trial(there, coarse.instants)
-        if not there.complete:
-            return fitted, found, 0.0
-        gap = coarse.gap(found)
-        if gap <= FORCE_FRACTION * tol:
-            return fitted, found, gap
-        error *= FORCE_FRACTION * tol / gap / 3
-        if error <= least:
+        if not exact.complete:
+            return finer, exact, 0.0
+        if length_at_rest(problem, first.samples[0]):
             return None
+        gap = first.gap(exact) / (1 - FINER)
+        if gap <= FORCE_FRACTION * tol:
+            return fitted, first, gap
+        if error <= LEAST_ERROR:
+            return None
+        needed = error * FORCE_FRACTION * tol / gap / 3
+        error = max(10.0 ** math.floor(math.log10(needed)), LEAST_ERROR)
     return None
 
 
@@ -213,13 +275,6 @@ def seconds_saved(problem, steps, tol):
     return calls * dyn.saving - PER_FIT * len(dyn.springs)
 
 
-def _with_margin(spring, low, high, margin):
-    """A range of elongations wider by a margin, within the domain of the spring [m]."""
-    room = margin * (high - low)
-    low, high = low - room, high + room
-    return max(low, spring.computable_domain[0]), min(high, spring.computable_domain[1])
-
-
 TRIAL = 0.85  # first step over the stability limit where a tolerance decides
 AT_FIRST = 13  # least steps of the first run where forces are smooth; compared at 7 instants
 DENSE = 2  # first steps between two instants of comparison where forces are smooth
@@ -227,7 +282,6 @@ FEWEST, MOST_COMPARED = 16, 2_000_000  # least instants; most numbers in u of a 
 COMPARED = 3  # most runs that are compared, the finest included
 SECOND = 1e-6  # tolerances below this are rarely met by the second run
 ROUND_OFF = 1e-14  # relative differences below this are round-off
-MARGINS = (0.05, 0.5)  # fractions by which the range of a fit is wider on either side
 STAGNANT = 4  # successive refinements without gain after which round-off is reached
 
 
@@ -249,18 +303,18 @@ def to_tolerance(problem, tol):
     )
     refinement = math.ceil(least / instants)
     problem.record.check_room(refinement * instants, problem.t_end, problem.scene.shape)
-    first = Trial.of(trial_of(problem), refinement, instants)
-    if first.complete and (length := length_at_rest(problem, first.samples[0])):
-        return run_at_rest(problem, length, tol)
-    if first.complete and may_fit(problem, refinement * instants, tol):
-        for margin in MARGINS:
+    if may_fit(problem, refinement * instants, tol):
+        for ranges in ranges_of_fits(problem, tol):
             try:
-                fitted = with_polynomials(problem, first, tol, margin)
+                fitted = with_polynomials(problem, ranges, refinement, instants, tol)
                 if fitted is None:
                     break
                 return converged(*fitted, tol)
-            except RangeError:  # a finer run leaves the range of the fit
+            except RangeError:  # a run leaves the range of the fits
                 continue
+    first = Trial.of(trial_of(problem), refinement, instants)
+    if first.complete and (length := length_at_rest(problem, first.samples[0])):
+        return run_at_rest(problem, length, tol)
     return converged(problem, first, 0.0, tol)
 
 

@@ -22,12 +22,15 @@ from tensegrity.readonly import ReadOnly, fixed, same_content
 from tensegrity.springs.collection import Springs
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
     from typing import Any
 
     from tensegrity.engine.energies import Energies
     from tensegrity.engine.methods import Method
+    from tensegrity.springs.potential import Potential
     from tensegrity.typing import Array, Indices, SceneData
+
+SURROGATES = 4  # scenes with fitted springs that are cached with a scene
 
 
 def dynamics(scene: Any) -> Any:
@@ -126,6 +129,7 @@ class Dynamics:
         self.tuned: dict[float, Any] = {}
         self.saving: float | None = None
         self.prepared: dict[Method, list[Any]] = {}
+        self._surrogates: dict[tuple[Potential, ...], Any] = {}
 
     if TYPE_CHECKING:  # defined by the dynamics of each kind of scene
 
@@ -137,10 +141,20 @@ class Dynamics:
         def energies(self, u: Array, v: Array) -> Array: ...
         def bond_frequency_bound(self, stiffness: Array) -> float: ...
         def where_extreme(self, spring: int, u: Array, side: int) -> str: ...
+        def with_springs(self, springs: Sequence[Potential]) -> Any: ...
         def where_stiffest(self, u: Array, ranges: Array) -> str: ...
         def by_argument(
             self, name: str, by_mass: Array, by_spring: Callable[[str], Array], by_gap: Any
         ) -> Array: ...
+
+    def surrogate(self, springs: tuple[Potential, ...]) -> Any:
+        """The scene of `with_springs`; the last few are cached with what is derived from them."""
+        found = self._surrogates.get(springs)
+        if found is None:
+            while len(self._surrogates) >= SURROGATES:
+                self._surrogates.pop(next(iter(self._surrogates)), None)
+            found = self._surrogates[springs] = self.with_springs(springs)
+        return found
 
     # the scene's data in the form of the compiled loop
 
