@@ -56,7 +56,7 @@ class Bound:
         Numbers of entries of u that belong to sites, and to the walls after them.
     """
 
-    _dt = _alone = output_sums = None
+    _dt = _alone = _active = output_sums = None
 
     def __init__(self, loop, u, v, bonds, method, dt, pieces=1, runs=None, seen=None):
         self._loop, self._bonds, self.u, self.v = loop, bonds, u, v
@@ -249,7 +249,8 @@ class Bound:
 
     def _may_all_move(self):
         """Let the next step include all sites, after which those of a chain that rest are found."""
-        self._active[:] = np.iinfo(np.int64).max // 2, 0
+        if self._active is not None:
+            self._active[:] = np.iinfo(np.int64).max // 2, 0
 
     def why_stopped(self):
         """The error by which steps failed."""
