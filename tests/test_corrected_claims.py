@@ -6,6 +6,7 @@ import pytest
 from figures import (
     _measure,
     _scenes,
+    composite_spread,
     driven_gap,
     granular_fig2,
     granular_uniform,
@@ -86,3 +87,19 @@ def test_designs_keep_most_of_their_gain_with_gaps_of_a_micrometre():
         assert min(exact, robust) > 0.5
     gaps = list(tables["S"]["largest gap [m]"]).index(1e-6)
     assert one["median [N]"][-1] == tables["S"]["for deviations, 50% [N]"][gaps]
+
+
+def test_the_reflected_rarefaction_is_robust_and_the_train_is_not():
+    """Fractions of the stored draws, and two of these computed again."""
+    tables = composite_spread.data()
+    one = composite_spread.spread(tables, 1e-2)["energy of reflected rarefactions"]
+    assert len(one) == composite_spread.DRAWS
+    assert 0.287 < one.min() < one.max() < 0.2912
+    train = composite_spread.spread(tables, 1e-6)["transmitted compressions"]
+    assert 0 < (train >= 2).sum() < composite_spread.DRAWS
+    cases = composite_spread.cases()
+    for k in (0, 3):
+        found = composite_spread.followed(cases[k])
+        assert found[1] == pytest.approx(0.2892, abs=1e-4)
+        assert found[0] == 1
+        assert tables["draws"]["energy of reflected rarefactions"][k] == pytest.approx(found[1])
