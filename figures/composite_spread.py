@@ -116,7 +116,7 @@ def draw(figure, tables):
         right.plot(across, one["transmitted compressions"], "C3o", ms=4)
     left.set(ylabel="energy / incident energy", ylim=(0, 0.35))
     left.set_title("(a) the reflected rarefaction stays", loc="left")
-    right.set(ylabel="solitary compressions", ylim=(0, None))
+    right.set(ylabel="solitary compressions", ylim=(-0.1, 3), yticks=range(4))
     right.set_title("(b) the number of transmitted pulses does not", loc="left")
     for axes in (left, right):
         axes.set_xticks(range(len(SIZES)), [f"{size:g}" for size in SIZES])
