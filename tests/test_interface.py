@@ -17,7 +17,10 @@ DOORS = (
     "granular.lammps",
 )
 MOST = 100  # names, those of the catalogue and the later ones apart
-LATER = {"catalogue", "interface", "phase_shift", "pulses", "read_curve", "transmission"}
+LATER = {
+    "Lattice", "bands", "catalogue", "decay", "effective_mass", "interface", "moduli",
+    "phase_shift", "pulses", "read_curve", "stability", "transmission",
+}  # fmt: skip
 HELD = Path(__file__).parent / "interface.txt"
 
 

@@ -73,6 +73,11 @@ class BlochMatrix:
         size = dim * len(mass)
         return cls(distinct, parts.swapaxes(2, 3).reshape(-1, size, size))
 
+    @property
+    def bound(self) -> float:
+        """A bound of the eigenvalues at all phases."""
+        return float(np.abs(self.parts).sum(axis=(0, 2)).max())
+
     def at(self, weights: Any) -> Any:
         """The sums of the parts with complex weights (..., offsets): (..., size, size)."""
         found = np.empty((*weights.shape[:-1], *self.parts.shape[1:]), dtype=complex)
