@@ -1,8 +1,10 @@
 """Beads in a straight line, one coordinate each: a `tensegrity.Chain` of power-law contacts.
 
-Beads touch at rest.  Gravity and precompression are constant loads W_i on the beads; elongations
-count from the equilibrium under all loads, so that the energy of the contacts includes the
-potential of the loads.  A striker that falls on a loaded chain starts in contact without overlap.
+Beads touch at rest, or are separated by gaps, which are initial displacements: contacts close and
+open during any motion.  Gravity and precompression are constant loads W_i on the beads;
+elongations count from the equilibrium under all loads, so that the energy of the contacts includes
+the potential of the loads.  A striker that falls on a loaded chain starts in contact without
+overlap.
 Source: seeds/000, part II, "Discrete element modeling" (the potentials W_i).
 """
 
@@ -60,10 +62,11 @@ class BeadChain(Crystal, Chain):
         start_wall: Material | None = None,
         drive: Mapping[int, Drive] | None = None,
         damping: Damping | None = None,
+        gaps: Sequence[float] = (),
     ) -> None:
         self._arguments: dict[str, Any] = {
             "beads": beads, "striker": striker, "loads": tuple(loads), "end": end,
-            "start_wall": start_wall,
+            "start_wall": start_wall, "gaps": tuple(gaps),
         }  # fmt: skip
         self.striker = striker
         self.beads: tuple[Bead, ...] = (striker.bead, *beads) if striker else tuple(beads)
@@ -91,13 +94,26 @@ class BeadChain(Crystal, Chain):
         masses = [x.mass if isinstance(x, Bead) else WALL_MASS for x in bodies]
         ends = tuple("fixed" if wall else "free" for wall in walls)
         super().__init__(springs, sites, masses, ends, drive=drive, damping=damping)  # type: ignore[arg-type]
+        away = np.append(0.0, np.cumsum(gaps)) if len(gaps) else np.zeros(sites)
+        self._separated = away - away[-1] if walls[1] else away  # a wall stays where it is
+        for site, one in self.drive.items():
+            if one.prescribes and self._separated[site]:
+                raise TensegrityError(
+                    f"gaps displace site {site} by {self._separated[site]:g} m, but its motion is "
+                    "prescribed: let its drive begin there, and leave out the gaps"
+                )
 
     def _dynamics(self) -> _Dynamics:
         return _Dynamics(self)
 
+    def at_rest(self, velocity: Mapping[int, float] | None = None) -> State:
+        """The initial separations, with velocities [m/s] of some sites; see `tensegrity.Chain`."""
+        state = super().at_rest(velocity)
+        return State(state.u + self._separated, state.v)
+
     def start(self) -> State:
-        """Initial state: the striker in contact and moving, all else at rest under its loads."""
-        u, v = np.zeros(self.sites), np.zeros(self.sites)
+        """Initial state: the striker moving, all else at rest under its loads, or at its gap."""
+        u, v = self._separated.copy(), np.zeros(self.sites)
         if self.striker:
             v[0] = self.striker.speed
             relief = [
@@ -106,7 +122,7 @@ class BeadChain(Crystal, Chain):
                     self._contacts, self._carried, self._unstruck, strict=True
                 )
             ]
-            u[:-1] = -np.cumsum(relief[::-1])[::-1]
+            u[:-1] -= np.cumsum(relief[::-1])[::-1]
         return State(u, v)
 
     @property
@@ -169,13 +185,14 @@ def chain(
     striker: Striker | None = None,
     gravity: float = 0.0,
     preload: float = 0.0,
+    gaps: ArrayLike = 0.0,
     start_wall: Material | None = None,
     end: Material | None = None,
     law: ContactLaw = hertz,
     drive: Mapping[int, Drive] | None = None,
     damping: Damping | None = None,
 ) -> BeadChain:
-    """A straight chain of touching beads.
+    """A straight chain of beads that touch, or that gaps separate.
 
     Parameters
     ----------
@@ -188,6 +205,12 @@ def chain(
         constant force balances the last bead both before and after the striker's weight arrives.
     preload : float, optional
         Constant force on the first bead (not on the striker) towards the far end [N], >= 0.
+    gaps : float or array_like, (contacts,), optional
+        Initial separation in each contact [m], >= 0: in that of the striker first, in that of the
+        wall last.  Displacements count from the positions in which all beads touch; those of the
+        states `start` and `at_rest` contain the gaps.  Gaps exclude gravity and preload, which
+        would set the beads in motion, and walls at both ends, whose distance is that of the beads
+        in contact.
     start_wall : Material, optional
         Material of a plane wall before the first bead, which becomes site 0 and is held.  It
         excludes a striker.
@@ -209,7 +232,8 @@ def chain(
     ------
     TensegrityError
         An argument that is not the Bead, Striker or Material required; a chain without a contact;
-        negative gravity or preload; gravity with a striker and without an end.
+        negative gravity, preload or gaps; gravity with a striker and without an end; gaps under
+        loads, between two walls, or of another number than the contacts.
 
     Examples
     --------
@@ -241,7 +265,23 @@ def chain(
     weights = [gravity * bead.mass for bead in ((striker.bead,) if striker else ()) + beads]
     weights[1 if striker else 0] += preload
     law = checked_law(law)
-    return BeadChain(beads, striker, weights, end, law, start_wall, drive, damping)
+    separations = _gaps(gaps, len(beads) + others - 1, any(weights), start_wall and end)
+    return BeadChain(beads, striker, weights, end, law, start_wall, drive, damping, separations)
+
+
+def _gaps(gaps: ArrayLike, contacts: int, is_loaded: bool, walls: object) -> tuple[float, ...]:
+    """The separations in all contacts [m]; none where all beads touch."""
+    given = check.floats("gaps", gaps)
+    if given.ndim and given.shape != (contacts,):
+        raise TensegrityError(f"gaps have shape {given.shape}, must be ({contacts},), a contact")
+    for number, gap in enumerate(given.ravel()):
+        check.number(f"gap {number}", gap, least=0, unit="m")
+    if not given.any():
+        return ()
+    for excluded, words in ((is_loaded, "gravity and preload 0"), (walls, "one wall at most")):
+        if excluded:
+            raise TensegrityError(f"gaps up to {given.max():g} m require {words}")
+    return tuple(np.broadcast_to(given, contacts).tolist())
 
 
 def _beads(beads: Sequence[Bead]) -> tuple[Bead, ...]:

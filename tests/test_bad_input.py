@@ -55,6 +55,7 @@ SECONDS = 20  # that a call may take
 LONGEST = 500  # characters of a message
 SEARCHES = (  # take long with these: see their tests
     ts.solitary_wave, ts.Lens, largest_speed, limit_load, design.peak_force, design.search,
+    design.robustness,
     granular.fcc_pack, granular.hexagonal_pack,
 )  # fmt: skip
 MADE_BY_OTHERS = {
@@ -70,7 +71,7 @@ INNER = {  # what runs, paths and searches ask of their objects, and nobody else
     "mutants", "name", "name_of", "needed", "nystrom_of", "of", "opened",
     "palindrome", "parts", "places_of", "plan", "present_ranges", "projected", "random",
     "rows", "steps", "stiffest", "stiffness_within", "stored_by_site",
-    "stretch", "walls_hold", "walls_named", "with_springs",
+    "stretch", "varied", "walls_hold", "walls_named", "with_springs", "worth",
 }  # fmt: skip
 
 R, TIME = sp.symbols("r t")
@@ -189,8 +190,8 @@ CALLS = [  # where other arguments are needed, or several in one call
                  "k_bar": 1.0, "k_string": [1.0], "mass": 1.0, "natural_lengths": [1.0, 1.0],
                  "platforms": ()}),
     (ts.Lattice, {"positions": [[0, 0], [1, 0]], "vectors": [[2, 0], [0, 1]],
-                  "bars": [(0, 1, (0, 0))], "strings": [(1, 0, (1, 0)), (0, 0, (0, 1))], "k_bar": 1.0,
-                  "k_string": [1.0, 1.0], "mass": 1.0, "natural_lengths": [1.0] * 3}),
+                  "bars": [(0, 1, (0, 0))], "strings": [(1, 0, (1, 0)), (0, 0, (0, 1))],
+                  "k_bar": 1.0, "k_string": [1.0, 1.0], "mass": 1.0, "natural_lengths": [1.0] * 3}),
     (ROW.equilibrium, {"gradient": [[1.1, 0], [0, 1]]}),
     (ts.bands, {"lattice": ROW, "wavenumbers": [[0.1], [2.0]]}),
     (ts.control_path, {"structure": TRUSS, "natural_lengths": {0: 1.1}, "branch": "stable",

@@ -1,12 +1,23 @@
 """Design of protectors: chains of beads between a striker and a wall with the least peak force.
 
 `peak_force` evaluates designs, `Order`, `Sizes` and `Choice` define the spaces of designs, and
-`search` finds the best design of a space.
+`search` finds the best design of a space.  `robustness` says what deviations of diameters, gaps
+and speed do to a design, and a `Scatter` of them lets `search` find one that they harm least.
 Source: seeds/000, part II, "Optimal Design of Granular Protectors".
 """
 
 from granular.design.objective import peak_force
+from granular.design.robust import robustness
+from granular.design.scatter import Scatter
 from granular.design.searching import search
 from granular.design.spaces import Choice, Order, Sizes
 
-__all__ = ["Choice", "Order", "Sizes", "peak_force", "search"]
+__all__ = [
+    "Choice",
+    "Order",
+    "Scatter",
+    "Sizes",
+    "peak_force",
+    "robustness",
+    "search",
+]

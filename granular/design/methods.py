@@ -140,7 +140,9 @@ METHODS: dict[str, tuple[Callable[..., Proposals], tuple[type, ...]]] = {
 """What proposes, and for which spaces."""
 
 
-def suits(method: str | None, space: Space, is_built: bool) -> tuple[str, Callable[..., Proposals]]:
+def suits(
+    method: str | None, space: Space, is_built: bool, is_scattered: bool = False
+) -> tuple[str, Callable[..., Proposals]]:
     """Name and generator of the method asked for, or of that which suits a space best.
 
     Parameters
@@ -149,6 +151,8 @@ def suits(method: str | None, space: Space, is_built: bool) -> tuple[str, Callab
     space : Space
     is_built : bool
         Whether a function builds the scenes, so that no gradients are available.
+    is_scattered : bool
+        Whether a quantile over deviations is minimised, which has no gradients here either.
 
     Returns
     -------
@@ -160,7 +164,8 @@ def suits(method: str | None, space: Space, is_built: bool) -> tuple[str, Callab
         An unknown method, or one that does not search such a space.
     """
     if method is None:
-        method = "ga" if not isinstance(space, Sizes) else "cma" if is_built else "gradient"
+        method = "cma" if is_built or is_scattered else "gradient"
+        method = method if isinstance(space, Sizes) else "ga"
     if not isinstance(method, str) or method not in METHODS:
         raise TensegrityError(f"method {check.shown(method)} is not one of {', '.join(METHODS)}")
     propose, spaces = METHODS[method]
@@ -173,4 +178,6 @@ def suits(method: str | None, space: Space, is_built: bool) -> tuple[str, Callab
         )
     if method == "gradient" and is_built:
         raise TensegrityError(f"method {method!r} follows chains before a wall: no build is taken")
+    if method == "gradient" and is_scattered:
+        raise TensegrityError(f"method {method!r} follows one chain at a time: no scatter is taken")
     return method, propose

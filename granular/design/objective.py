@@ -30,6 +30,7 @@ import numpy as np
 
 from granular.beads import Bead, Striker, beads_of
 from granular.contact_network import wall_sites
+from granular.design.scatter import Scatter
 from granular.design.spaces import Designs, Space
 from granular.materials import Material
 from granular.observables import wall_force
@@ -206,7 +207,15 @@ def _by_step_count(
         yield steps, numbers
 
 
-def largest(designs: Designs, striker: Striker, wall: Material, t_end: float, steps: int) -> Peaks:
+def largest(
+    designs: Designs,
+    striker: Striker,
+    wall: Material,
+    t_end: float,
+    steps: int,
+    gaps: Array | float = 0.0,
+    speed: Array | None = None,
+) -> Peaks:
     """Largest force of each design on the wall, and the instant of the first maximum.
 
     Parameters
@@ -217,19 +226,26 @@ def largest(designs: Designs, striker: Striker, wall: Material, t_end: float, st
     t_end : float
         [s], > 0.
     steps : int
+    gaps : ndarray, (designs, contacts), optional
+        Initial separations [m], >= 0, that of the striker first.
+    speed : ndarray, (designs,), optional
+        Of the striker [m/s]; by default its own.
 
     Returns
     -------
     Peaks
         Arrays (designs,).
     """
-    found, moving = [], None
-    for done in range(0, len(designs), BATCH):
-        batch = designs[np.minimum(np.arange(done, done + BATCH), len(designs) - 1)]
+    found, moving, count = [], None, len(designs)
+    gaps = np.broadcast_to(gaps, (count, designs.mass.shape[1] + 1))
+    speed = np.broadcast_to(striker.speed if speed is None else speed, count)
+    for done in range(0, count, BATCH):
+        some = np.minimum(np.arange(done, done + BATCH), count - 1)
+        batch = designs[some]
         beads = batch.behind(striker.bead)
         contacts = np.ascontiguousarray(beads.contacts(wall).T)
         moving = moving or _Moving(len(contacts), BATCH, t_end / steps)
-        moving.start(contacts, 1 / beads.mass.T, striker.speed)
+        moving.start(contacts, 1 / beads.mass.T, speed[some], gaps[some].T)
         found.append(_peaks(moving, contacts[-1], steps))
     return Peaks(*(np.concatenate(x)[: len(designs)] for x in zip(*found, strict=True)))
 
@@ -263,7 +279,7 @@ class _Moving:
         self._weights = np.zeros((count + 1, chains))  # the wall is held
         self._u, self._v = np.zeros((2, count + 1, chains))
 
-    def start(self, contacts: Array, weights: Array, speed: float) -> None:
+    def start(self, contacts: Array, weights: Array, speed: Array, gaps: Array) -> None:
         """Others, at their start.
 
         Parameters
@@ -272,12 +288,14 @@ class _Moving:
             Constants of the contacts, the wall's last [N/m^1.5].
         weights : ndarray, (count, chains)
             Inverse masses, the striker's first [1/kg].
-        speed : float
+        speed : ndarray, (chains,)
             Of the striker [m/s].
+        gaps : ndarray, (count, chains)
+            Initial separations in the contacts [m], >= 0.
         """
         self._table[:, 0] = contacts[::-1].ravel()
         self._weights[1:] = weights[::-1]
-        self._u[:], self._v[:] = 0, 0
+        self._u[1:], self._v[:] = np.cumsum(gaps[::-1], axis=0), 0
         self._v[-1] = -speed
         kinds, self._done = np.zeros(self._springs.size, dtype=int), 0
         bonds = Bonds((self._law,), kinds, self._table.copy(), self._springs, self._weights)
@@ -390,6 +408,8 @@ class Problem:
     t_end, dt : float
         [s].
     build : callable or None
+    scatter : Scatter or None
+        The worth is then a quantile over its draws, the same for every design.
     """
 
     space: Space
@@ -398,14 +418,17 @@ class Problem:
     t_end: float
     dt: float
     build: Build | None
+    scatter: Scatter | None = None
 
     def __call__(self, genes: Array) -> Array:
         """Forces [N]; inf where the wave has not arrived before `t_end`."""
         if self.build is None:
             steps = step_count(self.dt, self.t_end, self.dt)
-            designs = self.space.designs(genes)
-            found = largest(designs, self.striker, self.wall, self.t_end, steps)
-            return np.where(np.isfinite(found.first), found.force, np.inf)
+            designs, scatter = self.space.designs(genes), self.scatter or Scatter(draws=1)
+            varied = scatter.varied(designs, self.striker.speed)
+            found = largest(varied[0], self.striker, self.wall, self.t_end, steps, *varied[1:])
+            forces = np.where(np.isfinite(found.first), found.force, np.inf)
+            return scatter.worth(forces.reshape(len(designs), -1))
         each = (wall_peak(self.build, self.space.beads(x), self.t_end, self.dt) for x in genes)
         return np.array([force for force, _ in each])
 

@@ -24,6 +24,7 @@ from granular.design.downhill import Descent, Descents
 from granular.design.finalists import CANDIDATES, Best, chosen
 from granular.design.methods import POPULATION, suits
 from granular.design.objective import Build, Problem
+from granular.design.scatter import Scatter
 from granular.design.spaces import Choice, Order, Sizes, Space
 from granular.materials import Material
 from tensegrity import TensegrityError, check
@@ -44,6 +45,7 @@ def search(
     wall: Material,
     t_end: float,
     build: Build | None = None,
+    scatter: Scatter | None = None,
     method: str | None = None,
     budget: int = 20000,
     seed: int = 0,
@@ -63,11 +65,15 @@ def search(
     build : callable, optional
         Maps the beads of a design to a scene with a striker and the name of one of its walls, such
         as ``(hexagonal_pack(bead=beads, ...), "floor")``; by default a chain before the wall.
+    scatter : Scatter, optional
+        Minimises a quantile of the peak force of chains over random deviations of diameters, gaps
+        and speed, the same ones for every design; `Best.peak_force` and `history` are this
+        quantile.  It excludes a `build` and the method "gradient".
     method : {"ga", "gradient", "cma"}, optional
         "ga": a genetic algorithm, for `Order` and `Choice`.  "gradient": descents from many
         starting points, for `Sizes` of chains, see `granular.design.downhill`.  "cma": covariance
         matrix adaptation, for `Sizes`.  By default "ga" for `Order` and `Choice`, "gradient" for
-        `Sizes`, and "cma" for `Sizes` with a `build`.
+        `Sizes`, and "cma" for `Sizes` with a `build` or a `scatter`.
     budget : int, optional
         Largest number of different designs to compute, at least one population; with "gradient",
         of evaluations of a design together with its gradient.
@@ -110,7 +116,11 @@ def search(
     t_end = check.number("t_end", t_end, above=0, unit="s")
     if build is not None and not callable(build):
         raise TensegrityError(f"build {check.shown(build)} cannot be called")
-    name, propose = suits(method, space, build is not None)
+    if scatter is not None:
+        check.kind("scatter", scatter, Scatter)
+        if build is not None:
+            raise TensegrityError(f"a build excludes {scatter}, of chains before a wall")
+    name, propose = suits(method, space, build is not None, scatter is not None)
     budget = check.whole("budget", budget, least=1)
     if budget < POPULATION:
         raise TensegrityError(
@@ -120,7 +130,7 @@ def search(
     unit = float(space.all_kinds.behind(striker.bead).unit(wall, striker.speed)[0])
     dt = t_end / objective.step_count(unit, t_end, COARSE * objective.STEP_FRACTION * unit)
     native.require()
-    problem = Problem(space, striker, wall, t_end, dt, build)
+    problem = Problem(space, striker, wall, t_end, dt, build, scatter)
     with WorkerPool(executor) as workers, one_bar("design"):
         trail = _SearchRecord(problem, workers, budget, checkpoint, name, seed)
         try:
@@ -175,6 +185,8 @@ class _SearchRecord:
             "wall": repr(problem.wall), "t_end": problem.t_end, "dt": problem.dt, "build": named,
             "method": method, "seed": seed,
         }  # fmt: skip
+        if problem.scatter is not None:
+            self._of["scatter"] = repr(problem.scatter)
         if self._path is not None and self._path.exists():
             of, *old = archive.read(self._path, "search", _parts)
             require_same(self._path, "search", of, self._of)
