@@ -291,6 +291,7 @@ CALLS = [  # where other arguments are needed, or several in one call
     (run_lammps, {"scene": CUBE, "state": CUBE.start(), "t_end": 1e-5, "dt": 1e-6, "ranks": 1}),
     (INSTANCES["Sizes"].beads, {"row": [0.005, 0.005, 0.005]}),
     (design.search, {"t_end": 1e-4, "budget": 64, "checkpoint": "search.npz"}),
+    (design.robustness, {"t_end": 1e-3, "draws": 2}),
     (granular.Guide, {"layout": y_layout(3, 3, 0.7, BEAD.diameter),
                       "beads": dict.fromkeys(("stem 1", "branch 1", "branch 2"), BEAD),
                       "striker": STRIKER, "end": STEEL, "law": granular.hertz,
