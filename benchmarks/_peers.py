@@ -12,7 +12,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 import sympy as sp
@@ -87,14 +87,17 @@ def polynomial_tension(fit):
     return r, at_rest + r * value
 
 
-def heyoka_system(chain, tension):
-    """Equations of motion of a chain in heyoka's expressions."""
+def heyoka_system(chain, tension, parameters=None):
+    """Equations of motion of a chain in heyoka's expressions; `parameters`: what symbols of the
+    tension other than the elongation are."""
     import heyoka as hy
 
     def root(x):
         return hy.sqrt(x) if isinstance(x, hy.expression) else math.sqrt(x)
 
-    force = sp.lambdify(*tension, [{"sqrt": root}, "math"], cse=True)
+    given = parameters or {}
+    law = sp.lambdify([tension[0], *given], tension[1], [{"sqrt": root}, "math"], cse=True)
+    force = partial(law, **{str(symbol): value for symbol, value in given.items()})
     n, w = chain.sites, dynamics(chain).inverse_mass
     x = [hy.expression(f"x{i}") for i in range(n)]
     v = [hy.expression(f"v{i}") for i in range(n)]

@@ -86,7 +86,7 @@ def kind(blow, speed):
     word : str
         "soliton": a rarefaction wave that is supersonic and as fast as the exact wave of its
         peak; "forming": a rarefaction that is not (yet); "compression"; "collapse": a
-        prism softened past its limit point and left the range that is followed.
+        prism softened past its limit point and left the range of the equilibrium path.
     speed : float
         Over the speed of sound; 0 where nothing was measured.
     """

@@ -83,6 +83,7 @@ STRIKER = granular.Striker(BEAD, 0.5)
 BEADS = granular.chain([BEAD] * 6, striker=STRIKER, end=STEEL)
 LINE = ts.Chain(SPRING, 24)
 LANES = ts.Ensemble(ts.Chain(SPRING, 4), 2)
+ROW = ts.Lattice([(0, 0)], [(1, 0)], strings=[(0, 0, 1)]).prestressed([0.1])
 TRUSS = ts.Structure([[-1, 0], [1, 0], [0, 1]], bars=[(0, 2), (1, 2)])
 WALL = ts.Wall((0, 0), (0, 1))
 NET = ts.Network([[0, 1], [1, 1], [2, 1]], [(0, 1), (1, 2)], SPRING, walls=[WALL], radius=0.4,
@@ -122,6 +123,7 @@ INSTANCES = {  # of classes whose methods are called
     "Bead": BEAD, "BeadChain": BEADS, "Chain": LINE,
     "Choice": design.Choice(3, 0.005, [STEEL, PTFE]),
     "Contact": granular.Contact(1e9), "Drive": ts.Drive(force=0.1), "Ensemble": LANES,
+    "Lattice": ROW,
     "EquilibriumPath": ts.equilibrium_path(ELASTIC)[:2], "Lens": LENS, "Network": NET,
     "Guide": granular.y_guide(**GUIDE), "Pack": CUBE, "Order": design.Order([BEAD, SMALL]),
     "Polynomial": ts.Polynomial(SPRING, -0.01, 0.01), "Potential": LENNARD_JONES, "Prism": ELASTIC,
@@ -142,7 +144,8 @@ EXAMPLES = {  # of arguments, by their names
     "force": np.exp(-(((T - 5e-5) / 1e-5) ** 2)), "force_densities": [0.0, 0.0], "function": str,
     "gap": 1e-5, "given": [BEAD, SMALL], "gravity": 9.81, "ground": [0.1, 0.2], "half_angle": 0.7,
     "height": 0.7, "high": 0.01, "interval": 3e-6, "k_bar": 100.0, "k_base": 10.0, "k_cross": 1.0,
-    "law": granular.hertz, "layers": 2, "length": 0.015, "lengths": [1.0, 1.0],
+    "counts": 2, "lattice": ROW, "law": granular.hertz,
+    "layers": 2, "length": 0.015, "lengths": [1.0, 1.0],
     "level": 0.05, "loads": {2: (0.0, -0.1)}, "low": -0.01, "lower": [0], "mass": 1.0,
     "masses": [1.0, 2.0], "material": STEEL, "materials": [STEEL, PTFE], "max_height": 0.75,
     "max_load": 1.0, "member": 0, "method": "rkn6", "min_height": 0.4, "modulus": 1e9,
@@ -186,6 +189,11 @@ CALLS = [  # where other arguments are needed, or several in one call
     (ts.Structure, {"positions": [[0, 0], [1, 0], [0, 1]], "bars": [(0, 1)], "strings": [(1, 2)],
                  "k_bar": 1.0, "k_string": [1.0], "mass": 1.0, "natural_lengths": [1.0, 1.0],
                  "platforms": ()}),
+    (ts.Lattice, {"positions": [[0, 0], [1, 0]], "vectors": [[2, 0], [0, 1]],
+                  "bars": [(0, 1, (0, 0))], "strings": [(1, 0, (1, 0)), (0, 0, (0, 1))],
+                  "k_bar": 1.0, "k_string": [1.0, 1.0], "mass": 1.0, "natural_lengths": [1.0] * 3}),
+    (ROW.equilibrium, {"gradient": [[1.1, 0], [0, 1]]}),
+    (ts.bands, {"lattice": ROW, "wavenumbers": [[0.1], [2.0]]}),
     (ts.control_path, {"structure": TRUSS, "natural_lengths": {0: 1.1}, "branch": "stable",
                     "supports": ts.held([0, 1]), "loads": {0: (0.0, -0.1)}}),
     (TRUSS.prestressed, {"force_densities": [0.0, 0.0]}),

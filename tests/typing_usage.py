@@ -47,6 +47,7 @@ from tensegrity import (
     Drive,
     Ensemble,
     EquilibriumError,
+    Lattice,
     Lens,
     LockingError,
     Network,
@@ -71,6 +72,7 @@ from tensegrity import (
     angular_momentum,
     animate,
     arrival,
+    bands,
     bar_contact,
     budget,
     catalogue,
@@ -328,6 +330,10 @@ def waves(spring: Potential, chain: Chain) -> State:
     Chain(spring, 5, drive={"0": shaker})  # type: ignore[dict-item]
     assert_type(modes(Chain(spring, 5)).frequencies, Array)
     assert_type(dispersion([spring, spring], 1.0, [0.1]), Array)
+    row = Lattice([(0, 0)], [(1, 0)], strings=[(0, 0, 1)]).prestressed([0.1])
+    assert_type(row, Lattice)
+    assert_type(bands(row, [[0.1]]).frequencies, Array)
+    bands("x", [[0.1]])  # type: ignore[arg-type]
     dispersion("x", 1.0, [0.1])  # type: ignore[arg-type]
     lens = Lens(Prism(1.0, 0.8, 0.01, 1.0), chains=3)
     assert_type(lens.chain_prestrains, Array)

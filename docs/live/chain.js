@@ -110,7 +110,7 @@ class Chain {
 
   elongation(bond) { return this.u[bond + 1] - this.u[bond]; }
 
-  /* So many of the first steps; halves the step where that is not sound. Returns "" or why not. */
+  /* So many of the first steps; halves the step where one is not valid. Returns "" or why not. */
   run(steps, deadline = Infinity, clock = null) {
     if (this.ended) return this.message;
     let left = steps * 2 ** this.halved;

@@ -213,7 +213,7 @@ static void watch(real dt)
     }
 }
 
-/* Whether a step was sound: no spring beyond its domain, none too stiff for the step. */
+/* Whether a step is valid: no spring beyond its domain, none too stiff for the step. */
 static int judged(real dt)
 {
     for (int s = 0; s < chain.runs; s++) {
@@ -230,7 +230,7 @@ static int judged(real dt)
     return FINE;
 }
 
-/* At most so many steps; stops before one that is not sound, and says why. */
+/* At most so many steps; stops before one that is not valid, and says why. */
 EXPORT(run) int run(int steps, real dt)
 {
     const real row[] = {KICKS}, column[] = {DRIFTS};

@@ -100,7 +100,7 @@ function advance() {
 
 /* ---- words ---- */
 
-const sounds = (speed) => (chain.sound > QUIET ? `${digits(speed / chain.sound, 4)} × sound`
+const sounds = (speed) => (chain.sound > QUIET ? `${digits(speed / chain.sound, 4)} × the sound speed`
   : `${digits(speed, 4)} units/s`);
 
 /* Text of an element, which is laid out anew only where that changes. */

@@ -52,19 +52,19 @@ WAVES = {"slow 1.05": (SLOW, 1.05), "medium 1.6": (MEDIUM, 1.6), "hard 1.05": (H
 
 SCENES: dict[str, dict[str, Any]] = {  # the first is shown at the start
     "12.16": {
-        "label": "12.16 \u00d7 sound",
+        "label": "12.16 \u00d7 sound speed",
         "near": FAST, "units": 200, "blow": 0.16,
         "note": "Small prestrain and a strong impact: the leading pulse travels at about twelve "
         "times the sound speed and is about two prisms wide, close to the tent.",
     },
     "2-3": {
-        "label": "2\u20133 \u00d7 sound",
+        "label": "2\u20133 \u00d7 sound speed",
         "near": SLOW, "units": 300, "blow": 0.09,
         "note": "An impact on the first mass generates a solitary wave about three prisms wide and "
         "a subsonic tail.",
     },
     "1.05": {
-        "label": "1.05 \u00d7 sound",
+        "label": "1.05 \u00d7 sound speed",
         "near": SLOW, "units": 400, "waves": [{"wave": "slow 1.05", "at": 40, "way": 1}],
         "blow": 0.011,
         "note": "An exact wave just above the sound speed, about seven prisms wide, of permanent "
@@ -129,8 +129,8 @@ def tables() -> dict[str, Any]:
         "waves": waves,
         "elastic": {
             "slope": float(ELASTIC.stiffness_slope(0.0)),
-            "low": f"it leaves the range that is followed: {ELASTIC.ends[0]}",
-            "high": f"it leaves the range that is followed: {ELASTIC.ends[1]}",
+            "low": f"it leaves the computed range: {ELASTIC.ends[0]}",
+            "high": f"it leaves the computed range: {ELASTIC.ends[1]}",
         },
     }
 

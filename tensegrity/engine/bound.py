@@ -56,24 +56,26 @@ class Bound:
         Numbers of entries of u that belong to sites, and to the walls after them.
     """
 
-    _dt = _alone = output_sums = None
+    _dt = _alone = _active = output_sums = None
 
     def __init__(self, loop, u, v, bonds, method, dt, pieces=1, runs=None, seen=None):
         self._loop, self._bonds, self.u, self.v = loop, bonds, u, v
         self._layout = found = layout.loop_layout(loop, bonds, pieces, runs)
         self.sizes, self._travel = (u.size, 0), np.zeros(1, dtype=loop.dtype)
+        self._active = np.zeros(2, dtype=np.int64)
+        self._may_all_move()
         self._set_ranges(found.springs, found.fields["range_at"], seen)
         fields = found.fields | stages(method, 1.0, loop.dtype)
         fields |= {"u": u, "v": v, "low": self._low, "high": self._high}
         if loop.dim:
             sites = fields["sites"]
             self.sizes = loop.dim * sites, loop.dim * (fields["rows"] - 1 - sites)
-            fields |= self._room(pieces) | {"travel": self._travel}
+            fields |= self._room(pieces) | {"travel": self._travel, "active": None}
             cuts = enumerate(pairwise(found.slices.balanced_cuts(pieces)))
             self._pieces = [SCENE(**fields, **_piece(found, *ends, k, pieces)) for k, ends in cuts]
             fields |= _piece(found, 0, found.slices.tiles, 0, 1)
         else:  # fields of networks stay empty
-            fields = dict.fromkeys(SCENE.kinds) | fields
+            fields = dict.fromkeys(SCENE.kinds) | fields | {"active": self._active}
         self._bind(SCENE(**fields), method)
         self.set_step(dt)
         self.forget_range()
@@ -227,6 +229,7 @@ class Bound:
         int
             See `march.go`.
         """
+        self._may_all_move()
         return march.go(self._march, done, end, wanted, *self.sizes)
 
     def advance(self, steps, opened=False):
@@ -240,8 +243,14 @@ class Bound:
     def advance_open(self, steps, opened):
         """Steps without the closing kick of the last one; if `opened`, they begin with that of the
         step before."""
+        self._may_all_move()
         if self._advance(*self._addresses, steps, opened):
             raise self.why_stopped()
+
+    def _may_all_move(self):
+        """Let the next step include all sites, after which those of a chain that rest are found."""
+        if self._active is not None:
+            self._active[:] = np.iinfo(np.int64).max // 2, 0
 
     def why_stopped(self):
         """The error by which steps failed."""

@@ -81,7 +81,7 @@ void OF(tensions)(integer n, integer q, real *restrict r, const real *restrict s
     RATES(n)
 
 __attribute__((flatten)) static void OF(stage)(
-    const scene *c, integer s, real a, real b, real *left)
+    const scene *c, integer s, real a, real b, integer active, real *left)
 {
     __attribute__((aligned(64))) real r[BLOCK], room[(1 + CHANGES) * BLOCK + BATCH + WIDE];
     real part[BLOCK] = {0};
@@ -89,15 +89,15 @@ __attribute__((flatten)) static void OF(stage)(
     real *const f = room + (WIDE - BATCH % WIDE) % WIDE; /* aligns the tensions of a block */
     real *restrict u = c->u, *restrict v = c->v;
     const real *restrict w = c->w;
-    const integer start = BATCH * c->first[s], last = BATCH * c->first[s + 1];
-    const integer all = last - start;
+    const integer start = BATCH * c->first[s], all = BATCH * c->first[s + 1] - start;
+    const integer odd = all % BLOCK, most = active - start - odd; /* whole blocks after `odd` */
+    const integer last = start + (most < all - odd ? odd + (most + BLOCK - 1) / BLOCK * BLOCK : all);
     const real *restrict shared = c->shared + s * PARAMETERS, *restrict own = c->own + c->own_at[s];
     real *restrict low = c->low + c->range_at[s], *restrict high = c->high + c->range_at[s];
     real p[PARAMETERS + 1]; /* a copy, which the compiler may assume to exist and not to alias */
     for (int i = 0; i < PARAMETERS; i++) p[i] = shared[i];
     integer j = start;
     for (int l = 0; l < BATCH; l++) f[l] = left[l];
-    integer odd = all % BLOCK;
     if (odd) {
         EACH(odd) { ELONGATION(j) }
         FIRSTS(j, odd)

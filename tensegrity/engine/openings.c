@@ -9,6 +9,13 @@
    contact. */
 
 #define SCAN 64
+
+/* For blocks of n contacts that may move, the first of each number `start`. */
+#define BLOCKS_OF_CONTACTS(c, o, start, n)                                                  \
+    for (integer row = 0, some = moving(c, (o)->bonds); row < (o)->count; row += (o)->bonds) \
+        for (integer start = row, n = some < SCAN ? some : SCAN; n > 0;                      \
+             start += n, n = row + some - start < SCAN ? row + some - start : SCAN)
+
 #define ABREAST 16 /* kicks summed in SIMD registers */
 #define LAST_STEP 1e-9
 #define NEAR 1.0
@@ -290,8 +297,7 @@ static void pass_all(const scene *c, const openings *o)
     const real *restrict w0 = o->before, *restrict d0 = o->rate_before;
     const real *restrict w1 = o->after, *restrict d1 = o->rate_after;
     int met = 0;
-    for (integer start = 0; start < o->count; start += SCAN) {
-        const integer left = o->count - start, n = left < SCAN ? left : SCAN;
+    BLOCKS_OF_CONTACTS(c, o, start, n) {
         integer any = o->alone | o->begins;
         EACH(n) any |= suspect(w0[start + i], d0[start + i], w1[start + i], d1[start + i]);
         if (!any) continue;
@@ -313,11 +319,14 @@ integer advance_openings(const scene *c, openings *o, integer steps, integer ope
     o->begins = !opened;
     int looking = 0;
     for (integer k = 0; k < steps; k++) {
-        if (!looking) EACH(o->entries) o->u[i] = c->u[i], o->v[i] = c->v[i];
+        if (!looking) EACH(moving(c, o->entries)) o->u[i] = c->u[i], o->v[i] = c->v[i];
         for (integer s = 0; s < c->stages; s++) stage(c, c->kicks[s], c->drifts[s]);
         if (c->closing) stage(c, c->kicks[c->stages], 0);
         if (!looking) {
-            if (!o->alone && !o->begins && !may_pass(c, o)) continue;
+            if (!o->alone && !o->begins && !may_pass(c, o)) {
+                NARROW(c)
+                continue;
+            }
             overlaps(c, o, o->u, o->v, o->before, o->rate_before);
             looking = 1;
         }
@@ -328,6 +337,15 @@ integer advance_openings(const scene *c, openings *o, integer steps, integer ope
         o->before = o->after, o->after = swap;
         swap = o->rate_before;
         o->rate_before = o->rate_after, o->rate_after = swap;
+        const integer known = moving(c, o->bonds);
+        NARROW(c)
+        const integer now = moving(c, o->bonds);
+        if (now > known) { /* bonds that have not moved so far */
+            overlaps(c, o, c->u, c->v, o->before, o->rate_before);
+            for (integer row = 0; row < o->count; row += o->bonds)
+                for (integer i = row + known; i < row + now; i++)
+                    o->after[i] = o->before[i], o->rate_after[i] = o->rate_before[i];
+        }
     }
     if (steps > 0) o->known = 1 + looking;
     return 0;
@@ -372,8 +390,7 @@ integer postprocess_openings(const scene *given, openings *o, real *u, real *v)
     }
     const real *restrict w0 = o->after, *restrict w1 = o->before, *restrict d1 = o->rate_before;
     int met = 0;
-    for (integer start = 0; start < o->count; start += SCAN) {
-        const integer left = o->count - start, n = left < SCAN ? left : SCAN;
+    BLOCKS_OF_CONTACTS(c, o, start, n) {
         integer any = 0;
         EACH(n) any |= needs_postprocessing(w0[start + i], w1[start + i], d1[start + i]);
         if (!any) continue;

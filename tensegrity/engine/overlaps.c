@@ -25,13 +25,19 @@ typedef struct {
 #define FROM(b) ((b) % o->bonds)
 #define TO(b) ((b) % o->bonds + BATCH)
 
+/* Of n entries of a chain, those that may move. */
+static integer moving(const scene *c, integer n)
+{
+    return c->active && *c->active < n ? *c->active : n;
+}
+
 static void overlaps(const scene *c, const openings *o, const real *restrict u,
                      const real *restrict v, real *restrict w, real *restrict d)
 {
     const real dt = *o->dt;
     for (integer start = 0; start < o->count; start += o->bonds) {
         const real *restrict place = o->place + start, *restrict side = o->side + start;
-        EACH(o->bonds) {
+        EACH(moving(c, o->bonds)) {
             w[start + i] = side[i] * ((u[i + BATCH] - u[i]) - place[i]);
             d[start + i] = side[i] * dt * (v[i + BATCH] - v[i]);
         }
@@ -79,6 +85,8 @@ static void apply_impulse(const scene *c, const openings *o, integer b, real w, 
 #else
 #define FROM(b) c->from[(b) % o->bonds]
 #define TO(b) c->to[(b) % o->bonds]
+
+static integer moving(const scene *c, integer n) { return n; }
 
 static void run_of(const scene *c, const openings *o, integer s, const real *restrict u,
                    const real *restrict v, real *restrict w, real *restrict rate, const int wall)

@@ -40,6 +40,8 @@ typedef struct {
     const integer *own_at;           /* (runs) where its own parameters begin */
     const integer *range_at;           /* (runs + 1) where its elongations begin */
     integer runs, stages, closing;   /* closing: the method ends with a kick */
+    integer *active;                 /* of a chain (2): entries that may move, the others are at
+                                        rest; steps for which that holds; 0: all may move */
 
     /* The other fields are those of networks. */
     const real *load;                   /* (rows, DIM) constant forces */

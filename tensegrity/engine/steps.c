@@ -7,12 +7,18 @@
 
    The closing kick of a step of a splitting is merged with the first kick of the next one: steps
    lack their closing kick, and begin with that of the step before if they are `opened`. */
+#ifndef NARROW
+#define NARROW(c)
+#endif
+
 integer advance(const scene *c, const void *none, integer steps, integer opened)
 {
     FLUSH
-    for (integer k = 0; k < steps; k++)
+    for (integer k = 0; k < steps; k++) {
         for (integer i = 0; i < c->stages; i++)
             stage(c, KICK(c, i, k > 0 || opened), c->drifts[i]);
+        NARROW(c)
+    }
     return 0;
 }
 

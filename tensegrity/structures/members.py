@@ -39,16 +39,19 @@ class Members:
         Spring constants [N/m] and natural lengths [m].
     tension_only : ndarray of bool, (members,)
         Which members are strings.
+    shift : ndarray, (members, dim), or 0
+        From each second end to its image that the member is joined to [m], in lattices.
     """
 
     ends: Indices
     stiffness: Array
     natural: Array
     tension_only: Flags
+    shift: Array | float = 0.0
 
     def separations(self, positions: Array) -> tuple[Array, Array]:
         """Vectors (members, dim) from first to second ends, and their lengths."""
-        d = positions[self.ends[:, 1]] - positions[self.ends[:, 0]]
+        d = positions[self.ends[:, 1]] - positions[self.ends[:, 0]] + self.shift
         return d, np.sqrt(np.einsum("ij,ij->i", d, d))
 
     def taut(self, lengths: Array, within: float = TAUT) -> Flags:
@@ -78,13 +81,17 @@ class Members:
         result: Array = -forces.scattered(first, second, force, len(positions))
         return result
 
-    def tangent(self, positions: Array, within: float = TAUT) -> Any:
-        """Hessian of the energy [N/m], sparse (nodes dim, nodes dim); `within` as for `taut`."""
+    def blocks(self, positions: Array, within: float = TAUT) -> Array:
+        """Tangent stiffness of each member [N/m], (members, dim, dim); `within` as for `taut`."""
         d, lengths = self.separations(positions)
         density = self.stiffness * self.elongations(lengths) / lengths
         stiffness = np.where(self.taut(lengths, within), self.stiffness, 0.0)
-        blocks = forces.tangents(d / lengths[:, None], stiffness, density)
+        return np.asarray(forces.tangents(d / lengths[:, None], stiffness, density))
+
+    def tangent(self, positions: Array, within: float = TAUT) -> Any:
+        """Hessian of the energy [N/m], sparse (nodes dim, nodes dim); `within` as for `taut`."""
         first, second = self.ends.T
+        blocks = self.blocks(positions, within)
         return forces.assembled(first, second, blocks, len(positions)).tocsr()
 
 

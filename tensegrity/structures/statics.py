@@ -73,7 +73,7 @@ class SelfStress:
         """
         values = self.singular_values
         nonzero = values[values > ZERO * values[0]]
-        return float(nonzero[-1] / values[0])
+        return float(nonzero[-1] / values[0]) if nonzero.size else 1.0
 
     @cached_property
     def feasible(self) -> Array:
@@ -117,18 +117,36 @@ class SelfStress:
         return np.asarray(answer.x[:-1] @ self.states)
 
 
-def equilibrium_matrix(positions: Array, ends: Indices) -> Array:
-    """Equilibrium matrix A [m], (nodes dim, members): -A q are the member forces on the nodes."""
+def equilibrium_matrix(positions: Array, ends: Indices, shift: Array | float = 0.0) -> Array:
+    """Equilibrium matrix A: -A q are the member forces on the nodes.
+
+    Parameters
+    ----------
+    positions : ndarray, (nodes, dim)
+        [m]
+    ends : ndarray of int, (members, 2)
+    shift : ndarray, (members, dim), optional
+        As of `Members`.
+
+    Returns
+    -------
+    ndarray, (nodes dim, members)
+        [m]
+    """
     nodes, dim = positions.shape
     matrix = np.zeros((nodes, dim, len(ends)))
     number = np.arange(len(ends))
-    d = positions[ends[:, 1]] - positions[ends[:, 0]]
+    d = positions[ends[:, 1]] - positions[ends[:, 0]] + shift
     matrix[ends[:, 0], :, number] = -d
     matrix[ends[:, 1], :, number] = d
+    own = ends[:, 0] == ends[:, 1]  # both ends at one node, in different cells
+    matrix[ends[own, 0], :, number[own]] = 0
     return matrix.reshape(nodes * dim, len(ends))
 
 
-def self_stress(positions: Array, ends: Indices, pulls_only: Flags) -> SelfStress:
+def self_stress(
+    positions: Array, ends: Indices, pulls_only: Flags, shift: Array | float = 0.0
+) -> SelfStress:
     """States of self-stress of a shape.
 
     Parameters
@@ -139,13 +157,19 @@ def self_stress(positions: Array, ends: Indices, pulls_only: Flags) -> SelfStres
         The two nodes of each member.
     pulls_only : ndarray of bool, (members,)
         Which members are strings.
+    shift : ndarray, (members, dim), optional
+        As of `Members`.
 
     Returns
     -------
     SelfStress
     """
-    matrix = equilibrium_matrix(positions, ends)
-    members = len(ends)
+    return null_states(equilibrium_matrix(positions, ends, shift), pulls_only)
+
+
+def null_states(matrix: Array, pulls_only: Flags) -> SelfStress:
+    """The force densities without resultant of an equilibrium matrix (rows, members) [m]."""
+    members = matrix.shape[1]
     _, sizes, right = np.linalg.svd(matrix)
     sizes = np.concatenate([sizes, np.zeros(members - len(sizes))])
     states = right[sizes <= ZERO * sizes[0]]
@@ -153,15 +177,31 @@ def self_stress(positions: Array, ends: Indices, pulls_only: Flags) -> SelfStres
     return SelfStress(np.where(turned[:, None], -states, states), sizes, pulls_only)
 
 
+def free_motions(matrix: Array, rigid: Array) -> Array:
+    """Orthonormal motions, (count, rows), that change no length and are no rigid ones.
+
+    Parameters
+    ----------
+    matrix : ndarray, (rows, members)
+        Equilibrium matrix [m].
+    rigid : ndarray, (rows, motions)
+        Orthonormal rigid motions.
+
+    Returns
+    -------
+    ndarray, (count, rows)
+    """
+    left, sizes, _ = np.linalg.svd(matrix)
+    free = left[:, int(np.sum(sizes > ZERO * sizes[0])) :]
+    inside = orthonormal(free.T @ rigid)
+    return np.asarray(np.linalg.svd(inside.T)[2][inside.shape[1] :] @ free.T)
+
+
 def mechanisms(positions: Array, ends: Indices) -> Array:
     """Inextensional mechanisms, (count, nodes, dim); see `Structure.mechanisms`."""
     nodes, dim = positions.shape
-    left, sizes, _ = np.linalg.svd(equilibrium_matrix(positions, ends))
-    rank = int(np.sum(sizes > ZERO * sizes[0]))
-    free = left[:, rank:]
-    inside = orthonormal(free.T @ orthonormal(rigid_motions(positions)))
-    rest = np.linalg.svd(inside.T)[2][inside.shape[1] :]
-    return (rest @ free.T).reshape(-1, nodes, dim)
+    found = free_motions(equilibrium_matrix(positions, ends), orthonormal(rigid_motions(positions)))
+    return found.reshape(-1, nodes, dim)
 
 
 def nearest_form(positions: Array, ends: Indices) -> Array:
@@ -197,7 +237,7 @@ def nearest_form(positions: Array, ends: Indices) -> Array:
 def checked(structure: Any, force_densities: Any) -> Array:
     """Force densities [N/m], (members,), checked to be a self-stress of the structure."""
     q = check.vector("force_densities", force_densities, (len(structure.ends),))
-    matrix = equilibrium_matrix(structure.positions, structure.ends)
+    matrix = equilibrium_matrix(structure.positions, structure.ends, structure.shift)
     left = np.abs(matrix @ q).max()
     size = (np.abs(matrix) @ np.abs(q)).max()
     if left > SAME * size:

@@ -7,7 +7,7 @@ Pellegrino & Calladine 1986 for self-stress and mechanisms.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -18,21 +18,18 @@ from tensegrity import check, plotting
 from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.notebook import page
 from tensegrity.printing import filled, listed, span
-from tensegrity.readonly import ReadOnly, fixed
 from tensegrity.scenes.network import Network
 from tensegrity.structures import statics
+from tensegrity.structures.framework import Framework
 from tensegrity.structures.members import (
-    Members,
     equilibrium_positions,
     member_ends,
-    positive_for_each,
     refuse_duplicates,
     rigid_plates,
 )
 from tensegrity.structures.modes import Modes
-from tensegrity.structures.statics import SelfStress
 from tensegrity.structures.supports import Freedom, Supports
-from tensegrity.typing import Array, Flags
+from tensegrity.typing import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -40,7 +37,7 @@ if TYPE_CHECKING:
 SOFT = 1e-12  # eigenvalues below this fraction of the largest stiffness are round-off
 
 
-class Structure(ReadOnly):
+class Structure(Framework):
     """Nodes joined by bars and strings.
 
     Parameters
@@ -102,6 +99,8 @@ class Structure(ReadOnly):
     (True, [1.9048, 2.0952])
     """
 
+    shift = 0.0
+
     def __init__(
         self,
         positions: ArrayLike,
@@ -113,103 +112,17 @@ class Structure(ReadOnly):
         natural_lengths: ArrayLike | None = None,
         platforms: Sequence[Sequence[int]] = (),
     ) -> None:
-        places = check.floats("positions", positions)
-        if places.ndim != 2 or places.shape[1] not in (2, 3) or not len(places):
-            raise TensegrityError(f"positions have shape {places.shape}, must be (nodes, 2) or 3")
-        self.positions = check.vector("positions", places, places.shape)
-        nodes = len(places)
+        self._set_positions(positions)
+        nodes = self.nodes
         pairs = [
             member_ends(name, ends, nodes) for name, ends in (("bar", bars), ("string", strings))
         ]
-        self.ends = np.concatenate(pairs)
-        self.is_string = np.arange(len(self.ends)) >= len(pairs[0])
-        if not len(self.ends):
-            raise TensegrityError("0 bars and strings, must be at least 1")
-        refuse_duplicates(self.ends, len(pairs[0]))
-        alone = sorted(set(range(nodes)) - set(self.ends.ravel().tolist()))
-        if alone:
-            raise TensegrityError(f"node {alone[0]} is in no member")
-        self.stiffnesses = np.concatenate(
-            [
-                positive_for_each("k_bar", k_bar, len(pairs[0]), "N/m"),
-                positive_for_each("k_string", k_string, len(pairs[1]), "N/m"),
-            ]
-        )
-        self.mass = positive_for_each("mass", mass, nodes, "kg")
+        refuse_duplicates(np.concatenate(pairs), len(pairs[0]))
         self.platforms = rigid_plates(platforms, nodes)
-        lengths = self.lengths
-        least = 1e-12 * np.ptp(places, axis=0).max()
-        bad = np.flatnonzero(~((lengths > least) & (lengths < np.inf)))
-        if bad.size:
-            i, j = self.ends[bad[0]].tolist()
-            raise TensegrityError(
-                f"{self.name_of(int(bad[0]))} between nodes {i} and {j} has length "
-                f"{lengths[bad[0]]:g} m, must be above 0 and finite"
-            )
-        if natural_lengths is None:
-            self.natural_lengths = lengths
-        else:
-            self.natural_lengths = positive_for_each(
-                "natural length", natural_lengths, len(lengths), "m"
-            )
-
-    def name_of(self, member: int) -> str:
-        """The name of a member in messages, such as "string 4"."""
-        bars = self.bars
-        return f"string {member}" if member >= bars else f"bar {member}"
-
-    @property
-    def nodes(self) -> int:
-        """Number of nodes."""
-        return len(self.positions)
-
-    @property
-    def dim(self) -> int:
-        """Dimension of space, 2 or 3."""
-        return int(self.positions.shape[1])
-
-    @property
-    def bars(self) -> int:
-        """Number of bars."""
-        return int(np.sum(~self.is_string))
-
-    @property
-    def strings(self) -> int:
-        """Number of strings."""
-        return int(np.sum(self.is_string))
-
-    @cached_property
-    def members(self) -> Members:
-        """The members as arrays, which compute forces and energy."""
-        return Members(self.ends, self.stiffnesses, self.natural_lengths, self.is_string)
-
-    @cached_property
-    def lengths(self) -> Array:
-        """Lengths of the members at the positions [m], (members,)."""
-        d = self.positions[self.ends[:, 1]] - self.positions[self.ends[:, 0]]
-        return fixed(np.sqrt(np.einsum("ij,ij->i", d, d)))
-
-    @cached_property
-    def tensions(self) -> Array:
-        """Tensions of the members at the positions [N], (members,); 0 for slack strings."""
-        return fixed(self.members.tensions(self.positions))
-
-    @property
-    def densities(self) -> Array:
-        """Force densities, tension over length [N/m], (members,)."""
-        return self.tensions / self.lengths
-
-    @property
-    def slack(self) -> Flags:
-        """Which members are slack strings, (members,): strings shorter than their natural length
-        by more than 1e-10 of it."""
-        return ~self.members.taut(self.lengths)
+        size = float(np.ptp(self.positions, axis=0).max())
+        self._set_members(pairs, k_bar, k_string, mass, natural_lengths, size)
 
     # the shape alone
-
-    def self_stress(self) -> SelfStress:
-        """States of self-stress of the shape; they do not depend on the stiffnesses."""
-        return statics.self_stress(self.positions, self.ends, self.is_string)
 
     def mechanisms(self) -> Array:
         """Inextensional mechanisms, (count, nodes, dim): orthonormal infinitesimal motions that
@@ -249,53 +162,6 @@ class Structure(ReadOnly):
     def at_mass(self, mass: ArrayLike) -> Structure:
         """A copy of the structure with other masses of its nodes [kg]."""
         return self.at(self.positions, mass=mass)
-
-    def prestressed(
-        self,
-        force_densities: ArrayLike | None = None,
-        prestrain: Mapping[int, float] | None = None,
-    ) -> Structure:
-        """The structure with natural lengths for which this shape is a prestressed equilibrium.
-
-        Parameters
-        ----------
-        force_densities : array_like, (members,), optional
-            A state of self-stress, tension over length [N/m], tension > 0.
-        prestrain : dict, optional
-            {member: (length - natural length)/natural length} for as many strings as there are
-            independent states of self-stress; members are numbered bars first.
-
-        Returns
-        -------
-        Structure
-
-        Raises
-        ------
-        TensegrityError
-            If not exactly one of the two is given, or a value is outside its bounds.
-        EquilibriumError
-            If the shape has no self-stress, the force densities are not in equilibrium, or a
-            string would be compressed.
-        """
-        if (force_densities is None) == (prestrain is None):
-            raise TensegrityError("give force_densities or prestrain, one of them")
-        if prestrain is None:
-            q = statics.checked(self, force_densities)
-        else:
-            q = statics.of_prestrain(self, prestrain)
-        statics.refuse_pushing(self, q)
-        natural = self.lengths * (1 - q / self.stiffnesses)
-        bad = np.flatnonzero(~(natural > 0))
-        if bad.size:
-            raise TensegrityError(
-                f"force density {q[bad[0]]:.6g} N/m of {self.name_of(int(bad[0]))} must be below "
-                f"its stiffness {self.stiffnesses[bad[0]]:g} N/m"
-            )
-        return self.at(self.positions, natural_lengths=natural)
-
-    def member_number(self, member: object) -> int:
-        """The number of a member, checked to be one."""
-        return check.whole("member", member, least=0, below=len(self.ends))
 
     def relaxed(self) -> Structure:
         """The structure at the equilibrium of its natural lengths, by minimising the energy.

@@ -1,11 +1,9 @@
 """Small vibrations: modes of a scene about an equilibrium, and dispersion of a periodic chain.
 
 Both linearise the forces.  The modes of a finite scene solve K x = w^2 M x with its sparse tangent
-stiffness matrix K.  In a chain of identical cells the waves are u(n + 1) = exp(i q) u(n); their
-stiffness matrix is B* B, where B maps displacements to the elongations of a cell's springs times
-the square roots of their stiffnesses, so that the frequencies w are the singular values of
-B M^-1/2.  Their error is the round-off of the largest one even as w tends to zero, whereas the
-square root of an eigenvalue would lose half the digits.
+stiffness matrix K.  In a chain of identical cells the waves are u(n + 1) = exp(i q) u(n): those
+of `tensegrity.waves.bloch` in one dimension, as singular values, whose error is the round-off of
+the largest frequency even as w tends to zero.
 Source: L. Brillouin, Wave Propagation in Periodic Structures (1946), chapters III and IV.
 """
 
@@ -29,6 +27,7 @@ from tensegrity.scenes.picture import Picture
 from tensegrity.scenes.scene import SMALLEST_MASS, Scene, State
 from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array
+from tensegrity.waves.bloch import singular_frequencies
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -255,14 +254,11 @@ def dispersion(
         raise TensegrityError(f"wavenumbers have shape {q.shape}, must be (wavenumbers,)")
     q = check.vector("wavenumbers", q, q.shape)
     stiffness, m = np.broadcast_to(stiffness, count), np.broadcast_to(m, count)
-    elongation = np.zeros((len(q), count, count), dtype=complex)
     each = np.arange(count)
-    elongation[:, each, each] = -1
-    elongation[:, each, (each + 1) % count] += np.where(
-        each == count - 1, np.exp(1j * q)[:, None], 1
-    )
-    scaled = np.sqrt(stiffness)[:, None] * elongation / np.sqrt(m)
-    return np.linalg.svd(scaled, compute_uv=False)[:, ::-1]
+    ends = np.stack([each, (each + 1) % count], axis=1)
+    next_cell = (each == count - 1).astype(np.int64)[:, None]
+    roots = np.sqrt(stiffness)[:, None, None]
+    return singular_frequencies(ends, next_cell, roots, m, q[:, None])
 
 
 def _cell(name: str, given: Any) -> tuple[Any, ...]:

@@ -1,0 +1,163 @@
+"""Many chains in one call, and what is spared: sites at rest, and rows that nobody wants.
+
+CPU time, all in turn in one run; the wall clock only where threads are compared.  heyoka advances
+eight chains in the lanes of a vector, each with the natural length of its own cross strings, and
+keeps the last state only, as we do with `Record(times=[T])`.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from concurrent.futures import ProcessPoolExecutor
+
+import numpy as np
+import sympy as sp
+
+from benchmarks import _peers
+from benchmarks._timing import table
+from tensegrity import Chain, Ensemble, PowerLaw, Prism, Record, State, simulate, sweep
+
+COUNTS, SITES, T_END, TOL = (100, 1_000, 10_000), 40, 40.0, 1e-9
+BATCHES = 4  # of eight chains, by heyoka
+ROUNDS = 5
+FAINT = 1e-295  # m/s of the far end: all sites move
+CASES = 20_000
+
+
+def cpu(calls, clock=time.process_time):
+    """Smallest time of each call [s], in turn."""
+    found = dict.fromkeys(calls, np.inf)
+    for _ in range(ROUNDS):
+        for name, call in calls.items():
+            began = clock()
+            call()
+            found[name] = min(found[name], clock() - began)
+    return found
+
+
+def different(count):
+    """Chains of prisms of different prestrain, their state, and their prisms."""
+    rng = np.random.default_rng(0)
+    prisms = [Prism(1.0, 0.7, p, 1.0) for p in rng.uniform(0.005, 0.05, count)]
+    scene = Ensemble([Chain(prism.potential(), SITES) for prism in prisms])
+    return scene, scene.at_rest({0: rng.uniform(0.01, 0.03, count)}), prisms
+
+
+def heyoka_seconds():
+    """CPU time of a chain by heyoka, and its largest difference from ours; None without it."""
+    if not _peers.has("heyoka"):
+        return None
+    import heyoka as hy
+
+    from derivations import rigid_elastic
+    from derivations.prism import natural_cross
+
+    scene, start, prisms = different(8 * BATCHES)
+    r = sp.Symbol("r")
+    values = _peers.prism_values(prisms[0], r)
+    del values[natural_cross]
+    tension = r, rigid_elastic.force().subs(values)
+    system = _peers.heyoka_system(scene.scenes[0], tension, {natural_cross: hy.par[0]})
+    states = np.concatenate([start.u, start.v])
+    lengths = np.array([[float(prism.natural_lengths().cross) for prism in prisms]])
+    solver = hy.taylor_adaptive_batch(
+        system, states[:, :8].copy(), pars=lengths[:, :8].copy(), tol=TOL, compact_mode=True
+    )
+    ends = []
+
+    def run():
+        ends.clear()
+        for k in range(0, 8 * BATCHES, 8):
+            solver.set_time(np.zeros(8))
+            solver.state[:], solver.pars[:] = states[:, k : k + 8], lengths[:, k : k + 8]
+            solver.propagate_until([T_END] * 8)
+            ends.append(solver.state[:SITES].copy())
+
+    seconds = cpu({"heyoka": run})["heyoka"] / (8 * BATCHES)
+    ours = simulate(scene, start, T_END, tol=1e-12).final.u
+    return seconds, float(np.abs(np.hstack(ends) - ours).max() / np.abs(ours).max())
+
+
+def ensembles():
+    """Print the cost of a chain in ensembles of several sizes."""
+    os.environ["TENSEGRITY_THREADS"] = "1"
+    per_chain, last = {}, Record(times=[T_END])
+    for count in COUNTS:
+        scene, start, _ = different(count)
+        rows = {"rows": lambda: simulate(scene, start, T_END, tol=TOL)}  # noqa: B023
+        if count == COUNTS[-1]:
+            rows = {}  # 500 rows of all chains take 6.4 GB
+        rows["end"] = lambda: simulate(scene, start, T_END, tol=TOL, record=last)  # noqa: B023
+        per_chain[count] = {name: 1e3 * t / count for name, t in cpu(rows).items()}
+    peer = heyoka_seconds()
+    theirs = 1e3 * peer[0] if peer else np.nan
+    rows = [
+        (f"{n} chains", x.get("rows", np.nan), x["end"], x["end"] / theirs)
+        for n, x in per_chain.items()
+    ]
+    title = f"CPU time of a chain of {SITES} prisms, tol {TOL:g} [ms]"
+    table(title, ["", "500 rows", "last state", "over heyoka"], rows, ours=["over heyoka"])
+    if peer:
+        print(f"heyoka, batches of 8: {theirs:.3g} ms, error {peer[1]:.1e}")
+    scene, start, _ = different(COUNTS[1])
+    found = {}
+    for threads in ("1", "2"):
+        os.environ["TENSEGRITY_THREADS"] = threads
+        call = {threads: lambda: simulate(scene, start, T_END, tol=TOL, record=last)}
+        found |= cpu(call, time.perf_counter)
+    del os.environ["TENSEGRITY_THREADS"]
+    rows = [(f"{COUNTS[1]} chains", found["2"] / found["1"], "<= 0.53")]
+    table("wall clock on two threads over one", ["", "ratio", "target"], rows, ours=["ratio"])
+
+
+def spared():
+    """Print what is spared over doing it."""
+    rows = []
+    for name, spring, sites, t_end, v in (
+        ("4,000 prisms, half the way", Prism(1.0, 0.7, 0.1, 1.0).potential(), 4000, 1100.0, 0.05),
+        ("2,000 prisms, all the way", Prism(1.0, 0.7, 0.1, 1.0).potential(), 2000, 1100.0, 0.05),
+        ("2,000 beads, all the way", PowerLaw(1.0, 1.5), 2000, 3000.0, 0.1),
+    ):
+        chain = Chain(spring, sites)
+        start = chain.at_rest({0: v})
+        faint = start.v.copy()
+        faint[-1] = FAINT
+        dt = simulate(chain, start, t_end).dt
+        found = cpu({
+            "rest": lambda: simulate(chain, start, t_end, dt=dt),  # noqa: B023
+            "all": lambda: simulate(chain, State(start.u, faint), t_end, dt=dt),  # noqa: B023
+        })  # fmt: skip
+        rows.append((name, found["rest"] / found["all"]))
+    table("sites at rest left out, over all sites", ["", "ratio"], rows, ours=["ratio"])
+    rows = []
+    soft = Prism(1.0, 0.5, 0.4, 1.0, 2.0, 20.0).potential(preload=0.05)
+    for name, spring, sites, t_end in (
+        ("128 prisms", Prism(1.0, 0.7, 0.01, 1.0).potential(), 128, 60.0),
+        ("200 soft elastic prisms", soft, 200, 60.0),
+        ("200 beads", PowerLaw(1.0, 1.5), 200, 300.0),
+    ):
+        chain = Chain(spring, sites)
+        start, last = chain.at_rest({0: 0.03}), Record(times=[t_end])
+        found = cpu({
+            "last": lambda: simulate(chain, start, t_end, tol=TOL, record=last),  # noqa: B023
+            "rows": lambda: simulate(chain, start, t_end, tol=TOL),  # noqa: B023
+        })  # fmt: skip
+        rows.append((name, found["last"] / found["rows"], "<= 1.1"))
+    title = "Record(times=[T]) over 500 rows"
+    table(title, ["", "ratio", "target"], rows, ours=["ratio"])
+
+
+def swept():
+    """Print what a case of a sweep costs besides its work."""
+    with ProcessPoolExecutor(2) as pool:
+        sweep(abs, range(100), pool)
+        seconds = cpu({"sweep": lambda: sweep(abs, range(CASES), pool)}, time.perf_counter)["sweep"]
+    print(f"\na case of a sweep on two processes: {1e6 * seconds / CASES:.2g} us (target: 10)")
+
+
+def main():
+    """Print all tables."""
+    ensembles()
+    spared()
+    swept()

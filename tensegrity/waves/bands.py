@@ -1,0 +1,186 @@
+"""Waves of small amplitude in a prestressed lattice: frequencies, group velocities, band gaps.
+
+They belong to the lattice's own state, with the strings that are slack there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tensegrity import check
+from tensegrity.errors import TensegrityError
+from tensegrity.minimum import ZERO
+from tensegrity.structures.lattice import Lattice
+from tensegrity.typing import Array
+from tensegrity.waves.bloch import BlochMatrix, chunks, singular_frequencies
+
+SLOW = 1e-5  # lowest over highest frequency below which singular values are computed
+EQUAL = 1e-6  # of the highest frequency: branches nearer to each other have velocities in common
+GENERIC = np.array([1.0, 0.618, 0.414])  # a direction of phases without symmetry
+OPEN = 1e-9  # of the highest frequency: the least gap
+
+
+@dataclass(frozen=True, eq=False)
+class Bands:
+    """Frequencies of the waves of a lattice.
+
+    Attributes
+    ----------
+    wavenumbers : ndarray, (points, d)
+        Phases per cell [rad].
+    frequencies : ndarray, (points, nodes dim)
+        Angular frequencies [rad/s], ascending; below 0 the rate [1/s] at which an unstable wave
+        grows.
+    velocities : ndarray, (points, nodes dim, dim), or None
+        Group velocities [m/s]; NaN where the frequency is not above 0.
+    shapes : complex ndarray, (points, nodes dim, nodes, dim), or None
+        Displacements of each wave in the cell at offset 0 [1/sqrt(kg)]: the sum of m |u|^2 is 1.
+    """
+
+    wavenumbers: Array
+    frequencies: Array
+    velocities: Array | None = field(repr=False)
+    shapes: Array | None = field(repr=False)
+
+    @property
+    def gaps(self) -> Array:
+        """Ranges of frequency between neighbouring branches that no wave at these wavenumbers has
+        [rad/s], (gaps, 2), ascending.
+
+        Raises
+        ------
+        TensegrityError
+            If there are fewer than 2 wave vectors.
+        """
+        w = self.frequencies
+        if len(w) < 2:
+            raise TensegrityError(f"gaps of {len(w)} wavenumbers, must be at least 2")
+        edges = np.stack([w.max(axis=0)[:-1], w.min(axis=0)[1:]], axis=1)
+        return np.asarray(edges[np.diff(edges, axis=1)[:, 0] > OPEN * w.max()])
+
+
+def bands(
+    lattice: Lattice, wavenumbers: ArrayLike, velocities: bool = False, shapes: bool = False
+) -> Bands:
+    """The waves of small amplitude of a lattice.
+
+    Parameters
+    ----------
+    lattice : Lattice
+        With its nodes in equilibrium; a macroscopic stress is allowed.
+    wavenumbers : array_like, (points, d)
+        Phase differences between adjacent cells along each lattice vector [rad].
+    velocities, shapes : bool, optional
+        Whether these are computed.
+
+    Returns
+    -------
+    Bands
+
+    Raises
+    ------
+    TensegrityError
+        Bad input.
+    EquilibriumError
+        The nodes are not in equilibrium.
+
+    Notes
+    -----
+    Frequencies below about 1e-8 of the highest are round-off and become 0, unless all members are
+    in tension or without force: then singular values keep their digits.  Elsewhere long waves are
+    better described by `moduli`.
+
+    Examples
+    --------
+    A row of unit masses on strings of stiffness 1 and force density 0.1: transverse and axial.
+
+    >>> import numpy as np
+    >>> from tensegrity import Lattice, bands
+    >>> row = Lattice([(0, 0)], [(1, 0)], strings=[(0, 0, 1)]).prestressed([0.1])
+    >>> bands(row, [[np.pi], [np.pi / 3]]).frequencies.round(4)
+    array([[0.6325, 2.    ],
+           [0.3162, 1.    ]])
+    """
+    check.kind("lattice", lattice, Lattice)
+    q = phases(lattice, wavenumbers)
+    velocities, shapes = check.truth("velocities", velocities), check.truth("shapes", shapes)
+    lattice.refuse_unbalanced()
+    matrix = bloch_matrix(lattice)
+    count, size = len(q), matrix.parts.shape[-1]
+    squares = np.empty((count, size))
+    moved = np.empty((count, size, size), dtype=complex) if shapes else None
+    rates = np.empty((count, size, len(lattice.vectors))) if velocities else None
+    for of in chunks(count):
+        weights = matrix.weights(q[of])
+        whole = matrix.at(weights)
+        if rates is None and moved is None:
+            squares[of] = np.linalg.eigvalsh(whole)
+            continue
+        squares[of], vectors = np.linalg.eigh(whole)
+        if rates is not None:
+            for point, (w, column) in enumerate(zip(weights, vectors, strict=True)):
+                rates[of.start + point] = _rates(matrix, w, squares[of.start + point], column)
+        if moved is not None:
+            moved[of] = vectors.swapaxes(1, 2)
+    w = _frequencies(lattice, squares, q, matrix.bound)
+    found = None
+    if rates is not None:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found = np.where(w > 0, 0.5 / w, np.nan)[..., None] * (rates @ lattice.vectors)
+    if moved is not None:
+        moved = moved.reshape(count, size, *lattice.positions.shape)
+        moved = moved / np.sqrt(lattice.mass)[:, None]
+    return Bands(q, w, found, moved)
+
+
+def bloch_matrix(lattice: Lattice, weighted: bool = True) -> BlochMatrix:
+    """M^-1/2 K(kappa) M^-1/2 of a lattice, or K(kappa) itself."""
+    mass = lattice.mass if weighted else np.ones(lattice.nodes)
+    blocks = lattice.members.blocks(lattice.positions)
+    return BlochMatrix.of(lattice.ends, lattice.offsets, blocks, mass)
+
+
+def phases(lattice: Lattice, wavenumbers: ArrayLike) -> Array:
+    """Phases per cell (points, d) [rad], checked."""
+    q, d = check.floats("wavenumbers", wavenumbers), len(lattice.vectors)
+    if q.ndim != 2 or q.shape[1] != d:
+        raise TensegrityError(f"wavenumbers have shape {q.shape}, must be (points, {d})")
+    return check.vector("wavenumbers", q, q.shape)
+
+
+def _frequencies(lattice: Lattice, squares: Array, q: Array, largest: float) -> Array:
+    """Frequencies of eigenvalues, 0 where they are round-off, or singular values there; `largest`
+    bounds the eigenvalues."""
+    least = ZERO * largest
+    w = np.sign(squares) * np.sqrt(np.abs(np.where(np.abs(squares) <= least, 0.0, squares)))
+    slow = np.flatnonzero(np.abs(squares).min(axis=1) < SLOW**2 * largest)
+    if slow.size and (lattice.tensions >= 0).all():
+        values, vectors = np.linalg.eigh(lattice.members.blocks(lattice.positions))
+        root = (vectors * np.sqrt(np.maximum(values, 0))[:, None]) @ vectors.swapaxes(1, 2)
+        exact = singular_frequencies(lattice.ends, lattice.offsets, root, lattice.mass, q[slow])
+        w[slow] = 0
+        w[slow, w.shape[1] - exact.shape[1] :] = exact
+        w[slow] = np.where(w[slow] > ZERO * np.sqrt(largest), w[slow], 0.0)
+    return w
+
+
+def _rates(matrix: BlochMatrix, weights: Array, squares: Array, vectors: Array) -> Array:
+    """Derivatives of the eigenvalues by the phases, (size, d).
+
+    Where eigenvalues coincide they belong to the shapes that diagonalise the derivative along a
+    direction without symmetry.
+    """
+    slopes = matrix.at(1j * matrix.offsets.T * weights)
+    turned = vectors.conj().T @ slopes @ vectors
+    found = np.einsum("aii->ia", turned.real).copy()
+    equal = np.diff(squares) <= EQUAL * np.abs(squares).max()
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], equal, [False]]).astype(int)))
+    for first, last in edges.reshape(-1, 2):
+        group = slice(first, last + 1)
+        inner = turned[:, group, group]
+        mixed = np.linalg.eigh(np.tensordot(GENERIC[: len(inner)], inner, 1))[1]
+        found[group] = np.einsum("ji,ajk,ki->ia", mixed.conj(), inner, mixed).real
+    return found

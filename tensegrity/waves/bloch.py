@@ -1,0 +1,128 @@
+"""Bloch waves of bonds that repeat from cell to cell: their matrices and frequencies.
+
+Node j of the cell at offset o moves by u_j exp(i o.kappa), with the phases kappa per cell.  The
+stiffness matrix K(kappa) is then a sum over the distinct offsets of the bonds, each of which is
+assembled once; many wave vectors are computed together.  An eigenvalue w^2 carries the round-off
+of the largest one, so that frequencies below about 1e-8 of the highest are lost.  Where every
+bond's stiffness has a real square root they are the singular values of these roots, and keep all
+digits.
+Source: L. Brillouin, Wave Propagation in Periodic Structures (1946), chapters III and IV; Phani,
+Woodhouse & Fleck 2006, Wave propagation in two-dimensional periodic lattices.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tensegrity.typing import Array, Indices
+
+CHUNK = 64  # wave vectors whose matrices are computed together
+
+
+@dataclass(frozen=True, eq=False)
+class BlochMatrix:
+    """The sum of S_o exp(i o.kappa) over offsets o, where S_-o is the transpose of S_o.
+
+    Attributes
+    ----------
+    offsets : ndarray of int, (offsets, d)
+        All distinct ones, with their opposites and 0.
+    parts : ndarray, (offsets, nodes dim, nodes dim)
+    """
+
+    offsets: Indices
+    parts: Array
+
+    @classmethod
+    def of(cls, ends: Indices, offsets: Indices, blocks: Array, mass: Array) -> BlochMatrix:
+        """Assemble M^-1/2 K M^-1/2.
+
+        Parameters
+        ----------
+        ends : ndarray of int, (bonds, 2)
+            Nodes of a cell.
+        offsets : ndarray of int, (bonds, d)
+            Offset of the cell of the second end from that of the first.
+        blocks : ndarray, (bonds, dim, dim)
+            Tangent stiffness of each bond [N/m].
+        mass : ndarray, (nodes,)
+            [kg]; ones give K itself.
+
+        Returns
+        -------
+        BlochMatrix
+        """
+        (i, j), dim, root = ends.T, blocks.shape[-1], np.sqrt(mass)
+        entries = [
+            (np.zeros_like(offsets), i, i, blocks),
+            (np.zeros_like(offsets), j, j, blocks),
+            (offsets, i, j, -blocks),
+            (-offsets, j, i, -blocks),
+        ]
+        distinct, number = np.unique(
+            np.concatenate([entry[0] for entry in entries]), axis=0, return_inverse=True
+        )
+        row, column, each = (np.concatenate([entry[k] for entry in entries]) for k in (1, 2, 3))
+        parts = np.zeros((len(distinct), len(mass), len(mass), dim, dim))
+        np.add.at(parts, (number.ravel(), row, column), each)
+        parts /= (root[:, None] * root)[:, :, None, None]
+        size = dim * len(mass)
+        return cls(distinct, parts.swapaxes(2, 3).reshape(-1, size, size))
+
+    @property
+    def bound(self) -> float:
+        """A bound of the eigenvalues at all phases."""
+        return float(np.abs(self.parts).sum(axis=(0, 2)).max())
+
+    def at(self, weights: Any) -> Any:
+        """The sums of the parts with complex weights (..., offsets): (..., size, size)."""
+        found = np.empty((*weights.shape[:-1], *self.parts.shape[1:]), dtype=complex)
+        flat = self.parts.reshape(len(self.parts), -1)
+        found.real = (weights.real @ flat).reshape(found.shape)
+        found.imag = (weights.imag @ flat).reshape(found.shape)
+        return found
+
+    def weights(self, phases: Array) -> Any:
+        """exp(i o.kappa) at phases (..., d): (..., offsets)."""
+        return np.exp(1j * (phases @ self.offsets.T))
+
+
+def chunks(count: int) -> Iterator[slice]:
+    """Slices of the wave vectors that are computed together."""
+    return (slice(start, start + CHUNK) for start in range(0, count, CHUNK))
+
+
+def singular_frequencies(
+    ends: Indices, offsets: Indices, roots: Array, mass: Array, phases: Array
+) -> Array:
+    """Frequencies as singular values of the square roots of the bonds' stiffnesses.
+
+    Parameters
+    ----------
+    ends, offsets, mass
+        As of `BlochMatrix.of`.
+    roots : ndarray, (bonds, dim, dim)
+        Symmetric square roots of the bonds' tangent stiffnesses.
+    phases : ndarray, (points, d)
+        Phases per cell [rad].
+
+    Returns
+    -------
+    ndarray, (points, min(bonds, nodes) dim)
+        [rad/s], ascending; frequencies beyond these are 0.
+    """
+    bonds, dim = roots.shape[:2]
+    found = np.empty((len(phases), dim * min(bonds, len(mass))))
+    each = np.arange(bonds)
+    for of in chunks(len(phases)):
+        moves = np.zeros((len(phases[of]), bonds, len(mass)), dtype=complex)
+        moves[:, each, ends[:, 0]] = -1
+        moves[:, each, ends[:, 1]] += np.exp(1j * (phases[of] @ offsets.T))
+        scaled = roots[:, :, None, :] * moves[:, :, None, :, None] / np.sqrt(mass)[:, None]
+        whole = scaled.reshape(len(moves), bonds * dim, len(mass) * dim)
+        found[of] = np.linalg.svd(whole, compute_uv=False)[:, ::-1]
+    return found
