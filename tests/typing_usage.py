@@ -371,7 +371,7 @@ def measured(chain: Chain, run: Run) -> float:
     assert_type(transmission(run, row=-1), Transmission)
     assert_type(transmission(run).reflected, tuple[Pulse, ...])
     assert_type(transmission(run).transmitted_delays, Array)
-    assert_type(observables.crest(chain.elongation(run.final.u)), tuple[float, float])
+    assert_type(observables.peak(chain.elongation(run.final.u)), tuple[float, float])
     assert_type(observables.passage(run.t, run.u[:, 0], run.v[:, 0]), float)
     times = arrival(run, 3, direction=-1, after=0.5) + duration(run, 3, level=0.1)
     front = tail_front(chain, run.final)
