@@ -28,7 +28,7 @@ def data():
                 for key, value in zip(columns, row, strict=True):
                     table[key].append(value)
             low, high = (c / prediction.sound_speed for c in family.speeds)
-            row = (name, family.name, family.starts, family.ends, *family.peaks, low, high,
+            row = (name, family.name, family.starts, family.ends, *family.crests, low, high,
                    family.certain)  # fmt: skip
             for key, value in zip(limits, row, strict=True):
                 limits[key].append(value)

@@ -36,7 +36,7 @@ def data():
                                      "error": np.abs(peaks / law - 1)}  # fmt: skip
     for number, (name, spring) in enumerate(TOPS.values()):
         family = predict(spring)[name]
-        curve = family.curve(amplitude=family.peaks[1] * (1 - GAPS))
+        curve = family.curve(amplitude=family.crests[1] * (1 - GAPS))
         tables[f"top_{number}"] = {
             "gap": GAPS, "left": 1 - curve.speed / family.speeds[1], "width": curve.width,
             "rise": np.full(GAPS.size, 2 / family.top_rate),

@@ -95,7 +95,7 @@ def test_preloaded_power_laws_below_1_have_the_waves_that_are_predicted(exponent
     spring = PowerLaw(2.0, exponent, preload=0.7)
     (family,) = predict(spring).families
     opens = spring.kinks[0][0]
-    wave = solitary_wave(spring, amplitude=opens + part * (family.peaks[1] - opens))
+    wave = solitary_wave(spring, amplitude=opens + part * (family.crests[1] - opens))
     assert wave.residual <= 1e-12
     assert family.speeds[0] < wave.speed < family.speeds[1] * (1 + 1e-11)
     near = solitary_wave(spring, amplitude=0.999 * opens)

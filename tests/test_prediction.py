@@ -92,7 +92,7 @@ def test_flat_tops_come_to_the_front_with_the_square_of_the_gap_and_its_logarith
     family = predict(CUBIC)["rarefaction"]
     assert family.ends == "front"
     assert family.certain
-    assert family.peaks == pytest.approx((0.0, TOP), rel=1e-12)
+    assert family.crests == pytest.approx((0.0, TOP), rel=1e-12)
     assert family.speeds == pytest.approx((1.0, math.sqrt(11 / 9)), rel=1e-12)
     gaps = np.geomspace(3e-3, 1e-5, 6)
     waves = [solitary_wave(CUBIC, amplitude=TOP - g) for g in gaps.tolist()]
@@ -128,7 +128,7 @@ def test_each_rise_of_the_mean_stiffness_has_a_family():
     assert second.speeds[0] == first.speeds[1]
     slow, fast = (solitary_wave(TWICE, speed=c) for c in (1.09, 1.15))
     assert (slow.family, fast.family) == ("rarefaction", "rarefaction 2")
-    assert fast.amplitude > second.peaks[0] > first.peaks[1] > slow.amplitude
+    assert fast.amplitude > second.crests[0] > first.crests[1] > slow.amplitude
     assert fast.residual <= 1e-12
     with pytest.raises(TensegrityError, match=r"rarefaction 3: 2V/r\^2 exceeds .* 2 times only"):
         solitary_wave(TWICE, speed=1.09, family="rarefaction 3")
@@ -172,7 +172,7 @@ def test_a_domain_that_ends_before_a_wall_has_the_speed_of_the_wave_that_gets_th
     whole = Potential(WELL, R, domain=(-float(REST), 5))
     family = predict(Potential(WELL, R, domain=(end, 5)))["compression"]
     assert family.ends == "end of the domain"
-    assert family.peaks[1] == end
+    assert family.crests[1] == end
     wave = solitary_wave(whole, amplitude=end)
     assert family.speeds[1] == pytest.approx(wave.speed, rel=1e-7)
 
@@ -227,7 +227,7 @@ def test_a_prism_has_a_largest_speed_and_a_threshold_on_its_other_side():
     assert low < high < 10 * low
     other = prediction["rarefaction"]
     assert other.starts == "threshold"
-    r = other.peaks[0]  # long waves of this peak are as fast as sound
+    r = other.crests[0]  # long waves of this peak are as fast as sound
     tension, energy = float(PRISM.tension(r)), float(PRISM.energy(r) - PRISM.energy(0.0))
     squared = tension**2 / (2 * (r * tension - energy))
     assert squared == pytest.approx(float(PRISM.stiffness(0.0)), rel=1e-8)
@@ -247,14 +247,14 @@ def test_the_limit_is_passed_where_the_spring_gives_way_at_it():
     family = predict(spring)["rarefaction"]
     assert not family.certain
     assert "FAILS" in str(family)
-    wave = solitary_wave(spring, amplitude=0.9 * family.peaks[1])
+    wave = solitary_wave(spring, amplitude=0.9 * family.crests[1])
     assert wave.speed > family.speeds[1] * (1 + 1e-4)
 
 
 def test_a_front_at_a_constant_force_is_not_told_to_give_way():
     """V'' is 0 there, not below."""
     (family,) = predict(OPENS).families
-    assert family.peaks == pytest.approx((0, 4 / 3), rel=1e-12)
+    assert family.crests == pytest.approx((0, 4 / 3), rel=1e-12)
     assert family.speeds == pytest.approx((0.5**0.5, 0.75**0.5), rel=1e-12)
     assert family.certain
     assert "V'' < 0" not in str(family)
@@ -306,7 +306,7 @@ def held_against_waves(spring):
                 continue
             wrong.append(f"{wave} is none of {prediction}")
     for family in filter(lambda f: f.certain, prediction.families):
-        low, high = family.peaks
+        low, high = family.crests
         if math.isinf(high):
             high = math.copysign(4 * max(abs(low), 1.0), high)
         parts = (0.3, 0.6, 0.9, 0.999) if family.starts == "rest" else (0.6, 0.9, 0.999)
@@ -343,7 +343,7 @@ def test_waves_start_from_rest_whatever_the_power_that_stiffens_the_spring(power
     spring = series(*(float(n == power) for n in range(3, 9)))
     family = predict(spring)["rarefaction"]
     assert family.starts == "rest"
-    assert family.peaks[0] == 0
+    assert family.crests[0] == 0
     assert ("compression" in predict(spring).absent) == (power % 2 == 1)
     gaps = []
     for excess in (1e-3, 5e-4):
@@ -415,12 +415,12 @@ def test_a_curve_by_itself_shows_the_family_from_its_start_to_its_end(spring, na
     assert {wave.mass for wave in curve.waves} == {2.0}
     low, high = family.speeds
     assert low < curve.speed[0] < low + 0.1 * (curve.speed[-1] - low)
-    last = family.peaks[1]
+    last = family.crests[1]
     if math.isinf(last):
         assert size[-1] > 3.9
     else:
         assert 1 - size[-1] / abs(last) == pytest.approx(
-            (1e-5 if family.ends == "front" else 1e-2) * (1 - abs(family.peaks[0] / last))
+            (1e-5 if family.ends == "front" else 1e-2) * (1 - abs(family.crests[0] / last))
         )
         assert curve.speed[-1] < high
 

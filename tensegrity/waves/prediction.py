@@ -62,7 +62,7 @@ class PredictedFamily:
     name : str
         Value of the argument `family` of `solitary_wave`.
     starts : {"rest", "threshold"}
-        At zero amplitude, or at the peak elongation `peaks[0]`.
+        At zero amplitude, or at the peak elongation `crests[0]`.
     ends : {"front", "tent", "largest speed", "end of the domain", "none"}
         "front": waves become flat plateaus bounded by fronts; "tent": the domain ends at a wall of
         unbounded energy, and the profile tends to a tent; "largest speed": the domain ends at a
@@ -70,7 +70,7 @@ class PredictedFamily:
         is unbounded.
     speeds : (float, float)
         Open range of the speeds [sites/s].
-    peaks : (float, float)
+    crests : (float, float)
         Open range of the peak elongation [m], from the start of the family to its end; the first
         value is an estimate if the family starts at a threshold.
     top_rate : float
@@ -89,7 +89,7 @@ class PredictedFamily:
     starts: str
     ends: str
     speeds: tuple[float, float]
-    peaks: tuple[float, float]
+    crests: tuple[float, float]
     top_rate: float
     wall: tuple[float, float]
     hypotheses: tuple[Hypothesis, ...]
@@ -146,7 +146,7 @@ class PredictedFamily:
             "speed": speed, "speed_ratio": speed_ratio, "excess": excess, "amplitude": amplitude,
             "energy": energy,
         }  # fmt: skip
-        return along(self._potential, self._mass, self.name, self.peaks, self.ends, points, given)
+        return along(self._potential, self._mass, self.name, self.crests, self.ends, points, given)
 
     def small_peak(self, excess: float) -> float:
         """Peak elongation [m] of a wave with c/cs - 1 = `excess`, to second order in `excess`.
@@ -182,7 +182,7 @@ class PredictedFamily:
                 f"no tent: the family of {self.name} ends with {self.ends}, or the energy at its "
                 "wall is not a power y^-n"
             )
-        stroke, beta = abs(self.peaks[1]), float(_form("delay")(power))
+        stroke, beta = abs(self.crests[1]), float(_form("delay")(power))
 
         scale = math.log(4 * strength / self._mass) - 2 * math.log(speed)
 
@@ -195,11 +195,11 @@ class PredictedFamily:
         if mismatch(high) > 0:
             raise TensegrityError(f"speed {speed:g} sites/s is too slow for the limit of the tent")
         left = math.exp(root(mismatch, low, high, 1e-14))
-        return math.copysign(stroke - left, self.peaks[1])
+        return math.copysign(stroke - left, self.crests[1])
 
     def __str__(self) -> str:
         low, high = self.speeds
-        first, last = self.peaks
+        first, last = self.crests
         start = f"about {first:.6g} m" if self.starts == "threshold" else "0"
         end = {"none": "no end"}.get(self.ends, self.ends)
         return filled(
