@@ -9,7 +9,8 @@ from lattices import lattice, values
 from tensegrity import EquilibriumError, Lattice, TensegrityError, bands, moduli
 
 S = math.sqrt(3) / 2
-STATES = ("3-column-alternate", "3-column-same", "4-strip", "4-xplate", "5-octahedra-1.0-0.1")
+STATES = ("3-column-alternate", "3-column-same", "4-strip", "4-xplate", "5-octahedra-1.0-0.1",
+          "6-resonator-0.1")  # fmt: skip
 
 
 def voigt(c):

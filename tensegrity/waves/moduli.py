@@ -22,6 +22,7 @@ from tensegrity.typing import Array
 from tensegrity.waves.bands import bloch_matrix
 
 WORK = 1e-7  # force on a motion without stiffness that counts as zero, over the largest stiffness
+FASTEST = 1e100  # bound of frequencies, whose squares are finite [rad/s]
 NOISE = 1e-13  # of the unrelaxed stiffness: round-off of the square of a speed
 ALONG = 1e-9  # largest part of a direction outside the lattice, over its length
 
@@ -125,7 +126,7 @@ def moduli(lattice: Lattice, frequency: float = 0.0) -> Moduli:
     ([0.375, 1.125], 0.433)
     """
     check.kind("lattice", lattice, Lattice)
-    frequency = check.number("frequency", frequency, least=0, unit="rad/s")
+    frequency = check.number("frequency", frequency, least=0, below=FASTEST, unit="rad/s")
     lattice.refuse_unbalanced()
     dim, inner = lattice.dim, lattice.positions.size
     whole = lattice.hessian()
