@@ -111,12 +111,15 @@ class Answer(NamedTuple):
         Rarefaction pulses in the near chain, rarefaction and compression pulses in the far one.
     ends : float
         Largest elongation at an end over the incident peak.
+    pressed : list of Found
+        Compression pulses in the near chain.
     """
 
     back: list
     leading: list
     train: list
     ends: float
+    pressed: tuple | list = ()
 
     def verdict(self, incident):
         """Numbers of solitary waves: reflected rarefactions, transmitted compressions."""
@@ -137,17 +140,18 @@ def answer(interface, run, row, before, arrival, least=0.01):
     r = np.diff(u)
     sides = parts(r, v, before)
     found = []
-    for (part, speeds), spring, mass, sound, signs in zip(
+    for (part, speeds), spring, mass, sound in zip(
         sides, (interface.near, interface.far), interface.masses, interface.sounds,
-        ((1,), (1, -1)), strict=True,
+        strict=True,
     ):  # fmt: skip
-        for sign in signs:
+        for sign in (1, -1):
             size = max(float((sign * part[max(math.floor(sound * t), 0) :]).max(initial=0.0)), 0.0)
             floor = max(least * np.abs(part).max(), 0.1 * size)
             exact = partial(_exact, spring, mass)
             found.append(pulses(part, speeds, sign, exact, sound * t, floor))
     ends = float(max(np.abs(r[:ENDS]).max(), np.abs(r[-ENDS:]).max()) / interface.peak)
-    return Answer(*found, ends)
+    back, pressed, leading, train = found
+    return Answer(back, leading, train, ends, pressed)
 
 
 class Outcome(NamedTuple):

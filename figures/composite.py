@@ -20,6 +20,7 @@ table, text = _composite_words.table, _composite_words.text
 VERIFIED = 2  # best interfaces, from different seeds, that are recomputed
 TRAVEL = 100  # bonds that sound travels in the far chain
 LEAST_TRAVEL = 200  # ... and in the near one
+PULSES = "back", "pressed", "on", "train"  # reflected and transmitted: rarefaction, compression
 LONGEST = 3000  # ... at most
 CUBIC = (1.0, 1.0, 0.36), (0.010237, -1.149207, 1.542135), 1.388055, 1.6  # laws, mass, c/cs
 CUBIC_TIME = 700.0  # s
@@ -85,7 +86,9 @@ def pulse_table(one):
     """Supersonic pulses, one per row."""
     columns = {}
     energy = one.incident.energy
-    for name, several in zip(("back", "on", "train"), one.fine[:3], strict=True):
+    answer = one.fine
+    kinds = zip(PULSES, (answer.back, answer.pressed, answer.leading, answer.train), strict=True)
+    for name, several in kinds:
         for found in several:
             row = {"where": name, **dict(zip(type(found).__annotations__, found, strict=True))}
             row["energy"] /= energy

@@ -6,7 +6,16 @@ import numpy as np
 
 from figures import _measure, _scenes
 from figures._measure import Number
-from tensegrity import LockingError, Record, arrival, budget, simulate, solitary_wave
+from tensegrity import (
+    Chain,
+    Drive,
+    LockingError,
+    Record,
+    arrival,
+    budget,
+    simulate,
+    solitary_wave,
+)
 
 NAME = "wave_softening"
 GROUP = "waves"
@@ -16,6 +25,7 @@ SITES, DURATION = 600, 450.0  # s: sound travels 540 sites
 SENSORS = (300, 500)  # bonds
 STEP = 0.1  # s
 CLOSED = 80, 60.0  # sites and duration of the runs in which the force at the end is integrated
+SHAKEN = 0.3, 4.0  # m, s: largest displacement of the driven end, and its duration
 CLOSE = 1e-3  # least excess over sound, and closeness to the exact wave's speed, of a soliton
 HARD = 0.15  # m/s, the blow that is shown
 SPEEDS = (0.1, 0.15, 0.2)  # m/s
@@ -47,6 +57,16 @@ def struck(blow, speed, sites=SITES, duration=DURATION):
     mass[0] = first
     speeds = {site: speed * v for site, v in velocities.items()}
     return _scenes.impact(_scenes.softening(PRELOAD), sites, speeds, duration, (end, "free"), mass)
+
+
+def shaken(sites=SITES, duration=DURATION):
+    """The scene whose first mass is pushed in and taken back: u = d exp(-((t - 4 T)/T)^2)."""
+    import sympy as sp
+
+    t, (way, time) = sp.Symbol("t"), SHAKEN
+    drive = Drive(displacement=way * sp.exp(-(((t - 4 * time) / time) ** 2)))
+    chain = Chain(_scenes.softening(PRELOAD), sites, 1.0, drive={0: drive})
+    return _measure.Scene(chain, chain.at_rest(), duration)
 
 
 def leading(run):
@@ -121,12 +141,16 @@ def measured(blow, speed):
 def data():
     """The map of blows; numbers, density and last instant of the blows that are shown."""
     words = {blow: [kind(blow, speed) for speed in SPEEDS] for blow in BLOWS}
+    _, found = _measure.resolved(shaken(), leading, 4 * STEP)
+    wave = solitary_wave(_scenes.softening(PRELOAD), amplitude=found["peak"].value)
+    found["exact speed"] = Number(wave.speed_ratio, wave.residual)
     tables = {
+        "shaken": _measure.as_table(found),
         "map": {
             "blow [m/s]": SPEEDS,
             **{blow: [word for word, _ in row] for blow, row in words.items()},
             **{f"{blow}: c/cs": [speed for _, speed in row] for blow, row in words.items()},
-        }
+        },
     }
     for name, blow in SHOWN.items():
         run, found = measured(blow, HARD)
@@ -168,6 +192,7 @@ def draw(figure, tables):
 def table(tables):
     """Rows for the table of the group."""
     held, free = (_measure.from_table(tables[name]) for name in SHOWN)
+    driven = _measure.from_table(tables["shaken"])
     scene = f"softening chain, {SHOWN['held']}, {HARD} m/s"
     solitons = [b for b in PUSHED if "soliton" in tables["map"][b]]
     exact = abs(held["speed"].value - held["exact speed"].value)
@@ -185,6 +210,13 @@ def table(tables):
             "oscillatory tail, subsonic",
             f"{held['tail'].value:.6f} cs, first extremum behind the wave",
             held["tail"].error,
+        ),
+        _measure.row(
+            f"softening chain, end driven {SHAKEN[0]:g} m in and back",
+            "compressive disturbance becomes a rarefaction wave",
+            f"does: {driven['speed'].value:.6f} cs, the exact wave of that peak "
+            f"{driven['exact speed'].value:.6f} cs",
+            driven["speed"].error,
         ),
         _measure.row(
             f"softening chain, {SHOWN['free']}, {HARD} m/s",

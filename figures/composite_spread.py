@@ -1,0 +1,123 @@
+"""Reflected and transmitted waves at an interface of prisms, over small changes of its input.
+
+The far chain is so nonlinear that the transmitted pulses depend on the input as chaos does: a
+change of the input by 1e-6 changes their number, while the reflected rarefaction stays.  The best
+interface of the search is therefore followed many times, with the incident peak, a stiffness of
+each prism and the preload changed at random, and reported as a distribution.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import ProcessPoolExecutor
+
+import numpy as np
+
+from figures import _composite, composite
+from figures._composite_search import best, interface
+from figures._stored import DATA, read, stored
+from tensegrity import TensegrityError, sweep
+
+NAME = "composite_spread"
+GROUP = "composite"
+
+CHANGED = {"elastic to rigid": ("peak", "k_bar near", "k_cross far", "preload")}
+SIZES = (1e-6, 1e-3, 1e-2)  # relative changes, uniform up to these on both sides
+DRAWS, SEED = 14, 0
+QUANTITIES = ("reflected rarefactions", "reflected compressions", "transmitted rarefactions",
+              "transmitted compressions")  # fmt: skip
+
+
+def cases():
+    """(kind, largest change, parameters) of every draw; the first of each interface is exact."""
+    rng, found = np.random.default_rng(SEED), []
+    tables, _ = read(DATA / "composite_search_results.npz")
+    for kind, _, named in best(tables["best"])[:1]:
+        found.append((kind, 0.0, named))
+        for size in SIZES:
+            for _ in range(DRAWS):
+                names = CHANGED.get(kind, ("peak",))
+                factor = 1 + size * rng.uniform(-1, 1, len(names))
+                changed = {k: named[k] * f for k, f in zip(names, factor, strict=True)}
+                found.append((kind, size, {**named, **changed}))
+    return found
+
+
+def followed(case):
+    """Number, and fraction of the incident energy, of each kind of solitary wave; the delay of the
+    second transmitted compression behind the first in sites; nan where a run left its range."""
+    _, _, named = case
+    exact = interface(named)
+    real = _composite.fitted(exact)
+    time = composite.duration(real)
+    try:
+        one = _composite.outcome(real, time, 2 * composite.TRAVEL)
+    except TensegrityError:
+        return [np.nan] * (2 * len(QUANTITIES) + 1)
+    energy, answer = one.incident.energy, one.fine
+    numbers = []
+    for several in (answer.back, answer.pressed, answer.leading, answer.train):
+        mine = [x.energy / energy for x in several if x.is_solitary(energy)]
+        numbers += [len(mine), sum(mine)]
+    places = sorted((x.place for x in answer.train if x.is_solitary(energy)), reverse=True)
+    return [*numbers, places[0] - places[1] if len(places) > 1 else np.nan]
+
+
+@stored("composite_spread")
+def data():
+    """A line for each draw."""
+    drawn = cases()
+    with ProcessPoolExecutor(1) as pool:
+        found = np.array(sweep(followed, drawn, executor=pool), dtype=float)
+    columns = {"interface": [kind for kind, _, _ in drawn],
+               "largest change": np.array([size for _, size, _ in drawn])}  # fmt: skip
+    for k, what in enumerate(QUANTITIES):
+        columns[what] = found[:, 2 * k]
+        columns[f"energy of {what}"] = found[:, 2 * k + 1]
+    columns["sites between the first two"] = found[:, -1]
+    return {"draws": columns}
+
+
+def spread(tables, size):
+    """Rows of draws with changes up to a size that were completed."""
+    one = tables["draws"]
+    some = (one["largest change"] == size) & np.isfinite(one["energy of reflected rarefactions"])
+    return {k: np.asarray(x)[some] for k, x in one.items()}
+
+
+def table(tables):
+    """Ranges of the reflected energies, and how often there is a train, for each size."""
+    lines = []
+    for size in SIZES:
+        one = spread(tables, size)
+        train = one["transmitted compressions"]
+        both = [one[f"energy of {what}"] for what in QUANTITIES]
+        delay = one["sites between the first two"]
+        lines.append({
+            "what": f"changes up to {size:g}", "draws": len(train),
+            "reflected rarefaction": f"{both[0].min():.4f} to {both[0].max():.4f}",
+            "reflected compressions": f"{both[1].min():.4f} to {both[1].max():.4f}",
+            "transmitted rarefactions": f"{both[2].min():.4f} to {both[2].max():.4f}",
+            "transmitted compressions": f"{both[3].min():.4f} to {both[3].max():.4f}",
+            "two or more of these in": f"{np.sum(train >= _composite.TRAIN)} of {len(train)}",
+            "sites between two": f"{np.nanmin(delay):.0f} to {np.nanmax(delay):.0f}"
+            if np.isfinite(delay).any() else "",
+        })  # fmt: skip
+    return lines
+
+
+def draw(figure, tables):
+    """Energies of each draw over the size of the changes."""
+    figure.set_size_inches(9, 4.4)
+    left, right = figure.subplots(1, 2)
+    for k, size in enumerate(SIZES):
+        one = spread(tables, size)
+        across = k + np.linspace(-0.25, 0.25, len(one["interface"]))
+        left.plot(across, one["energy of reflected rarefactions"], "C0o", ms=4)
+        right.plot(across, one["transmitted compressions"], "C3o", ms=4)
+    left.set(ylabel="energy / incident energy", ylim=(0, 0.35))
+    left.set_title("(a) the reflected rarefaction stays", loc="left")
+    right.set(ylabel="solitary compressions", ylim=(-0.1, 3), yticks=range(4))
+    right.set_title("(b) the number of transmitted pulses does not", loc="left")
+    for axes in (left, right):
+        axes.set_xticks(range(len(SIZES)), [f"{size:g}" for size in SIZES])
+        axes.set_xlabel("largest relative change of peak, stiffnesses, preload")
