@@ -199,15 +199,15 @@ ENTRIES = (
 )  # fmt: skip
 
 OWN_ENTRIES = (
-    Entry("ours.small_crest", OWN, "softening", own.crest,
+    Entry("ours.small_peak", OWN, "softening", own.peak,
           a / b * (6 * own.excess
                    + (sp.Rational(6, 5) - 9 * a * e / b**2) * own.excess**2),
-          own.small_crest, note="small waves have the sign of V'''(0)"),
-    Entry("ours.even_crest", OWN, "softening", own.crest**2, 24 * a * own.excess / e,
-          own.small_crest_squared, note="if V'''(0) = 0 < V''''(0), for both signs"),
-    Entry("ours.crest_of_power", OWN, "softening", sp.Abs(own.crest),
+          own.small_peak, note="small waves have the sign of V'''(0)"),
+    Entry("ours.even_peak", OWN, "softening", own.peak**2, 24 * a * own.excess / e,
+          own.small_peak_squared, note="if V'''(0) = 0 < V''''(0), for both signs"),
+    Entry("ours.peak_of_power", OWN, "softening", sp.Abs(own.peak),
           (a * own.excess * (own.exponent + 1) / own.growth) ** (1 / (own.exponent - 1)),
-          own.small_crest_of_power, note="if V' = a r + d |r|^p near rest"),
+          own.small_peak_of_power, note="if V' = a r + d |r|^p near rest"),
     Entry("ours.front", OWN, "softening", sp.Symbol("m c_*^2, V(r_*)"),
           sp.Tuple(sp.Symbol("T", real=True) / own.r, own.r * sp.Symbol("T", real=True) / 2),
           lambda: sp.Tuple(*own.front()), note="momentum and energy across a front"),

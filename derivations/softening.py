@@ -17,7 +17,7 @@ TITLE = "Localised waves of softening and Lennard-Jones lattices: families and t
 
 a, b, e, c, m = waves.stiffness, waves.slope, waves.bend, waves.speed, waves.mass
 excess = sp.Symbol("epsilon", positive=True)  # c/c_s - 1
-crest = sp.Symbol("r_c", real=True)
+peak = sp.Symbol("r_c", real=True)
 top, level = sp.symbols("r_* Q_*", real=True)  # state behind a front; m c^2 there
 top_stiffness = sp.Symbol("K_*", positive=True)  # V''(r_*)
 rate, gap = sp.symbols("k_t g", positive=True)
@@ -29,7 +29,7 @@ r, x = sp.symbols("r x", real=True)
 
 
 @cache
-def small_crest() -> sp.Expr:
+def small_peak() -> sp.Expr:
     """Peak of a small wave to second order in c/cs - 1, if V'''(0) is not 0."""
     gamma = waves.gamma
     first, second = (p.subs(waves.position, 0) for p in waves.profiles())
@@ -42,7 +42,7 @@ def small_crest() -> sp.Expr:
 
 
 @cache
-def small_crest_squared() -> sp.Expr:
+def small_peak_squared() -> sp.Expr:
     """Square of the peak to leading order in c/cs - 1, if V'''(0) = 0 < V''''(0).
 
     With q = sech X, X = gamma x: q'' = q - 2 q^3, and m c^2 r = T + T''/12 to that order.
@@ -117,7 +117,7 @@ def long_wave() -> sp.Expr:
 
 
 @cache
-def small_crest_of_power() -> sp.Expr:
+def small_peak_of_power() -> sp.Expr:
     """Size of the peak to leading order in c/cs - 1, if V' = a r + d |r|^p near rest."""
     size, z = sp.symbols("s z", positive=True)  # z = s^(p - 1)
     force = size * (a + growth * z)
@@ -168,12 +168,12 @@ def argument() -> list[Step]:
         Step("Small waves: at the peak of the sech^2 wave r = gamma^2 R1 + gamma^4 R2, where gamma "
              "is replaced by epsilon = c/cs - 1. Their sign is that of V'''(0) = b (a and e are "
              "the second and the fourth derivative); no waves of the other sign start from zero.",
-             sp.Eq(crest, small_crest())),
+             sp.Eq(peak, small_peak())),
         Step("If V'''(0) = 0 < V''''(0), waves of both signs start from zero, and the peak is "
-             "proportional to the square root of epsilon:", sp.Eq(crest**2, small_crest_squared())),
+             "proportional to the square root of epsilon:", sp.Eq(peak**2, small_peak_squared())),
         Step("If V' = a r + d |r|^p near rest, with d > 0 on one side and p > 1, waves of that "
              "side start from zero, by the long-wave equation:",
-             sp.Eq(sp.Abs(crest), small_crest_of_power())),
+             sp.Eq(sp.Abs(peak), small_peak_of_power())),
         Step("A front advances into rest at speed c and leaves the state r with velocity -c r. "
              "Momentum and energy determine m c^2 and V there:",
              sp.Eq(m * c**2, front()[0]), sp.Eq(energy(r), front()[1])),

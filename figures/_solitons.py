@@ -101,7 +101,7 @@ def matched(r, v, bond, exact):
 
 
 def _top(r, bond):
-    """Crest and place by the parabola through three bonds."""
+    """Peak and place by the parabola through three bonds."""
     left, top, right = r[bond - 1 : bond + 2]
     shift = (left - right) / (2 * (left - 2 * top + right))
     return float(top - (left - right) * shift / 4), bond + float(shift)

@@ -14,7 +14,7 @@ GROUP = "softening_limits"
 
 
 def data():
-    """Crests and speeds over that of sound of each family, and what is predicted of it."""
+    """Peaks and speeds over that of sound of each family, and what is predicted of it."""
     columns = ("spring", "family", "ends", "peak", "speed ratio", "residual")
     table = {key: [] for key in columns}
     limits = {key: [] for key in ("spring", "family", "starts", "ends", "first peak",
@@ -28,7 +28,7 @@ def data():
                 for key, value in zip(columns, row, strict=True):
                     table[key].append(value)
             low, high = (c / prediction.sound_speed for c in family.speeds)
-            row = (name, family.name, family.starts, family.ends, *family.crests, low, high,
+            row = (name, family.name, family.starts, family.ends, *family.peaks, low, high,
                    family.certain)  # fmt: skip
             for key, value in zip(limits, row, strict=True):
                 limits[key].append(value)

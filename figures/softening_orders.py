@@ -31,12 +31,12 @@ def data():
         families = predict(known[name]).families
         family = next(f for f in families if f.starts == "rest")
         peaks = family.curve(excess=EXCESS).amplitude
-        law = [family.small_crest(e) for e in EXCESS.tolist()]
+        law = [family.small_peak(e) for e in EXCESS.tolist()]
         tables[f"small_{number}"] = {"excess": EXCESS, "peak": peaks,
                                      "error": np.abs(peaks / law - 1)}  # fmt: skip
     for number, (name, spring) in enumerate(TOPS.values()):
         family = predict(spring)[name]
-        curve = family.curve(amplitude=family.crests[1] * (1 - GAPS))
+        curve = family.curve(amplitude=family.peaks[1] * (1 - GAPS))
         tables[f"top_{number}"] = {
             "gap": GAPS, "left": 1 - curve.speed / family.speeds[1], "width": curve.width,
             "rise": np.full(GAPS.size, 2 / family.top_rate),
@@ -45,7 +45,7 @@ def data():
         spring = lennard_jones(n, m)
         family = predict(spring)["compression"]
         left = 1 + family.curve(speed_ratio=SPEEDS).amplitude
-        law = np.array([1 + family.wall_crest(c) for c in SPEEDS.tolist()])
+        law = np.array([1 + family.wall_peak(c) for c in SPEEDS.tolist()])
         tent = (4 * family.wall[1] / SPEEDS**2) ** (1 / n)
         tables[f"wall_{n}"] = {"speed": SPEEDS, "left": left, "error": np.abs(left / law - 1),
                                "tent": np.abs(left / tent - 1)}  # fmt: skip

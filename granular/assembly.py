@@ -16,6 +16,7 @@ from granular.crystal import Crystal
 from tensegrity import Network, State, TensegrityError
 from tensegrity.readonly import Repeated
 from tensegrity.scenes.dynamics import dynamics
+from tensegrity.scenes.forcing import start_driven_sites
 from tensegrity.scenes.network_dynamics import NetworkDynamics
 from tensegrity.springs.collection import numbered
 
@@ -46,10 +47,14 @@ class Assembly(Crystal, Network):
     _rest: Array  # displacements [m] in equilibrium under the loads
 
     def at_rest(self, velocity: Mapping[int, Sequence[float]] | None = None) -> State:
-        """Equilibrium under the loads, with velocities [m/s] of some sites: {site: (dim,)}."""
-        state = super().at_rest(velocity)
-        if self._rest.any() or state.u.any():
-            state = State(self._rest, state.v)
+        """Equilibrium under the loads, with velocities [m/s] of some sites: {site: (dim,)}.
+
+        A site whose motion is prescribed is where its drive begins.
+        """
+        u, state = self._rest.copy(), super().at_rest(velocity)
+        if u.any():
+            start_driven_sites(self, u, state.v.copy())
+            state = State(u, state.v)
             self.check(state)
         return state
 

@@ -52,7 +52,7 @@ class Demo(NamedTuple):
     passed: float
     pack: Run
 
-    def crest(self, row: int) -> float:
+    def peak(self, row: int) -> float:
         """Position of the peak of the exact wave [bonds], at a row of the run of the chain."""
         return float(TIMED + self.wave.speed * (self.chain.t[row] - self.passed))
 
@@ -81,8 +81,8 @@ def checks(demo: Demo) -> list[tuple[str, float, float]]:
     fold = next(event for event in elastic.events if event.kind == "fold")
     left = float(elastic.prism.potential().stiffness(-fold.shortening))
     lock = rigid.prism.locking_height()
-    bonds = np.arange(round(demo.crest(-1)) - SEEN, SITES - 1)
-    off = np.diff(demo.chain.final.u)[bonds] - wave.elongation(bonds - demo.crest(-1))
+    bonds = np.arange(round(demo.peak(-1)) - SEEN, SITES - 1)
+    off = np.diff(demo.chain.final.u)[bonds] - wave.elongation(bonds - demo.peak(-1))
     at, force = largest_peak(pack.t, wall_force(pack, "floor"))
     prism = f"prism  limit load {fold.load:.6f} N, where the potential has zero stiffness"
     rigid_one = f"       locking height {lock:.6f} m with rigid members, in closed form"
@@ -129,7 +129,7 @@ def draw(figure: Figure, demo: Demo) -> Callable[[float], None]:
         step, row, k = (round(part * (len(one) - 1)) for one in (soft[0], demo.chain.t, u))
         state.set_data([soft[0][step]], [soft[1][step]])
         sites.set_data(range(SITES - 1), -np.diff(demo.chain.u[row]))
-        exact.set_data(demo.crest(row) + x, -demo.wave.elongation(x))
+        exact.set_data(demo.peak(row) + x, -demo.wave.elongation(x))
         beads.set_offsets(1e3 * (places + MAGNIFIED * u[k]))
         beads.set_array(np.linalg.norm(v[k], axis=1))
 

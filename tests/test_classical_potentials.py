@@ -48,7 +48,7 @@ def misfit(wave):
     Fourier series, no transform, none of the solver's functions."""
     nodes, weights = np.polynomial.legendre.leggauss(16)
     near = np.array([0.0, 0.001, 0.003, 0.01, 0.03, 0.1, 0.3])
-    near = np.concatenate([near, 1 - near, 1 + near])  # at a wall crest and feet are sharp
+    near = np.concatenate([near, 1 - near, 1 + near])  # at a wall peak and feet are sharp
     x, force = np.linspace(0, wave.reach(1e-6), 9), []
     for at in x:
         edges = np.unique(np.clip([-1, 0, 1, *(near - at), *(-near - at)], -1, 1))
@@ -81,16 +81,16 @@ def test_a_classical_potential_has_waves_from_next_to_sound_to_20_times_sound(na
 @pytest.mark.parametrize("kappa", [1e-4, 1e-3, 1e-2, 0.1, 1.0, 4.5])
 def test_toda_soliton_is_the_closed_form_down_to_1e9_above_sound(kappa):
     """M. Toda (1967): exp(-r) - 1 = sinh^2 kappa sech^2(kappa x), c = sinh(kappa)/kappa."""
-    crest = -math.log1p(math.sinh(kappa) ** 2)
-    wave = solitary_wave(TODA, amplitude=crest)
+    peak = -math.log1p(math.sinh(kappa) ** 2)
+    wave = solitary_wave(TODA, amplitude=peak)
     x = np.linspace(0, 20 / kappa, 501)
     exact = -np.log1p((np.sinh(kappa) / np.cosh(kappa * x)) ** 2)
-    assert np.abs(wave.elongation(x) - exact).max() < 1e-12 * -crest
+    assert np.abs(wave.elongation(x) - exact).max() < 1e-12 * -peak
     assert wave.speed == pytest.approx(math.sinh(kappa) / kappa, rel=1e-15)
 
 
 @pytest.mark.parametrize("name", ["Toda", "Lennard-Jones 12-6", "Morse", "Coulomb", "rigid prism"])
-def test_next_to_sound_the_crest_follows_the_second_order_of_the_expansion(name):
+def test_next_to_sound_the_peak_follows_the_second_order_of_the_expansion(name):
     """V''/V''' (6 e + (6/5 - 9 V'' V''''/V'''^2) e^2), e = c/cs - 1: what is left is of order 3."""
     spring, _ = CLASSICAL[name]
     h = 1e-4 * nonlinear_part(spring).scale
@@ -108,7 +108,7 @@ def test_next_to_sound_the_crest_follows_the_second_order_of_the_expansion(name)
     ("spring", "n"), [(LENNARD_JONES, 12), (SIX_THREE, 6)], ids=["12-6", "6-3"]
 )
 def test_fast_lennard_jones_waves_approach_the_wall_by_the_corrected_tent(spring, n):
-    """The crest leaves s = (4 A/(m c^2 sigma^2))^(1/n), sigma = 1 - beta s, of the length,
+    """The peak leaves s = (4 A/(m c^2 sigma^2))^(1/n), sigma = 1 - beta s, of the length,
     V ~ A y^-n at the wall; beta = -sqrt(pi) Gamma(-1/n)/(n Gamma(1/2 - 1/n))."""
     gamma = math.gamma
     beta = -math.sqrt(math.pi) * gamma(-1 / n) / (n * gamma(1 / 2 - 1 / n))

@@ -337,7 +337,7 @@ def test_loose_tolerance_does_not_step_across_a_bend():
 
 @pytest.mark.parametrize("step", np.linspace(0.2, 0.5, 13))
 def test_events_lie_between_the_rows_that_they_are_told_to(step):
-    """Newton's method, started near a crest of the event function, runs off to other roots."""
+    """Newton's method, started near a peak of the event function, runs off to other roots."""
     problem = planar(
         lambda v, c, p: v,
         roots={

@@ -194,6 +194,24 @@ def test_loads_of_the_wrong_sign_are_named(offset, noise, side):
         fit(side * SHORTENING, -side * noisy(0), THIN, offset=offset, noise=noise)
 
 
+@pytest.mark.parametrize("noise", [None, NOISE])
+def test_a_curve_with_both_signs_reversed_is_named(noise):
+    with pytest.raises(EquilibriumError, match=r"with both signs reversed .* must count as posit"):
+        fit(-SHORTENING, -noisy(0), THIN, noise=noise)
+
+
+def test_a_curve_of_extension_is_fitted_as_it_is():
+    x = np.linspace(-3e-3, -1e-4, 40)
+    load = -THIN.potential().tension(-x) + np.random.default_rng(1).normal(0.0, 0.1, 40)
+    found = fit(x, load, replace(THIN, prestrain=0.9 * THIN.prestrain), offset=False)
+    assert abs(found.prism.prestrain - THIN.prestrain) < 3 * found.errors["prestrain"]
+
+
+def test_the_printed_fit_shows_the_loads_and_their_unit():
+    found = fit(SHORTENING, LOAD, THIN, noise=NOISE)
+    assert f"load {LOAD.min():.6g} to {LOAD.max():.6g} N" in " ".join(str(found).split())
+
+
 @pytest.mark.parametrize("places", [(10, 11), (3, 40), (32, 54), (0, 1), (58, 59), (19, 30)])
 def test_two_loads_in_another_unit_are_named(places):
     load = noisy(0)

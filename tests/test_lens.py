@@ -175,7 +175,7 @@ def test_design_mirrors_with_the_focus():
 
 
 def test_uncorrected_design_by_exact_speeds_alone_would_miss():
-    """The blow's crest is not known: sound speeds give arrivals that are wrong by seconds."""
+    """The blow's peak is not known: sound speeds give arrivals that are wrong by seconds."""
     speeds = [replace(PRISM, prestrain=p).potential().sound_speed() for p in (0.053, 0.094)]
     linear = 40 / speeds[0] - 40 / speeds[1]
     t = Struck(PRISM, 41, 1.0, 0.05).arrivals([0.053, 0.094]).t

@@ -135,6 +135,7 @@ def test_a_fit_reads_files_in_metres_and_newtons(tmp_path):
         ("h\n1 2 3\n4 5\n", {}, "line 3: 2 columns, must be 3 as in line 2"),
         ("1 2\nend of test\n", {}, "line 2: 3 columns, must be 2 as in line 1"),
         ("a;b\n1;2\n", {"columns": ("a", "c")}, "no line of the header names columns ('a', 'c')"),
+        ("a b;c d\n1;2\n", {"columns": ("a", "d")}, "columns ('a', 'd'), line 1 is 'a b;c d'"),
         ("a;b\n1;2\n", {"columns": (0, 2)}, "no line has numbers in columns (0, 2)"),
         ("1 2\n", {"columns": (0,)}, "1 columns, must be two"),
         ("1 2\n", {"columns": (-1, 0)}, "column -1 must be at least 0"),

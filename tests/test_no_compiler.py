@@ -74,7 +74,7 @@ def numbers():
         "paths": [one.load for one in paths],
         "fit": list(fitted.values.values()),
         "wave": [wave.speed, wave.amplitude],
-        "family": [family.speeds, family.crests],
+        "family": [family.speeds, family.peaks],
         "chain": [chain.forces(u), chain.energy(State(u, u)), chain.stiffness(u).toarray()],
         "modes": [modes(chain).frequencies, dispersion([spring], [1.0], np.array([0.5]))],
         "structure": [structure.modes().frequencies, squeezed.load, state.positions],

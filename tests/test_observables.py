@@ -44,18 +44,18 @@ def test_speed_from_arrivals_is_that_of_the_exact_wave(waves, passing):
 def test_a_passage_is_exact_where_the_rate_is_a_polynomial_of_ninth_degree():
     """At unequal instants, one of which may be the passage itself."""
     t = np.array([0.0, 0.3, 0.5, 0.9, 1.2, 1.4, 1.9, 2.1, 2.4, 2.5])
-    for crest in (1.27, 1.4):
-        integral = np.polynomial.Polynomial.fromroots([crest] + [-1.0] * 8).integ()
+    for peak in (1.27, 1.4):
+        integral = np.polynomial.Polynomial.fromroots([peak] + [-1.0] * 8).integ()
         instant = passage(t, integral(t) - integral(5.0), integral.deriv()(t))
-        assert instant == pytest.approx(crest, abs=1e-14)
+        assert instant == pytest.approx(peak, abs=1e-14)
 
 
 def test_a_passage_is_found_to_tenth_order_in_the_recording_interval():
-    """The crest of x/2 - cosh x, elongation of a pulse that is steeper behind."""
-    crest, errors = math.asinh(0.5), []
+    """The peak of x/2 - cosh x, elongation of a pulse that is steeper behind."""
+    peak, errors = math.asinh(0.5), []
     for interval in (0.4, 0.2):
-        t = crest + interval * (np.arange(-12, 13) + 0.37)
-        errors.append(abs(passage(t, t / 2 - np.cosh(t) + 40, 0.5 - np.sinh(t)) - crest))
+        t = peak + interval * (np.arange(-12, 13) + 0.37)
+        errors.append(abs(passage(t, t / 2 - np.cosh(t) + 40, 0.5 - np.sinh(t)) - peak))
     assert np.log2(errors[0] / errors[1]) == pytest.approx(10, abs=0.3)
 
 

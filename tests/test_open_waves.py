@@ -1,4 +1,4 @@
-"""Solitary waves whose crest is beyond a corner of the force, solved in pieces."""
+"""Solitary waves whose peak is beyond a corner of the force, solved in pieces."""
 
 from itertools import pairwise
 
@@ -22,10 +22,10 @@ R = sp.Symbol("r")
 OPENS = PowerLaw(1.0, 0.5, preload=1.0)  # at r = 1; 2V/r^2 is largest at 4/3
 
 
-@pytest.mark.parametrize("crest", [0.999, 1.0, 1.01, 1.2, 1.33, 1.3333])
-def test_waves_whose_contacts_open_are_found_up_to_the_predicted_crest(crest):
-    wave = solitary_wave(OPENS, amplitude=crest)
-    assert wave.amplitude == pytest.approx(crest, rel=1e-14)
+@pytest.mark.parametrize("peak", [0.999, 1.0, 1.01, 1.2, 1.33, 1.3333])
+def test_waves_whose_contacts_open_are_found_up_to_the_predicted_peak(peak):
+    wave = solitary_wave(OPENS, amplitude=peak)
+    assert wave.amplitude == pytest.approx(peak, rel=1e-14)
     assert wave.residual <= 1e-12
     low, high = predict(OPENS)["rarefaction"].speeds
     assert low < wave.speed < high * (1 + 1e-13)
@@ -46,12 +46,12 @@ def test_a_wave_whose_contacts_open_obeys_its_equation():
         assert wave.speed**2 * wave.elongation(x) == pytest.approx(whole, abs=1e-12)
 
 
-@pytest.mark.parametrize(("energy", "crest"), [(1.4882955912582, 1.2), (3.0, 4 / 3), (11.0, 4 / 3)])
-def test_waves_of_open_contacts_widen_with_their_energy_at_the_last_crest(energy, crest):
+@pytest.mark.parametrize(("energy", "peak"), [(1.4882955912582, 1.2), (3.0, 4 / 3), (11.0, 4 / 3)])
+def test_waves_of_open_contacts_widen_with_their_energy_at_the_last_peak(energy, peak):
     """Their width grows by the energy over that of a site of the flat top, twice V there."""
     wave = solitary_wave(OPENS, energy=energy)
     assert wave.energy == pytest.approx(energy, rel=1e-13)
-    assert wave.amplitude == pytest.approx(crest, rel=1e-11)
+    assert wave.amplitude == pytest.approx(peak, rel=1e-11)
     if energy == 11.0:
         narrow = solitary_wave(OPENS, energy=3.0)
         site = 4 / 3 * 1 / 2 + float(OPENS.energy(4 / 3))  # r T/2 + V
@@ -61,8 +61,8 @@ def test_waves_of_open_contacts_widen_with_their_energy_at_the_last_crest(energy
 @pytest.mark.parametrize("spring", ["opens", "stiffens"])
 def test_a_wave_beyond_a_corner_of_the_force_runs_unchanged(spring):
     bends = Potential(sp.Piecewise((R**2 / 2, R > -1), (R**2 / 2 + (R + 1) ** 2, True)), R)
-    spring, crest = {"opens": (OPENS, 1.2), "stiffens": (bends, -2.5)}[spring]
-    wave, chain = solitary_wave(spring, amplitude=crest), Chain(spring, 100)
+    spring, peak = {"opens": (OPENS, 1.2), "stiffens": (bends, -2.5)}[spring]
+    wave, chain = solitary_wave(spring, amplitude=peak), Chain(spring, 100)
     start, wanted = wave.launch(chain, at=40), wave.launch(chain, at=60)
     stored = float(spring.energy(np.diff(start.u)).sum()) + 0.5 * float(start.v @ start.v)
     assert stored == pytest.approx(wave.energy, rel=1e-9)
@@ -95,16 +95,16 @@ def test_preloaded_power_laws_below_1_have_the_waves_that_are_predicted(exponent
     spring = PowerLaw(2.0, exponent, preload=0.7)
     (family,) = predict(spring).families
     opens = spring.kinks[0][0]
-    wave = solitary_wave(spring, amplitude=opens + part * (family.crests[1] - opens))
+    wave = solitary_wave(spring, amplitude=opens + part * (family.peaks[1] - opens))
     assert wave.residual <= 1e-12
     assert family.speeds[0] < wave.speed < family.speeds[1] * (1 + 1e-11)
     near = solitary_wave(spring, amplitude=0.999 * opens)
     assert near.speed < wave.speed
 
 
-@pytest.mark.parametrize("crest", [0.6, 0.8, 0.97])
-def test_waves_whose_crest_is_before_the_corner_are_found_by_energy_too(crest):
-    """The search along the family meets crests beyond it, which are not resolved."""
+@pytest.mark.parametrize("peak", [0.6, 0.8, 0.97])
+def test_waves_whose_peak_is_before_the_corner_are_found_by_energy_too(peak):
+    """The search along the family meets peaks beyond it, which are not resolved."""
     spring = PowerLaw(1.0, 0.79, preload=1.0)
-    wave = solitary_wave(spring, amplitude=crest)
-    assert solitary_wave(spring, energy=wave.energy).amplitude == pytest.approx(crest, rel=1e-13)
+    wave = solitary_wave(spring, amplitude=peak)
+    assert solitary_wave(spring, energy=wave.energy).amplitude == pytest.approx(peak, rel=1e-13)

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+import sympy as sp
 
 from granular import (
     Bead,
@@ -19,7 +20,7 @@ from granular import (
     y_guide,
 )
 from granular.contact_network import wall_forces
-from tensegrity import EquilibriumError, Record, TensegrityError, Wall
+from tensegrity import Drive, EquilibriumError, Record, TensegrityError, Wall
 
 D, G = 9.53e-3, 9.81
 WALL, SOFT = materials["steel"], materials["ptfe"]
@@ -150,3 +151,17 @@ def test_rows_of_a_run_hold_the_beads_at_rest():
     scene = fcc_pack(2, 2, **BOX, gravity=G)
     run = simulate(scene, scene.at_rest(), 1e-5, dt=1e-6, record=Record(every=5))
     np.testing.assert_allclose(run.u[-1], scene.equilibrium.u, atol=1e-15)
+
+
+@pytest.mark.parametrize("gravity", [0.0, G])
+def test_a_driven_bead_starts_where_its_drive_begins(gravity):
+    t = sp.Symbol("t")
+    drive = {1: Drive(displacement=(None, -1e-7 * sp.cos(1e4 * t)))}
+    scene = hexagonal_pack(3, 4, **BOX, gravity=gravity, drive=drive)
+    free = hexagonal_pack(3, 4, **BOX, gravity=gravity).at_rest().u
+    free[1, 1] = -1e-7
+    start = scene.at_rest({0: (0.0, -0.01)})
+    assert np.array_equal(start.u, free)
+    assert start.v[0, 1] == -0.01
+    run = simulate(scene, start, 1e-4, dt=5e-7, record=Record(times=[5e-5]))
+    assert run.u[0, 1, 1] == pytest.approx(-1e-7 * math.cos(0.5), rel=1e-12)

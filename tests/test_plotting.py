@@ -131,7 +131,7 @@ def test_a_structure_shows_slack_strings_and_tensions():
         chain_run().plot(axes)
 
 
-def test_a_wave_shows_its_crest_at_the_origin():
+def test_a_wave_shows_its_peak_at_the_origin():
     wave = solitary_wave(prism_chain().springs[0], speed_ratio=1.5)
     axes = wave.plot(Figure().subplots())
     (line,) = axes.lines

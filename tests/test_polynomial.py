@@ -113,17 +113,17 @@ def exact_tension(fields):
 @pytest.mark.parametrize("error", [1e-4, 1e-8, 1e-12])
 @pytest.mark.parametrize(("low", "high"), [(-0.012, 0.012), (-0.04, 0.02)])
 def test_error_estimate_holds_where_the_error_is_worst(low, high, error):
-    """At the crests of the error, at rest and at both ends, against 50 digits."""
+    """At the peaks of the error, at rest and at both ends, against 50 digits."""
     fit = Polynomial(RIGID, low, high, error)
     r = np.linspace(low, high, 20_001)[1:-1]
     gap = np.abs(fit.tension(r) - RIGID.tension(r))
-    crests = r[np.argsort(gap)[-30:]]
+    peaks = r[np.argsort(gap)[-30:]]
     tiny = np.array([-1e-9, -1e-300, 1e-300, 1e-9])
     ends = np.nextafter([low, high], 0)
     worst, peak = 0.0, np.abs(RIGID.tension(ends)).max()
     with mpmath.workdps(50):
         exact = exact_tension((1.0, 0.8, 0.02, 1.0))
-        for x in np.concatenate([crests, tiny, ends]).tolist():
+        for x in np.concatenate([peaks, tiny, ends]).tolist():
             worst = max(worst, float(abs(mpmath.mpf(float(fit.tension(x))) - exact(x))))
     assert worst <= fit.error_estimate / np.cos(np.pi / 20) * peak + 1e-15 * peak
 

@@ -46,13 +46,13 @@ def order(x, y):
 
 
 @pytest.mark.parametrize(
-    ("spring", "crest", "width"),
+    ("spring", "peak", "width"),
     [(TODA, -5.9999922e-6, 1778.5533), (PRISM, -3.42101969e-7, None)],
 )
-def test_waves_a_millionth_above_sound(spring, crest, width):
+def test_waves_a_millionth_above_sound(spring, peak, width):
     """Reference numbers of independent codes, to their digits."""
     wave = solitary_wave(spring, excess=1e-6)
-    assert wave.amplitude == pytest.approx(crest, rel=1e-8)
+    assert wave.amplitude == pytest.approx(peak, rel=1e-8)
     assert width is None or wave.width() == pytest.approx(width, rel=1e-7)
 
 
@@ -62,9 +62,9 @@ def test_toda_by_excess_is_the_closed_form_however_close_to_sound(kappa):
     with mpmath.workdps(40):
         k = mpmath.mpf(kappa)
         excess = float(mpmath.sinh(k) / k - 1)
-        crest = float(-mpmath.log1p(mpmath.sinh(k) ** 2))
+        peak = float(-mpmath.log1p(mpmath.sinh(k) ** 2))
     wave = solitary_wave(TODA, excess=excess)
-    assert wave.amplitude == pytest.approx(crest, rel=1e-12)
+    assert wave.amplitude == pytest.approx(peak, rel=1e-12)
     assert wave.excess == pytest.approx(excess, rel=1e-12)
 
 
@@ -72,8 +72,8 @@ def test_toda_by_excess_is_the_closed_form_however_close_to_sound(kappa):
 def test_small_waves_follow_two_terms_of_the_excess(spring):
     excess = np.geomspace(1e-5, 1e-3, 6)
     family = predict(spring)["compression"]
-    crests = [solitary_wave(spring, excess=e).amplitude for e in excess.tolist()]
-    left = np.array(crests) / [family.small_crest(e) for e in excess.tolist()] - 1
+    peaks = [solitary_wave(spring, excess=e).amplitude for e in excess.tolist()]
+    left = np.array(peaks) / [family.small_peak(e) for e in excess.tolist()] - 1
     assert order(excess, left) == pytest.approx(2, abs=0.05)
 
 
@@ -82,17 +82,17 @@ def test_where_the_third_derivative_vanishes_waves_of_both_signs_go_like_the_roo
     family = predict(force(0, 1))[name]
     assert family.starts == "rest"
     excess = np.geomspace(1e-5, 1e-3, 6)
-    crests = [solitary_wave(force(0, 1), excess=e, family=name).amplitude for e in excess.tolist()]
-    assert order(excess, crests) == pytest.approx(0.5, abs=1e-3)
-    small = [family.small_crest(e) for e in excess.tolist()]
-    assert order(excess, np.array(crests) / small - 1) == pytest.approx(1, abs=0.05)
+    peaks = [solitary_wave(force(0, 1), excess=e, family=name).amplitude for e in excess.tolist()]
+    assert order(excess, peaks) == pytest.approx(0.5, abs=1e-3)
+    small = [family.small_peak(e) for e in excess.tolist()]
+    assert order(excess, np.array(peaks) / small - 1) == pytest.approx(1, abs=0.05)
 
 
 def test_flat_tops_come_to_the_front_with_the_square_of_the_gap_and_its_logarithm():
     family = predict(CUBIC)["rarefaction"]
     assert family.ends == "front"
     assert family.certain
-    assert family.crests == pytest.approx((0.0, TOP), rel=1e-12)
+    assert family.peaks == pytest.approx((0.0, TOP), rel=1e-12)
     assert family.speeds == pytest.approx((1.0, math.sqrt(11 / 9)), rel=1e-12)
     gaps = np.geomspace(3e-3, 1e-5, 6)
     waves = [solitary_wave(CUBIC, amplitude=TOP - g) for g in gaps.tolist()]
@@ -102,7 +102,7 @@ def test_flat_tops_come_to_the_front_with_the_square_of_the_gap_and_its_logarith
     rise = np.polyfit(-np.log(gaps), widths, 1)[0]
     assert rise == pytest.approx(2 / family.top_rate, rel=1e-3)
     close = solitary_wave(CUBIC, amplitude=TOP - 1e-3)
-    # reference numbers of an independent code; its crest is 1e-3 of r* below it
+    # reference numbers of an independent code; its peak is 1e-3 of r* below it
     near = solitary_wave(CUBIC, amplitude=TOP * (1 - 1e-3))
     assert near.speed == pytest.approx(1.105541507756, rel=1e-12)
     assert near.width() == pytest.approx(14.05066, rel=1e-6)
@@ -110,9 +110,9 @@ def test_flat_tops_come_to_the_front_with_the_square_of_the_gap_and_its_logarith
 
 
 @pytest.mark.parametrize("gap", [1e-4, 1e-6, 1e-7])
-def test_a_wave_is_found_that_close_to_a_flat_top_by_crest_and_by_speed(gap):
-    by_crest = solitary_wave(CUBIC, amplitude=TOP * (1 - gap))
-    assert by_crest.residual <= 1e-12
+def test_a_wave_is_found_that_close_to_a_flat_top_by_peak_and_by_speed(gap):
+    by_peak = solitary_wave(CUBIC, amplitude=TOP * (1 - gap))
+    assert by_peak.residual <= 1e-12
     speed = math.sqrt(11 / 9) * (1 - gap)
     by_speed = solitary_wave(CUBIC, speed=speed)
     assert by_speed.speed == pytest.approx(speed, rel=1e-14)
@@ -128,7 +128,7 @@ def test_each_rise_of_the_mean_stiffness_has_a_family():
     assert second.speeds[0] == first.speeds[1]
     slow, fast = (solitary_wave(TWICE, speed=c) for c in (1.09, 1.15))
     assert (slow.family, fast.family) == ("rarefaction", "rarefaction 2")
-    assert fast.amplitude > second.crests[0] > first.crests[1] > slow.amplitude
+    assert fast.amplitude > second.peaks[0] > first.peaks[1] > slow.amplitude
     assert fast.residual <= 1e-12
     with pytest.raises(TensegrityError, match=r"rarefaction 3: 2V/r\^2 exceeds .* 2 times only"):
         solitary_wave(TWICE, speed=1.09, family="rarefaction 3")
@@ -157,7 +157,7 @@ def test_fast_waves_at_a_wall_approach_the_corrected_tent_like_1_over_c(powers, 
     assert family.wall[0] == exponent
     speeds = 20.0 * 2.0 ** np.arange(6)
     left = np.array([1 + solitary_wave(spring, speed_ratio=c).amplitude for c in speeds.tolist()])
-    corrected = np.array([1 + family.wall_crest(c) for c in speeds.tolist()])
+    corrected = np.array([1 + family.wall_peak(c) for c in speeds.tolist()])
     assert order(speeds, left / corrected - 1) == pytest.approx(-1.05, abs=0.1)
     tent = (4 * family.wall[1]) ** (1 / exponent) * speeds ** (-2 / exponent)
     assert np.min(np.abs(left / tent - 1)) > 0.02  # without the delay it is far
@@ -172,7 +172,7 @@ def test_a_domain_that_ends_before_a_wall_has_the_speed_of_the_wave_that_gets_th
     whole = Potential(WELL, R, domain=(-float(REST), 5))
     family = predict(Potential(WELL, R, domain=(end, 5)))["compression"]
     assert family.ends == "end of the domain"
-    assert family.crests[1] == end
+    assert family.peaks[1] == end
     wave = solitary_wave(whole, amplitude=end)
     assert family.speeds[1] == pytest.approx(wave.speed, rel=1e-7)
 
@@ -185,20 +185,20 @@ def test_a_domain_that_ends_next_to_a_wall_has_the_speed_of_masses_that_collide(
     assert "finite force" in family.why
     wall = predict(Potential(WELL, R, domain=(-float(REST), 5)))["compression"]
     left = float(REST + sp.Float(end, 30))
-    assert wall.wall_crest(family.speeds[1]) + float(REST) == pytest.approx(left, rel=2e-3)
+    assert wall.wall_peak(family.speeds[1]) + float(REST) == pytest.approx(left, rel=2e-3)
     with mpmath.workdps(50):
-        crest, place = -mpmath.mpf(end), mpmath.root(2, 6)
+        peak, place = -mpmath.mpf(end), mpmath.root(2, 6)
 
         def stored(r):
             return 4 * ((place - r) ** -12 - (place - r) ** -6) + 1
 
-        def lag(z):  # y = exp(z) from the crest
+        def lag(z):  # y = exp(z) from the peak
             y = mpmath.exp(z)
-            return y * (1 / mpmath.sqrt(1 - stored(crest - y) / stored(crest)) - 1)
+            return y * (1 / mpmath.sqrt(1 - stored(peak - y) / stored(peak)) - 1)
 
-        top = mpmath.log(crest)
+        top = mpmath.log(peak)
         lag = mpmath.quad(lag, [-90, -60, *range(-40, 0, 4), top])
-        speed = float(2 * mpmath.sqrt(stored(crest)) / (crest + lag))
+        speed = float(2 * mpmath.sqrt(stored(peak)) / (peak + lag))
     assert family.speeds[1] == pytest.approx(speed, rel=1e-6)
     with pytest.raises(ResolutionError, match="32768 points do not resolve"):
         solitary_wave(Potential(WELL, R, domain=(-float(REST), 5)), amplitude=end)
@@ -227,16 +227,16 @@ def test_a_prism_has_a_largest_speed_and_a_threshold_on_its_other_side():
     assert low < high < 10 * low
     other = prediction["rarefaction"]
     assert other.starts == "threshold"
-    r = other.crests[0]  # long waves of this crest are as fast as sound
+    r = other.peaks[0]  # long waves of this peak are as fast as sound
     tension, energy = float(PRISM.tension(r)), float(PRISM.energy(r) - PRISM.energy(0.0))
     squared = tension**2 / (2 * (r * tension - energy))
     assert squared == pytest.approx(float(PRISM.stiffness(0.0)), rel=1e-8)
     wave = solitary_wave(PRISM, speed_ratio=1.1, family="rarefaction")
     assert wave.amplitude == pytest.approx(0.03259, abs=5e-6)
     with pytest.raises(TensegrityError, match="no small wave"):
-        other.small_crest(1e-3)
+        other.small_peak(1e-3)
     with pytest.raises(TensegrityError, match="no tent"):
-        other.wall_crest(10.0)
+        other.wall_peak(10.0)
     with pytest.raises(TensegrityError, match="family 'dark' is not one of"):
         prediction["dark"]
 
@@ -247,14 +247,14 @@ def test_the_limit_is_passed_where_the_spring_gives_way_at_it():
     family = predict(spring)["rarefaction"]
     assert not family.certain
     assert "FAILS" in str(family)
-    wave = solitary_wave(spring, amplitude=0.9 * family.crests[1])
+    wave = solitary_wave(spring, amplitude=0.9 * family.peaks[1])
     assert wave.speed > family.speeds[1] * (1 + 1e-4)
 
 
 def test_a_front_at_a_constant_force_is_not_told_to_give_way():
     """V'' is 0 there, not below."""
     (family,) = predict(OPENS).families
-    assert family.crests == pytest.approx((0, 4 / 3), rel=1e-12)
+    assert family.peaks == pytest.approx((0, 4 / 3), rel=1e-12)
     assert family.speeds == pytest.approx((0.5**0.5, 0.75**0.5), rel=1e-12)
     assert family.certain
     assert "V'' < 0" not in str(family)
@@ -282,7 +282,7 @@ def test_a_sonic_vacuum_has_waves_of_any_amplitude():
     (family,) = predict(PowerLaw(1.0, 1.5)).families
     assert family.speeds == (0.0, math.inf)
     with pytest.raises(TensegrityError, match="no small wave"):
-        family.small_crest(1e-3)
+        family.small_peak(1e-3)
 
 
 def random_potential(generator):
@@ -306,14 +306,14 @@ def held_against_waves(spring):
                 continue
             wrong.append(f"{wave} is none of {prediction}")
     for family in filter(lambda f: f.certain, prediction.families):
-        low, high = family.crests
+        low, high = family.peaks
         if math.isinf(high):
             high = math.copysign(4 * max(abs(low), 1.0), high)
         parts = (0.3, 0.6, 0.9, 0.999) if family.starts == "rest" else (0.6, 0.9, 0.999)
         for part in parts:
             try:
-                crest = low + (high - low) * part
-                wave = solitary_wave(spring, amplitude=crest, family=family.name)
+                peak = low + (high - low) * part
+                wave = solitary_wave(spring, amplitude=peak, family=family.name)
             except TensegrityError as error:
                 wrong.append(f"{error} in {family}")
                 continue
@@ -339,27 +339,27 @@ def test_predictions_hold_for_200_random_potentials_on_both_sides():
 
 @pytest.mark.parametrize("power", [4, 5, 6, 8])
 def test_waves_start_from_rest_whatever_the_power_that_stiffens_the_spring(power):
-    """Where V''' and V'''' vanish at rest too; the crest is that of waves that are computed."""
+    """Where V''' and V'''' vanish at rest too; the peak is that of waves that are computed."""
     spring = series(*(float(n == power) for n in range(3, 9)))
     family = predict(spring)["rarefaction"]
     assert family.starts == "rest"
-    assert family.crests[0] == 0
+    assert family.peaks[0] == 0
     assert ("compression" in predict(spring).absent) == (power % 2 == 1)
     gaps = []
     for excess in (1e-3, 5e-4):
         wave = solitary_wave(spring, speed_ratio=1 + excess, family="rarefaction")
-        gaps.append(abs(wave.amplitude / family.small_crest(excess) - 1))
+        gaps.append(abs(wave.amplitude / family.small_peak(excess) - 1))
     assert gaps[1] < 1e-3
     assert gaps[0] / gaps[1] == pytest.approx(2, rel=0.03)  # the next order of the excess
 
 
 @pytest.mark.parametrize("power", [4, 6, 8, 10])
-@pytest.mark.parametrize("crest", [0.2, -1e-3, 1e-9])
-def test_small_waves_of_a_high_power_keep_the_speed_of_the_long_wave(power, crest):
+@pytest.mark.parametrize("peak", [0.2, -1e-3, 1e-9])
+def test_small_waves_of_a_high_power_keep_the_speed_of_the_long_wave(power, peak):
     r = sp.Symbol("r")
-    wave = solitary_wave(Potential(r**2 / 2 + r**power / power, r), amplitude=crest)
-    long_wave = abs(crest) ** (power - 2) / power
-    assert abs(wave.excess / long_wave - 1) < crest**2 + 1e-12
+    wave = solitary_wave(Potential(r**2 / 2 + r**power / power, r), amplitude=peak)
+    long_wave = abs(peak) ** (power - 2) / power
+    assert abs(wave.excess / long_wave - 1) < peak**2 + 1e-12
 
 
 @pytest.mark.parametrize(("below", "above"), [((3, 1), (3, 1)), ((3, 3), (3, 1)), ((5, 1), (4, 2))])
@@ -372,7 +372,7 @@ def test_small_waves_of_a_spring_that_is_not_smooth_at_rest_are_those_of_their_s
         family, (n, d) = predict(spring)[name], forces[side]
         assert family.starts == "rest"
         wanted = side * (1e-5 * n / d) ** (1 / (n - 2))
-        assert family.small_crest(1e-5) == pytest.approx(wanted, rel=1e-6)
+        assert family.small_peak(1e-5) == pytest.approx(wanted, rel=1e-6)
         wave = solitary_wave(spring, excess=1e-5, family=name)
         assert wave.amplitude == pytest.approx(wanted, rel=1e-3)
 
@@ -383,11 +383,11 @@ def test_a_force_that_softens_first_leaves_a_threshold_where_its_mean_is_back():
     assert family.starts == "threshold"
     assert "beyond |r| = 1 m" in family.why
     with pytest.raises(TensegrityError, match="no small wave"):
-        family.small_crest(1e-3)
+        family.small_peak(1e-3)
 
 
 def test_curve_of_toda_is_the_closed_form():
-    """Speed sinh(k)/k, crest -2 log cosh k, energy 2 (sinh k cosh k - k), width by sech^2."""
+    """Speed sinh(k)/k, peak -2 log cosh k, energy 2 (sinh k cosh k - k), width by sech^2."""
     kappa = np.array([0.2, 0.5, 1.0, 2.0, 3.0])
     curve = predict(TODA)["compression"].curve(speed=np.sinh(kappa) / kappa)
     assert len(curve) == 5
@@ -415,12 +415,12 @@ def test_a_curve_by_itself_shows_the_family_from_its_start_to_its_end(spring, na
     assert {wave.mass for wave in curve.waves} == {2.0}
     low, high = family.speeds
     assert low < curve.speed[0] < low + 0.1 * (curve.speed[-1] - low)
-    last = family.crests[1]
+    last = family.peaks[1]
     if math.isinf(last):
         assert size[-1] > 3.9
     else:
         assert 1 - size[-1] / abs(last) == pytest.approx(
-            (1e-5 if family.ends == "front" else 1e-2) * (1 - abs(family.crests[0] / last))
+            (1e-5 if family.ends == "front" else 1e-2) * (1 - abs(family.peaks[0] / last))
         )
         assert curve.speed[-1] < high
 

@@ -272,7 +272,7 @@ def test_an_arrival_is_that_of_the_wave_in_the_direction_given(crossing):
 
 def test_an_arrival_that_is_not_there_is_an_error(crossing):
     wave, run, _ = crossing
-    with pytest.raises(TensegrityError, match="no crest passes"):
+    with pytest.raises(TensegrityError, match="no peak passes"):
         arrival(run, 70, -1, after=20 / wave.speed)
     with pytest.raises(TensegrityError, match="no recorded instant lies after 1e"):
         arrival(run, 70, after=1e9)

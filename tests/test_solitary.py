@@ -215,7 +215,7 @@ def test_a_wave_is_zero_infinitely_far_away():
 
 
 @pytest.mark.parametrize("tail", [math.nan, 2.0, 1.0, 0.0, -1.0, "a"])
-def test_a_tail_is_a_part_of_the_crest(tail):
+def test_a_tail_is_a_part_of_the_peak(tail):
     wave, chain = solitary_wave(TODA, speed_ratio=1.4), Chain(TODA, 200)
     for ask in (wave.reach, lambda tail: wave.launch(chain, at=100, tail=tail)):
         with pytest.raises(TensegrityError, match=r"tail .* (must|is not)"):

@@ -253,6 +253,8 @@ def test_bars_of_some_thickness_touch_before_their_axes_meet():
     assert bar_contact(path, 1e-9 * touch.distance) is None or touch.shortening > 0
     finest = bar_contact(path[: touch_row(path, touch)], 8e-3)
     assert finest is None
+    with pytest.raises(TensegrityError, match=r"must be a path of equilibria: equilibrium_path\("):
+        bar_contact(thin, 8e-3)
 
 
 @pytest.mark.parametrize("askew", [0.0, 1e-9, 1e-7, 1e-5, 1.0])

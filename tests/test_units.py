@@ -68,7 +68,7 @@ def of_potential(u, spring, unit):
 def of_wave(u, spring, **given):
     wave = solitary_wave(spring, u(0.02, *MASS), **given)
     return {
-        "crest": (wave.amplitude, LENGTH),
+        "peak": (wave.amplitude, LENGTH),
         "profile": (wave.elongation(np.linspace(-3, 3, 31)), LENGTH),
         "speed": (wave.speed, RATE),
         "energy": (wave.energy, ENERGY),

@@ -129,7 +129,7 @@ def test_only_pushed_blows_answer_for_a_compressive_disturbance():
         ("speed", "exact speed", "fraction", "tail", "energy error", "momentum error"),
         _measure.Number(1.0, 1e-9),
     )
-    tables = dict.fromkeys(("held", "free"), _measure.as_table(numbers))
+    tables = dict.fromkeys(("held", "free", "shaken"), _measure.as_table(numbers))
     tables["map"] = {blow: ["soliton", "compression"] for blow in wave_softening.BLOWS}
     row = next(r for r in wave_softening.table(tables) if "blows at" in r["scene"])
     assert "5 pushed blows" in row["scene"]

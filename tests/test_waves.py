@@ -18,7 +18,7 @@ from tensegrity import (
     tent,
     width,
 )
-from tensegrity.measure.observables import crest
+from tensegrity.measure.observables import peak
 
 R = sp.Symbol("r")
 TODA = Potential(sp.exp(-R) + R - 1, R, length=1.0)
@@ -55,7 +55,7 @@ def test_measured_speed_of_a_toda_soliton():
                    record=Record(every=1))  # fmt: skip
     measured = speed(run, (60, 110))
     assert measured == pytest.approx(np.sinh(kappa) / kappa, rel=1e-6)
-    place, height = crest(chain.elongation(run.final.u))
+    place, height = peak(chain.elongation(run.final.u))
     assert place == pytest.approx(40 - 0.5 + 80 * np.sinh(kappa) / kappa, abs=0.6)
     assert height == pytest.approx(-np.log(1 + np.sinh(kappa) ** 2), rel=0.02)
 

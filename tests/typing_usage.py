@@ -35,7 +35,7 @@ from granular import (
     wall_force,
     y_guide,
 )
-from granular.design import Choice, Order, Sizes, peak_force, search
+from granular.design import Choice, Order, Scatter, Sizes, peak_force, robustness, search
 from granular.design.finalists import Best
 from granular.lammps import run_lammps, to_lammps
 from tensegrity import (
@@ -373,7 +373,7 @@ def measured(chain: Chain, run: Run) -> float:
     assert_type(transmission(run, row=-1), Transmission)
     assert_type(transmission(run).reflected, tuple[Pulse, ...])
     assert_type(transmission(run).transmitted_delays, Array)
-    assert_type(observables.crest(chain.elongation(run.final.u)), tuple[float, float])
+    assert_type(observables.peak(chain.elongation(run.final.u)), tuple[float, float])
     assert_type(observables.passage(run.t, run.u[:, 0], run.v[:, 0]), float)
     times = arrival(run, 3, direction=-1, after=0.5) + duration(run, 3, level=0.1)
     front = tail_front(chain, run.final)
@@ -506,6 +506,11 @@ def protectors(bead: Bead) -> list[Bead]:
         assert_type(best, Best)
         assert_type(best.history, Array)
     search(how, striker=striker, wall=steel, t_end=1e-3)  # type: ignore[arg-type]
+    deviations = Scatter(diameters=0.01, gaps=1e-6, draws=8)
+    search(Order([bead, bead]), striker=striker, wall=steel, t_end=1e-3, scatter=deviations)
+    varied = robustness([bead] * 3, striker=striker, wall=steel, t_end=1e-3, speed=0.01)
+    assert_type(varied.peaks, Array)
+    assert_type(varied.quantile(0.5), float)
     peak_force([bead], striker=striker, wall="steel", t_end=1e-3)  # type: ignore[arg-type]
     assert_type(sweep(abs, [1, 2], checkpoint="sweep.npz"), list[Any])
     return best.beads

@@ -49,7 +49,10 @@ class Event:
         raise AttributeError(f"event has no {name!r}, only {', '.join(at)}")
 
     def __str__(self) -> str:
-        return filled(f"{self.kind}: " + ", ".join(f"{k} {v:.6g}" for k, v in self.at.items()))
+        shown = [f"{k} {v:.6g}" for k, v in self.at.items()][:FIRST]
+        more = f" and {len(self.at) - FIRST} more" if len(self.at) > FIRST else ""
+        note = f"; {self.note}" if self.note else ""
+        return filled(f"{self.kind}: {', '.join(shown)}{more}{note}")
 
 
 class Table:

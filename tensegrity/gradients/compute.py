@@ -39,6 +39,7 @@ from tensegrity.scenes.scene import Scene, State
 from tensegrity.typing import Array
 
 ROWS = 4  # rows of the returned run after the first; each interrupts the loop
+ALWAYS = ("u", "v", "mass")  # arguments by which every gradient is computed
 STATES = 8  # stored states of a run, evenly spaced
 MARGIN = 4.0  # largest |u| and |v| that a grid can hold over those of the run
 
@@ -342,6 +343,11 @@ def _checked(wanted: Any, known: Any, laws: Any) -> tuple[str, ...]:
     symbols = {str(s) for law in laws for s in law.parameters}
     for name in wanted:
         check.kind("name in wanted", name, str)
+        if name in ALWAYS:
+            raise TensegrityError(
+                f"wanted {name!r} names no parameter of the springs: the derivatives by it are "
+                f"always computed, as the attribute {name} of the result; leave it out"
+            )
         if name not in known and name not in symbols:
             raise TensegrityError(f"wanted {check.shown(name)} is not one of {', '.join(known)}")
     return tuple(dict.fromkeys(wanted))

@@ -55,7 +55,7 @@ def passage(t: Array, elongation: Array, rate: Array) -> float:
     large = size >= PEAK_FRACTION * size.max()
     sign_changes = (rate[:-1] * rate[1:] <= 0) & (large[:-1] | large[1:]) & (size.max() > 0)
     if not sign_changes.any():
-        raise TensegrityError("no crest passes this bond within the run")
+        raise TensegrityError("no peak passes this bond within the run")
     first = int(np.argmax(sign_changes))
     part = slice(max(first + 1 - NEIGHBOURS, 0), first + 1 + NEIGHBOURS)
     start = t[first]
@@ -113,7 +113,10 @@ def arrival(run: Run, bond: int, direction: int | None = None, after: float = 0.
     try:
         left, right = run.sites.index(bond), run.sites.index(bond + 1)
     except ValueError:
-        raise TensegrityError(f"sites {bond} and {bond + 1} of bond {bond} not recorded") from None
+        raise TensegrityError(
+            f"bond {bond} joins sites {bond} and {bond + 1}, which are not both among the "
+            f"{len(run.sites)} sites recorded, {min(run.sites)} to {max(run.sites)}"
+        ) from None
     if not counts.any():
         raise TensegrityError(f"no recorded instant lies after {after:g} s")
     t, u, v = run.t[counts], run.u[counts], run.v[counts]
@@ -213,7 +216,7 @@ def _of_chain(scene: Chain, run: Run, where: Any, numbers: Any, between: Any) ->
         raise TensegrityError(f"bonds {first} and {second} must differ")
     passed, then = arrival(run, first), arrival(run, second)
     if passed == then:
-        raise TensegrityError(f"crests pass the bonds {first} and {second} at once, at {then:g} s")
+        raise TensegrityError(f"peaks pass the bonds {first} and {second} at once, at {then:g} s")
     return (second - first) / (then - passed)
 
 
@@ -250,7 +253,7 @@ def duration(run: Run, bond: int, level: float = 0.05) -> float:
     crossings = curve.solve(level * float(curve(arrival_time)), extrapolate=False)
     before, after = crossings[crossings < arrival_time], crossings[crossings > arrival_time]
     if before.size == 0 or after.size == 0:
-        raise TensegrityError(f"the pulse does not fall to {level:g} of its crest within the run")
+        raise TensegrityError(f"the pulse does not fall to {level:g} of its peak within the run")
     return float(after[0] - before[-1])
 
 
@@ -312,7 +315,7 @@ def _parabola(r: Array, j: int) -> tuple[float, float]:
     return float(shift), float(r[j] - bend * shift**2 / 2)
 
 
-def crest(elongation: ArrayLike) -> tuple[float, float]:
+def peak(elongation: ArrayLike) -> tuple[float, float]:
     """Position of the foremost large extremum along a chain [bonds], and its elongation [m].
 
     Parameters
@@ -323,7 +326,7 @@ def crest(elongation: ArrayLike) -> tuple[float, float]:
     (r,) = _columns(elongation=elongation)
     inner = [j for j in peaks(r, PEAK_FRACTION) if 0 < j < len(r) - 1]
     if not inner:
-        raise TensegrityError("no crest within the chain")
+        raise TensegrityError("no peak within the chain")
     shift, top = _parabola(r, int(inner[-1]))
     return int(inner[-1]) + shift, top
 
@@ -355,7 +358,7 @@ def width(x: Array, profile: ArrayLike, level: float = 0.05) -> float:
     left = np.flatnonzero(size[: top + 1] < level * size[top])
     right = top + np.flatnonzero(size[top:] < level * size[top])
     if left.size == 0 or right.size == 0:
-        raise TensegrityError(f"the profile does not fall to {level:g} of its crest on both sides")
+        raise TensegrityError(f"the profile does not fall to {level:g} of its peak on both sides")
 
     def crossing(low: int, high: int) -> float:
         part = (level * size[top] - size[low]) / (size[high] - size[low])

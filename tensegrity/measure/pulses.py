@@ -382,8 +382,9 @@ def phase_shift(run: Run, left: SolitaryWave, right: SolitaryWave) -> tuple[floa
     for name, pulse, wave in zip(("left", "right"), incident, waves, strict=True):
         if pulse.wave is None or abs(pulse.amplitude / wave.amplitude - 1) > ALIKE:
             raise TensegrityError(
-                f"{pulse} of the first row is not the {name} wave, of amplitude "
-                f"{wave.amplitude:g} m"
+                f"the pulse at {pulse.place:.6g} sites in the first row, of amplitude "
+                f"{pulse.amplitude:.6g} m, is not the {name} wave, of "
+                f"amplitude {wave.amplitude:.6g} m"
             )
     velocities = [pulse.direction * wave.speed for pulse, wave in zip(incident, waves, strict=True)]
     closing = velocities[0] - velocities[1]

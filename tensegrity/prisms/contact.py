@@ -63,7 +63,7 @@ def bar_contact(path: EquilibriumPath | StructurePath, diameter: float) -> BarCo
         load = path.columns["load"] if "load" in names else np.zeros(len(along))
     else:
         raise TensegrityError(
-            f"path {check.shown(path)} is not one of a prism or a structure: see equilibrium_path"
+            f"path {check.shown(path)} must be a path of equilibria: equilibrium_path(prism)"
         )
     found = None
     for numbers, ends in pairs:

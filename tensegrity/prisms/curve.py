@@ -56,7 +56,8 @@ def _potential_within(prism: Prism, x: Array) -> Any:
         potential.tension(-x)
     except LockingError as error:
         raise TensegrityError(
-            f"shortening {x.min():.6g} to {x.max():.6g} m exceeds the range of this prism: {error}"
+            f"shortening {x.min():.6g} to {x.max():.6g} m (compression > 0) exceeds the range of "
+            f"this prism: {error}"
         ) from None
     return potential
 

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 LARGE = 0.3  # relative standard error above which a parameter counts as not identified
 SAME = 1e-9  # of the largest load: tolerance between the two computations of the loads
 POOR = 0.5  # residual over total sum of squares above which a fit has failed
+CLEAR = 5.0  # standard deviations by which the points fit better with both signs reversed
 FOREIGN = 10  # ratio to the loads of the given prism that suggests another unit
 EXPLAINED = 3.0  # residual over given noise that noise may explain
 CONTRADICTED = 1e4  # residual over given noise above which the noise is refused
@@ -148,7 +149,7 @@ class Fit:
         )
         lines.append(
             f"  {len(self.load)} points, shortening {self.shortening.min():.6g} to "
-            f"{self.shortening.max():.6g} m"
+            f"{self.shortening.max():.6g} m, load {self.load.min():.6g} to {self.load.max():.6g} N"
         )
         lines += [f"  not identified: {word}" for word in self.unidentified]
         return filled("\n".join(lines))
@@ -208,7 +209,9 @@ def fit(
         If no prism near the given one has equilibria at all points.  Also if the loads have the
         opposite sign, or a tenth or ten times the size, of those of the given prism, and even the
         best fit leaves more than half of their sum of squares and 3 times a given noise: they are
-        then most probably in another sign convention or unit.
+        then most probably in another sign convention or unit.  Also if most points are of extension
+        and a prism fits them clearly better, by 5 standard deviations, with both signs
+        reversed.
 
     Examples
     --------
@@ -247,6 +250,7 @@ def fit(
     at = Misfit(prism, x, y, names)
     z = _least_squares(at, noise)
     misfit, slopes = at(z)
+    _refuse_reversed(at, misfit, noise)
     degrees = len(x) - count if noise is None else math.inf
     spread = noise or at.size * float(np.sqrt(misfit @ misfit / degrees))
     _, sizes, right = np.linalg.svd(slopes, full_matrices=False)
@@ -298,6 +302,26 @@ def _least_squares(at: Misfit, noise: float | None) -> Array:
             f"of the best prism leave {left:g} N"
         )
     return z
+
+
+def _refuse_reversed(at: Misfit, misfit: Array, noise: float | None) -> None:
+    """Refuse points of extension that a prism fits much better as points of compression."""
+    if np.median(at.x) >= 0 or np.median(at.y) >= 0:
+        return
+    other = Misfit(at.curve.prism, -at.x, -at.y, at.names)
+    try:
+        left = other(_least_squares(other, noise))[0]
+    except TensegrityError:
+        return
+    square = left @ left
+    if misfit @ misfit - square > CLEAR**2 * square / len(left):
+        mirrored, given = (at.size * float(np.sqrt(np.mean(e**2))) for e in (left, misfit))
+        raise EquilibriumError(
+            f"shortening {at.x.min():.4g} to {at.x.max():.4g} m and load {at.y.min():.4g} to "
+            f"{at.y.max():.4g} N are extension and tension; with both signs reversed the best "
+            f"prism leaves {mirrored:.3g} N instead of {given:.3g} N: compression must count as "
+            "positive in load and shortening"
+        )
 
 
 def _sign_or_unit_hint(start: Array, x: Array, y: Array) -> str:

@@ -18,6 +18,7 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
+from tensegrity.printing import filled
 from tensegrity.typing import Array
 
 SEPARATORS = ("\t", ";", ",", " ")  # in this order: a decimal comma is no separator then
@@ -40,6 +41,10 @@ class MeasuredCurve(NamedTuple):
 
     shortening: Array
     load: Array
+
+    def __repr__(self) -> str:
+        x, y = (f"{column.min():.6g} to {column.max():.6g}" for column in self)
+        return filled(f"MeasuredCurve: {len(self.load)} points, shortening {x} m, load {y} N")
 
 
 def read_curve(
@@ -169,7 +174,8 @@ def _start(lines: list[str], wanted: Sequence[int | str]) -> tuple[int, str, Seq
                     return index, separator, places
     missing = "has numbers in" if known or not names else "of the header names"
     columns = check.shown(tuple(wanted))
-    raise TensegrityError(f"{len(lines)} lines: no line {missing} columns {columns}")
+    head = f", line 1 is {check.shown(lines[0])}" if lines else ""
+    raise TensegrityError(f"{len(lines)} lines: no line {missing} columns {columns}{head}")
 
 
 def _fields(line: str, separator: str) -> list[str]:

@@ -85,7 +85,7 @@ def sweep(
     ------
     TensegrityError
         A function that cannot be called or sent to other processes; not an executor; a checkpoint
-        of other cases.
+        of other cases.  With a checkpoint, the first result that it cannot store ends the sweep.
     CompilerError
         A case that integrates in time found no C compiler.
 
@@ -144,7 +144,8 @@ class _Checkpoint:
         if self._path is not None and not _is_storable(result):
             raise TensegrityError(
                 f"the result of case {number} is {check.shown(result)}, which a checkpoint "
-                "cannot store"
+                "cannot store: return numbers, text or arrays, such as the columns of a path, or "
+                "leave out the checkpoint"
             )
         self.results[number], self._fresh = result, True
         if time.monotonic() >= self._due:

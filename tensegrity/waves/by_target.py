@@ -53,7 +53,7 @@ def near(family, name, value, mass):
 
 
 def _with_size(family, size, mass):
-    def crest(profile):
+    def peak(profile):
         return abs(profile.law.reference)
 
     def describe(size):
@@ -62,10 +62,10 @@ def _with_size(family, size, mass):
     if not family.sizes[0] <= size < family.rising_part.top:
         family.wave(size)  # raises an error with the reason
     profile = _search(
-        family, lambda profile: math.log(crest(profile) / size), size, describe(size),
-        lambda profile: describe(crest(profile)),
+        family, lambda profile: math.log(peak(profile) / size), size, describe(size),
+        lambda profile: describe(peak(profile)),
     )  # fmt: skip
-    return profile, amplitude_is(size / crest(profile))
+    return profile, amplitude_is(size / peak(profile))
 
 
 def _with_stiffness(family, above, mass):

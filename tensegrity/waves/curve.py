@@ -30,13 +30,13 @@ class FamilyCurve:
     Attributes
     ----------
     amplitude : ndarray
-        Elongation of the crest [m], extension > 0.
+        Elongation of the peak [m], extension > 0.
     speed, excess : ndarray
         [sites/s]; speed over sound speed, less 1.
     energy, momentum : ndarray
         [J], [kg m/s].
     width : ndarray
-        [sites] at 5 % of the crest.
+        [sites] at 5 % of the peak.
     residual : ndarray
         As of `SolitaryWave`.
     waves : tuple of SolitaryWave
@@ -59,7 +59,7 @@ def along(
     potential: Potential,
     mass: float,
     family: str,
-    crests: tuple[float, float],
+    peaks: tuple[float, float],
     ends: str,
     points: int,
     given: dict[str, ArrayLike | None],
@@ -74,7 +74,7 @@ def along(
     mass : float
         Of each site [kg].
     family : str
-    crests : (float, float)
+    peaks : (float, float)
         First and last amplitude of the family [m], extension > 0.
     ends : str
         How the family ends, as of `PredictedFamily`.
@@ -97,7 +97,7 @@ def along(
     if len(targets) > 1:
         raise TensegrityError(f"{' and '.join(targets)} given: give at most one of them")
     whole = not targets
-    ((name, wanted),) = (targets or {"amplitude": amplitudes(*crests, ends, points)}).items()
+    ((name, wanted),) = (targets or {"amplitude": amplitudes(*peaks, ends, points)}).items()
     values = check.floats(name, wanted)
     if values.ndim != 1 or not values.size:
         raise TensegrityError(f"{name} has shape {values.shape}, must be (n,), n > 0")

@@ -302,22 +302,22 @@ class Family:
                 near = self.wave(abs(law.reference))
                 profile, _ = refined(near, amplitude_is(1.0))
             except (NoWaveError, ResolutionError):
-                crest = math.nextafter(self.end, 0.0) if finite else abs(law.reference)
-                return self._collision(crest)
+                peak = math.nextafter(self.end, 0.0) if finite else abs(law.reference)
+                return self._collision(peak)
             values.append(profile.mu * law.secant)
         return values[0] if finite else polynomial_through(np.sqrt(left), np.array(values))(0.0)
 
-    def _collision(self, crest):
+    def _collision(self, peak):
         """m c^2 [N/m] of a wave far above the sound speed, in which masses collide in pairs.
 
         The relative velocity of a pair is c sigma, with (c sigma)^2 = 4 V/m at the peak; sigma is
         the size of the peak plus the lag of the bond behind free flight; `derivations.softening`.
         """
-        stored = float(self.stored(crest))
-        near = stored / abs(float(self.potential.tension(self.sign * crest)))  # decay length of V
-        y = np.geomspace(max(FIRST_LAG * near, ROUND_OFF * crest), crest, LAGS)
-        lag = y * (1 / np.sqrt(1 - self.stored(crest - y) / stored) - 1)
-        sigma = crest + 2 * math.sqrt(y[0] * near) + float(np.trapezoid(lag, np.log(y)))
+        stored = float(self.stored(peak))
+        near = stored / abs(float(self.potential.tension(self.sign * peak)))  # decay length of V
+        y = np.geomspace(max(FIRST_LAG * near, ROUND_OFF * peak), peak, LAGS)
+        lag = y * (1 / np.sqrt(1 - self.stored(peak - y) / stored) - 1)
+        sigma = peak + 2 * math.sqrt(y[0] * near) + float(np.trapezoid(lag, np.log(y)))
         return 4 * stored / sigma**2
 
 
@@ -344,8 +344,8 @@ def _lengthened(wave, law, rising_part, rate):
 
 
 def _unresolved(law):
-    crest = f"the wave with a peak of {law.reference:.9g} m"
-    return ResolutionError(f"{MOST_POINTS} points do not resolve {crest}")
+    peak = f"the wave with a peak of {law.reference:.9g} m"
+    return ResolutionError(f"{MOST_POINTS} points do not resolve {peak}")
 
 
 def half_length(law, nu, tail=TAIL):

@@ -43,7 +43,7 @@ class Mesh:
         Nodes at x > 0.
     mean : ndarray, (n, n)
         Matrix of K on the nodal values of an even function.
-    at_kink, at_crest : ndarray, (n,)
+    at_kink, at_peak : ndarray, (n,)
         Row vectors of the value of K at X, and of the function at 0.
     weights : ndarray, (n,)
         Weights of the integral over the line.
@@ -82,7 +82,7 @@ class Mesh:
         row = np.zeros(size)
         middle = slice(cells // 2 * nodes, (cells // 2 + 1) * nodes)
         row[middle] = legendre.legvander(np.zeros(1), nodes - 1)[0] @ self.to_series
-        self.at_crest = self._folded(row)
+        self.at_peak = self._folded(row)
 
     def _block(self, widths, steps, total):
         """K at the nodes of a cell, and at its first edge, from the two cells on either side."""
@@ -249,20 +249,20 @@ def multidomain_wave(side, name, value):
         profile = side.wave(BEFORE * kink)
     known = profile.grid.half_length
     length = max(half_length(profile.law, profile.nu), known)
-    crest = abs(profile.law.reference)
-    series = profile.grid.coefficients(profile.rho * crest)
+    peak = abs(profile.law.reference)
+    series = profile.grid.coefficients(profile.rho * peak)
 
     def size(x):
         return cosine_sum(series, profile.grid.wave_numbers, np.minimum(x, known))
 
-    place = START if crest <= kink else root(lambda x: kink - float(size(np.array(x))), 0.0, known)
+    place = START if peak <= kink else root(lambda x: kink - float(size(np.array(x))), 0.0, known)
     squared = profile.mu * profile.law.secant
 
     def energy(mesh, size):
         return float(mesh.weights @ (size * side.force(size) / 2 + side.stored(size)))
 
     reached = {
-        "amplitude": lambda mesh, size, squared: float(mesh.at_crest @ size),
+        "amplitude": lambda mesh, size, squared: float(mesh.at_peak @ size),
         "above": lambda mesh, size, squared: squared - side.rest,
         "energy": lambda mesh, size, squared: energy(mesh, size),
     }[name]
@@ -286,13 +286,13 @@ def multidomain_wave(side, name, value):
         found = size(fine.x)
         tension = side.force(found)
         residual = float(np.abs(squared * found - fine.mean @ tension).max() / tension.max())
-        crest = side.sign * float(mesh.at_crest @ sizes)
+        peak = side.sign * float(mesh.at_peak @ sizes)
         if residual <= (TARGET if nodes < NODES[-1] else LARGEST) and abs(gap) < LARGEST:
             gain = (squared - side.rest) / side.rest if side.rest else math.inf
             shape = Integrals(mesh, side.sign * side.force(sizes) / squared)
-            return squared, gain, crest, energy(mesh, sizes), residual, shape
+            return squared, gain, peak, energy(mesh, sizes), residual, shape
     raise ResolutionError(
         f"{name} {value:g}: residual {residual:.1e} with {nodes} nodes in a cell must be at most "
-        f"{LARGEST:g}: the wave with a peak of {crest:.9g} m, "
+        f"{LARGEST:g}: the wave with a peak of {peak:.9g} m, "
         f"beyond the kink of the force at {side.sign * kink:g} m, is not resolved"
     )

@@ -62,7 +62,7 @@ class PredictedFamily:
     name : str
         Value of the argument `family` of `solitary_wave`.
     starts : {"rest", "threshold"}
-        At zero amplitude, or at the peak elongation `crests[0]`.
+        At zero amplitude, or at the peak elongation `peaks[0]`.
     ends : {"front", "tent", "largest speed", "end of the domain", "none"}
         "front": waves become flat plateaus bounded by fronts; "tent": the domain ends at a wall of
         unbounded energy, and the profile tends to a tent; "largest speed": the domain ends at a
@@ -70,7 +70,7 @@ class PredictedFamily:
         is unbounded.
     speeds : (float, float)
         Open range of the speeds [sites/s].
-    crests : (float, float)
+    peaks : (float, float)
         Open range of the peak elongation [m], from the start of the family to its end; the first
         value is an estimate if the family starts at a threshold.
     top_rate : float
@@ -89,7 +89,7 @@ class PredictedFamily:
     starts: str
     ends: str
     speeds: tuple[float, float]
-    crests: tuple[float, float]
+    peaks: tuple[float, float]
     top_rate: float
     wall: tuple[float, float]
     hypotheses: tuple[Hypothesis, ...]
@@ -146,9 +146,9 @@ class PredictedFamily:
             "speed": speed, "speed_ratio": speed_ratio, "excess": excess, "amplitude": amplitude,
             "energy": energy,
         }  # fmt: skip
-        return along(self._potential, self._mass, self.name, self.crests, self.ends, points, given)
+        return along(self._potential, self._mass, self.name, self.peaks, self.ends, points, given)
 
-    def small_crest(self, excess: float) -> float:
+    def small_peak(self, excess: float) -> float:
         """Peak elongation [m] of a wave with c/cs - 1 = `excess`, to second order in `excess`.
 
         To leading order if V'''(0) is 0 or jumps.  Raises `TensegrityError` if no waves start from
@@ -165,11 +165,11 @@ class PredictedFamily:
                 f"{stiffness:g} N/m must be above 0 and increase like a power of the elongation"
             )
         if slope and not math.isnan(slope):
-            return float(_form("small_crest")(stiffness, slope, bend, excess))
-        size = float(_form("small_crest_of_power")(stiffness, excess, power, growth))
+            return float(_form("small_peak")(stiffness, slope, bend, excess))
+        size = float(_form("small_peak_of_power")(stiffness, excess, power, growth))
         return SIGNS[self.name.split()[0]] * size
 
-    def wall_crest(self, speed: float) -> float:
+    def wall_peak(self, speed: float) -> float:
         """Peak elongation [m] of a fast wave [sites/s] of a family that ends with a tent.
 
         The relative error of the distance to the wall is O(1/c).  Raises `TensegrityError` for
@@ -182,7 +182,7 @@ class PredictedFamily:
                 f"no tent: the family of {self.name} ends with {self.ends}, or the energy at its "
                 "wall is not a power y^-n"
             )
-        stroke, beta = abs(self.crests[1]), float(_form("delay")(power))
+        stroke, beta = abs(self.peaks[1]), float(_form("delay")(power))
 
         scale = math.log(4 * strength / self._mass) - 2 * math.log(speed)
 
@@ -195,18 +195,19 @@ class PredictedFamily:
         if mismatch(high) > 0:
             raise TensegrityError(f"speed {speed:g} sites/s is too slow for the limit of the tent")
         left = math.exp(root(mismatch, low, high, 1e-14))
-        return math.copysign(stroke - left, self.crests[1])
+        return math.copysign(stroke - left, self.peaks[1])
 
     def __str__(self) -> str:
         low, high = self.speeds
-        first, last = self.crests
-        about = "about " if self.starts == "threshold" else ""
+        first, last = self.peaks
+        start = f"about {first:.6g} m" if self.starts == "threshold" else "0"
+        end = {"none": "no end"}.get(self.ends, self.ends)
         return filled(
             "\n".join(
                 [
-                    f"{self.name}: from {self.starts} to {self.ends}",
-                    f"  speeds {low:.6g} to {high:.6g} sites/s, crests {about}{first:.6g} to "
-                    f"{last:.6g} m",
+                    f"{self.name} waves:",
+                    f"  peak elongation from {start} ({self.starts}) to {last:.6g} m ({end})",
+                    f"  speed from {low:.6g} to {high:.6g} sites/s",
                     f"  {self.why}",
                     *(f"  {h}" for h in self.hypotheses),
                 ]
@@ -247,8 +248,11 @@ class Prediction:
         raise TensegrityError(f"family {check.shown(name)} is not one of {known}")
 
     def __str__(self) -> str:
-        missing = [f"{name}: none. {why}" for name, why in self.absent.items()]
-        return filled("\n".join([*map(str, self.families), *missing]))
+        head = (
+            f"solitary waves for masses of {self.mass:g} kg, by the energy V of a spring at the "
+            f"elongation r; speed of sound {self.sound_speed:.6g} sites/s"
+        )
+        return filled("\n".join([head, *map(str, self.families), *self.absent.values()]))
 
     __repr__ = __str__
 
@@ -306,7 +310,7 @@ def predict(potential: Potential, mass: float = 1.0) -> Prediction:
 def _predicted(side: Family, mass: float) -> PredictedFamily:
     part, sign = side.rising_part, side.sign
     from_rest = part.start == 0
-    first = 0.0 if from_rest else _first_crest(side)
+    first = 0.0 if from_rest else _first_peak(side)
     why = [_describe_start(side, from_rest)]
     holds = [] if math.isinf(part.ceiling) else [
         Hypothesis(
@@ -365,12 +369,12 @@ def _describe_start(side: Family, from_rest: bool) -> str:
         power, _ = side.nonlinear.growth(side.sign)
         terms = {2.0: "V'''(0)", 3.0: "V''''(0), with V'''(0) = 0,"}
         term = terms.get(power, f"a nonlinear force proportional to |r|^{power:g}")
-        return f"{term} stiffens the spring on this side, so waves start from zero amplitude"
+        return f"{term} stiffens the spring on this side: there are waves of any small amplitude"
     level = "its value at rest" if side.rising_part.floor == 0 else "that of the preceding front"
     return f"2V/r^2 exceeds {level} only beyond |r| = {side.rising_part.start:.6g} m: a threshold"
 
 
-def _first_crest(side: Family) -> float:
+def _first_peak(side: Family) -> float:
     """Peak elongation [m] at which the long-wave equation gives the family's lowest speed."""
     below = side.sizes <= side.rising_part.start
     level = side.long_wave[below]
@@ -419,8 +423,8 @@ def _form(name: str) -> Callable[..., float]:
     from derivations import softening as derived
 
     symbols, modules = {
-        "small_crest": ((derived.a, derived.b, derived.e, derived.excess), "math"),
-        "small_crest_of_power": (
+        "small_peak": ((derived.a, derived.b, derived.e, derived.excess), "math"),
+        "small_peak_of_power": (
             (derived.a, derived.excess, derived.exponent, derived.growth),
             "math",
         ),

@@ -31,8 +31,8 @@ from tensegrity.waves.travelling import NoWaveError, Series
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-LEAST_LEVEL = 1e-8  # of the crest, at which a width is asked for
-PLOTTED = 1e-3  # of the crest, where a picture ends
+LEAST_LEVEL = 1e-8  # of the peak, at which a width is asked for
+PLOTTED = 1e-3  # of the peak, where a picture ends
 
 
 @dataclass(frozen=True, eq=False)
