@@ -57,6 +57,7 @@ from tensegrity.structures.structure import Structure
 from tensegrity.structures.supports import held, plates
 from tensegrity.waves.asymptotics import sech2, tent
 from tensegrity.waves.bands import bands
+from tensegrity.waves.moduli import moduli
 from tensegrity.waves.prediction import predict
 from tensegrity.waves.solitary import SolitaryWave, solitary_wave
 from tensegrity.waves.spectrum import dispersion, modes
@@ -114,6 +115,7 @@ __all__ = [
     "largest_peak",
     "member_stiffness",
     "modes",
+    "moduli",
     "objective",
     "peaks",
     "phase_shift",

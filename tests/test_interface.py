@@ -19,7 +19,7 @@ DOORS = (
 MOST = 100  # names, those of the catalogue and the later ones apart
 LATER = {"catalogue", "interface", "phase_shift", "pulses", "read_curve", "transmission"}
 LATER |= {"Scatter", "robustness"}
-LATER |= {"Lattice", "bands"}
+LATER |= {"Lattice", "bands", "moduli"}
 HELD = Path(__file__).parent / "interface.txt"
 
 

@@ -12,7 +12,8 @@ from lattices import lattice, values
 
 from tensegrity import EquilibriumError, Lattice, Potential, TensegrityError, bands, dispersion
 
-CELLS = ("3-column-alternate", "3-column-same", "4-strip", "4-xplate", "5-octahedra-1.0-0.1")
+CELLS = ("3-column-alternate", "3-column-same", "4-strip", "4-xplate", "5-octahedra-1.0-0.1",
+         "6-resonator-0.1")  # fmt: skip
 S = math.sqrt(3) / 2
 
 
@@ -201,6 +202,14 @@ def test_velocities_of_equal_frequencies_are_those_of_the_branches():
     v = bands(column, q, velocities=True).velocities[0, :2, 2]
     high, low = bands(column, [[1 + 1e-5], [1 - 1e-5]]).frequencies[:, :2]
     close(v, (high - low) / 2e-5 * 1.4, 1e-6)
+
+
+def test_velocities_where_folded_branches_cross():
+    """At phase pi of two cells waves of pi/2 and -pi/2 have one frequency and opposite speeds."""
+    strip = lattice("4-strip")
+    v = bands(strip, [[math.pi / 2], [-math.pi / 2]], velocities=True).velocities[:, :, 0]
+    found = bands(strip.repeated(2), [[math.pi]], velocities=True).velocities[0, :, 0]
+    close(np.sort(found.reshape(-1, 2), axis=1), np.sort(v.T, axis=1), 1e-9)
 
 
 @pytest.mark.parametrize(("name", "counts"), [("4-strip", 3), ("4-xplate", (2, 3)),

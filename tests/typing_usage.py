@@ -91,6 +91,7 @@ from tensegrity import (
     largest_peak,
     member_stiffness,
     modes,
+    moduli,
     objective,
     peaks,
     phase_shift,
@@ -333,6 +334,7 @@ def waves(spring: Potential, chain: Chain) -> State:
     row = Lattice([(0, 0)], [(1, 0)], strings=[(0, 0, 1)]).prestressed([0.1])
     assert_type(row, Lattice)
     assert_type(bands(row, [[0.1]]).frequencies, Array)
+    assert_type(moduli(row).speeds([1, 0]), Array)
     bands("x", [[0.1]])  # type: ignore[arg-type]
     dispersion("x", 1.0, [0.1])  # type: ignore[arg-type]
     lens = Lens(Prism(1.0, 0.8, 0.01, 1.0), chains=3)
