@@ -138,13 +138,13 @@ def table(tables):
         row(name, "the same of the exact travelling wave", f"{exact['effective mass'][0]:.6f}"),
         row(name, "width in beads, at 1 % of the compression", wide, "about 5"),
         row(name, "width of the long wave's solution in beads", _long_wave_width(), "about 5"),
-        row(name, "steel bead of 4.76 mm: mass by density [g]", mass(STEEL), 0.45),
-        row(name, "PTFE bead of 4.76 mm: mass by density [g]", mass(PTFE), 0.123),
+        row(name, "steel bead of 4.76 mm: mass by density [g]", mass_by_density(STEEL), 0.45),
+        row(name, "PTFE bead of 4.76 mm: mass by density [g]", mass_by_density(PTFE), 0.123),
         row(name, "fraction of the energy in the wave", float(w["fraction of the energy"][2])),
     ]  # fmt: skip
 
 
-def mass(one):
+def mass_by_density(one):
     """Mass of a bead of the paper by its diameter and the density of Table I [g]."""
     return 1e3 * Bead(one.diameter, one.material).mass
 

@@ -74,7 +74,7 @@ def test_speeds_of_the_guide_beside_those_that_were_measured():
 
 def test_masses_of_the_table_are_those_of_its_densities():
     for bead, printed, within in ((STEEL, 0.45, 5e-3), (PTFE, 0.123, 1.1e-2)):
-        assert granular_uniform.mass(bead) == pytest.approx(printed, rel=within)
+        assert granular_uniform.mass_by_density(bead) == pytest.approx(printed, rel=within)
 
 
 def test_designs_keep_most_of_their_gain_with_gaps_of_a_micrometre():
