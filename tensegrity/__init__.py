@@ -44,6 +44,7 @@ from tensegrity.runs.run import Run
 from tensegrity.runs.sweep import sweep
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.ensemble import Ensemble
+from tensegrity.scenes.force import Force
 from tensegrity.scenes.forcing import Damping, Drive
 from tensegrity.scenes.network import Network
 from tensegrity.scenes.scene import State
@@ -71,6 +72,7 @@ __all__ = [
     "Drive",
     "Ensemble",
     "EquilibriumError",
+    "Force",
     "Lattice",
     "Lens",
     "LockingError",

@@ -160,18 +160,20 @@ class Bound:
 
     def _accelerations(self, method):
         """Structure of the steps of a `Nystrom` method."""
-        loop, rows = self._loop, ("nodes", "velocities", "matrix", "positions")
+        loop, rows = self._loop, ("nodes", "velocities", "matrix", "positions", "rates")
         steps = NYSTROM(
             **{name: np.array(getattr(method, name), dtype=loop.dtype) for name in rows},
             dt=np.ones(1, dtype=loop.dtype),
             place=np.zeros(self.u.size, dtype=loop.dtype),
             slopes=np.zeros((method.stages, self.u.size), dtype=loop.dtype),
+            speed=np.zeros(self.u.size, dtype=loop.dtype),
+            forcing=None,
             travel=self._travel,
             stages=method.stages,
             count=self.u.size,
             moving=self.sizes[0],
         )
-        self._scale_with_step(steps, "nodes", "velocities", "dt")
+        self._scale_with_step(steps, "nodes", "velocities", "rates", "dt")
         self._scale_with_step(steps, "matrix", "positions", power=2)
         return steps
 

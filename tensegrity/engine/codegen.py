@@ -20,7 +20,7 @@ STEPS = {  # files for each kind of steps
 }
 
 
-def c_text(laws, own=None, dim=0, steps="", helpers=()):
+def c_text(laws, own=None, dim=0, steps="", forces=()):
     """C source of a loop over bonds of the given laws, numbered in their order.
 
     Parameters
@@ -35,8 +35,8 @@ def c_text(laws, own=None, dim=0, steps="", helpers=()):
         once for each kind of run, and `<loop>.c`, of the loop "line" or "net".
     steps : str, optional
         The kind of steps, a key of `STEPS`, besides those of `steps.c`.
-    helpers : sequence of (casadi.Function, str), optional
-        Further functions, and the C by which they are called.
+    forces : sequence of ForceLaw, optional
+        Forces of time, displacement and velocity, which steps of the kind "" then take.
 
     Returns
     -------
@@ -68,8 +68,25 @@ def c_text(laws, own=None, dim=0, steps="", helpers=()):
     evaluations = [(DERIVATIVES.index(name), name) for name in names]
     lists = {"RUNS": runs, "EVALUATIONS": evaluations, "LAWS": zip(range(len(laws)))}
     flags = {"CHANGES": change is not None, "IN_PACKS": in_packs}
-    parts += [f"{loop}.c", "steps.c", *STEPS[steps], *["evaluate.c"] * alone]
-    return whole(laws, own, [*scalars, *helpers], dim, packed, lists, flags, parts)
+    if forces:
+        lists["FORCES"] = [(k, *one.macro) for k, one in enumerate(forces)]
+        scalars += [_force(k, one) for k, one in enumerate(forces)]
+    parts += [f"{loop}.c", *["forced.c"] * bool(forces), "steps.c", *STEPS[steps]]
+    parts += ["evaluate.c"] * alone
+    return whole(laws, own, scalars, dim, packed, lists, flags, parts)
+
+
+def _force(number, force):
+    """The function of a force for CasADi to write, and the C that calls it."""
+    import casadi as ca
+
+    unique, function = f"force{number}", force.function()
+    sx = function.sx_in()
+    return ca.Function(unique, sx, [function(*sx)]), (
+        f"static inline real force_{number}(real t, const real *x, const real *p) {{ real y; "
+        f"const real *arg[] = {{&t, x, p}}; real *res[] = {{&y}}; {unique}(arg, res, 0, 0, 0); "
+        "return y; }"
+    )
 
 
 def reverse_text(laws, own, wanted, dim, exact):

@@ -33,9 +33,12 @@ class Compiled:
         Number of chains advanced by one call; the last axis of u and v if above 1.
     extended : bool, optional
         Compile the same text with long double, as a reference for tests.
+    forces : tuple of ForceLaw, optional
+        Forces of time, displacement and velocity.
     """
 
-    def __init__(self, laws, own=None, dim=0, batch=1, extended=False):
+    def __init__(self, laws, own=None, dim=0, batch=1, extended=False, forces=()):
+        self.forces = forces
         self.laws, self.own, self.dim, self.batch = laws, own or (None,) * len(laws), dim, batch
         self.dtype = np.dtype(np.longdouble if extended else np.float64)
         self._flags = ["-DEXTENDED"] * extended + [f"-DBATCH={batch}"] * (batch > 1)
@@ -59,7 +62,8 @@ class Compiled:
         """The library for a kind of steps; separate, as each takes long to compile."""
         if steps not in self._made:
             given = self.laws, self.own, self.dim, steps
-            text = cached(named("loop", *given), lambda: c_text(*given))
+            key = named("loop", *given, *(one.name for one in self.forces))
+            text = cached(key, lambda: c_text(*given, self.forces))
             self._made[steps] = library(text, self._flags)
         return self._made[steps]
 
@@ -111,19 +115,19 @@ class Compiled:
 
 
 @once
-def compiled(laws, own, dim, batch):
+def compiled(laws, own, dim, batch, forces=()):
     """The loop for some laws, cached; see `Compiled`.
 
     Parameters
     ----------
-    laws, own, dim, batch
+    laws, own, dim, batch, forces
         As of `Compiled`.
 
     Returns
     -------
     Compiled
     """
-    return Compiled(laws, own, dim, batch)
+    return Compiled(laws, own, dim, batch, forces=forces)
 
 
 @once

@@ -28,7 +28,7 @@ typedef struct {
     const real *apart;               /* (damped_bonds, DIM + 2) their geometry D, g, L */
     real *room;                      /* scratch: (levels + 3, 2 entries + 1) */
     real *elongations;               /* scratch: (bonds) elongations, in the order of the loop */
-    integer entries, moving, forcing, damped, degree, damped_bonds, levels, bonds, stage;
+    integer entries, moving, forcing, damped, degree, damped_bonds, levels, bonds, stage, step;
 } drive;
 
 /* Drifts: without dashpots, without those in bonds, with those of a chain, of a network. */

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from tensegrity.engine import march
+from tensegrity.engine import forced, march
 from tensegrity.engine.bonds import Bonds
 from tensegrity.engine.bound import Bound
 from tensegrity.engine.compiled import compiled
@@ -60,6 +60,8 @@ class Forcing:
     tuning : object or None
         Springs that change: `law`, the indices of the parameters that are `moving`, `at(t)` and
         `numbers(t)`, one row for each of t.
+    applied : tuple of AppliedForce
+        Further forces, on sites and along bonds.
     """
 
     bonds: Bonds
@@ -72,6 +74,7 @@ class Forcing:
     ground: Array
     bond: Array
     tuning: Any
+    applied: tuple[forced.AppliedForce, ...] = ()
 
     @property
     def damped(self) -> int:
@@ -232,14 +235,22 @@ class BoundDriven(Bound):
     output_sums: Any
 
     def __init__(
-        self, loop: Any, forcing: Forcing, u: Array, v: Array, method: Splitting, dt: float
+        self, loop: Any, forcing: Forcing, u: Array, v: Array, method: Any, dt: float
     ) -> None:
-        self._forcing, self.schedule = forcing, Schedule(forcing, method, dt)
-        self.sums, self.output_sums = np.array([[0.0, 0.0, np.inf, -np.inf]] * 2)
+        splits = isinstance(method, Splitting)
+        self._forcing = forcing
+        self.schedule: Any = (Schedule if splits else forced.Stages)(forcing, method, dt)
+        self.sums = np.array([0.0, 0.0, np.inf, -np.inf])
+        self.output_sums = self.sums.copy() if splits else self.sums
         super().__init__(loop, u, v, forcing.bonds, method, dt)
 
-    def _steps(self, method: Splitting) -> Any:
+    def _steps(self, method: Any) -> Any:
         forcing, schedule, loop = self._forcing, self.schedule, self._loop
+        if not isinstance(method, Splitting):
+            self._timed_fields = forced.fields(forcing, self.sums)
+            kind, steps = super()._steps(method)
+            steps.fill(forcing=self._timed_fields)
+            return kind, steps
         drifts, weights = schedule.drifts, 1 / np.where(forcing.mass, forcing.mass, 1.0)
         rates = forcing.ground * weights * np.ones_like(drifts)[:, None]
         drift_factor = drifts[:, None] * np.ones_like(rates)
@@ -279,7 +290,8 @@ class BoundDriven(Bound):
             "bonds": bonds,
         }
         arrays = {name: np.ascontiguousarray(x) for name, x in arrays.items()}
-        return "driven", DRIVE(**dict.fromkeys(DRIVE.kinds) | arrays | numbers)  # others: `_timed`
+        self._timed_fields = DRIVE(**dict.fromkeys(DRIVE.kinds) | arrays | numbers)
+        return "driven", self._timed_fields  # others: `_timed`
 
     def go(self, done: int, end: int, wanted: Any = ()) -> int:
         """Advance and store states; see `Bound.go`.
@@ -309,6 +321,8 @@ class BoundDriven(Bound):
         def step() -> int:
             u, v = (x.ctypes.data for x in (self.u, self.v))
             stopped: int = self._advance(*self._addresses, 1, False)
+            if self._postprocess is None:
+                return stopped
             return stopped or self._postprocess(*self._addresses, u, v)
 
         self._timed(0, 1, step, t)
@@ -316,12 +330,14 @@ class BoundDriven(Bound):
 
     def _timed(self, first: int, steps: int, do: Callable[[], int], origin: float = 0.0) -> int:
         """Do steps from number `first` on, where step 0 is at `origin` [s]."""
-        self._second.fill(**self.schedule.rows(first, max(steps, 1), origin))
-        self._second.stage, self.output_sums[:] = 0, self.sums
+        timed = self._timed_fields
+        timed.fill(**self.schedule.rows(first, max(steps, 1), origin))
+        timed.stage, self.output_sums[:] = 0, self.sums
+        timed.step = 0
         found = do()
         if found == march.STOPPED:
             times = self.schedule.times(first, steps, origin)
-            raise Locked(float(times[self._second.stage]), self.sums[2:].copy())
+            raise Locked(float(times[timed.stage]), self.sums[2:].copy())
         return found
 
     def forget_range(self) -> None:
@@ -335,7 +351,7 @@ class BoundDriven(Bound):
         return super().range if self._forcing.tuning is None else self.sums[2:][None].copy()
 
 
-def bind(forcing: Forcing, u: Array, v: Array, method: Splitting, dt: float) -> BoundDriven:
+def bind(forcing: Forcing, u: Array, v: Array, method: Any, dt: float) -> BoundDriven:
     """Prepare a loop that advances rows `u` and `v` of a driven scene in place.
 
     Parameters
@@ -343,7 +359,8 @@ def bind(forcing: Forcing, u: Array, v: Array, method: Splitting, dt: float) -> 
     forcing : Forcing
     u, v : ndarray, C-contiguous
         See `kernel.bind`.
-    method : Splitting
+    method : Splitting or Nystrom
+        The latter, with rows for rates, takes further forces, and no dashpots or changing springs.
     dt : float
         Step [s].
 
@@ -355,4 +372,5 @@ def bind(forcing: Forcing, u: Array, v: Array, method: Splitting, dt: float) -> 
     laws, own = bonds.laws, bonds.own
     if forcing.tuning is not None:
         laws, own = (laws[0], Change(laws[0], forcing.tuning.moving)), (None, None)
-    return BoundDriven(compiled(laws, own, bonds.dim, 1), forcing, u, v, method, dt)
+    forces = tuple(one.law for one in forcing.applied)
+    return BoundDriven(compiled(laws, own, bonds.dim, 1, forces), forcing, u, v, method, dt)

@@ -62,6 +62,85 @@ _HALF, _SIXTH = Fraction(1, 2), Fraction(1, 6)
 _CLASSICAL = ((0, 0, 0, 0), (_HALF, 0, 0, 0), (0, _HALF, 0, 0), (0, 0, 1, 0))
 _CLASSICAL_WEIGHTS = (_SIXTH, 2 * _SIXTH, 2 * _SIXTH, _SIXTH)
 
+_DORMAND_PRINCE = (
+    (),
+    (0.05260015195876773,),
+    (0.0197250569845379, 0.0591751709536137),
+    (0.02958758547680685, 0, 0.08876275643042054),
+    (0.2413651341592667, 0, -0.8845494793282861, 0.924834003261792),
+    (0.037037037037037035, 0, 0, 0.17082860872947386, 0.12546768756682242),
+    (0.037109375, 0, 0, 0.17025221101954405, 0.06021653898045596, -0.017578125),
+    (
+        0.03709200011850479,
+        0,
+        0,
+        0.17038392571223998,
+        0.10726203044637328,
+        -0.015319437748624402,
+        0.008273789163814023,
+    ),
+    (
+        0.6241109587160757,
+        0,
+        0,
+        -3.3608926294469414,
+        -0.868219346841726,
+        27.59209969944671,
+        20.154067550477894,
+        -43.48988418106996,
+    ),
+    (
+        0.47766253643826434,
+        0,
+        0,
+        -2.4881146199716677,
+        -0.590290826836843,
+        21.230051448181193,
+        15.279233632882423,
+        -33.28821096898486,
+        -0.020331201708508627,
+    ),
+    (
+        -0.9371424300859873,
+        0,
+        0,
+        5.186372428844064,
+        1.0914373489967295,
+        -8.149787010746927,
+        -18.52006565999696,
+        22.739487099350505,
+        2.4936055526796523,
+        -3.0467644718982196,
+    ),
+    (
+        2.273310147516538,
+        0,
+        0,
+        -10.53449546673725,
+        -2.0008720582248625,
+        -17.9589318631188,
+        27.94888452941996,
+        -2.8589982771350235,
+        -8.87285693353063,
+        12.360567175794303,
+        0.6433927460157636,
+    ),
+)
+_DORMAND_PRINCE_WEIGHTS = (
+    0.054293734116568765,
+    0,
+    0,
+    0,
+    0,
+    4.450312892752409,
+    1.8915178993145003,
+    -5.801203960010585,
+    0.3111643669578199,
+    -0.1521609496625161,
+    0.20136540080403034,
+    0.04471061572777259,
+)
+
 _RKN6 = Splitting(
     name="rkn6",
     order=6,
@@ -94,6 +173,15 @@ METHODS = {
             reference="W. Kutta, Z. Math. Phys. 46, 435 (1901)",
             limitations="it loses energy in long runs, and rkn6 is cheaper at every accuracy; it "
             "serves to compare with results that were obtained with it",
+        ),
+        Nystrom(
+            name="rk8",
+            order=8,
+            **nystrom_of(_DORMAND_PRINCE, _DORMAND_PRINCE_WEIGHTS),
+            default_fraction=0.25,
+            reference="E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential "
+            "Equations I, II.5: the method of order 8 of J. R. Dormand and P. J. Prince",
+            limitations="it loses energy in long runs; it serves where forces depend on velocity",
         ),
         Midpoint(
             name="midpoint",
@@ -133,7 +221,7 @@ def find(method: str | Method) -> Method:
     return method
 
 
-def default(dt: float | None, tol: float | None, opens: bool) -> str:
+def default(dt: float | None, tol: float | None, opens: bool, rates: bool = False) -> str:
     """Name of the default method.
 
     Parameters
@@ -144,11 +232,15 @@ def default(dt: float | None, tol: float | None, opens: bool) -> str:
         Tolerance given by the user.  A `LOOSE` one is met by any stable step.
     opens : bool
         Whether contacts can be lost in a way that `Corrected` methods treat.
+    rates : bool, optional
+        Whether forces may depend on velocity.
 
     Returns
     -------
     str
     """
+    if rates:
+        return "rk8" if dt is None else "rk4"
     if dt is not None:
         return "verlet"
     return "corrected6" if opens and (tol is None or tol < LOOSE) else "rkn6"

@@ -285,20 +285,26 @@ class Nystrom(Method):
     ----------
     nodes, positions, velocities : tuple, (stages,)
     matrix : tuple of tuples, (stages, stages)
+    rates : tuple of tuples, (stages, stages), optional
+        Forces that depend on velocity are evaluated at v + dt sum_j rates[i][j] a_j in stage i;
+        without these rows a method does not take such forces.
     """
 
     nodes: tuple[float, ...]
     matrix: tuple[tuple[float, ...], ...]
     positions: tuple[float, ...]
     velocities: tuple[float, ...]
+    rates: tuple[tuple[float, ...], ...] = ()
     symplectic = reversible = False
     _slack = _bisected = GAIN
 
     def __post_init__(self) -> None:
         super().__post_init__()
         self._set_rows("nodes", "positions", "velocities")
-        rows = check.sequence(f"matrix of {self.name!r}", self.matrix, "rows")
-        self._set("matrix", tuple(row_of(f"matrix of {self.name!r}", row) for row in rows))
+        for name in ("matrix", "rates"):
+            words = f"{name} of {self.name!r}"
+            rows = check.sequence(words, getattr(self, name), "rows")
+            self._set(name, tuple(row_of(words, row) for row in rows))
 
     def check(self) -> None:
         """Refuse rows that are not consistent with a step dt and the order, or not explicit."""
@@ -314,13 +320,30 @@ class Nystrom(Method):
             turned = [a * b for a, b in zip(self.velocities, self.nodes, strict=True)]
             self._require_sum("sum of the positions", self.positions, 0.5)
             self._require_sum("sum of velocities times nodes", turned, 0.5)
-        words = "the matrix must be 0 on its diagonal and above for the method to be explicit"
-        self._require(not any(a for i, row in enumerate(self.matrix) for a in row[i:]), words)
+        if self.rates:
+            shape = {len(self.rates)} | {len(row) for row in self.rates}
+            self._require(shape == {count}, f"rates must have {count} rows of {count} entries")
+            for row, node in zip(self.rates, self.nodes, strict=True):
+                self._require_sum("sum of a row of the rates", row, node)
+        for name in ("matrix", "rates"):
+            self._require(
+                not any(a for i, row in enumerate(getattr(self, name)) for a in row[i:]),
+                f"the {name} must be 0 on its diagonal and above for the method to be explicit",
+            )
 
     @property
     def stages(self) -> int:
         """Force evaluations per step."""
         return len(self.nodes)
+
+    @cached_property
+    def decay_limit(self) -> float:
+        """Largest stable dt times the rate of a decay, v' = -rate v."""
+        a, b = np.array(self.rates), np.array(self.velocities)
+        z = np.linspace(0, 2.0 * self.stages, 20_001)[1:, None, None]
+        growth = np.linalg.solve(np.eye(len(b)) + z * a, np.ones((len(b), 1)))[..., 0] @ b
+        stable = np.abs(1 - z[:, 0, 0] * growth) <= 1
+        return float(z[np.argmin(stable) - 1, 0, 0])
 
     def step_matrix(self, z: Array | float) -> Matrix:
         """Entries (xx, xv, vx, vv) of a step's matrix for (x, v/omega), z = dt * omega."""
@@ -371,12 +394,14 @@ def nystrom_of(matrix: Rows, weights: Iterable[Any]) -> dict[str, Any]:
     The velocities of its stages, v + dt sum_j matrix[i][j] a_j, substituted into the positions of
     the stages, give the square of the matrix; those of the step follow in the same way.
     """
-    a, b = np.array(matrix, dtype=object), np.array(weights, dtype=object)
+    rows, b = [tuple(row) for row in matrix], np.array(weights, dtype=object)
+    a = np.array([(*row, *[0] * (len(rows) - len(row))) for row in rows], dtype=object)
     return {
         "nodes": tuple(map(float, a.sum(axis=1))),
         "matrix": tuple(tuple(map(float, row)) for row in a @ a),
         "positions": tuple(map(float, b @ a)),
         "velocities": tuple(map(float, b)),
+        "rates": tuple(tuple(map(float, row)) for row in a),
     }
 
 

@@ -29,6 +29,7 @@ from tensegrity.runs.record import Record
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.ensemble import Ensemble
+from tensegrity.scenes.force import Force
 from tensegrity.scenes.forcing import Damping, Drive
 from tensegrity.scenes.network import Network
 from tensegrity.scenes.scene import State
@@ -356,7 +357,12 @@ def in_time(x: Any) -> dict[str, Any]:
     found["tune"] = x.tune
     if not callable(x.tune):
         found["tune"] = {name: signal.expression for name, signal in x.tune.items()}
+    found["forces"] = x.applied
     return {name: value for name, value in found.items() if value}
+
+
+def _force(x):
+    return {"expression": x.expression, "on": x.on, "at": x.at, "parameters": dict(x.parameters)}
 
 
 def _chain(x):
@@ -412,6 +418,7 @@ register(Repeated, _shared)
 register(State, _fields)
 register(Damping, lambda x: {k: v if v.ndim else float(v) for k, v in _fields(x).items()})
 register(Drive, lambda x: {name: getattr(x, name) for name in ("displacement", "force")})
+register(Force, _force)
 register(Record, _fields)
 register(Prism, _fields)
 register(PowerLaw, _power_law)

@@ -9,7 +9,8 @@ import numpy as np
 
 from tensegrity.engine import driven
 from tensegrity.engine.driven import LARGEST_DAMPING, Locked
-from tensegrity.engine.methods import Splitting
+from tensegrity.engine.forced import largest_decay
+from tensegrity.engine.methods import Nystrom, Splitting
 from tensegrity.errors import LockingError, StabilityError, TensegrityError
 from tensegrity.runs.motion import Motion, MotionState
 from tensegrity.scenes.forcing import check_start, forcing_of
@@ -26,7 +27,12 @@ class ForcedMotion(Motion):
 
     def __init__(self, problem: Any, dt: float, allowed: float, start: Any = None) -> None:
         scene, method = problem.scene, problem.method
-        if not isinstance(method, Splitting):
+        if scene.applied and not getattr(method, "rates", ()):
+            raise TensegrityError(
+                f"method {method.name!r} has no rows for velocities, which scenes with forces of "
+                "their own need, such as rk4 and rk8"
+            )
+        if not scene.applied and not isinstance(method, Splitting):
             raise TensegrityError(
                 f"method {method.name!r} is no splitting of kicks and drifts, which driven, damped "
                 "and tuned scenes need, such as verlet and rkn6"
@@ -39,6 +45,7 @@ class ForcedMotion(Motion):
                 known[key] = Tuned(problem.dynamics.springs.different[0], scene.tune, key)
             self.tuning = known[key]
         self.forcing = forcing_of(scene, problem.t_end, self.tuning)
+        self.problem, self._damped_out = problem, None
         self._limit_damping(problem, dt)
         begin, forced, self._first_force = np.zeros(1), self.forcing.forced, 0.0
         self._first_v = self.forcing.motion(begin, 1)[0] if len(self.forcing.moved) else 0.0
@@ -50,8 +57,13 @@ class ForcedMotion(Motion):
 
     def _limit_damping(self, problem: Any, dt: float) -> None:
         """Refuse a step whose drifts change velocities too much by damping."""
-        method, rate = problem.method, self.forcing.decay
-        longest = max(map(abs, method.drifts))
+        method = problem.method
+        if isinstance(method, Nystrom):
+            begin = 0.0, problem.state.u, problem.state.v
+            if (largest := self._largest_step(*begin)) < dt:
+                raise self._too_damped(dt, largest, 0.0)
+            return
+        rate, longest = self.forcing.decay, max(map(abs, method.drifts))
         largest = LARGEST_DAMPING / longest / rate if rate else math.inf
         if dt > largest:
             error = StabilityError(
@@ -61,6 +73,21 @@ class ForcedMotion(Motion):
             )
             error.largest = largest
             raise error
+
+    def _largest_step(self, t: float, u: Array, v: Array) -> float:
+        """Largest stable step [s] for the rates at which forces change velocities in a state."""
+        applied, w = self.forcing.applied, self.problem.dynamics.inverse_mass
+        rate = largest_decay(applied, t, u, v, w)
+        return self.problem.method.decay_limit / rate if rate else math.inf
+
+    def _too_damped(self, dt: float, largest: float, t: float) -> StabilityError:
+        error = StabilityError(
+            f"{self.problem.step_words(dt)} is beyond {largest:.6g} s, the limit of "
+            f"{self.problem.method.name} for the rate at which forces change velocities at "
+            f"t = {t:.6g} s"
+        )
+        error.largest = largest
+        return error
 
     def _bind(self, listed: Any) -> Any:
         u, v = listed.arrays(self.problem.state)
@@ -88,7 +115,7 @@ class ForcedMotion(Motion):
     # attempts
 
     def _go(self, end: int, wanted: Any) -> bool:
-        self._locked = None
+        self._locked = self._damped_out = None
         if self._is_past_end(end):
             return False
         try:
@@ -137,6 +164,13 @@ class ForcedMotion(Motion):
         return point._replace(output=(*point.output, self._sums[0]), sums=self._bound.sums.copy())
 
     def _allows(self, elongation_range: Array, end: int) -> bool:
+        self._damped_out = None
+        if self.forcing.applied:
+            u, v = (x[: self._sites] for x in self._bound.output)
+            largest = self._largest_step(end * self.dt, u, v)
+            if largest < self.dt:
+                self._damped_out = self._too_damped(self.dt, largest, end * self.dt)
+                return False
         if self.tuning is None:
             return super()._allows(elongation_range, end)
         self._limit = self.problem.largest_step(
@@ -237,6 +271,8 @@ class ForcedMotion(Motion):
                 f"{self.tuning.reason}: the springs were driven there at t = "
                 f"{self.tuning.until:.6g} s"
             )
+        if self._damped_out is not None:
+            return self._damped_out
         return super().error() if self._locked is None else self._of_lock(self._locked)
 
     def _of_lock(self, locked: Locked) -> LockingError | StabilityError:

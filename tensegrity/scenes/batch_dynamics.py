@@ -73,6 +73,11 @@ class BatchDynamics(Dynamics):
         """Whether some scene is driven, damped or tuned."""
         return any(one.is_driven for one in self.members)
 
+    @property
+    def has_forces(self) -> bool:
+        """Whether any of the scenes has forces besides those of springs, drives and dashpots."""
+        return any(one.has_forces for one in self.members)
+
     @cached_property
     def springs(self) -> Springs:
         """The distinct springs, and which one each bond has, per scene if the scenes differ."""

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from tensegrity.engine.energies import Energies
+    from tensegrity.scenes.force import Force
     from tensegrity.scenes.forcing import Damping, Drive, Tune
     from tensegrity.typing import Array, Motion
 
@@ -56,6 +57,9 @@ class Chain(Scene):
         that of t = 0.  The change does work on the chain at the rate dV/dt at fixed elongation.
         Elongations are measured from the reference shape at t = 0.
         Source: seeds/000, "adjusted on the fly, through suitable control of prestress".
+    forces : sequence of Force, optional
+        Forces of time, displacement and velocity, in addition to those of the springs.  They need
+        a Runge-Kutta method, "rk4" or "rk8", and exclude `tune`.
 
     Raises
     ------
@@ -85,6 +89,7 @@ class Chain(Scene):
         drive: Mapping[int, Drive] | None = None,
         damping: Damping | None = None,
         tune: Tune | None = None,
+        forces: Sequence[Force] = (),
     ) -> None:
         self.sites = check.whole("sites", sites, least=2)
         check.room(f"a run of {self.sites} sites", BYTES_PER_SITE * self.sites)
@@ -98,7 +103,7 @@ class Chain(Scene):
             raise TensegrityError(f"ends {check.shown(ends)} must be two of {ENDS}")
         self.ends = ends[0], ends[1]
         _ = dynamics(self).loop_bonds  # refuses springs that the compiled loop cannot take
-        self._set_forcing(drive, damping, tune)
+        self._set_forcing(drive, damping, tune, forces)
 
     def _springs(self, spring: Potential | Sequence[Potential]) -> tuple[Potential, ...]:
         if isinstance(spring, Potential):
@@ -260,7 +265,9 @@ class ChainDynamics(Dynamics):
         """The same chain with one new spring for each distinct spring in `springs`."""
         of = self.scene
         other = Chain([springs[k] for k in self.springs.group], of.sites, of.mass, of.ends)
-        other.__dict__.update(drive=of.drive, damping=of.damping, tune=of.tune)
+        other.__dict__.update(
+            drive=of.drive, damping=of.damping, tune=of.tune, applied=of.applied
+        )
         return other
 
     def bond_frequency_bound(self, stiffness: Array) -> float:

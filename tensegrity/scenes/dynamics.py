@@ -175,6 +175,11 @@ class Dynamics:
         """Whether forces depend on time or velocity, or motion is prescribed."""
         return is_driven(self.scene)
 
+    @property
+    def has_forces(self) -> bool:
+        """Whether there are forces besides those of springs, drives and dashpots."""
+        return bool(self.scene.applied)
+
     @cached_property
     def smooth(self) -> bool:
         """Whether no spring has a kink."""
@@ -303,4 +308,4 @@ class Dynamics:
 
 def is_driven(scene: SceneData) -> bool:
     """Whether forces depend on time or velocity, or motion is prescribed."""
-    return bool(scene.drive or scene.damping or scene.tune)
+    return bool(scene.drive or scene.damping or scene.tune or scene.applied)

@@ -20,6 +20,7 @@ from tensegrity.errors import TensegrityError
 from tensegrity.printing import concise, printed
 from tensegrity.readonly import FixedDict, fixed
 from tensegrity.scenes.dynamics import dynamics
+from tensegrity.scenes.force import checked_forces, dashpots
 from tensegrity.scenes.signals import RTOL, check_signals, expression_of, signals_of
 from tensegrity.springs.potential import argument
 from tensegrity.springs.tuned import spring_at
@@ -174,7 +175,9 @@ class Damping:
         return np.broadcast_to(values, (count,)).copy()
 
 
-def checked_forcing(scene: Any, drive: Any, damping: Any, tune: Any = None) -> dict[str, Any]:
+def checked_forcing(
+    scene: Any, drive: Any, damping: Any, tune: Any = None, forces: Any = ()
+) -> dict[str, Any]:
     """Validate the forcing of a scene.
 
     Parameters
@@ -183,11 +186,13 @@ def checked_forcing(scene: Any, drive: Any, damping: Any, tune: Any = None) -> d
     drive : dict of int to Drive, or None
     damping : Damping or None
     tune : dict of str to expression, callable t -> Potential, or None
+    forces : sequence of Force
 
     Returns
     -------
     dict
-        The attributes `drive`, `damping` (None if all coefficients are 0) and `tune` of the scene.
+        The attributes `drive`, `damping` (None if all coefficients are 0), `tune` and `applied`
+        of the scene.
 
     Raises
     ------
@@ -214,6 +219,9 @@ def checked_forcing(scene: Any, drive: Any, damping: Any, tune: Any = None) -> d
         if not (damping.bond.any() or damping.ground.any()):
             damping = None
     found = {"drive": FixedDict(drive), "damping": damping}
+    found["applied"] = checked_forces(scene, forces, _bonds(scene))
+    if tune and forces:
+        raise TensegrityError("tune and forces exclude each other")
     return found | {"tune": _checked_tune(scene, {} if tune is None else tune)}
 
 
@@ -256,7 +264,9 @@ def _bonds(scene: Any) -> int:
 def refuse_driven(scene: Any, what: str) -> None:
     """Refuse a driven, damped or tuned scene in an analysis of conservative scenes."""
     if dynamics(scene).is_driven:
-        raise TensegrityError(f"{what}: not for scenes that are driven, damped or tuned")
+        raise TensegrityError(
+            f"{what}: not for scenes that are driven, damped or tuned, or have further forces"
+        )
 
 
 def start_driven_sites(scene: Any, u: Array, v: Array) -> None:
@@ -378,6 +388,9 @@ def forcing_of(scene: Any, t_end: float, tuning: Any = None) -> Forcing:
     bond[: _bonds(scene)] = damping.each("bond", _bonds(scene))
     held = np.repeat(dynamics(scene).inverse_mass == 0, scene.dim)
     ground[held] = 0.0
+    applied = applied_forces(scene)
+    if applied:  # dashpots are among them
+        ground, bond = np.zeros_like(ground), np.zeros_like(bond)
     if tuning is not None:
         bonds = replace(
             bonds, laws=(tuning.law,), law=np.zeros(1, int), parameters=tuning.at(np.zeros(1)),
@@ -394,4 +407,14 @@ def forcing_of(scene: Any, t_end: float, tuning: Any = None) -> Forcing:
         ground,
         bond,
         tuning,
+        applied,
     )
+
+
+def applied_forces(scene: Any) -> tuple[Any, ...]:
+    """The forces of a scene that has any, its dashpots among them."""
+    if not scene.applied:
+        return ()
+    counts = {"sites": scene.sites, "bonds": _bonds(scene)}
+    more = dashpots(scene.damping, *counts.values()) if scene.damping else []
+    return tuple(one.applied(counts[one.on]) for one in (*scene.applied, *more))

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from tensegrity.scenes.force import Force
     from tensegrity.scenes.forcing import Damping, Drive
     from tensegrity.springs.potential import Potential
     from tensegrity.typing import Array
@@ -103,6 +104,8 @@ class Scene(HasDynamics):
         Prescribed motions of sites, and forces that depend on time.
     damping : Damping or None
         Dashpots.
+    applied : tuple of Force
+        Those given as `forces`.
     tune : dict of str to expression, or callable t -> Potential
         Arguments of the springs that depend on time, or the spring as a function of time [s].
     """
@@ -110,6 +113,7 @@ class Scene(HasDynamics):
     __str__ = concise
     drive: Mapping[int, Drive] = FixedDict()
     damping: Damping | None = None
+    applied: tuple[Force, ...] = ()
     tune: Any = FixedDict()
     sites: int
     dim: int
@@ -129,9 +133,9 @@ class Scene(HasDynamics):
         def at_rest(self, velocity: Any = None) -> State: ...
         def _check_sites(self, state: State) -> None: ...
 
-    def _set_forcing(self, drive: Any, damping: Any, tune: Any = None) -> None:
-        """Set the validated attributes `drive`, `damping` and `tune`."""
-        self.__dict__.update(checked_forcing(self, drive, damping, tune))
+    def _set_forcing(self, drive: Any, damping: Any, tune: Any = None, forces: Any = ()) -> None:
+        """Set the validated attributes `drive`, `damping`, `tune` and `applied`."""
+        self.__dict__.update(checked_forcing(self, drive, damping, tune, forces))
 
     def check(self, state: State) -> None:
         """Refuse a state that this scene cannot have.
