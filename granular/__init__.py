@@ -3,6 +3,7 @@
 from granular.bead_chain import BeadChain, chain
 from granular.beads import Bead, Striker
 from granular.contact import Contact, hertz, power
+from granular.dissipation import carretero_gonzalez, hunt_crossley, kuwabara_kono, viscous
 from granular.guide import Guide, diamond_guide, y_guide
 from granular.lattices import fcc_pack, hexagonal_pack
 from granular.materials import Material, materials
@@ -21,18 +22,22 @@ __all__ = [
     "Material",
     "Pack",
     "Striker",
+    "carretero_gonzalez",
     "chain",
     "diamond_guide",
     "energies",
     "fcc_pack",
     "hertz",
     "hexagonal_pack",
+    "hunt_crossley",
+    "kuwabara_kono",
     "materials",
     "overlaps",
     "pack",
     "power",
     "sensor_force",
     "simulate",
+    "viscous",
     "wall_force",
     "y_guide",
 ]

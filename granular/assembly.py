@@ -61,8 +61,11 @@ class Assembly(Crystal, Network):
     def _dynamics(self) -> AssemblyDynamics:
         return AssemblyDynamics(self)
 
-    def contact_forces(self, u: ArrayLike) -> Array:
-        """Compressive force in each listed contact [N], those with walls last; (..., contacts)."""
+    def contact_forces(self, u: ArrayLike, v: ArrayLike | None = None) -> Array:
+        """Compressive force in each listed contact [N], those with walls last; (..., contacts).
+
+        The contacts are elastic: velocities v are not needed.
+        """
         self._refuse_followed("contact forces")
         return np.concatenate([-self.bond_tension(u), self.wall_load(u)], axis=-1)
 
@@ -144,6 +147,11 @@ class SharedSprings:
         """The contact of two partners; the law is evaluated once for each pair."""
         if (bead, other) not in self._known:
             contact = contact_of(self._law, bead, other)
+            if contact.dissipation is not None and contact.dissipation.constant:
+                raise TensegrityError(
+                    f"contacts that dissipate ({contact.dissipation.model}) are for chains of "
+                    "beads, `granular.chain`; a guide's contacts must be elastic"
+                )
             self._known[bead, other] = contact, contact.spring()
         return self._known[bead, other][0]
 

@@ -20,6 +20,7 @@ from granular import sensitivity
 from granular.beads import Bead, Striker, beads_of
 from granular.contact import checked_law, contact_of, hertz
 from granular.crystal import Crystal
+from granular.dissipation import forces_of
 from granular.materials import Material
 from tensegrity import Chain, State, TensegrityError, check
 from tensegrity.scenes.chain import ChainDynamics
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from granular.contact import Contact, ContactLaw
-    from tensegrity import Damping, Drive
+    from tensegrity import Damping, Drive, Force
     from tensegrity.typing import Array
 
 PER_BEAD = 2000  # bytes: each contact has its own spring
@@ -63,12 +64,13 @@ class BeadChain(Crystal, Chain):
         drive: Mapping[int, Drive] | None = None,
         damping: Damping | None = None,
         gaps: Sequence[float] = (),
+        forces: Sequence[Force] = (),
     ) -> None:
         self._arguments: dict[str, Any] = {
             "beads": beads, "striker": striker, "loads": tuple(loads), "end": end,
             "start_wall": start_wall, "gaps": tuple(gaps),
         }  # fmt: skip
-        self.striker = striker
+        self.striker, self.own_forces = striker, tuple(forces)
         self.beads: tuple[Bead, ...] = (striker.bead, *beads) if striker else tuple(beads)
         walls = (start_wall is not None, end is not None)
         bodies: list[Any] = [start_wall] * walls[0] + [*self.beads] + [end] * walls[1]
@@ -93,7 +95,11 @@ class BeadChain(Crystal, Chain):
         ]
         masses = [x.mass if isinstance(x, Bead) else WALL_MASS for x in bodies]
         ends = tuple("fixed" if wall else "free" for wall in walls)
-        super().__init__(springs, sites, masses, ends, drive=drive, damping=damping)  # type: ignore[arg-type]
+        carried = zip(self._contacts, self._carried, strict=True)
+        losses = forces_of(self._contacts, [c.overlap(force) for c, force in carried])
+        self._losses = losses
+        forcing: dict[str, Any] = {"drive": drive, "damping": damping}
+        super().__init__(springs, sites, masses, ends, forces=(*losses, *forces), **forcing)  # type: ignore[arg-type]
         away = np.append(0.0, np.cumsum(gaps)) if len(gaps) else np.zeros(sites)
         self._separated = away - away[-1] if walls[1] else away  # a wall stays where it is
         for site, one in self.drive.items():
@@ -130,9 +136,24 @@ class BeadChain(Crystal, Chain):
         """The law of each contact."""
         return tuple(self._contacts)
 
-    def contact_forces(self, u: ArrayLike) -> Array:
-        """Compressive force in each contact [N]; u of shape (..., sites) gives (..., sites - 1)."""
-        return self._carried - self.bond_tension(u)
+    def contact_forces(self, u: ArrayLike, v: ArrayLike | None = None) -> Array:
+        """Compressive force in each contact [N]; u [m] of shape (..., sites) gives (..., sites - 1).
+
+        Contacts that dissipate need the velocities v [m/s] too, of the same shape.
+        """
+        elastic = self._carried - self.bond_tension(u)
+        if not self._losses:
+            return elastic
+        if v is None:
+            raise TensegrityError("the forces of contacts that dissipate depend on v: give v")
+        u = check.rows("displacements", u, self.shape, are_finite=False)
+        v = check.rows("velocities", v, self.shape, are_finite=False)
+        rate = v[..., 1:] - v[..., :-1]
+        for loss in self._losses:
+            elastic[..., loss.at] -= loss.values(
+                self.elongation(u)[..., loss.at], rate[..., loss.at]
+            )
+        return elastic
 
     def overlaps(self, u: ArrayLike) -> Array:
         """Overlap of each contact [m], < 0 for a gap; shapes as for `contact_forces`."""
@@ -191,6 +212,7 @@ def chain(
     law: ContactLaw = hertz,
     drive: Mapping[int, Drive] | None = None,
     damping: Damping | None = None,
+    forces: Sequence[Force] = (),
 ) -> BeadChain:
     """A straight chain of beads that touch, or that gaps separate.
 
@@ -266,7 +288,9 @@ def chain(
     weights[1 if striker else 0] += preload
     law = checked_law(law)
     separations = _gaps(gaps, len(beads) + others - 1, any(weights), start_wall and end)
-    return BeadChain(beads, striker, weights, end, law, start_wall, drive, damping, separations)
+    return BeadChain(
+        beads, striker, weights, end, law, start_wall, drive, damping, separations, forces
+    )
 
 
 def _gaps(gaps: ArrayLike, contacts: int, is_loaded: bool, walls: object) -> tuple[float, ...]:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from typing import Any
 
+    from granular.dissipation import Dissipation
     from tensegrity.typing import Array, Number
 
     ContactLaw = Callable[[Bead, Bead | Material], "Contact"]
@@ -40,16 +41,23 @@ class Contact:
         alpha [N/m^exponent], > 0.
     exponent : float
         n, 3/2 after Hertz.
+    dissipation : Dissipation, optional
+        What the rate of the overlap adds to the force.
     """
 
     constant: float
     exponent: float = 1.5
+    dissipation: Dissipation | None = None
 
     __str__ = printed(constant="N/m^exponent")
 
     def __post_init__(self) -> None:
         constant = check.number("contact constant", self.constant, above=0, unit="N/m^n")
         exponent = check.number("contact exponent", self.exponent, above=0)
+        if self.dissipation is not None:
+            from granular.dissipation import Dissipation  # which is built on this module
+
+            check.kind("dissipation", self.dissipation, Dissipation)
         object.__setattr__(self, "constant", constant)
         object.__setattr__(self, "exponent", exponent)
 

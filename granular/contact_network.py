@@ -35,7 +35,7 @@ def wall_sites(scene: Crystal, name: str) -> list[int]:
     return contacts_of(scene).of_wall(name)
 
 
-def wall_forces(scene: Crystal, u: ArrayLike, name: str) -> Array:
+def wall_forces(scene: Crystal, u: ArrayLike, name: str, v: ArrayLike | None = None) -> Array:
     """Contact force of each site on the walls of a name at displacements u.
 
     Parameters
@@ -45,6 +45,8 @@ def wall_forces(scene: Crystal, u: ArrayLike, name: str) -> Array:
         [m]
     name : str
         As for `granular.wall_force`.
+    v : array_like, shape of u, optional
+        Velocities [m/s], for contacts that dissipate.
 
     Returns
     -------
@@ -52,7 +54,7 @@ def wall_forces(scene: Crystal, u: ArrayLike, name: str) -> Array:
         [N], compression > 0.
     """
     check.kind("scene", scene, Crystal)
-    return contacts_of(scene).wall_forces(u, name)
+    return contacts_of(scene).wall_forces(u, name, v)
 
 
 class ChainContacts:
@@ -116,10 +118,10 @@ class ChainContacts:
             raise unknown_wall(name, self.wall_sites)
         return list(self.wall_sites[name])
 
-    def wall_forces(self, u: ArrayLike, name: str) -> Array:
+    def wall_forces(self, u: ArrayLike, name: str, v: ArrayLike | None) -> Array:
         """Contact force of each site on the wall of that name [N], compression > 0."""
         bead = self.of_wall(name)[-1]
-        forces = self.scene.contact_forces(u)
+        forces = self.scene.contact_forces(u, v)
         found = np.zeros((*forces.shape[:-1], self.scene.sites))
         found[..., bead] = forces[..., 0 if name == "start" else -1]
         return found
@@ -188,7 +190,7 @@ class AssemblyContacts:
         contacts = self.scene.wall_contacts
         return sorted(set(contacts[np.isin(contacts[:, 1], numbers), 0].tolist()))
 
-    def wall_forces(self, u: ArrayLike, name: str) -> Array:
+    def wall_forces(self, u: ArrayLike, name: str, v: ArrayLike | None) -> Array:
         """Contact force of each site on the walls of a name [N], compression > 0."""
         numbers = self._walls(name)
 

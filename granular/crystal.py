@@ -38,7 +38,7 @@ class Crystal:
     if TYPE_CHECKING:
         sites: int
 
-        def contact_forces(self, u: Array) -> Array: ...
+        def contact_forces(self, u: Array, v: Array | None = None) -> Array: ...
         def overlaps(self, u: Array) -> Array: ...
 
     __str__ = concise
@@ -108,8 +108,8 @@ def crystal_of(run: Any) -> Crystal:
     return run.scene
 
 
-def rows(run: Run, sites: Iterable[int]) -> Array:
-    """Displacements of all sites, of which those named must have been recorded.
+def rows(run: Run, sites: Iterable[int], name: str = "u") -> Array:
+    """Displacements of all sites, or their velocities "v"; those named must have been recorded.
 
     Returns
     -------
@@ -125,10 +125,10 @@ def rows(run: Run, sites: Iterable[int]) -> Array:
     if missing:
         raise TensegrityError(f"site {missing[0]} is needed and was not recorded")
     if run.sites == tuple(range(run.scene.sites)):
-        return run.u
-    u = np.zeros((len(run.t), run.scene.sites, *run.u.shape[2:]))
-    u[:, list(run.sites)] = run.u
-    return u
+        return getattr(run, name)
+    found = np.zeros((len(run.t), run.scene.sites, *run.u.shape[2:]))
+    found[:, list(run.sites)] = getattr(run, name)
+    return found
 
 
 def whole(run: Run) -> tuple[Array, Array]:

@@ -75,8 +75,9 @@ def _sensed(run: Run, sites: Sequence[int]) -> Array:
     """Sensor forces of beads by their sites, (T, sites) [N]."""
     scene = crystal_of(run)
     contacts = contacts_of(scene)
-    u = rows(run, sorted({k for site in sites for k in contacts.neighbours(site)}))
-    forces = scene.contact_forces(u)
+    near = sorted({k for site in sites for k in contacts.neighbours(site)})
+    u = rows(run, near)
+    forces = scene.contact_forces(u, rows(run, near, "v"))
     columns = [
         (forces[:, contacts.of_site(site)] * contacts.cosines(u, site)).sum(axis=-1) / 2
         for site in sites
@@ -109,7 +110,8 @@ def wall_force(run: Run, name: str, each: bool = False) -> Array:
     """
     scene = crystal_of(run)
     each = check.truth("each", each)
-    forces = wall_forces(scene, rows(run, wall_sites(scene, name)), name)
+    u, v = (rows(run, wall_sites(scene, name), one) for one in "uv")
+    forces = wall_forces(scene, u, name, v)
     return forces if each else forces.sum(axis=-1)
 
 

@@ -13,6 +13,7 @@ from typing import Any
 from granular.bead_chain import BeadChain
 from granular.beads import Bead, Striker
 from granular.contact import Contact
+from granular.dissipation import Dissipation
 from granular.guide import Guide
 from granular.layout import Layout, Piece
 from granular.materials import Material
@@ -22,7 +23,7 @@ from tensegrity.runs.archive import in_time, register
 
 def register_scenes() -> None:
     """Register scenes of beads, so that files can contain them."""
-    for kind in (Material, Bead, Striker, Contact, Piece, Layout):
+    for kind in (Material, Bead, Striker, Contact, Dissipation, Piece, Layout):
         register(kind, _fields)
     for kind in (BeadChain, Guide):
         register(kind, _scene, _again(kind))
@@ -34,7 +35,10 @@ def _fields(x: Any) -> dict[str, Any]:
 
 
 def _scene(x: Any) -> dict[str, Any]:
-    return {**x._arguments, "contacts": x._contacts, **in_time(x)}
+    found = {**x._arguments, "contacts": x._contacts, **in_time(x)}
+    found.pop("forces", None)  # those of contacts are theirs
+    forces = getattr(x, "own_forces", ())
+    return found | ({"forces": forces} if forces else {})
 
 
 def _again(kind: Callable[..., Any]) -> Callable[..., Any]:

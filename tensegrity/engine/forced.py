@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tensegrity.engine.law import to_casadi
+from tensegrity.engine.law import is_piecewise, to_casadi
 from tensegrity.engine.native import structure
 from tensegrity.once import once
 
@@ -53,6 +53,11 @@ class ForceLaw:
     def dissipates(self) -> bool:
         """Whether the force depends on velocity: its negative work then counts as a loss."""
         return self.state[1] in self.expression.free_symbols
+
+    @property
+    def jumps(self) -> bool:
+        """Whether the expression is defined piecewise, so that the force may jump."""
+        return is_piecewise(self.expression)
 
     @property
     def name(self) -> str:
@@ -114,7 +119,9 @@ class AppliedForce:
     values: Array
 
 
-def largest_decay(applied: tuple[AppliedForce, ...], t: float, u: Array, v: Array, w: Array) -> float:
+def largest_decay(
+    applied: tuple[AppliedForce, ...], t: float, u: Array, v: Array, w: Array
+) -> float:
     """Bound on the rates at which velocities of a chain decay or grow by forces [1/s].
 
     Parameters

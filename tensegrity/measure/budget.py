@@ -91,6 +91,8 @@ def budget(run: Run, bond: int) -> Budget:
         raise TensegrityError(f"the scene of the run is {type(chain).__name__}, not a Chain")
     if chain.tune:
         raise TensegrityError("the springs change in time: their work passes through no bond")
+    if chain.applied:
+        raise TensegrityError("forces besides those of the springs act on the chain: no budget")
     bond = check.whole("bond", bond, least=0, below=chain.sites - 1)
     if run.sites != tuple(range(chain.sites)):
         raise TensegrityError(f"{len(run.sites)} of {chain.sites} sites recorded: record all")

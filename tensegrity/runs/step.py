@@ -157,7 +157,10 @@ def attainable_order(problem, elongation_range):
     """
     dyn = problem.dynamics
     driven = time_signals(problem.scene) if dyn.is_driven else ()
-    order = min((signal.order_limit for signal in driven), default=math.inf)
+    limits = [signal.order_limit for signal in driven]
+    if dyn.has_forces and any(law.jumps for law in dyn.force_laws):
+        limits.append(1.0)  # of any method, where a force jumps
+    order = min(limits, default=math.inf)
     corrects = isinstance(problem.method, Corrected)
     for exponent in exponents_within(dyn, elongation_range):
         treated = corrects and is_treated(exponent)

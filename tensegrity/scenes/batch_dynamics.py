@@ -78,6 +78,11 @@ class BatchDynamics(Dynamics):
         """Whether any of the scenes has forces besides those of springs, drives and dashpots."""
         return any(one.has_forces for one in self.members)
 
+    @property
+    def force_laws(self) -> tuple[Any, ...]:
+        """The expressions of these forces."""
+        return tuple(law for one in self.members for law in one.force_laws)
+
     @cached_property
     def springs(self) -> Springs:
         """The distinct springs, and which one each bond has, per scene if the scenes differ."""

@@ -180,6 +180,11 @@ class Dynamics:
         """Whether there are forces besides those of springs, drives and dashpots."""
         return bool(self.scene.applied)
 
+    @property
+    def force_laws(self) -> tuple[Any, ...]:
+        """The expressions of these forces."""
+        return tuple(one.law for one in self.scene.applied)
+
     @cached_property
     def smooth(self) -> bool:
         """Whether no spring has a kink."""

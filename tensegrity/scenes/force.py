@@ -148,6 +148,25 @@ class Force:
                     f"{second} = {v:g} m/s"
                 )
 
+    def values(self, x: ArrayLike, rate: ArrayLike, t: float = 0.0) -> Array:
+        """The force [N] at displacements or elongations x [m] and their rates [m/s] at time t [s].
+
+        Parameters
+        ----------
+        x, rate : array_like, (..., places)
+        t : float, optional
+
+        Returns
+        -------
+        ndarray, (..., places)
+            On sites > 0 towards higher sites; in bonds a tension.
+        """
+        x, rate = np.broadcast_arrays(check.floats("x", x), check.floats("rate", rate))
+        p = [np.broadcast_to(one, x.shape).ravel() for one in self.parameters.values()]
+        p = np.reshape(p, (len(p), x.size))  # type: ignore[assignment]
+        found = self.law.function()(t, np.stack([x.ravel(), rate.ravel()]), p)
+        return np.array(found).reshape(x.shape)
+
     def applied(self, count: int) -> AppliedForce:
         """The force on all places of a scene that has `count` of them.
 

@@ -1,0 +1,219 @@
+"""Forces of one's own on sites and in bonds: against SciPy, closed forms, and their own work."""
+
+import numpy as np
+import pytest
+import sympy as sp
+from scipy.integrate import solve_ivp
+
+from tensegrity import (
+    METHODS,
+    Chain,
+    Damping,
+    Drive,
+    Ensemble,
+    Force,
+    PowerLaw,
+    Prism,
+    Record,
+    Run,
+    StabilityError,
+    State,
+    TensegrityError,
+    budget,
+    gradient,
+    modes,
+    resume,
+    simulate,
+)
+from tensegrity.objective import peak
+
+T, U, V, C, R, RATE = sp.symbols("t u v c r rate")
+SPRING = Prism(1.0, 0.7, 0.01, 1.0).potential()
+SITES, END = 8, 6.0
+MASS = np.linspace(1, 2, SITES)
+DRAG = np.linspace(0.1, 0.3, SITES)
+STRUT = [0, 2, 3, 5]
+
+
+def scene(**more):
+    """A driven chain with nonlinear forces of all kinds."""
+    on_sites = Force(
+        -C * V * sp.sqrt(V**2 + sp.Rational(1, 100)) + sp.sin(T) * U / 10 + sp.cos(T) / 100,
+        parameters={"c": DRAG},
+    )
+    in_bonds = Force(C * RATE * (1 + R**2) + R**3 / 5, "bonds", STRUT, {"c": 0.2})
+    drive = {
+        SITES - 1: Drive(displacement=sp.sin(T) ** 2 / 50),
+        3: Drive(force=sp.sin(2 * T) / 30),
+    }
+    given = {"drive": drive, "damping": Damping(bond=0.05, ground=0.02)} | more
+    return Chain(SPRING, SITES, MASS, forces=(on_sites, in_bonds), **given)
+
+
+def rates(t, y):
+    """The equations of motion of `scene`, written out."""
+    u, v = y[:SITES].copy(), y[SITES:].copy()
+    u[-1], v[-1] = np.sin(t) ** 2 / 50, np.sin(2 * t) / 50
+    r, rate = np.diff(u), np.diff(v)
+    tension = SPRING.tension(r) + 0.05 * rate
+    tension[STRUT] += 0.2 * rate[STRUT] * (1 + r[STRUT] ** 2) + r[STRUT] ** 3 / 5
+    force = np.zeros(SITES)
+    force[:-1] += tension
+    force[1:] -= tension
+    force += -DRAG * v * np.sqrt(v**2 + 0.01) + np.sin(t) * u / 10 + np.cos(t) / 100 - 0.02 * v
+    force[3] += np.sin(2 * t) / 30
+    force[-1] = v[-1] = 0
+    return np.concatenate([v, force / MASS])
+
+
+@pytest.fixture(scope="module")
+def reference():
+    state = scene().at_rest({0: 0.1})
+    start = np.concatenate([state.u, state.v])
+    return solve_ivp(rates, (0, END), start, method="DOP853", rtol=1e-13, atol=1e-15).y[:, -1]
+
+
+def errors(run, reference):
+    wrong = [run.final.u[:-1] - reference[: SITES - 1], run.final.v[:-1] - reference[SITES:-1]]
+    energy = run.energy - run.energy[0] - (run.work - run.work[0]) + (run.loss - run.loss[0])
+    return np.abs(wrong).max(), np.abs(energy).max()
+
+
+@pytest.mark.parametrize("tol", [1e-3, 1e-6, 1e-9, 1e-11])
+def test_all_forces_together_meet_a_tolerance(reference, tol):
+    run = simulate(scene(), scene().at_rest({0: 0.1}), END, tol=tol)
+    wrong, energy = errors(run, reference)
+    assert run.method == "rk8"
+    assert wrong <= tol * 0.1  # of the speed of the blow
+    assert energy <= tol * run.energy[0]
+    assert run.loss[-1] > 0.5 * run.energy[0]
+
+
+@pytest.mark.parametrize(("method", "steps", "order"), [("rk4", 60, 3.7), ("rk8", 10, 7.3)])
+def test_the_order_is_that_of_the_method(reference, method, steps, order):
+    counts, found = [steps, 2 * steps, 3 * steps, 4 * steps, 6 * steps], []
+    for count in counts:
+        dt = END / count
+        run = simulate(scene(), scene().at_rest({0: 0.1}), END, dt=dt, method=method)
+        found.append(errors(run, reference))
+    for wrong in np.transpose(found):
+        assert -np.polyfit(np.log(counts), np.log(wrong), 1)[0] > order
+
+
+def test_rk8_has_its_order_and_limits():
+    rk8 = METHODS["rk8"]
+    a, b, c = np.array(rk8.rates), np.array(rk8.velocities), np.array(rk8.nodes)
+    for power in range(8):
+        assert b @ c**power == pytest.approx(1 / (power + 1), abs=1e-14)
+    assert b @ a @ a @ a @ a @ a @ a @ np.ones(12) == pytest.approx(1 / 5040, abs=1e-14)
+    assert METHODS["rk4"].decay_limit == pytest.approx(2.785293563, abs=1e-3)
+    assert 5 < rk8.decay_limit < 6.5
+
+
+def test_dashpots_are_forces():
+    damping = Damping(bond=np.linspace(0.1, 0.4, SITES - 1), ground=0.2)
+    idle = Force(0 * V + T - T + C * U, parameters={"c": 0.0})
+    state = Chain(SPRING, SITES, MASS).at_rest({0: 0.1})
+    both = [
+        simulate(Chain(SPRING, SITES, MASS, damping=damping, **more), state, END, tol=1e-11)
+        for more in ({}, {"forces": (idle,)})
+    ]
+    assert [run.method for run in both] == ["rkn6", "rk8"]
+    np.testing.assert_allclose(both[0].final.u, both[1].final.u, rtol=0, atol=1e-12)
+    assert both[0].loss[-1] == pytest.approx(both[1].loss[-1], abs=1e-12)
+
+
+def test_quadratic_drag_has_its_closed_form():
+    drag = Force(-C * abs(V) * V, parameters={"c": [0.5, 1.0]})
+    chain = Chain(PowerLaw(1.0, 1.5), sites=2, mass=[1.0, 2.0], forces=(drag,))
+    run = simulate(chain, chain.at_rest({0: 1.0, 1: 1.0}), 4.0, tol=1e-10)
+    np.testing.assert_allclose(run.v, 1 / (1 + 0.5 * run.t)[:, None] * [1, 1], rtol=0, atol=1e-10)
+    assert run.loss[-1] == pytest.approx(1.5 * (1 - 1 / 9), abs=1e-9)
+
+
+def test_forces_in_bonds_keep_the_momentum():
+    strut = Force(C * RATE**3 + R**2 * RATE, "bonds", parameters={"c": 2.0})
+    chain = Chain(SPRING, SITES, MASS, forces=(strut,))
+    run = simulate(chain, chain.at_rest({0: 0.05}), 20.0, tol=1e-8)
+    assert run.v @ MASS == pytest.approx(0.05, abs=1e-14)
+    assert np.all(np.diff(run.loss) > -1e-10)  # the force is passive
+
+
+def test_a_step_beyond_the_decay_is_refused():
+    chain = Chain(SPRING, SITES, MASS, forces=(Force(-C * V, parameters={"c": 100.0}),))
+    state = chain.at_rest({0: 0.1})
+    assert 1 / 36 < METHODS["rk4"].decay_limit / 100 < 1 / 35
+    with pytest.raises(StabilityError, match="the limit of rk4 for the rate"):
+        simulate(chain, state, 1.0, dt=1 / 35)
+    assert simulate(chain, state, 1.0, dt=1 / 36).complete
+    assert simulate(chain, state, 1.0, tol=1e-6).complete
+    harder = Chain(SPRING, SITES, MASS, forces=(Force(-C * V * T, parameters={"c": 100.0}),))
+    with pytest.raises(StabilityError, match="the limit of rk4 for the rate"):
+        simulate(harder, state, 4.0, dt=0.01)
+
+
+def test_runs_are_stored_read_and_resumed(tmp_path):
+    state, path = scene().at_rest({0: 0.1}), tmp_path / "stored.npz"
+    run = simulate(scene(), state, END, dt=0.01)
+    run.save(path)
+    np.testing.assert_array_equal(Run.load(path).loss, run.loss)
+    record = Record(every=1, path=tmp_path / "rows.npy", checkpoint=0.0)
+
+    def stop(t, *_):
+        if t > END / 2:
+            raise KeyboardInterrupt
+
+    simulate(scene(), state, END, dt=0.01, record=record, observe=stop)
+    ended = resume(tmp_path / "rows.npy", scene())
+    np.testing.assert_array_equal(ended.final.u, run.final.u)
+    assert ended.loss[-1] == run.loss[-1]
+
+
+def test_a_batch_takes_them():
+    scenes = [scene(), Chain(SPRING, SITES, MASS, forces=(Force(-V),))]
+    batch = Ensemble(scenes)
+    starts = [one.at_rest({0: 0.1}) for one in scenes]
+    start = State(*(np.stack([getattr(x, k) for x in starts], axis=-1) for k in "uv"))
+    run = simulate(batch, start, END, dt=0.02)
+    for number, one in enumerate(scenes):
+        alone = simulate(one, starts[number], END, dt=0.02)
+        np.testing.assert_array_equal(run.final.u[:, number], alone.final.u)
+
+
+@pytest.mark.parametrize(
+    ("words", "make"),
+    [
+        ("contains w: on sites it may contain t, u, v", lambda: Force(sp.Symbol("w") * V)),
+        ("contains v: on bonds it may contain t, r, rate", lambda: Force(V, "bonds")),
+        ("does not contain c", lambda: Force(V, parameters={"c": 1.0})),
+        ("parameter u of a force is one of", lambda: Force(U, parameters={"u": 1.0})),
+        ("must be finite", lambda: Force(C * V, parameters={"c": np.nan})),
+        ("no SymPy expression", lambda: Force("v")),
+        ("acts on 'walls'", lambda: Force(V, "walls")),
+        ("must differ, and exist", lambda: Force(V, at=[1, 1])),
+        ("is -inf at t = 0 s", lambda: Force(V / T)),
+        ("is nan at t = 0 s", lambda: Force(sp.sqrt(V))),
+        ("there are 3", lambda: Chain(SPRING, 3, forces=[Force(V, at=[3])])),
+        ("there are 2", lambda: Chain(SPRING, 3, forces=[Force(R, "bonds", [2])])),
+        ("must be a sequence of Force", lambda: Chain(SPRING, 3, forces=Force(V))),
+        ("2 values for 3 sites", lambda: Chain(SPRING, 3, forces=[Force(C * V, parameters={"c": [1, 2]})])),
+        ("tune and forces exclude", lambda: Chain(SPRING, 3, forces=[Force(V)], tune={"prestrain": 0.01 + T})),
+    ],
+)  # fmt: skip
+def test_wrong_forces_are_refused(words, make):
+    with pytest.raises(TensegrityError, match=words):
+        make()
+
+
+def test_what_knows_no_such_forces_refuses_them():
+    chain = Chain(SPRING, SITES, forces=(Force(-V),))
+    state = chain.at_rest({0: 0.1})
+    for call in (
+        lambda: gradient(chain, state, 1.0, peak(0), dt=0.01),
+        lambda: modes(chain),
+        lambda: budget(simulate(chain, state, 1.0, dt=0.01), 3),
+        lambda: simulate(chain, state, 1.0, dt=0.01, method="verlet"),
+        lambda: simulate(chain, state, 1.0, dt=0.01, method="midpoint"),
+    ):
+        with pytest.raises(TensegrityError):
+            call()
