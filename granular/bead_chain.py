@@ -18,9 +18,9 @@ import numpy as np
 
 from granular import sensitivity
 from granular.beads import Bead, Striker, beads_of
+from granular.damped_contact import forces_of
 from granular.contact import checked_law, contact_of, hertz
 from granular.crystal import Crystal
-from granular.dissipation import forces_of
 from granular.materials import Material
 from tensegrity import Chain, State, TensegrityError, check
 from tensegrity.scenes.chain import ChainDynamics
@@ -66,11 +66,12 @@ class BeadChain(Crystal, Chain):
         gaps: Sequence[float] = (),
         forces: Sequence[Force] = (),
     ) -> None:
+        forces = check.sequence("forces", forces, "forces")
         self._arguments: dict[str, Any] = {
             "beads": beads, "striker": striker, "loads": tuple(loads), "end": end,
-            "start_wall": start_wall, "gaps": tuple(gaps),
+            "start_wall": start_wall, "gaps": tuple(gaps), "forces": forces,
         }  # fmt: skip
-        self.striker, self.own_forces = striker, tuple(forces)
+        self.striker = striker
         self.beads: tuple[Bead, ...] = (striker.bead, *beads) if striker else tuple(beads)
         walls = (start_wall is not None, end is not None)
         bodies: list[Any] = [start_wall] * walls[0] + [*self.beads] + [end] * walls[1]
@@ -102,6 +103,10 @@ class BeadChain(Crystal, Chain):
         super().__init__(springs, sites, masses, ends, forces=(*losses, *forces), **forcing)  # type: ignore[arg-type]
         away = np.append(0.0, np.cumsum(gaps)) if len(gaps) else np.zeros(sites)
         self._separated = away - away[-1] if walls[1] else away  # a wall stays where it is
+        self._refuse_displaced_drives()
+
+    def _refuse_displaced_drives(self) -> None:
+        """Refuse gaps that displace a site whose motion is prescribed."""
         for site, one in self.drive.items():
             if one.prescribes and self._separated[site]:
                 raise TensegrityError(
@@ -137,7 +142,7 @@ class BeadChain(Crystal, Chain):
         return tuple(self._contacts)
 
     def contact_forces(self, u: ArrayLike, v: ArrayLike | None = None) -> Array:
-        """Compressive force in each contact [N]; u [m] of shape (..., sites) gives (..., sites - 1).
+        """Compressive force in each contact [N]; u of shape (..., sites) gives (..., sites - 1).
 
         Contacts that dissipate need the velocities v [m/s] too, of the same shape.
         """
@@ -146,8 +151,8 @@ class BeadChain(Crystal, Chain):
             return elastic
         if v is None:
             raise TensegrityError("the forces of contacts that dissipate depend on v: give v")
-        u = check.rows("displacements", u, self.shape, are_finite=False)
-        v = check.rows("velocities", v, self.shape, are_finite=False)
+        u = check.rows("displacements", u, self.shape)
+        v = check.rows("velocities", v, self.shape)
         rate = v[..., 1:] - v[..., :-1]
         for loss in self._losses:
             elastic[..., loss.at] -= loss.values(

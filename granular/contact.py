@@ -7,12 +7,14 @@ Source: seeds/000, part II, "Hertz interaction potentials"; seeds/001, eqs. (3),
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from granular.beads import Bead
+from granular.dissipation import ELASTIC, Dissipation, collision
 from granular.materials import Material
 from tensegrity import PowerLaw, TensegrityError, check
 from tensegrity.engine.programs import derived, run
@@ -22,12 +24,12 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from typing import Any
 
-    from granular.dissipation import Dissipation
     from tensegrity.typing import Array, Number
 
     ContactLaw = Callable[[Bead, Bead | Material], "Contact"]
 
 
+C = 299_792_458.0  # m/s: speeds are below that of light
 TINY = 1e-30  # step of a derivative through the complex plane
 
 
@@ -55,8 +57,6 @@ class Contact:
         constant = check.number("contact constant", self.constant, above=0, unit="N/m^n")
         exponent = check.number("contact exponent", self.exponent, above=0)
         if self.dissipation is not None:
-            from granular.dissipation import Dissipation  # which is built on this module
-
             check.kind("dissipation", self.dissipation, Dissipation)
         object.__setattr__(self, "constant", constant)
         object.__setattr__(self, "exponent", exponent)
@@ -67,6 +67,39 @@ class Contact:
         if np.any(~(force >= 0)):
             raise TensegrityError("contact forces must be at least 0 N")
         return (force / self.constant) ** (1 / self.exponent)
+
+    def restitution(self, mass: float, speed: float) -> tuple[float, float]:
+        """Coefficient of restitution and duration of a collision without other forces.
+
+        Parameters
+        ----------
+        mass : float
+            Reduced mass of the partners [kg], > 0: m1 m2/(m1 + m2), at a wall that of the bead.
+        speed : float
+            Of approach [m/s], > 0.
+
+        Returns
+        -------
+        restitution : float
+            Speed of separation over speed of approach, in (0, 1].
+        duration : float
+            From the first touch until the force is 0 again [s].
+
+        Raises
+        ------
+        TensegrityError
+            A mass or a speed that is not above 0.
+        """
+        mass = check.number("reduced mass", mass, above=0, unit="kg")
+        speed = check.number("speed of approach", speed, above=0, below=C, unit="m/s")
+        if not 0 < mass * speed**2 / self.constant < math.inf:
+            raise TensegrityError(
+                f"energy {mass * speed**2:g} J of a collision is beyond the range of numbers"
+            )
+        loss = self.dissipation or ELASTIC
+        constant = loss.scaled(self.constant, self.exponent, mass, speed)
+        value, time = collision(loss.model, loss.power, self.exponent, constant)
+        return value, time / speed * (mass * speed**2 / self.constant) ** (1 / (self.exponent + 1))
 
     def spring(self, preload: float = 0.0, length: float | None = None) -> PowerLaw:
         """Spring of two beads in contact under a compressive preload [N], >= 0.

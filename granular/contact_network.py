@@ -119,7 +119,18 @@ class ChainContacts:
         return list(self.wall_sites[name])
 
     def wall_forces(self, u: ArrayLike, name: str, v: ArrayLike | None) -> Array:
-        """Contact force of each site on the wall of that name [N], compression > 0."""
+        """Contact force of each site on the wall of that name.
+
+        Parameters
+        ----------
+        u, v, name
+            As of `wall_forces`.
+
+        Returns
+        -------
+        ndarray, (..., sites)
+            [N], compression > 0.
+        """
         bead = self.of_wall(name)[-1]
         forces = self.scene.contact_forces(u, v)
         found = np.zeros((*forces.shape[:-1], self.scene.sites))
@@ -191,7 +202,18 @@ class AssemblyContacts:
         return sorted(set(contacts[np.isin(contacts[:, 1], numbers), 0].tolist()))
 
     def wall_forces(self, u: ArrayLike, name: str, v: ArrayLike | None) -> Array:
-        """Contact force of each site on the walls of a name [N], compression > 0."""
+        """Contact force of each site on the walls of a name.
+
+        Parameters
+        ----------
+        u, v, name
+            As of `wall_forces`.
+
+        Returns
+        -------
+        ndarray, (..., sites)
+            [N], compression > 0.
+        """
         numbers = self._walls(name)
 
         def forces(scene: Any, rows: Array) -> Array:

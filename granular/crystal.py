@@ -111,6 +111,12 @@ def crystal_of(run: Any) -> Crystal:
 def rows(run: Run, sites: Iterable[int], name: str = "u") -> Array:
     """Displacements of all sites, or their velocities "v"; those named must have been recorded.
 
+    Parameters
+    ----------
+    run : Run
+    sites : iterable of int
+    name : {"u", "v"}, optional
+
     Returns
     -------
     ndarray, (T, sites[, dim])

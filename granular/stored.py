@@ -36,9 +36,7 @@ def _fields(x: Any) -> dict[str, Any]:
 
 def _scene(x: Any) -> dict[str, Any]:
     found = {**x._arguments, "contacts": x._contacts, **in_time(x)}
-    found.pop("forces", None)  # those of contacts are theirs
-    forces = getattr(x, "own_forces", ())
-    return found | ({"forces": forces} if forces else {})
+    return found | {k: v for k, v in x._arguments.items() if k == "forces"}  # not of contacts
 
 
 def _again(kind: Callable[..., Any]) -> Callable[..., Any]:

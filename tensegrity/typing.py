@@ -47,7 +47,6 @@ class SceneData(Protocol):
     springs: Sequence[Any]  # the Potential of each bond
     drive: Mapping[int, Any]  # {site: Drive}
     damping: Any  # Damping or None
-    applied: Sequence[Any]  # each a Force
     tune: Any  # arguments of the springs as functions of time, or a function t -> Potential
 
     @property

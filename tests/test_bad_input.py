@@ -122,7 +122,8 @@ NYSTROM = {"nodes": (0.5,), "matrix": ((0.0,),), "positions": (0.5,), "velocitie
 INSTANCES = {  # of classes whose methods are called
     "Bead": BEAD, "BeadChain": BEADS, "Chain": LINE,
     "Choice": design.Choice(3, 0.005, [STEEL, PTFE]),
-    "Contact": granular.Contact(1e9), "Drive": ts.Drive(force=0.1), "Ensemble": LANES,
+    "Contact": granular.Contact(1e9), "Drive": ts.Drive(force=0.1), "Ensemble": LANES, "Force": ts.Force(TIME),
+   
     "Lattice": ROW,
     "EquilibriumPath": ts.equilibrium_path(ELASTIC)[:2], "Lens": LENS, "Network": NET,
     "Guide": granular.y_guide(**GUIDE), "Pack": CUBE, "Order": design.Order([BEAD, SMALL]),
@@ -219,6 +220,11 @@ CALLS = [  # where other arguments are needed, or several in one call
     (ts.Chain, {"spring": SPRING, "sites": 3, "drive": {0: ts.Drive(force=0.1)},
              "damping": ts.Damping(0.1), "tune": {"prestrain": 0.01 + 0.001 * TIME}}),
     (ts.Drive, {"displacement": sp.sin(TIME)}),
+    (ts.Force, {"expression": R * TIME, "on": "bonds", "at": [0], "parameters": {}}),
+    (ts.Force(TIME).values, {"x": 0.1, "rate": 0.1, "t": 0.1}),
+    (granular.kuwabara_kono, {"c": 1e-6}), (granular.hunt_crossley, {"c": 0.1}),
+    (granular.viscous, {"c": 0.1}), (granular.carretero_gonzalez, {"g": 0.1, "a": 1.5}),
+    (granular.kuwabara_kono, {"restitution": 0.9, "speed": 1.0}),
     (ts.Drive, {"force": ([0.0, 1.0, 2.0], [0.0, 0.1, 0.2])}),
     (ts.Drive(force=0.1).at, {"t": [0.0, 1.0], "order": 0}),
     (ts.Ensemble, {"scenes": ts.Chain(SPRING, 3), "count": 2}),

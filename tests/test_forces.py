@@ -195,7 +195,7 @@ def test_a_batch_takes_them():
         ("is nan at t = 0 s", lambda: Force(sp.sqrt(V))),
         ("there are 3", lambda: Chain(SPRING, 3, forces=[Force(V, at=[3])])),
         ("there are 2", lambda: Chain(SPRING, 3, forces=[Force(R, "bonds", [2])])),
-        ("must be a sequence of Force", lambda: Chain(SPRING, 3, forces=Force(V))),
+        ("forces", lambda: Chain(SPRING, 3, forces=Force(V))),
         ("2 values for 3 sites", lambda: Chain(SPRING, 3, forces=[Force(C * V, parameters={"c": [1, 2]})])),
         ("tune and forces exclude", lambda: Chain(SPRING, 3, forces=[Force(V)], tune={"prestrain": 0.01 + T})),
     ],

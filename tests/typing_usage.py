@@ -21,17 +21,21 @@ from granular import (
     Material,
     Pack,
     Striker,
+    carretero_gonzalez,
     contact_network,
     diamond_guide,
     energies,
     fcc_pack,
     hertz,
     hexagonal_pack,
+    hunt_crossley,
+    kuwabara_kono,
     materials,
     overlaps,
     pack,
     power,
     sensor_force,
+    viscous,
     wall_force,
     y_guide,
 )
@@ -47,6 +51,7 @@ from tensegrity import (
     Drive,
     Ensemble,
     EquilibriumError,
+    Force,
     Lattice,
     Lens,
     LockingError,
@@ -328,6 +333,10 @@ def waves(spring: Potential, chain: Chain) -> State:
     damped = Chain(spring, 5, drive={0: shaker}, damping=Damping(ground=[0.1] * 5))
     assert_type(simulate(damped, damped.at_rest(), 1.0).work, Array | None)
     Drive(force=([0.0, 1.0], np.zeros(2)))
+    drag = Force(-sp.Symbol("v"), at=[0], parameters={})
+    assert_type(drag.values(0.0, [1.0]), Array)
+    Chain(spring, 5, forces=(drag,))
+    Chain(spring, 5, forces=drag)  # type: ignore[arg-type]
     Chain(spring, 5, drive={"0": shaker})  # type: ignore[dict-item]
     assert_type(modes(Chain(spring, 5)).frequencies, Array)
     assert_type(dispersion([spring, spring], 1.0, [0.1]), Array)
@@ -452,6 +461,14 @@ def beads() -> Run:
     assert_type(hertz(bead, bead).overlap(1.0), float)
     assert_type(hertz(bead, bead).overlap(np.ones(2)), Array)
     assert_type(hertz(bead, bead).spring(), PowerLaw)
+    for law in (
+        kuwabara_kono(1e-6),
+        hunt_crossley(0.1),
+        viscous(0.1),
+        carretero_gonzalez(1.0, 1.5),
+    ):
+        assert_type(law(bead, brass), Contact)
+    assert_type(granular.chain([bead] * 2, law=viscous(restitution=0.9, speed=1.0)), BeadChain)
     y = y_guide(bead=bead, branches=(bead, bead), wall=brass, law=power(1e9, 1.5))
     assert_type(y, Guide)
     assert_type(diamond_guide(3, 5, bead=bead, striker=striker).start(), State)

@@ -68,12 +68,18 @@ def c_text(laws, own=None, dim=0, steps="", forces=()):
     evaluations = [(DERIVATIVES.index(name), name) for name in names]
     lists = {"RUNS": runs, "EVALUATIONS": evaluations, "LAWS": zip(range(len(laws)))}
     flags = {"CHANGES": change is not None, "IN_PACKS": in_packs}
-    if forces:
-        lists["FORCES"] = [(k, *one.macro) for k, one in enumerate(forces)]
-        scalars += [_force(k, one) for k, one in enumerate(forces)]
-    parts += [f"{loop}.c", *["forced.c"] * bool(forces), "steps.c", *STEPS[steps]]
-    parts += ["evaluate.c"] * alone
-    return whole(laws, own, scalars, dim, packed, lists, flags, parts)
+    rows, functions_of_forces, before = _forces(forces)
+    parts += [f"{loop}.c", *before, "steps.c", *STEPS[steps], *["evaluate.c"] * alone]
+    hooks = [*scalars, *functions_of_forces]
+    return whole(laws, own, hooks, dim, packed, lists | rows, flags, parts)
+
+
+def _forces(forces):
+    """The list of forces, their functions, and the file that applies them."""
+    if not forces:
+        return {}, [], []
+    rows = [(k, *one.macro) for k, one in enumerate(forces)]
+    return {"FORCES": rows}, [_force(k, one) for k, one in enumerate(forces)], ["forced.c"]
 
 
 def _force(number, force):

@@ -21,6 +21,7 @@ from tensegrity.engine import forced, march
 from tensegrity.engine.bonds import Bonds
 from tensegrity.engine.bound import Bound
 from tensegrity.engine.compiled import compiled
+from tensegrity.engine.forced import AppliedForce
 from tensegrity.engine.law import Change
 from tensegrity.engine.layout import of_contacts
 from tensegrity.engine.methods import Splitting
@@ -74,7 +75,7 @@ class Forcing:
     ground: Array
     bond: Array
     tuning: Any
-    applied: tuple[forced.AppliedForce, ...] = ()
+    applied: tuple[AppliedForce, ...] = ()
 
     @property
     def damped(self) -> int:

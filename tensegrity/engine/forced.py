@@ -20,7 +20,6 @@ from tensegrity.once import once
 if TYPE_CHECKING:
     import sympy as sp
 
-    from tensegrity.engine.driven import Forcing
     from tensegrity.engine.methods import Nystrom
     from tensegrity.typing import Array, Indices
 
@@ -133,6 +132,10 @@ def largest_decay(
         [m], [m/s]
     w : ndarray, (sites,)
         Inverse masses [1/kg].
+
+    Returns
+    -------
+    float
     """
     total = np.zeros(len(u))
     for one in applied:
@@ -160,15 +163,28 @@ class Stages:
         [s]
     """
 
-    def __init__(self, forcing: Forcing, method: Nystrom, dt: float) -> None:
+    def __init__(self, forcing: Any, method: Nystrom, dt: float) -> None:
         self._forcing, self._dt = forcing, dt
         self._nodes = dt * np.array(method.nodes)
 
     def _starts(self, first: int, steps: int, origin: float) -> Array:
-        return origin + self._dt * np.arange(first, first + steps + 1)
+        return origin + self._dt * np.arange(first, first + steps + 1, dtype=float)
 
     def times(self, first: int, steps: int, origin: float = 0.0) -> Array:
-        """Instants of all stages [s], and of the end; (steps stages + 1,)."""
+        """Instants of all stages and of the end.
+
+        Parameters
+        ----------
+        first, steps : int
+            Number of the first step, and how many.
+        origin : float, optional
+            Time of step 0 [s].
+
+        Returns
+        -------
+        ndarray, (steps stages + 1,)
+            [s]
+        """
         starts = self._starts(first, steps, origin)
         return np.append((starts[:-1, None] + self._nodes).ravel(), starts[-1])
 
@@ -201,7 +217,7 @@ class Stages:
         return {name: np.ascontiguousarray(rows, dtype=float) for name, rows in found.items()}
 
 
-def fields(forcing: Forcing, sums: Array) -> Any:
+def fields(forcing: Any, sums: Array) -> Any:
     """The structure `forcing` of `forced.c`, without what depends on time.
 
     Parameters
@@ -209,6 +225,10 @@ def fields(forcing: Forcing, sums: Array) -> Any:
     forcing : Forcing
     sums : ndarray, (2,) or more
         Receives work and loss [J].
+
+    Returns
+    -------
+    Structure
     """
     applied = forcing.applied
     places = [one.places for one in applied]

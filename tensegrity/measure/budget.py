@@ -19,6 +19,7 @@ from tensegrity.errors import TensegrityError
 from tensegrity.printing import printed
 from tensegrity.runs.run import Run
 from tensegrity.scenes.chain import Chain
+from tensegrity.scenes.dynamics import dynamics
 from tensegrity.typing import Array
 
 DEGREE = 7  # of the spline that is integrated
@@ -91,7 +92,7 @@ def budget(run: Run, bond: int) -> Budget:
         raise TensegrityError(f"the scene of the run is {type(chain).__name__}, not a Chain")
     if chain.tune:
         raise TensegrityError("the springs change in time: their work passes through no bond")
-    if chain.applied:
+    if dynamics(chain).has_forces:
         raise TensegrityError("forces besides those of the springs act on the chain: no budget")
     bond = check.whole("bond", bond, least=0, below=chain.sites - 1)
     if run.sites != tuple(range(chain.sites)):

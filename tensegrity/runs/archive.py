@@ -357,7 +357,7 @@ def in_time(x: Any) -> dict[str, Any]:
     found["tune"] = x.tune
     if not callable(x.tune):
         found["tune"] = {name: signal.expression for name, signal in x.tune.items()}
-    found["forces"] = x.applied
+    found["forces"] = dynamics(x).further_forces
     return {name: value for name, value in found.items() if value}
 
 

@@ -27,12 +27,12 @@ class ForcedMotion(Motion):
 
     def __init__(self, problem: Any, dt: float, allowed: float, start: Any = None) -> None:
         scene, method = problem.scene, problem.method
-        if scene.applied and not getattr(method, "rates", ()):
+        if problem.dynamics.has_forces and not getattr(method, "rates", ()):
             raise TensegrityError(
                 f"method {method.name!r} has no rows for velocities, which scenes with forces of "
                 "their own need, such as rk4 and rk8"
             )
-        if not scene.applied and not isinstance(method, Splitting):
+        if not problem.dynamics.has_forces and not isinstance(method, Splitting):
             raise TensegrityError(
                 f"method {method.name!r} is no splitting of kicks and drifts, which driven, damped "
                 "and tuned scenes need, such as verlet and rkn6"
@@ -45,7 +45,8 @@ class ForcedMotion(Motion):
                 known[key] = Tuned(problem.dynamics.springs.different[0], scene.tune, key)
             self.tuning = known[key]
         self.forcing = forcing_of(scene, problem.t_end, self.tuning)
-        self.problem, self._damped_out = problem, None
+        self.problem: Any = problem
+        self._damped_out: StabilityError | None = None
         self._limit_damping(problem, dt)
         begin, forced, self._first_force = np.zeros(1), self.forcing.forced, 0.0
         self._first_v = self.forcing.motion(begin, 1)[0] if len(self.forcing.moved) else 0.0

@@ -158,7 +158,7 @@ def attainable_order(problem, elongation_range):
     dyn = problem.dynamics
     driven = time_signals(problem.scene) if dyn.is_driven else ()
     limits = [signal.order_limit for signal in driven]
-    if dyn.has_forces and any(law.jumps for law in dyn.force_laws):
+    if dyn.has_forces and any(one.law.jumps for one in dyn.further_forces):
         limits.append(1.0)  # of any method, where a force jumps
     order = min(limits, default=math.inf)
     corrects = isinstance(problem.method, Corrected)

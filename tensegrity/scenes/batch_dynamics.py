@@ -79,9 +79,9 @@ class BatchDynamics(Dynamics):
         return any(one.has_forces for one in self.members)
 
     @property
-    def force_laws(self) -> tuple[Any, ...]:
-        """The expressions of these forces."""
-        return tuple(law for one in self.members for law in one.force_laws)
+    def further_forces(self) -> tuple[Any, ...]:
+        """These forces of all scenes."""
+        return tuple(force for one in self.members for force in one.further_forces)
 
     @cached_property
     def springs(self) -> Springs:

@@ -265,7 +265,7 @@ class ChainDynamics(Dynamics):
         """The same chain with one new spring for each distinct spring in `springs`."""
         of = self.scene
         other = Chain([springs[k] for k in self.springs.group], of.sites, of.mass, of.ends)
-        other.__dict__.update(drive=of.drive, damping=of.damping, tune=of.tune, applied=of.applied)
+        other.__dict__.update(drive=of.drive, damping=of.damping, tune=of.tune, _forces=of._forces)
         return other
 
     def bond_frequency_bound(self, stiffness: Array) -> float:

@@ -178,12 +178,12 @@ class Dynamics:
     @property
     def has_forces(self) -> bool:
         """Whether there are forces besides those of springs, drives and dashpots."""
-        return bool(self.scene.applied)
+        return bool(self.scene._forces)
 
     @property
-    def force_laws(self) -> tuple[Any, ...]:
-        """The expressions of these forces."""
-        return tuple(one.law for one in self.scene.applied)
+    def further_forces(self) -> tuple[Any, ...]:
+        """These forces, each a Force."""
+        return self.scene._forces
 
     @cached_property
     def smooth(self) -> bool:
@@ -313,4 +313,4 @@ class Dynamics:
 
 def is_driven(scene: SceneData) -> bool:
     """Whether forces depend on time or velocity, or motion is prescribed."""
-    return bool(scene.drive or scene.damping or scene.tune or scene.applied)
+    return bool(scene.drive or scene.damping or scene.tune or getattr(scene, "_forces", ()))

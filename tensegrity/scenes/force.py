@@ -89,6 +89,17 @@ class Force:
         ) -> None: ...
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "law", self._checked_law())
+        if self.at is not None:
+            given = check.sequence("places of a force", self.at, "numbers")
+            at = [check.whole(f"place of a force on {self.on}", x, least=0) for x in given]
+            if not at or len(set(at)) < len(at):
+                raise TensegrityError(f"places {check.shown(at)} of a force must differ, and exist")
+            object.__setattr__(self, "at", tuple(at))
+        self._probe()
+
+    def _checked_law(self) -> ForceLaw:
+        """The law, after the parameters are converted."""
         import sympy as sp
 
         if not isinstance(self.on, str) or self.on not in STATE:
@@ -122,13 +133,7 @@ class Force:
             KINDS[self.on],
         )
         object.__setattr__(self, "parameters", FixedDict(values))
-        if self.at is not None:
-            at = [check.whole(f"place of a force on {self.on}", x, least=0) for x in self.at]
-            if not at or len(set(at)) < len(at):
-                raise TensegrityError(f"places {check.shown(at)} of a force must differ, and exist")
-            object.__setattr__(self, "at", tuple(at))
-        object.__setattr__(self, "law", law)
-        self._probe()
+        return law
 
     def _probe(self) -> None:
         """Refuse an expression that cannot be translated, or is complex or infinite at rest."""
@@ -160,15 +165,38 @@ class Force:
         -------
         ndarray, (..., places)
             On sites > 0 towards higher sites; in bonds a tension.
-        """
-        x, rate = np.broadcast_arrays(check.floats("x", x), check.floats("rate", rate))
-        p = [np.broadcast_to(one, x.shape).ravel() for one in self.parameters.values()]
-        p = np.reshape(p, (len(p), x.size))  # type: ignore[assignment]
-        found = self.law.function()(t, np.stack([x.ravel(), rate.ravel()]), p)
-        return np.array(found).reshape(x.shape)
 
-    def applied(self, count: int) -> AppliedForce:
-        """The force on all places of a scene that has `count` of them.
+        Raises
+        ------
+        TensegrityError
+            Numbers that are not finite, of shapes that do not fit together, or too large.
+        """
+        t = check.number("t", t, unit="s")
+        given = [
+            check.finite(name, check.floats(name, y)) for name, y in (("x", x), ("rate", rate))
+        ]
+        try:
+            x, rate, *values = np.broadcast_arrays(*given, *self.parameters.values())
+        except ValueError as error:
+            raise TensegrityError(f"x, rate and parameters of a force: {error}") from error
+        if not x.size:
+            raise TensegrityError("x and rate of a force must not be empty")
+        columns = [one.ravel() for one in values]
+        p = np.reshape(columns, (len(columns), x.size))
+        found = self.law.function()(t, np.stack([x.ravel(), rate.ravel()]), p)
+        return check.finite("force", np.array(found).reshape(x.shape))
+
+    def _applied(self, count: int) -> AppliedForce:
+        """The force on all places of a scene.
+
+        Parameters
+        ----------
+        count : int
+            Number of sites or bonds of the scene.
+
+        Returns
+        -------
+        AppliedForce
 
         Raises
         ------
@@ -198,17 +226,44 @@ def _values(name: str, given: Any) -> Array:
 
 
 def checked_forces(scene: Any, forces: Any, bonds: int) -> tuple[Force, ...]:
-    """Validate the forces of a scene with so many bonds."""
-    if isinstance(forces, Force) or not isinstance(forces, Sequence):
-        raise TensegrityError(f"forces {check.shown(forces)} must be a sequence of Force")
-    for one in forces:
+    """Validate the forces of a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+    forces : sequence of Force
+    bonds : int
+        Number of its bonds.
+
+    Returns
+    -------
+    tuple of Force
+
+    Raises
+    ------
+    TensegrityError
+        Not a sequence of forces, or a force on a place that does not exist.
+    """
+    given = check.sequence("forces", forces, "forces")
+    for one in given:
         check.kind("a force", one, Force)
-        one.applied(scene.sites if one.on == "sites" else bonds)
-    return tuple(forces)
+        one._applied(scene.sites if one.on == "sites" else bonds)
+    return given
 
 
 def dashpots(damping: Any, sites: int, bonds: int) -> list[Force]:
-    """The dashpots of `Damping` as forces."""
+    """The dashpots of `Damping` as forces.
+
+    Parameters
+    ----------
+    damping : Damping
+    sites, bonds : int
+        Numbers of sites and bonds of the scene.
+
+    Returns
+    -------
+    list of Force
+    """
     import sympy as sp
 
     c, v, rate = sp.symbols("c v rate")

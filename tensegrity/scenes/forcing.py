@@ -191,7 +191,7 @@ def checked_forcing(
     Returns
     -------
     dict
-        The attributes `drive`, `damping` (None if all coefficients are 0), `tune` and `applied`
+        The attributes `drive`, `damping` (None if all coefficients are 0), `tune` and `_forces`
         of the scene.
 
     Raises
@@ -219,10 +219,11 @@ def checked_forcing(
         if not (damping.bond.any() or damping.ground.any()):
             damping = None
     found = {"drive": FixedDict(drive), "damping": damping}
-    found["applied"] = checked_forces(scene, forces, _bonds(scene))
-    if tune and forces:
+    found["_forces"] = checked_forces(scene, forces, _bonds(scene))
+    found["tune"] = _checked_tune(scene, {} if tune is None else tune)
+    if found["tune"] and found["_forces"]:
         raise TensegrityError("tune and forces exclude each other")
-    return found | {"tune": _checked_tune(scene, {} if tune is None else tune)}
+    return found
 
 
 def _checked_tune(scene: Any, tune: Any) -> Any:
@@ -413,8 +414,8 @@ def forcing_of(scene: Any, t_end: float, tuning: Any = None) -> Forcing:
 
 def applied_forces(scene: Any) -> tuple[Any, ...]:
     """The forces of a scene that has any, its dashpots among them."""
-    if not scene.applied:
+    if not scene._forces:
         return ()
     counts = {"sites": scene.sites, "bonds": _bonds(scene)}
     more = dashpots(scene.damping, *counts.values()) if scene.damping else []
-    return tuple(one.applied(counts[one.on]) for one in (*scene.applied, *more))
+    return tuple(one._applied(counts[one.on]) for one in (*scene._forces, *more))

@@ -104,8 +104,6 @@ class Scene(HasDynamics):
         Prescribed motions of sites, and forces that depend on time.
     damping : Damping or None
         Dashpots.
-    applied : tuple of Force
-        Those given as `forces`.
     tune : dict of str to expression, or callable t -> Potential
         Arguments of the springs that depend on time, or the spring as a function of time [s].
     """
@@ -113,7 +111,7 @@ class Scene(HasDynamics):
     __str__ = concise
     drive: Mapping[int, Drive] = FixedDict()
     damping: Damping | None = None
-    applied: tuple[Force, ...] = ()
+    _forces: tuple[Force, ...] = ()
     tune: Any = FixedDict()
     sites: int
     dim: int
@@ -134,7 +132,7 @@ class Scene(HasDynamics):
         def _check_sites(self, state: State) -> None: ...
 
     def _set_forcing(self, drive: Any, damping: Any, tune: Any = None, forces: Any = ()) -> None:
-        """Set the validated attributes `drive`, `damping`, `tune` and `applied`."""
+        """Set the validated attributes `drive`, `damping`, `tune` and `_forces`."""
         self.__dict__.update(checked_forcing(self, drive, damping, tune, forces))
 
     def check(self, state: State) -> None:

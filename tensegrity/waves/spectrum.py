@@ -146,7 +146,7 @@ def modes(scene: Scene, about: State | None = None, count: int = 10) -> Modes:
     if isinstance(scene, Ensemble):
         raise TensegrityError("scene is an Ensemble: give one of its scenes")
     check.kind("scene", scene, Scene)
-    if scene.applied:
+    if dynamics(scene).has_forces:
         raise TensegrityError("modes: not for scenes with forces besides those of their springs")
     count = check.whole("count", count, least=1)
     u = scene.at_rest().u if about is None else _equilibrium(scene, about)

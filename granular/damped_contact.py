@@ -1,0 +1,231 @@
+"""Contact laws that dissipate, and the forces that they add to a chain.
+
+A law is given by its constant, or by the coefficient of restitution at a speed, from which the
+constant of each two partners follows.  The models and their sources are in `granular.dissipation`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from granular.beads import Bead
+from granular.contact import Contact, hertz
+from granular.dissipation import ELASTIC, UNITS, Dissipation, collision, compressive, exact
+from tensegrity import Force, TensegrityError, check
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from typing import Any
+
+    from granular.contact import ContactLaw
+    from granular.materials import Material
+
+HARDEST = 1e8  # largest constant that is tried for a restitution, in units of the collision
+
+
+def forces_of(contacts: Sequence[Contact], overlaps: Sequence[float]) -> list[Force]:
+    """The dissipative parts of contacts in a row as forces in its bonds.
+
+    Parameters
+    ----------
+    contacts : sequence of Contact
+    overlaps : sequence of float
+        Of each at elongation 0 [m].
+
+    Returns
+    -------
+    list of Force
+        One for each model that occurs.
+    """
+    import sympy as sp
+
+    kinds: dict[Any, list[int]] = {}
+    losses = [one.dissipation or ELASTIC for one in contacts]
+    for number, (one, loss) in enumerate(zip(contacts, losses, strict=True)):
+        if loss.constant:
+            kinds.setdefault((loss.model, loss.power, one.exponent), []).append(number)
+    r, rate, stiffness, constant, begin = sp.symbols("r rate stiffness constant overlap")
+    found = []
+    for (_, _, exponent), at in kinds.items():
+        of = [contacts[k] for k in at]
+        d = sp.Max(begin - r, 0)
+        force = compressive(losses[at[0]], d, -rate, stiffness, exact(exponent), constant)
+        values = {
+            "stiffness": [x.constant for x in of],
+            "constant": [losses[k].constant for k in at],
+            "overlap": [float(overlaps[k]) for k in at],
+        }
+        found.append(Force(-force, "bonds", at, values))
+    return found
+
+
+def _solved(model: Dissipation, contact: Contact, mass: float, e: float, speed: float) -> float:
+    """The constant for which a collision has a restitution."""
+    from scipy.optimize import brentq
+
+    if e == 1:
+        return 0.0
+
+    def excess(log: float) -> float:
+        return collision(model.model, model.power, contact.exponent, math.exp(log))[0] - e
+
+    low = high = 0.0
+    while excess(low) < 0:
+        low -= 2.0
+    while excess(high) > 0:
+        high += 2.0
+        if high > math.log(HARDEST):
+            least = excess(high) + e
+            raise TensegrityError(
+                f"restitution {e:g} at {speed:g} m/s is reached by no constant of {model.model}: "
+                f"the range is {least:.3g} to 1"
+            )
+    found = math.exp(brentq(excess, low, high, xtol=1e-13, rtol=1e-13))
+    return found / replace(model, constant=1.0).scaled(
+        contact.constant, contact.exponent, mass, speed
+    )
+
+
+def _law(
+    model: Dissipation, name: str, constant: Any, e: float | None, speed: float | None
+) -> ContactLaw:
+    """A contact law of a model, given by its constant, or by a restitution at a speed."""
+    if (constant is None) == (e is None) or (e is None) != (speed is None):
+        raise TensegrityError(
+            f"{model.model} is given by {name}, or by restitution and speed: exactly one of these"
+        )
+    if constant is not None:
+        value = check.number(f"{name} of {model.model}", constant, least=0, unit=UNITS[model.model])
+        given = replace(model, constant=value)
+        return lambda bead, other: replace(hertz(bead, other), dissipation=given)
+    assert e is not None
+    e = check.number("restitution", e, above=0)
+    if e > 1:
+        raise TensegrityError(f"restitution {e:g} must be at most 1")
+    speed = check.number("speed of the restitution", speed, above=0, unit="m/s")
+
+    def law(bead: Bead, other: Bead | Material) -> Contact:
+        contact = hertz(bead, other)
+        mass = bead.mass
+        if isinstance(other, Bead):
+            mass = bead.mass * other.mass / (bead.mass + other.mass)
+        found = _solved(model, contact, mass, e, speed)
+        return replace(contact, dissipation=replace(model, constant=found))
+
+    return law
+
+
+def kuwabara_kono(
+    c: float | None = None, *, restitution: float | None = None, speed: float | None = None
+) -> ContactLaw:
+    """Viscoelastic spheres: F = A d^(3/2) + (3/2) A c d^(1/2) d'.
+
+    Parameters
+    ----------
+    c : float, optional
+        Time constant [s], >= 0.
+    restitution, speed : float, optional
+        Instead of c: the coefficient of restitution, in (0, 1], of a collision of each two
+        partners at this speed of approach [m/s]; a wall has infinite mass.
+
+    Returns
+    -------
+    callable (Bead, Bead or Material) -> Contact
+        For the argument `law` of `granular.chain`.
+
+    Raises
+    ------
+    TensegrityError
+        None or both given, a negative constant, or a restitution that no constant reaches.
+
+    Examples
+    --------
+    >>> from granular import Bead, chain, kuwabara_kono, materials
+    >>> steel = materials["steel"]
+    >>> law = kuwabara_kono(restitution=0.9, speed=0.5)
+    >>> row = chain([Bead(4.76e-3, steel)] * 3, end=steel, law=law)
+    >>> [f"{contact.dissipation.constant:.3g} s" for contact in row.contacts]
+    ['3.3e-07 s', '3.3e-07 s', '3.79e-07 s']
+    """
+    return _law(Dissipation("Kuwabara-Kono", 0.0), "c", c, restitution, speed)
+
+
+def hunt_crossley(
+    c: float | None = None, *, restitution: float | None = None, speed: float | None = None
+) -> ContactLaw:
+    """Damping in proportion to the elastic force: F = A d^(3/2) (1 + c d').
+
+    Parameters
+    ----------
+    c : float, optional
+        [s/m], >= 0.
+    restitution, speed : float, optional
+        As of `kuwabara_kono`.
+
+    Returns
+    -------
+    callable (Bead, Bead or Material) -> Contact
+
+    Raises
+    ------
+    TensegrityError
+        As for `kuwabara_kono`.
+    """
+    return _law(Dissipation("Hunt-Crossley", 0.0), "c", c, restitution, speed)
+
+
+def viscous(
+    c: float | None = None, *, restitution: float | None = None, speed: float | None = None
+) -> ContactLaw:
+    """A dashpot while in contact: F = A d^(3/2) + c d'.
+
+    Parameters
+    ----------
+    c : float, optional
+        [N s/m], >= 0.
+    restitution, speed : float, optional
+        As of `kuwabara_kono`.
+
+    Returns
+    -------
+    callable (Bead, Bead or Material) -> Contact
+
+    Raises
+    ------
+    TensegrityError
+        As for `kuwabara_kono`.
+    """
+    return _law(Dissipation("viscous", 0.0), "c", c, restitution, speed)
+
+
+def carretero_gonzalez(
+    g: float | None = None,
+    a: float = 1.0,
+    *,
+    restitution: float | None = None,
+    speed: float | None = None,
+) -> ContactLaw:
+    """A power of the rate while in contact: F = A d^(3/2) + sign(d') g |d'|^a.
+
+    Parameters
+    ----------
+    g : float, optional
+        [N (s/m)^a], >= 0.
+    a : float, optional
+        Exponent, > 0.
+    restitution, speed : float, optional
+        As of `kuwabara_kono`, for the given a.
+
+    Returns
+    -------
+    callable (Bead, Bead or Material) -> Contact
+
+    Raises
+    ------
+    TensegrityError
+        As for `kuwabara_kono`; an exponent that is not above 0.
+    """
+    a = check.number("exponent a of Carretero-Gonzalez", a, above=0)
+    return _law(Dissipation("Carretero-Gonzalez", 0.0, a), "g", g, restitution, speed)
