@@ -2,8 +2,8 @@
 
 from granular.bead_chain import BeadChain, chain
 from granular.beads import Bead, Striker
-from granular.damped_contact import carretero_gonzalez, hunt_crossley, kuwabara_kono, viscous
 from granular.contact import Contact, hertz, power
+from granular.damped_contact import carretero_gonzalez, hunt_crossley, kuwabara_kono, viscous
 from granular.guide import Guide, diamond_guide, y_guide
 from granular.lattices import fcc_pack, hexagonal_pack
 from granular.materials import Material, materials

@@ -18,9 +18,9 @@ import numpy as np
 
 from granular import sensitivity
 from granular.beads import Bead, Striker, beads_of
-from granular.damped_contact import forces_of
 from granular.contact import checked_law, contact_of, hertz
 from granular.crystal import Crystal
+from granular.damped_contact import forces_of
 from granular.materials import Material
 from tensegrity import Chain, State, TensegrityError, check
 from tensegrity.scenes.chain import ChainDynamics

@@ -122,8 +122,8 @@ NYSTROM = {"nodes": (0.5,), "matrix": ((0.0,),), "positions": (0.5,), "velocitie
 INSTANCES = {  # of classes whose methods are called
     "Bead": BEAD, "BeadChain": BEADS, "Chain": LINE,
     "Choice": design.Choice(3, 0.005, [STEEL, PTFE]),
-    "Contact": granular.Contact(1e9), "Drive": ts.Drive(force=0.1), "Ensemble": LANES, "Force": ts.Force(TIME),
-   
+    "Contact": granular.Contact(1e9), "Drive": ts.Drive(force=0.1), "Ensemble": LANES,
+    "Force": ts.Force(TIME),
     "Lattice": ROW,
     "EquilibriumPath": ts.equilibrium_path(ELASTIC)[:2], "Lens": LENS, "Network": NET,
     "Guide": granular.y_guide(**GUIDE), "Pack": CUBE, "Order": design.Order([BEAD, SMALL]),
@@ -448,7 +448,7 @@ def faults(name, function, given):
 
 def takes_others(name, kind):
     """Whether an argument is one number or several of them."""
-    several = ("r", "x", "mass", "bond")
+    several = ("r", "x", "mass", "bond", "rate")
     return name in {"array": several, "list": several, "dict": ("preload",)}.get(kind, ())
 
 

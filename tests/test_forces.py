@@ -100,16 +100,6 @@ def test_the_order_is_that_of_the_method(reference, method, steps, order):
         assert -np.polyfit(np.log(counts), np.log(wrong), 1)[0] > order
 
 
-def test_rk8_has_its_order_and_limits():
-    rk8 = METHODS["rk8"]
-    a, b, c = np.array(rk8.rates), np.array(rk8.velocities), np.array(rk8.nodes)
-    for power in range(8):
-        assert b @ c**power == pytest.approx(1 / (power + 1), abs=1e-14)
-    assert b @ a @ a @ a @ a @ a @ a @ np.ones(12) == pytest.approx(1 / 5040, abs=1e-14)
-    assert METHODS["rk4"].decay_limit == pytest.approx(2.785293563, abs=1e-3)
-    assert 5 < rk8.decay_limit < 6.5
-
-
 def test_dashpots_are_forces():
     damping = Damping(bond=np.linspace(0.1, 0.4, SITES - 1), ground=0.2)
     idle = Force(0 * V + T - T + C * U, parameters={"c": 0.0})
@@ -196,10 +186,16 @@ def test_a_batch_takes_them():
         ("there are 3", lambda: Chain(SPRING, 3, forces=[Force(V, at=[3])])),
         ("there are 2", lambda: Chain(SPRING, 3, forces=[Force(R, "bonds", [2])])),
         ("forces", lambda: Chain(SPRING, 3, forces=Force(V))),
-        ("2 values for 3 sites", lambda: Chain(SPRING, 3, forces=[Force(C * V, parameters={"c": [1, 2]})])),
-        ("tune and forces exclude", lambda: Chain(SPRING, 3, forces=[Force(V)], tune={"prestrain": 0.01 + T})),
+        (
+            "2 values for 3 sites",
+            lambda: Chain(SPRING, 3, forces=[Force(C * V, parameters={"c": [1, 2]})]),
+        ),
+        (
+            "tune and forces exclude",
+            lambda: Chain(SPRING, 3, forces=[Force(V)], tune={"prestrain": 0.01 + T}),
+        ),
     ],
-)  # fmt: skip
+)
 def test_wrong_forces_are_refused(words, make):
     with pytest.raises(TensegrityError, match=words):
         make()

@@ -20,7 +20,7 @@ from tensegrity import (
     objective,
     simulate,
 )
-from tensegrity.engine.methods import Corrected, Method, default, find, nystrom_of
+from tensegrity.engine.methods import RK8, Corrected, Method, default, find, nystrom_of
 from tensegrity.errors import TensegrityError
 
 EXPLICIT = [method for method in METHODS.values() if method.explicit]
@@ -256,3 +256,14 @@ def test_a_base_of_corrections_must_be_a_splitting():
 @pytest.mark.parametrize("method", METHODS)
 def test_all_methods_of_the_table_pass_the_check(method):
     METHODS[method].check()
+
+
+def test_rk8_has_its_order_and_limits():
+    a, b, c = np.array(RK8.rates), np.array(RK8.velocities), np.array(RK8.nodes)
+    for power in range(8):
+        assert b @ c**power == pytest.approx(1 / (power + 1), abs=1e-14)
+    tall = np.linalg.matrix_power(a, 7).sum(axis=1)
+    assert b @ tall == pytest.approx(1 / 40320, abs=1e-14)
+    assert METHODS["rk4"].decay_limit == pytest.approx(2.785293563, abs=1e-3)
+    assert 5 < RK8.decay_limit < 6.5
+    RK8.check()

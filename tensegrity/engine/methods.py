@@ -26,6 +26,7 @@ from tensegrity.errors import TensegrityError
 
 __all__ = [
     "METHODS",
+    "RK8",
     "Corrected",
     "Method",
     "Midpoint",
@@ -174,15 +175,6 @@ METHODS = {
             limitations="it loses energy in long runs, and rkn6 is cheaper at every accuracy; it "
             "serves to compare with results that were obtained with it",
         ),
-        Nystrom(
-            name="rk8",
-            order=8,
-            **nystrom_of(_DORMAND_PRINCE, _DORMAND_PRINCE_WEIGHTS),
-            default_fraction=0.25,
-            reference="E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential "
-            "Equations I, II.5: the method of order 8 of J. R. Dormand and P. J. Prince",
-            limitations="it loses energy in long runs; it serves where forces depend on velocity",
-        ),
         Midpoint(
             name="midpoint",
             order=2,
@@ -207,11 +199,22 @@ METHODS = {
     )
 }
 
+RK8 = Nystrom(
+    name="rk8",
+    order=8,
+    **nystrom_of(_DORMAND_PRINCE, _DORMAND_PRINCE_WEIGHTS),
+    default_fraction=0.25,
+    reference="E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential "
+    "Equations I, II.5: the method of order 8 of J. R. Dormand and P. J. Prince",
+    limitations="it loses energy in long runs; it serves where forces depend on velocity",
+)  # for forces that depend on velocity
+BY_NAME = METHODS | {RK8.name: RK8}
+
 
 def find(method: str | Method) -> Method:
     """The method of a given name, or a method itself, if its rows are valid."""
-    if isinstance(method, str) and method in METHODS:
-        return METHODS[method]
+    if isinstance(method, str) and method in BY_NAME:
+        return BY_NAME[method]
     if not isinstance(method, (Splitting, Corrected, Nystrom, Midpoint)):
         raise TensegrityError(
             f"method {check.shown(method)} is not one of {', '.join(METHODS)}, nor a Splitting, a "
