@@ -20,7 +20,7 @@ STEPS = {  # files for each kind of steps
 }
 
 
-def c_text(laws, own=None, dim=0, steps="", forces=()):
+def c_text(laws, own=None, dim=0, steps="", forces=(), helpers=()):
     """C source of a loop over bonds of the given laws, numbered in their order.
 
     Parameters
@@ -37,6 +37,8 @@ def c_text(laws, own=None, dim=0, steps="", forces=()):
         The kind of steps, a key of `STEPS`, besides those of `steps.c`.
     forces : sequence of ForceLaw, optional
         Forces of time, displacement and velocity, which steps of the kind "" then take.
+    helpers : sequence of (casadi.Function, str), optional
+        Further functions, and the C by which they are called.
 
     Returns
     -------
@@ -70,7 +72,7 @@ def c_text(laws, own=None, dim=0, steps="", forces=()):
     flags = {"CHANGES": change is not None, "IN_PACKS": in_packs}
     rows, functions_of_forces, before = _forces(forces)
     parts += [f"{loop}.c", *before, "steps.c", *STEPS[steps], *["evaluate.c"] * alone]
-    hooks = [*scalars, *functions_of_forces]
+    hooks = [*scalars, *helpers, *functions_of_forces]
     return whole(laws, own, hooks, dim, packed, lists | rows, flags, parts)
 
 
