@@ -116,18 +116,19 @@ def finished(function, cases, processes):
         yield from ((case, function(case)) for case in cases)
         return
     with ProcessPoolExecutor(processes, get_context("spawn"), begin) as pool:
+        futures = {}
         try:
-            futures = {pool.submit(function, case): case for case in cases}
+            futures.update((pool.submit(function, case), case) for case in cases)
             for future in as_completed(futures):
                 yield futures[future], future.exception() or future.result()
         except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
+            for future in futures:
+                future.cancel()
             for child in active_children():
                 child.kill()
                 with suppress(ProcessLookupError):
                     os.killpg(child.pid, SIGKILL)
-                child.join()
-            raise
+            raise  # the pool waits for the processes: two threads that do get in each other's way
 
 
 def begin():

@@ -249,8 +249,6 @@ def test_what_stops_drawing_stops_its_processes():
     assert next(drawing) == (1, 1)
     assert multiprocessing.active_children() != []
     drawing.close()
-    for child in multiprocessing.active_children():
-        child.join(60)  # until the signal has reached it
     assert multiprocessing.active_children() == []
 
 
