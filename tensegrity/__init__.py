@@ -32,6 +32,7 @@ from tensegrity.measure.observables import (
 )
 from tensegrity.measure.pulses import phase_shift, pulses
 from tensegrity.measure.records import first_peak, largest_peak, peaks, sampled
+from tensegrity.orbits.stability import floquet
 from tensegrity.prisms.closed import member_stiffness
 from tensegrity.prisms.contact import bar_contact
 from tensegrity.prisms.fit import fit
@@ -111,6 +112,7 @@ __all__ = [
     "equilibrium_paths",
     "first_peak",
     "fit",
+    "floquet",
     "gradient",
     "held",
     "interface",

@@ -31,6 +31,7 @@ ROOMS = [  # inside tensegrity: each may import what stands before it
     "catalogue",
     "runs",
     "waves",
+    "orbits",
     "measure",
     "lens",
     "gradients",

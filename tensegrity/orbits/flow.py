@@ -37,6 +37,11 @@ class Flow:
     scene : Chain
         Neither driven nor damped.
     steps : int
+
+    Attributes
+    ----------
+    steps : int
+        May be changed between two runs.
     """
 
     def __init__(self, scene: Scene, steps: int) -> None:

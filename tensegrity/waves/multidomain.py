@@ -116,6 +116,7 @@ class Integrals:
     an even function on a mesh; its mean over one site is du/dx."""
 
     def __init__(self, mesh, values):
+        self.mesh, self.values = mesh, values  # at the nodes with x > 0
         self.grid = Grid(POINTS, float(mesh.edges[-1]))
         self._edges = mesh.edges[len(mesh.edges) // 2 - 1 :]  # starting with the cell of the peak
         values = np.concatenate([values[: mesh.nodes // 2][::-1], values]).reshape(-1, mesh.nodes)

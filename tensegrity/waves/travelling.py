@@ -40,8 +40,6 @@ STUCK = 1e-6  # step below which stagnation is accepted: the residual decides
 DENSE = 600  # points up to which the tangent is formed; beyond, GMRES on cosine transforms
 HALVINGS = 30  # of a Newton step that leaves the domain
 FINER = 4  # refinement of the grid on which the residual is computed
-
-
 SINE_RISE = [(-1) ** n / math.factorial(2 * n + 3) for n in range(8, -1, -1)]  # (1 - sin y/y)/y^2
 
 
@@ -395,25 +393,29 @@ def _stepped(profile, step_rho, step_nu):
 
 def _newton_step(profile, condition):
     """Newton steps of rho and nu."""
-    grid, rho, law = profile.grid, profile.rho, profile.law
-    g, slope, symbol = law.beyond(rho), law.slope(rho), profile.symbol
-    gap, row, corner = condition(profile)
-    column = -grid.apply(profile.symbol_rate, g)  # of step_nu/nu
-    right = -np.append(rho - grid.apply(symbol, g), gap)
-    if not np.isfinite(right).all():
-        raise ValueError("it is not finite")
-    if grid.points <= DENSE:
-        matrix = np.empty((grid.points + 2, grid.points + 2))
-        matrix[:-1, :-1] = -grid.matrix(symbol) * slope
-        matrix[:-1, :-1].flat[:: grid.points + 2] += 1
-        matrix[:-1, -1], matrix[-1, :-1], matrix[-1, -1] = column, row, corner
-        step = np.linalg.solve(matrix, right)
-    else:
-        step = _by_gmres(grid, symbol, slope, column, row, corner, right)
+    gap = profile.rho - profile.grid.apply(profile.symbol, profile.law.beyond(profile.rho))
+    step = solved(profile, condition, -np.append(gap, condition(profile)[0]))
     return step[:-1], float(step[-1]) * profile.nu
 
 
-def _by_gmres(grid, symbol, slope, column, row, corner, right):
+def solved(profile, condition, right, accuracy=1e-6):
+    """Steps of rho and log(nu), (N + 2,), for right-hand sides of rho = P g and of a condition;
+    the accuracy is that of the iteration on large grids."""
+    if not np.isfinite(right).all():
+        raise ValueError("it is not finite")
+    grid, rho, symbol = profile.grid, profile.rho, profile.symbol
+    slope, (_, row, corner) = profile.law.slope(rho), condition(profile)
+    column = -grid.apply(profile.symbol_rate, profile.law.beyond(rho))  # of step_nu/nu
+    if grid.points > DENSE:
+        return _by_gmres(grid, symbol, slope, column, row, corner, right, accuracy)
+    matrix = np.empty((len(right), len(right)))
+    matrix[:-1, :-1] = -grid.matrix(symbol) * slope
+    matrix[:-1, :-1].flat[:: grid.points + 2] += 1
+    matrix[:-1, -1], matrix[-1, :-1], matrix[-1, -1] = column, row, corner
+    return np.linalg.solve(matrix, right)
+
+
+def _by_gmres(grid, symbol, slope, column, row, corner, right, accuracy):
     from scipy.sparse.linalg import LinearOperator, gmres
 
     def tangent(step):
@@ -421,9 +423,8 @@ def _by_gmres(grid, symbol, slope, column, row, corner, right):
         upper = step[:-1] - grid.apply(symbol, slope * step[:-1]) + step[-1] * column
         return np.append(upper, row @ step[:-1] + corner * step[-1])
 
-    n = len(right)
-    operator = LinearOperator((n, n), matvec=tangent, dtype=float)
-    step, failed = gmres(operator, right, rtol=1e-6, restart=100, maxiter=1)
+    operator = LinearOperator((len(right), len(right)), matvec=tangent, dtype=float)
+    step, failed = gmres(operator, right, rtol=accuracy, restart=100, maxiter=1)
     if failed:
         raise NoWaveError("the linear solver of the travelling wave did not converge")
     return step

@@ -1,0 +1,167 @@
+"""Floquet multipliers of exact waves: `floquet`.
+
+A wave r(x - c t) returns to itself when it has run for 1/c and is moved back by one site.  The
+tangent of that map on an open window, whose perturbations are 0 ahead of it and are dropped behind
+it, has two multipliers 1, of the wave's shift and of its change with the speed.  Linear waves are
+slower than the wave and leave the window, so that their multipliers lie inside the unit circle and
+an instability of the wave stands alone.  On a ring, a wave meets its own radiation and is unstable
+by that.  Source: G. Friesecke, R. Pego, Nonlinearity 17, 207 (2004), whose exponential weight is
+here the balancing of the matrix by LAPACK.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from tensegrity import check
+from tensegrity.errors import ResolutionError, TensegrityError
+from tensegrity.orbits.flow import Flow
+from tensegrity.scenes.chain import Chain
+from tensegrity.typing import Array
+from tensegrity.waves.by_speed import neutral_motions
+from tensegrity.waves.solitary import SolitaryWave
+
+FIRST, MOST = 4, 2048  # steps per site passed
+ORDER, MARGIN = 3, 1.2  # of the pair of 1s, which splits by the root of the error; of a new step
+CLOSED = 1e-6  # largest distance of the neutral multipliers from 1
+AGREE = 1e-7  # of multipliers in two windows
+STABLE = 1e-6  # of a modulus beyond 1
+TAIL = 1e-12  # of the peak, left outside of the window
+SHORTER = 0.08  # part of the sites by which the second window is shorter at each end
+LARGEST = 700  # sites of a window
+
+
+@dataclass(frozen=True, eq=False)
+class Floquet:
+    """Multipliers of small perturbations of a wave or of a periodic orbit.
+
+    Attributes
+    ----------
+    multipliers : ndarray of complex
+        Factors by which perturbations grow per site that a wave passes, or per period, in
+        descending modulus, without the neutral ones.  Of a wave only those that do not depend on
+        the window: instabilities, and resonances inside the unit circle.
+    neutral : ndarray of complex
+        Multipliers that are 1 exactly, as they were found.
+    growth : float
+        Growth rate of the fastest growing perturbation [1/s]; 0 if none grows.
+    stable : bool
+        Whether no perturbation grows.
+    """
+
+    multipliers: Array
+    neutral: Array
+    growth: float
+    stable: bool
+
+    def __str__(self) -> str:
+        largest = ", ".join(f"{x:.6g}" for x in self.multipliers[:3]) or "none but the neutral ones"
+        verdict = "stable" if self.stable else f"unstable, growth {self.growth:.6g} 1/s"
+        return (
+            f"{verdict}; multipliers {largest}\n"
+            f"neutral ones closed to {np.abs(self.neutral - 1).max(initial=0):.1e}"
+        )
+
+
+def floquet(of: SolitaryWave) -> Floquet:
+    """Stability of an exact wave from its Floquet multipliers.
+
+    Parameters
+    ----------
+    of : SolitaryWave
+
+    Returns
+    -------
+    Floquet
+        Multipliers per site that the wave passes.
+
+    Raises
+    ------
+    TensegrityError
+        Something else than a wave, or a wave too wide for a window.
+    ResolutionError
+        The neutral multipliers do not come closer to 1 than 1e-6 with the smallest steps, or an
+        unstable multiplier depends on the window.
+
+    Examples
+    --------
+    The force r + r^7 carries waves that are unstable near the sound speed:
+
+    >>> import sympy as sp
+    >>> from tensegrity import Potential, floquet, solitary_wave
+    >>> r = sp.Symbol("r")
+    >>> wave = solitary_wave(Potential(r**2 / 2 + r**8 / 8, r), speed=1.02)
+    >>> f"{floquet(wave).multipliers[0].real:.7f}, dH/dc {wave.energy_slope:.5f} J s/site"
+    '1.0033536, dH/dc -3.01873 J s/site'
+    """
+    check.kind("of", of, SolitaryWave)
+    half = math.ceil(of.reach(TAIL)) + 2
+    sites = 2 * half + 1
+    if sites > LARGEST:
+        raise TensegrityError(
+            f"the wave needs a window of {sites} sites, must be at most {LARGEST}: it decays "
+            f"slowly, as its speed is only {of.speed_ratio:.9g} of the sound speed"
+        )
+    chain = Chain(of.potential, sites, of.mass)
+    x = np.arange(sites) - float(half)
+    motions = neutral_motions(of, x).reshape(2, 2 * sites).T
+    place = np.tile(x, 2)  # of the entries of a state
+    inner = np.flatnonzero(np.abs(place) <= half - math.floor(SHORTER * sites))
+    flow = Flow(chain, FIRST)
+    while True:
+        tangent = _passed(of, flow, x)
+        rest, neutral = _deflated(tangent, motions, place)
+        off = float(np.abs(neutral - 1).max())
+        if off <= CLOSED:
+            break
+        if flow.steps >= MOST:
+            raise ResolutionError(
+                f"the neutral multipliers of the wave are {off:.1e} from 1 with {flow.steps} steps "
+                f"per site, must be within {CLOSED:g}"
+            )
+        finer = flow.steps * min(MARGIN * (off / CLOSED) ** (1 / ORDER), 4.0)
+        flow.steps = min(math.ceil(finer), MOST)
+    pair = np.ix_(inner, inner)
+    other = _deflated(tangent[pair], motions[inner], place[inner])[0]
+    found, second = (_ordered(np.linalg.eigvals(matrix)) for matrix in (rest, other))
+    near = np.abs(found[:, None] - second).min(axis=1)
+    uncertain = found[(np.abs(found) > 1 + STABLE) & (near > AGREE)]
+    if uncertain.size:
+        raise ResolutionError(f"multiplier {uncertain[0]:.9g} of the wave depends on the window")
+    return _verdict(found[(near <= AGREE) & (np.abs(found) > AGREE)], neutral, of.speed)
+
+
+def _passed(wave, flow, x):
+    """Tangent of the map: run for 1/c, then move back by one site."""
+    sites = len(x)
+    u, v = wave.displacement(x), -wave.speed * wave.rate(x)
+    rows = flow.tangents(u, v, 1 / wave.speed)[2].reshape(2, sites, 2 * sites)
+    moved = np.zeros_like(rows)
+    moved[:, :-1] = rows[:, 1:]
+    return moved.reshape(2 * sites, 2 * sites)
+
+
+def _deflated(tangent, motions, x):
+    """A tangent without the invariant space of the neutral motions, and the multipliers there.
+
+    The projection is along perturbations that vanish near the peak: its left vectors decay on both
+    sides, so that it leaves the matrix as easy to balance as it is.
+    """
+    weight = np.exp(-np.abs(x))[:, None]
+    left = np.linalg.solve(motions.T @ (weight * motions), (weight * motions).T)
+    within = left @ tangent @ motions
+    return tangent - tangent @ motions @ left, np.linalg.eigvals(within)
+
+
+def _ordered(multipliers):
+    return multipliers[np.argsort(-np.abs(multipliers), kind="stable")]
+
+
+def _verdict(multipliers, neutral, rate):
+    """A `Floquet` from multipliers in descending modulus, and passages per second."""
+    largest = float(np.abs(multipliers).max(initial=0.0))
+    stable = largest <= 1 + STABLE
+    return Floquet(multipliers, neutral, 0.0 if stable else rate * math.log(largest), stable)

@@ -1,0 +1,195 @@
+"""Exact waves: dH/dc, and Floquet multipliers on an open window."""
+
+import math
+
+import numpy as np
+import pytest
+import sympy as sp
+
+from tensegrity import (
+    Chain,
+    Potential,
+    PowerLaw,
+    Prism,
+    ResolutionError,
+    TensegrityError,
+    floquet,
+    solitary_wave,
+)
+from tensegrity.orbits import stability
+from tensegrity.orbits.flow import Flow
+from tensegrity.root import root
+from tensegrity.waves.by_speed import neutral_motions
+
+R = sp.Symbol("r")
+TODA = Potential(sp.exp(-R) - 1 + R, R)
+ALPHA = Potential(R**2 / 2 + R**3 / 3, R)
+BETA = Potential(R**2 / 2 + R**4 / 4, R)
+EIGHTH = Potential(R**2 / 2 + R**8 / 8, R)
+HERTZ = PowerLaw(1.0, 1.5)
+SLENDER, STIFF = (Prism(1.0, 0.7, p, 1.0).potential() for p in (0.01, 0.1))
+CRITICAL = 1.03136571736  # speed of EIGHTH at which dH/dc = 0, by an independent code
+
+
+@pytest.mark.parametrize("kappa", [0.3, 1.0, 1.7])
+def test_energy_and_its_slope_of_todas_wave_are_the_closed_form(kappa):
+    wave = solitary_wave(TODA, speed=math.sinh(kappa) / kappa)
+    exact = math.sinh(2 * kappa) - 2 * kappa
+    by_kappa = 2 * math.cosh(2 * kappa) - 2
+    speed_by_kappa = (kappa * math.cosh(kappa) - math.sinh(kappa)) / kappa**2
+    assert wave.energy == pytest.approx(exact, rel=1e-12)
+    assert wave.energy_slope == pytest.approx(by_kappa / speed_by_kappa, rel=1e-12)
+
+
+def test_energy_of_a_wave_of_hertz_without_preload_is_the_tenth_power_of_its_speed():
+    wave = solitary_wave(HERTZ, speed=1.3)
+    assert wave.energy_slope == pytest.approx(10 * wave.energy / 1.3, rel=1e-12)
+
+
+def test_energy_slope_beyond_the_loss_of_contact_is_that_of_neighbouring_waves():
+    gapped = PowerLaw(1.0, 1.5, preload=0.1)
+    speed = 2.0 * gapped.sound_speed()
+    given = {"family": "rarefaction"} if gapped.sound_speed() == 0 else {}
+    wave = solitary_wave(gapped, speed=speed, **given)
+    step = 1e-4 * speed
+    more, less = (solitary_wave(gapped, speed=speed + s, **given).energy for s in (step, -step))
+    assert wave.energy_slope == pytest.approx((more - less) / (2 * step), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("spring", "target", "slope"),
+    [
+        (ALPHA, {"speed": 1.1}, 4.35766736),
+        (BETA, {"speed": 1.1}, 6.61300453),
+        (BETA, {"speed": 1.5}, 17.4402581),
+        (SLENDER, {"speed_ratio": 1.05}, 2.21706748e-3),
+        (SLENDER, {"speed_ratio": 2}, 6.53906996e-3),
+        (SLENDER, {"speed_ratio": 4}, 1.31517729e-2),
+        (STIFF, {"speed_ratio": 1.5}, 2.23807599e-2),
+    ],
+)
+def test_waves_whose_energy_rises_with_speed_are_stable(spring, target, slope):
+    wave = solitary_wave(spring, **target)
+    found = floquet(wave)
+    assert wave.energy_slope == pytest.approx(slope, rel=1e-8)
+    assert found.stable
+    assert found.growth == 0
+    assert np.abs(found.neutral - 1).max() < 1e-6
+    assert np.all(np.abs(found.multipliers) < 1)
+
+
+def test_todas_wave_is_stable_without_a_resonance():
+    found = floquet(solitary_wave(TODA, speed=math.sinh(1.0)))
+    assert found.stable
+    assert found.multipliers.size == 0
+
+
+def test_multiplier_of_a_wave_of_hertz_does_not_depend_on_its_units():
+    waves = [solitary_wave(HERTZ, speed=1.0), solitary_wave(PowerLaw(3e9, 1.5), 0.02, speed=900.0)]
+    found = [floquet(wave).multipliers[0] for wave in waves]
+    assert np.allclose(found, 0.5600539, rtol=0, atol=2e-7)
+
+
+@pytest.mark.parametrize(
+    ("speed", "slope", "multiplier"),
+    [
+        (1.015, -6.1562432, 1.00373648),
+        (1.02, -3.0187335, 1.00335357),
+        (1.03, -0.22275167, 1.00055125),
+        (1.05, 1.6644392, 0.98974456),
+    ],
+)
+def test_waves_of_a_steep_law_are_unstable_where_their_energy_falls(speed, slope, multiplier):
+    wave = solitary_wave(EIGHTH, speed=speed)
+    found = floquet(wave)
+    assert wave.energy_slope == pytest.approx(slope, rel=3e-8)
+    assert abs(found.multipliers[0] - multiplier) < 2e-8
+    assert found.stable == (slope > 0)
+    assert found.growth == pytest.approx(max(0, speed * math.log(multiplier)), abs=3e-8)
+    assert ("unstable" in str(found)) == (slope < 0)
+
+
+def test_stability_changes_at_the_speed_of_least_energy():
+    def multiplier(speed):
+        return floquet(solitary_wave(EIGHTH, speed=speed)).multipliers[0].real - 1
+
+    least = root(lambda c: solitary_wave(EIGHTH, speed=c).energy_slope, 1.03, 1.035, 1e-13)
+    assert least == pytest.approx(CRITICAL, abs=2e-11)
+    near = [multiplier(least + step) for step in (-1e-4, 1e-4)]
+    assert near[0] > 0 > near[1]
+    assert near[0] + near[1] == pytest.approx(0, abs=1e-2 * near[0])
+
+
+def laps(flow, wave, x, u, v, count):
+    """The state after some laps, each back by one site and with a window at rest ahead."""
+    for _ in range(count):
+        u, v = flow.end(u, v, 1 / wave.speed)
+        u, v = (np.append(row[1:], 0.0) for row in (u, v))
+    return u, v
+
+
+def test_perturbations_of_a_run_grow_by_the_multiplier():
+    wave = solitary_wave(EIGHTH, speed=1.02)
+    x = np.arange(111) - 55.0
+    flow = Flow(Chain(EIGHTH, 111), 16)
+    base = np.array([wave.displacement(x), -wave.speed * wave.rate(x)])
+    perturbation = np.array([np.exp(-(x**2)), 0 * x])
+    for _ in range(140):
+        perturbation *= 1e-6 / np.abs(perturbation).max()
+        ends = [laps(flow, wave, x, *(base + s * perturbation), 50) for s in (1, -1)]
+        before, perturbation = perturbation, np.subtract(*ends) / 2
+    growth = np.abs(perturbation).max() / np.abs(before).max()
+    assert math.log(growth) / 50 == pytest.approx(0.0033479596, abs=1e-8)
+    assert math.log(floquet(wave).multipliers[0].real) == pytest.approx(0.0033479596, abs=1e-8)
+
+
+def test_neutral_motions_are_those_of_neighbouring_waves():
+    wave, x = solitary_wave(STIFF, speed_ratio=1.5), np.linspace(-6, 6, 25)
+    shift, change = neutral_motions(wave, x)
+    step = 1e-5
+
+    def state(speed, moved=0.0):
+        one = solitary_wave(STIFF, speed=speed)
+        return np.array([one.displacement(x + moved), -speed * one.rate(x + moved)])
+
+    c = wave.speed
+    size = np.abs(shift).max()
+    assert np.allclose((state(c, step) - state(c, -step)) / 2e-5, shift, atol=1e-8 * size)
+    differences = (state(c + step) - state(c - step)) / 2e-5
+    assert np.allclose(differences, change, atol=1e-7 * np.abs(change).max())
+
+
+def test_tangents_are_symplectic_and_derivatives_of_the_flow():
+    n, time = 12, 3.0
+    chain, generator = Chain(STIFF, n, np.linspace(1, 2, n)), np.random.default_rng(0)
+    u, v = 0.02 * generator.normal(size=(2, n))
+    flow = Flow(chain, 30)
+    tangent = flow.tangents(u, v, time)[2]
+    form = np.kron([[0, 1], [-1, 0]], np.diag(chain.mass))
+    assert np.abs(tangent.T @ form @ tangent - form).max() < 1e-13
+    assert np.array_equal(flow.tangents(u, v, time, of_u=False)[2], tangent[n:])
+    columns = []
+    for direction in np.eye(2 * n).reshape(2 * n, 2, n):
+        ends = [np.concatenate(flow.end(u + s * direction[0], v + s * direction[1], time))
+                for s in (2e-5, 1e-5, -1e-5, -2e-5)]  # fmt: skip
+        columns.append((8 * (ends[1] - ends[2]) - ends[0] + ends[3]) / 12e-5)
+    assert np.abs(np.transpose(columns) - tangent).max() < 1e-8
+
+
+def test_what_has_no_window_is_refused():
+    with pytest.raises(TensegrityError, match="of 3 is not a SolitaryWave|of"):
+        floquet(3)
+    with pytest.raises(TensegrityError, match="window of .* sites, must be at most"):
+        floquet(solitary_wave(ALPHA, excess=1e-4))
+
+
+def test_neutral_multipliers_that_do_not_close_are_refused(monkeypatch):
+    monkeypatch.setattr(stability, "MOST", 4)
+    with pytest.raises(ResolutionError, match="neutral multipliers .* must be within 1e-06"):
+        floquet(solitary_wave(SLENDER, speed_ratio=4))
+
+
+def test_an_instability_that_depends_on_the_window_is_refused(monkeypatch):
+    monkeypatch.setattr(stability, "AGREE", 1e-17)
+    with pytest.raises(ResolutionError, match="depends on the window"):
+        floquet(solitary_wave(EIGHTH, speed=1.02))
