@@ -62,7 +62,7 @@ MADE_BY_OTHERS = {
     "BeadChain", "EquilibriumPath", "Pack", "Run", "SolitaryWave", "StructurePath", "Transmission",
 }  # fmt: skip
 INNER = {  # what runs, paths and searches ask of their objects, and nobody else
-    "Best", "Budget", "Corrected", "Method", "Midpoint", "Modes", "Nystrom", "Objective",
+    "Best", "Budget", "Corrected", "Floquet", "Method", "Midpoint", "Modes", "Nystrom", "Objective",
     "Prediction", "Pulse", "Splitting", "Trace", "arrays", "at",
     "available_energy", "beyond", "bind", "by_beads", "check", "check_room", "children",
     "columns", "contacts_at", "contacts_within", "cosines", "default", "derivative", "designs",

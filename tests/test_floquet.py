@@ -16,7 +16,6 @@ from tensegrity import (
     floquet,
     solitary_wave,
 )
-from tensegrity.orbits import stability
 from tensegrity.orbits.flow import Flow
 from tensegrity.root import root
 from tensegrity.waves.by_speed import neutral_motions
@@ -46,14 +45,21 @@ def test_energy_of_a_wave_of_hertz_without_preload_is_the_tenth_power_of_its_spe
     assert wave.energy_slope == pytest.approx(10 * wave.energy / 1.3, rel=1e-12)
 
 
-def test_energy_slope_beyond_the_loss_of_contact_is_that_of_neighbouring_waves():
-    gapped = PowerLaw(1.0, 1.5, preload=0.1)
-    speed = 2.0 * gapped.sound_speed()
-    given = {"family": "rarefaction"} if gapped.sound_speed() == 0 else {}
-    wave = solitary_wave(gapped, speed=speed, **given)
-    step = 1e-4 * speed
-    more, less = (solitary_wave(gapped, speed=speed + s, **given).energy for s in (step, -step))
-    assert wave.energy_slope == pytest.approx((more - less) / (2 * step), rel=1e-6)
+CORNER = Potential(R**2 / 2 + sp.Max(R - 1, 0) ** 2, R)
+OPENS = PowerLaw(1.0, 0.5, preload=1.0)  # at r = 1, with unbounded stiffness
+
+
+@pytest.mark.parametrize(
+    ("spring", "peak", "error"), [(CORNER, 1.5, 1e-8), (OPENS, 0.9, 1e-7), (OPENS, 1.2, 1e-3)]
+)
+def test_energy_slope_is_that_of_neighbouring_waves_also_beyond_a_kink(spring, peak, error):
+    def slope(step):
+        more, less = (solitary_wave(spring, amplitude=peak + s) for s in (step, -step))
+        return (more.energy - less.energy) / (more.speed - less.speed)
+
+    extrapolated = (4 * slope(1e-4) - slope(2e-4)) / 3
+    found = solitary_wave(spring, amplitude=peak).energy_slope
+    assert found == pytest.approx(extrapolated, rel=error)
 
 
 @pytest.mark.parametrize(
@@ -177,19 +183,14 @@ def test_tangents_are_symplectic_and_derivatives_of_the_flow():
 
 
 def test_what_has_no_window_is_refused():
-    with pytest.raises(TensegrityError, match="of 3 is not a SolitaryWave|of"):
+    with pytest.raises(TensegrityError, match=r"of 3 is not a SolitaryWave"):
         floquet(3)
-    with pytest.raises(TensegrityError, match="window of .* sites, must be at most"):
+    with pytest.raises(TensegrityError, match=r"window of .* sites, must be at most"):
         floquet(solitary_wave(ALPHA, excess=1e-4))
 
 
-def test_neutral_multipliers_that_do_not_close_are_refused(monkeypatch):
-    monkeypatch.setattr(stability, "MOST", 4)
-    with pytest.raises(ResolutionError, match="neutral multipliers .* must be within 1e-06"):
-        floquet(solitary_wave(SLENDER, speed_ratio=4))
-
-
-def test_an_instability_that_depends_on_the_window_is_refused(monkeypatch):
-    monkeypatch.setattr(stability, "AGREE", 1e-17)
-    with pytest.raises(ResolutionError, match="depends on the window"):
-        floquet(solitary_wave(EIGHTH, speed=1.02))
+def test_neutral_multipliers_that_do_not_close_are_refused():
+    """The stiffness is not bounded where the contact opens, so that steps converge slowly."""
+    wave = solitary_wave(OPENS, amplitude=1.2)
+    with pytest.raises(ResolutionError, match=r"neutral multipliers .* must be within 1e-06"):
+        floquet(wave)

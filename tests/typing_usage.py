@@ -90,6 +90,7 @@ from tensegrity import (
     equilibrium_paths,
     first_peak,
     fit,
+    floquet,
     gradient,
     held,
     interface,
@@ -326,6 +327,9 @@ def waves(spring: Potential, chain: Chain) -> State:
     wave = solitary_wave(spring, speed_ratio=2, family="compression")
     assert_type(wave, SolitaryWave)
     assert_type(wave.width(0.1) + wave.speed + wave.shift, float)
+    assert_type(wave.energy_slope + floquet(wave).growth, float)
+    assert_type(floquet(wave).stable, bool)
+    floquet(chain)  # type: ignore[arg-type]
     assert_type(predict(spring), Prediction)
     assert_type(modes(Chain(spring, 5), count=3), Modes)
     shaker = Drive(displacement=sp.sin(sp.Symbol("t")))

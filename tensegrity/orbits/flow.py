@@ -52,7 +52,19 @@ class Flow:
         self._loops: dict[int, ReverseLoop] = {}
 
     def end(self, u: Array, v: Array, duration: float) -> tuple[Array, Array]:
-        """u and v (sites,) after a time [s] from a state."""
+        """The state after a time.
+
+        Parameters
+        ----------
+        u, v : ndarray, (sites,)
+            Initial state [m], [m/s].
+        duration : float
+            [s]
+
+        Returns
+        -------
+        u, v : ndarray, (sites,)
+        """
         self._u[:], self._v[:] = u, v
         self._loop.set_step(duration / self.steps)
         self._loop.forget_range()

@@ -13,8 +13,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tensegrity import check
 from tensegrity.errors import ResolutionError, TensegrityError
@@ -23,6 +25,8 @@ from tensegrity.scenes.chain import Chain
 from tensegrity.typing import Array
 from tensegrity.waves.by_speed import neutral_motions
 from tensegrity.waves.solitary import SolitaryWave
+
+Multipliers: TypeAlias = NDArray[np.complex128]
 
 FIRST, MOST = 4, 2048  # steps per site passed
 ORDER, MARGIN = 3, 1.2  # of the pair of 1s, which splits by the root of the error; of a new step
@@ -52,8 +56,8 @@ class Floquet:
         Whether no perturbation grows.
     """
 
-    multipliers: Array
-    neutral: Array
+    multipliers: NDArray[np.complex128]
+    neutral: NDArray[np.complex128]
     growth: float
     stable: bool
 
@@ -106,7 +110,7 @@ def floquet(of: SolitaryWave) -> Floquet:
             f"slowly, as its speed is only {of.speed_ratio:.9g} of the sound speed"
         )
     chain = Chain(of.potential, sites, of.mass)
-    x = np.arange(sites) - float(half)
+    x: Array = np.arange(-half, half + 1, dtype=np.float64)
     motions = neutral_motions(of, x).reshape(2, 2 * sites).T
     place = np.tile(x, 2)  # of the entries of a state
     inner = np.flatnonzero(np.abs(place) <= half - math.floor(SHORTER * sites))
@@ -126,7 +130,7 @@ def floquet(of: SolitaryWave) -> Floquet:
         flow.steps = min(math.ceil(finer), MOST)
     pair = np.ix_(inner, inner)
     other = _deflated(tangent[pair], motions[inner], place[inner])[0]
-    found, second = (_ordered(np.linalg.eigvals(matrix)) for matrix in (rest, other))
+    found, second = (_multipliers(matrix) for matrix in (rest, other))
     near = np.abs(found[:, None] - second).min(axis=1)
     uncertain = found[(np.abs(found) > 1 + STABLE) & (near > AGREE)]
     if uncertain.size:
@@ -134,7 +138,7 @@ def floquet(of: SolitaryWave) -> Floquet:
     return _verdict(found[(near <= AGREE) & (np.abs(found) > AGREE)], neutral, of.speed)
 
 
-def _passed(wave, flow, x):
+def _passed(wave: SolitaryWave, flow: Flow, x: Array) -> Array:
     """Tangent of the map: run for 1/c, then move back by one site."""
     sites = len(x)
     u, v = wave.displacement(x), -wave.speed * wave.rate(x)
@@ -144,7 +148,7 @@ def _passed(wave, flow, x):
     return moved.reshape(2 * sites, 2 * sites)
 
 
-def _deflated(tangent, motions, x):
+def _deflated(tangent: Array, motions: Array, x: Array) -> tuple[Array, Multipliers]:
     """A tangent without the invariant space of the neutral motions, and the multipliers there.
 
     The projection is along perturbations that vanish near the peak: its left vectors decay on both
@@ -153,14 +157,16 @@ def _deflated(tangent, motions, x):
     weight = np.exp(-np.abs(x))[:, None]
     left = np.linalg.solve(motions.T @ (weight * motions), (weight * motions).T)
     within = left @ tangent @ motions
-    return tangent - tangent @ motions @ left, np.linalg.eigvals(within)
+    return tangent - tangent @ motions @ left, _multipliers(within)
 
 
-def _ordered(multipliers):
-    return multipliers[np.argsort(-np.abs(multipliers), kind="stable")]
+def _multipliers(matrix: Array) -> Multipliers:
+    """Eigenvalues in descending modulus."""
+    found = np.linalg.eigvals(matrix).astype(complex)
+    return found[np.argsort(-np.abs(found), kind="stable")]
 
 
-def _verdict(multipliers, neutral, rate):
+def _verdict(multipliers: Multipliers, neutral: Multipliers, rate: float) -> Floquet:
     """A `Floquet` from multipliers in descending modulus, and passages per second."""
     largest = float(np.abs(multipliers).max(initial=0.0))
     stable = largest <= 1 + STABLE

@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike
 from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.once import once
+from tensegrity.root import root
 from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array
 
@@ -100,3 +101,22 @@ def _function(name: str) -> Callable[..., Array]:
 
     form, symbols = forms()[name]
     return sp.lambdify(symbols, form, modules="numpy")
+
+
+def decay_rate(gain: float) -> float:
+    """Decay rate kappa [1/site] of the tail exp(-kappa |x|) in a linear lattice, by
+    sinh(kappa/2)/(kappa/2) = c/cs, from gain = (c/cs)^2 - 1."""
+    if math.isinf(gain):
+        return math.inf
+    wanted = math.log1p(gain) / 2
+
+    def mismatch(half: float) -> float:
+        square = half * half
+        series = square / 6 * (1 + square / 20 * (1 + square / 42 * (1 + square / 72)))
+        return (
+            math.log1p(series) if half < 0.1 else half + math.log(-math.expm1(-2 * half) / 2 / half)
+        ) - wanted
+
+    # sinh(y)/y > exp(y)/(4 y) and > 1 + y^2/6
+    high = min(2 * wanted + 4, 1.001 * math.sqrt(6 * math.expm1(wanted)))
+    return 2 * root(mismatch, high / 8, high, relative=1e-14)

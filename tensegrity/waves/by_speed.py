@@ -9,17 +9,20 @@ Source: G. Friesecke, R. Pego, Nonlinearity 15, 1343 (2002).
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tensegrity import check
+from tensegrity.typing import Array
 from tensegrity.waves.multidomain import Integrals, Mesh
 from tensegrity.waves.travelling import Profile, Scaled, Series, energy_is, solved, speed_is
 
 ACCURACY = 1e-13  # of the linear solve on large grids
 
 
-def by_speed(wave):
+def by_speed(wave: Any) -> tuple[float, Series | Integrals]:
     """dH/dc and the derivative of the shape with respect to the speed.
 
     Parameters
@@ -37,7 +40,7 @@ def by_speed(wave):
     return found(wave, wave.mass * wave.speed**2)
 
 
-def _on_grid(wave, squared):
+def _on_grid(wave: Any, squared: float) -> tuple[float, Series]:
     """`by_speed` of a Fourier series; `squared` is m c^2 [N/m]."""
     law, grid = Scaled(wave.potential, wave.amplitude), wave._shape.grid
     rho = grid.values(wave._shape.rates * grid.box) / wave.amplitude
@@ -55,7 +58,7 @@ def _on_grid(wave, squared):
     return float(slope), Series(grid, rates)
 
 
-def _on_mesh(wave, squared):
+def _on_mesh(wave: Any, squared: float) -> tuple[float, Integrals]:
     """`by_speed` of a wave with a kink."""
     mesh: Mesh = wave._shape.mesh
     tension = wave._shape.values * squared
@@ -70,7 +73,7 @@ def _on_mesh(wave, squared):
     )
 
 
-def neutral_motions(wave, x):
+def neutral_motions(wave: Any, x: ArrayLike) -> Array:
     """The perturbations that a wave neither amplifies nor damps: its shift, and its change with
     the speed.
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from tensegrity.errors import ResolutionError, TensegrityError
 from tensegrity.root import polynomial_through
+from tensegrity.waves.asymptotics import decay_rate
 from tensegrity.waves.nonlinear_part import nonlinear_part, rising_parts
 from tensegrity.waves.travelling import (
     Grid,
@@ -22,7 +23,6 @@ from tensegrity.waves.travelling import (
     Scaled,
     amplitude_is,
     cosine_sum,
-    decay_rate,
     initial_profile,
     newton,
 )

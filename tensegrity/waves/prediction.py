@@ -19,10 +19,10 @@ from tensegrity.once import once
 from tensegrity.printing import filled
 from tensegrity.root import root
 from tensegrity.springs.potential import Potential
+from tensegrity.waves.asymptotics import decay_rate
 from tensegrity.waves.curve import FamilyCurve, along
 from tensegrity.waves.family import NEAREST, SIGNS, STEADY, Family
 from tensegrity.waves.nonlinear_part import grows_from_rest, nonlinear_part
-from tensegrity.waves.travelling import decay_rate
 
 GROWTH = 1e-6  # relative growth of 2V/r^2 over the last factor of 2 in size that is unbounded
 FARTHER = 2.0**11  # ratio of the two distances from the wall at which its exponent is computed

@@ -28,7 +28,6 @@ from functools import cached_property
 import numpy as np
 
 from tensegrity.errors import TensegrityError
-from tensegrity.root import root
 from tensegrity.waves.nonlinear_part import nonlinear_part
 
 SWEEPS = 400  # largest number of iterations of the map before Newton's method
@@ -399,8 +398,29 @@ def _newton_step(profile, condition):
 
 
 def solved(profile, condition, right, accuracy=1e-6):
-    """Steps of rho and log(nu), (N + 2,), for right-hand sides of rho = P g and of a condition;
-    the accuracy is that of the iteration on large grids."""
+    """Steps of rho and log(nu) by the tangent of Newton's method.
+
+    Parameters
+    ----------
+    profile : Profile
+    condition : callable
+        One of the conditions above.
+    right : ndarray, (N + 2,)
+        Right-hand sides of rho = P g and of the condition.
+    accuracy : float, optional
+        Of the iteration on large grids.
+
+    Returns
+    -------
+    ndarray, (N + 2,)
+
+    Raises
+    ------
+    ValueError
+        The right-hand sides are not finite.
+    NoWaveError
+        The iteration does not converge.
+    """
     if not np.isfinite(right).all():
         raise ValueError("it is not finite")
     grid, rho, symbol = profile.grid, profile.rho, profile.symbol
@@ -428,22 +448,3 @@ def _by_gmres(grid, symbol, slope, column, row, corner, right, accuracy):
     if failed:
         raise NoWaveError("the linear solver of the travelling wave did not converge")
     return step
-
-
-def decay_rate(gain):
-    """Decay rate kappa [1/site] of the tail exp(-kappa |x|) in a linear lattice, by
-    sinh(kappa/2)/(kappa/2) = c/cs, from gain = (c/cs)^2 - 1."""
-    if math.isinf(gain):
-        return math.inf
-    wanted = math.log1p(gain) / 2
-
-    def mismatch(half):
-        square = half * half
-        series = square / 6 * (1 + square / 20 * (1 + square / 42 * (1 + square / 72)))
-        return (
-            math.log1p(series) if half < 0.1 else half + math.log(-math.expm1(-2 * half) / 2 / half)
-        ) - wanted
-
-    # sinh(y)/y > exp(y)/(4 y) and > 1 + y^2/6
-    high = min(2 * wanted + 4, 1.001 * math.sqrt(6 * math.expm1(wanted)))
-    return 2 * root(mismatch, high / 8, high, relative=1e-14)
