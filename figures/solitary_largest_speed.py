@@ -6,7 +6,7 @@ import numpy as np
 
 from derivations import waves as derived
 from tensegrity import Prism
-from tensegrity.waves.by_target import largest_speed
+from tensegrity.waves.limit import largest_speed
 
 NAME = "solitary_largest_speed"
 GROUP = "waves"

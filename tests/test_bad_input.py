@@ -31,7 +31,7 @@ from tensegrity.measure import observables
 from tensegrity.prisms.fold_curve import limit_load
 from tensegrity.prisms.stability import first_loss, lowest
 from tensegrity.scenes.scene import Scene
-from tensegrity.waves.by_target import largest_speed
+from tensegrity.waves.limit import largest_speed
 
 WRONG = {
     "None": None, "text": "x", "text of a number": "1.5", "empty text": "", "bytes": b"1",
@@ -151,6 +151,7 @@ EXAMPLES = {  # of arguments, by their names
     "masses": [1.0, 2.0], "material": STEEL, "materials": [STEEL, PTFE], "max_height": 0.75,
     "max_load": 1.0, "member": 0, "method": "rkn6", "min_height": 0.4, "modulus": 1e9,
     "name": "end", "natural_lengths": {0: 1.1}, "nodes": [0, 1], "noise": 0.1, "normal": (0.0, 1.0),
+    "of": WAVE,
     "number": 1, "numbers": (1, 3), "objective": objective.displacement(1), "offset": (0, 1),
     "other": STEEL, "over": (0.1, 0.5), "p": 8, "parameters": {"k": 1.0}, "part": "chain",
     "path": f"{FOLDER.name}/made", "phase": 0.0, "places": [(0.0, 0.1), (0.0, 0.2)],

@@ -180,7 +180,7 @@ INSIDE = {
     "tensegrity.springs.polynomial.polynomial_of_coefficients": "equal degrees, for a batch",
     "tensegrity.waves.family.Family": "waves to four digits, for a search",
     "tensegrity.waves.solitary.approximate_wave": "waves to four digits, for a search",
-    "tensegrity.waves.by_target.largest_speed": "its error, from two extrapolations",
+    "tensegrity.waves.limit.largest_speed": "its error, from two extrapolations",
 }
 
 

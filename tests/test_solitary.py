@@ -24,7 +24,7 @@ from tensegrity import (
     speed,
 )
 from tensegrity.waves import family
-from tensegrity.waves.by_target import largest_speed
+from tensegrity.waves.limit import largest_speed
 from tensegrity.waves.travelling import Grid, Profile, Scaled, amplitude_is, newton
 
 R = sp.Symbol("r")

@@ -16,8 +16,7 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import ResolutionError, TensegrityError
-from tensegrity.springs.potential import Potential
-from tensegrity.waves.family import SIGNS, STROKE, Family
+from tensegrity.waves.family import SIGNS
 from tensegrity.waves.travelling import NoWaveError, amplitude_is, energy_is, speed_is
 
 MOST = 1000  # largest number of a family of one sign
@@ -293,47 +292,3 @@ def sign_and_number(potential, family, amplitude):
     if not potential.domain[0] < amplitude < potential.domain[1]:
         potential.tension(amplitude)  # raises an error that names the end of the domain
     return sign, number
-
-
-def largest_speed(
-    potential: Potential, mass: float = 1.0, family: str | None = None, closest: float = 1e-3
-) -> float:
-    """The limiting speed of a family of waves.
-
-    Parameters
-    ----------
-    potential, mass, family
-        As in `solitary_wave`.
-    closest : float, optional
-        Fraction of the stroke that remains at the peak of the largest computed wave; 0.0005 to 0.1.
-
-    Returns
-    -------
-    float
-        [sites/s]: for a spring that locks, the limit as the peak approaches locking; for one that
-        softens, the speed of a front; for a domain that ends at a finite force, the speed of the
-        wave whose peak is at that end.
-
-    Raises
-    ------
-    TensegrityError
-        No such wave exists, or the speeds are unbounded.
-
-    Notes
-    -----
-    Near locking the force is proportional to the inverse square root of the remaining stroke; the
-    speed is extrapolated in that root, to a relative error of about 1e-5, which a second value of
-    `closest` estimates.
-    """
-    check.kind("potential", potential, Potential)
-    mass = check.number("mass", mass, above=0, unit="kg")
-    closest = check.number("closest", closest, least=1 - STROKE)
-    if closest > 0.1:
-        raise TensegrityError(f"closest {closest:g} must be at most 0.1")
-    sign, number = sign_and_number(potential, family, None)
-    side = Family(potential, sign, number or 0)
-    if math.isfinite(side.rising_part.ceiling):
-        return math.sqrt((side.rest + side.rising_part.ceiling) / mass)
-    if math.isinf(side.end):
-        raise TensegrityError("no largest speed: the spring does not lock (its domain is open)")
-    return math.sqrt(side.stiffness_at_end(closest) / mass)
