@@ -12,8 +12,9 @@ import numpy as np
 
 from granular import sensitivity
 from granular.contact import contact_of
-from granular.crystal import Crystal
-from tensegrity import Network, State, TensegrityError
+from granular.crystal import Crystal, needed_velocities
+from tensegrity import Network, State, TensegrityError, check
+from tensegrity.measure.observables import contact_rates
 from tensegrity.readonly import Repeated
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.forcing import start_driven_sites
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from granular.beads import Bead
     from granular.contact import Contact, ContactLaw
     from granular.materials import Material
+    from tensegrity import Force
     from tensegrity.springs.power_law import PowerLaw
     from tensegrity.typing import Array
 
@@ -45,6 +47,7 @@ class Assembly(Crystal, Network):
     wall_names: tuple[str, ...]
     _wall_materials: tuple[Material, ...]
     _rest: Array  # displacements [m] in equilibrium under the loads
+    _losses: Sequence[Force]  # of contacts that dissipate
 
     def at_rest(self, velocity: Mapping[int, Sequence[float]] | None = None) -> State:
         """Equilibrium under the loads, with velocities [m/s] of some sites: {site: (dim,)}.
@@ -64,10 +67,19 @@ class Assembly(Crystal, Network):
     def contact_forces(self, u: ArrayLike, v: ArrayLike | None = None) -> Array:
         """Compressive force in each listed contact [N], those with walls last; (..., contacts).
 
-        The contacts are elastic: velocities v are not needed.
+        Contacts that dissipate need the velocities v [m/s] too, of the shape of u.
         """
         self._refuse_followed("contact forces")
-        return np.concatenate([-self.bond_tension(u), self.wall_load(u)], axis=-1)
+        forces = np.concatenate([-self.bond_tension(u), self.wall_load(u)], axis=-1)
+        if not self._losses:
+            return forces
+        bonds, u = len(self.bonds), check.rows("displacements", u, self.shape)
+        r, rate = dynamics(self).elongations(u), contact_rates(self, u, needed_velocities(self, v))
+        for loss in self._losses:
+            sign, first = (1, bonds) if loss.on == "walls" else (-1, 0)
+            at = np.add(first, loss.at)
+            forces[..., at] += sign * loss.values(r[..., at], rate[..., at])
+        return forces
 
     def overlaps(self, u: ArrayLike) -> Array:
         """Overlap of each listed contact of two beads [m], < 0 for a gap; (..., bonds)."""
@@ -147,11 +159,6 @@ class SharedSprings:
         """The contact of two partners; the law is evaluated once for each pair."""
         if (bead, other) not in self._known:
             contact = contact_of(self._law, bead, other)
-            if contact.dissipation is not None and contact.dissipation.constant:
-                raise TensegrityError(
-                    f"contacts that dissipate ({contact.dissipation.model}) are for chains of "
-                    "beads, `granular.chain`; a guide's contacts must be elastic"
-                )
             self._known[bead, other] = contact, contact.spring()
         return self._known[bead, other][0]
 

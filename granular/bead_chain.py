@@ -19,7 +19,7 @@ import numpy as np
 from granular import sensitivity
 from granular.beads import Bead, Striker, beads_of
 from granular.contact import checked_law, contact_of, hertz
-from granular.crystal import Crystal
+from granular.crystal import Crystal, needed_velocities
 from granular.damped_contact import forces_of
 from granular.materials import Material
 from tensegrity import Chain, State, TensegrityError, check
@@ -149,10 +149,7 @@ class BeadChain(Crystal, Chain):
         elastic = self._carried - self.bond_tension(u)
         if not self._losses:
             return elastic
-        if v is None:
-            raise TensegrityError("the forces of contacts that dissipate depend on v: give v")
-        u = check.rows("displacements", u, self.shape)
-        v = check.rows("velocities", v, self.shape)
+        u, v = check.rows("displacements", u, self.shape), needed_velocities(self, v)
         rate = v[..., 1:] - v[..., :-1]
         for loss in self._losses:
             elastic[..., loss.at] -= loss.values(

@@ -218,9 +218,14 @@ class AssemblyContacts:
 
         def forces(scene: Any, rows: Array) -> Array:
             chosen = np.isin(scene.wall_contacts[:, 1], numbers)
-            load = scene.wall_load(rows)[..., chosen]
-            return _added(np.zeros(rows.shape[:-1]), scene.wall_contacts[chosen, 0], load)
+            load = scene.wall_load(rows)
+            if scene._losses:
+                load = scene.contact_forces(rows, v)[..., len(scene.bonds) :]
+            sites = scene.wall_contacts[chosen, 0]
+            return _added(np.zeros(rows.shape[:-1]), sites, load[..., chosen])
 
+        if self.scene._losses:
+            return forces(self.scene, check.rows("displacements", u, self.scene.shape))
         return self._each(u, forces)
 
     def _walls(self, name: str) -> list[int]:

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
     from typing import Any
 
+    from numpy.typing import ArrayLike
+
     from granular.beads import Bead, Striker
     from tensegrity.typing import Array
 
@@ -148,3 +150,10 @@ def whole(run: Run) -> tuple[Array, Array]:
     """
     u = rows(run, range(run.scene.sites))
     return u, run.v[:, np.argsort(run.sites)]
+
+
+def needed_velocities(scene: Crystal, v: ArrayLike | None) -> Array:
+    """The velocities on which the forces of contacts that dissipate depend, checked."""
+    if v is None:
+        raise TensegrityError("the forces of contacts that dissipate depend on v: give v")
+    return check.rows("velocities", v, scene.shape)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 from granular.beads import Bead
@@ -25,40 +26,97 @@ if TYPE_CHECKING:
 HARDEST = 1e8  # largest constant that is tried for a restitution, in units of the collision
 
 
-def forces_of(contacts: Sequence[Contact], overlaps: Sequence[float]) -> list[Force]:
-    """The dissipative parts of contacts in a row as forces in its bonds.
+def forces_of(
+    contacts: Sequence[Contact], overlaps: Sequence[float], on: str = "bonds"
+) -> list[Force]:
+    """The dissipative parts of contacts as forces.
 
     Parameters
     ----------
     contacts : sequence of Contact
     overlaps : sequence of float
         Of each at elongation 0 [m].
+    on : {"bonds", "walls"}, optional
+        What the contacts are in the scene.
 
     Returns
     -------
     list of Force
         One for each model that occurs.
     """
+
+    def force(d: Any, rate: Any, *constants: Any, model: Dissipation) -> Any:
+        added = compressive(model, d, rate, *constants)
+        return added if on == "walls" else -added
+
+    found = []
+    for model, exponent, at in _alike(contacts):
+        if model.constant:
+            found.append(_force(contacts, overlaps, at, on, exponent, partial(force, model=model)))
+    return found
+
+
+def friction_of(contacts: Sequence[Contact], coefficient: float, speed: float) -> list[Force]:
+    """Coulomb friction of contacts with walls, regularised over a speed of slip.
+
+    Parameters
+    ----------
+    contacts : sequence of Contact
+    coefficient : float
+        Of friction.
+    speed : float
+        At which friction is coefficient/sqrt(2) times the normal force [m/s].
+
+    Returns
+    -------
+    list of Force
+    """
     import sympy as sp
 
+    slip, mu, v0 = sp.Symbol("slip"), sp.Symbol("friction"), sp.Symbol("slip_speed")
+
+    def force(d: Any, rate: Any, *constants: Any, model: Dissipation) -> Any:
+        normal = constants[0] * d ** constants[1] + compressive(model, d, rate, *constants)
+        return sp.Integer(0), -mu * normal * slip / sp.sqrt(slip**2 + v0**2)
+
+    more = {"friction": coefficient, "slip_speed": speed}
+    none = [0.0] * len(contacts)
+    return [
+        _force(contacts, none, at, "walls", exponent, partial(force, model=model), more)
+        for model, exponent, at in _alike(contacts)
+    ]
+
+
+def _alike(contacts: Sequence[Contact]) -> list[tuple[Dissipation, float, list[int]]]:
+    """Contacts of one formula: the dissipation of the first, the exponent, and their numbers."""
     kinds: dict[Any, list[int]] = {}
-    losses = [one.dissipation or ELASTIC for one in contacts]
-    for number, (one, loss) in enumerate(zip(contacts, losses, strict=True)):
-        if loss.constant:
-            kinds.setdefault((loss.model, loss.power, one.exponent), []).append(number)
+    for number, one in enumerate(contacts):
+        loss = one.dissipation if one.dissipation and one.dissipation.constant else ELASTIC
+        kinds.setdefault((loss.model, loss.power, bool(loss.constant), one.exponent), []).append(
+            number
+        )
+    return [(contacts[at[0]].dissipation or ELASTIC, key[-1], at) for key, at in kinds.items()]
+
+
+def _force(
+    contacts: Sequence[Contact], overlaps: Sequence[float], at: list[int], on: str,
+    exponent: float, formula: Any, more: dict[str, float] | None = None,
+) -> Force:  # fmt: skip
+    """A formula of the overlap, its rate and the constants as a force in some contacts."""
+    import sympy as sp
+
     r, rate, stiffness, constant, begin = sp.symbols("r rate stiffness constant overlap")
-    found = []
-    for (_, _, exponent), at in kinds.items():
-        of = [contacts[k] for k in at]
-        d = sp.Max(begin - r, 0)
-        force = compressive(losses[at[0]], d, -rate, stiffness, exact(exponent), constant)
-        values = {
-            "stiffness": [x.constant for x in of],
-            "constant": [losses[k].constant for k in at],
-            "overlap": [float(overlaps[k]) for k in at],
-        }
-        found.append(Force(-force, "bonds", at, values))
-    return found
+    expression = formula(sp.Max(begin - r, 0), -rate, stiffness, exact(exponent), constant)
+    of = [contacts[k] for k in at]
+    values = {
+        "stiffness": [x.constant for x in of],
+        "constant": [(x.dissipation or ELASTIC).constant for x in of],
+        "overlap": [float(overlaps[k]) for k in at],
+        **(more or {}),
+    }
+    parts = expression if isinstance(expression, tuple) else (expression,)
+    used = {str(s) for one in parts for s in one.free_symbols}
+    return Force(expression, on, at, {name: x for name, x in values.items() if name in used})
 
 
 def _solved(model: Dissipation, contact: Contact, mass: float, e: float, speed: float) -> float:

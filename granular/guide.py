@@ -1,15 +1,15 @@
 """Branched guides of beads between plane walls, two coordinates each: a `tensegrity.Network`.
 
-Model: seeds/001, eqs. (1)-(6): frictionless contacts without rotation or dissipation, rigid walls
-at rest.  Initially beads touch their neighbours and, up to a gap, their walls.  The list of
-contacts is that of the layout; a run verifies that no other contact forms and that no bead slides
-off its wall.
+Model: seeds/001, eqs. (1)-(6): contacts without rotation, rigid walls at rest; by default without
+friction and dissipation.  Initially beads touch their neighbours and, up to a gap, their walls.
+The list of contacts is that of the layout; a run verifies that no other contact forms and that no
+bead slides off its wall.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -18,6 +18,7 @@ import numpy as np
 from granular.assembly import Assembly, AssemblyDynamics, SharedSprings
 from granular.beads import Bead, Striker
 from granular.contact import checked_law, hertz
+from granular.damped_contact import forces_of, friction_of
 from granular.layout import TOUCH, Layout, diamond_layout, y_layout
 from granular.materials import Material, materials
 from granular.statics import Equilibrium, rest_of
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
 
     from granular.contact import ContactLaw
     from granular.layout import Piece
-    from tensegrity import Damping, Drive
+    from tensegrity import Damping, Drive, Force
     from tensegrity.typing import Array, Indices
 
 
@@ -81,11 +82,14 @@ class Guide(Assembly):
         preload: float = 0.0,
         drive: Mapping[int, Drive] | None = None,
         damping: Damping | None = None,
+        friction: tuple[float, float] | None = None,
+        forces: Sequence[Force] = (),
     ) -> None:
         gravity, preload = _checked(layout, beads, wall, striker, end, gravity, preload)
         self._arguments = {
             "layout": layout, "beads": beads, "wall": wall, "striker": striker, "end": end,
-            "gravity": gravity, "preload": preload,
+            "gravity": gravity, "preload": preload, "friction": _checked_friction(friction),
+            "forces": check.sequence("forces", forces, "forces"),
         }  # fmt: skip
         sides, first = len(layout.walls), int(striker is not None)
         if end is not None:
@@ -98,22 +102,33 @@ class Guide(Assembly):
         positions, bonds, self.parts, self.beads = _filled(layout, beads, striker)
         touched = np.add(layout.wall_contacts(), (first, 0))
         springs = SharedSprings(checked_law(law))
+        pairs = [(self.beads[i], self.beads[j]) for i, j in bonds]
+        sides_of = [(self.beads[b], solids[wall]) for b, wall in touched]
+        of_bonds, of_walls = ([springs.contact(*one) for one in x] for x in (pairs, sides_of))
+        self._losses = [
+            *forces_of(of_bonds, [0.0] * len(of_bonds)),
+            *forces_of(of_walls, [0.0] * len(of_walls), "walls"),
+        ]
+        rubbing = friction_of(of_walls, *friction) if friction is not None else []
         super().__init__(
             positions,
             bonds,
-            [springs(self.beads[i], self.beads[j]) for i, j in bonds],
+            [springs(*pair) for pair in pairs],
             mass=[bead.mass for bead in self.beads],
             walls=[_wall(piece) for piece in layout.walls],
             wall_contacts=touched,
-            wall_spring=[springs(self.beads[b], solids[wall]) for b, wall in touched],
+            wall_spring=[springs(*pair) for pair in sides_of],
             wall_gaps=layout.wall_gaps(),
             radius=None if layout.blind else [bead.radius for bead in self.beads],
             loads=_loads(self.beads, first, gravity, preload),
             drive=drive,
             damping=damping,
+            forces=(*self._losses, *rubbing, *self._arguments["forces"]),
         )
         self._contacts = springs.contacts
-        self.equilibrium = found = rest_of(self, striker=None, law=springs.contact)
+        self.equilibrium = found = rest_of(
+            self, striker=None, law=springs.contact, friction=None, forces=()
+        )
         rest = np.zeros(self.shape)
         if found is not None:  # a striker is displaced with the bead that it touches
             rest = found.u if striker is None else np.concatenate([found.u[:1], found.u])
@@ -206,6 +221,16 @@ def _checked(
     return gravity, preload
 
 
+def _checked_friction(friction: Any) -> tuple[float, float] | None:
+    if friction is None:
+        return None
+    coefficient, speed = check.vector("friction", friction, (2,)).tolist()
+    return (
+        check.number("coefficient of friction", coefficient, least=0),
+        check.number("speed of slip", speed, above=0, unit="m/s"),
+    )
+
+
 def _filled(
     layout: Layout, beads: Mapping[str, Bead], striker: Striker | None
 ) -> tuple[Array, Indices, dict[str, tuple[int, ...]], tuple[Bead, ...]]:
@@ -248,6 +273,8 @@ def y_guide(
     preload: float = 0.0,
     drive: Mapping[int, Drive] | None = None,
     damping: Damping | None = None,
+    friction: tuple[float, float] | None = None,
+    forces: Sequence[Force] = (),
 ) -> Guide:
     """A Y-shaped guide, the first half of that of seeds/001: a stem that splits into two branches.
 
@@ -283,6 +310,12 @@ def y_guide(
         {site: Drive}: prescribed motions, and forces that depend on time.
     damping : Damping, optional
         Dashpots to the ground and between beads in contact, which also act while contacts are open.
+    friction : (float, float), optional
+        Coefficient of Coulomb friction between beads and walls, >= 0, and the speed of slip v0
+        [m/s], > 0, over which it is regularised: the force is slip/sqrt(slip^2 + v0^2) of it.
+        Beads do not roll.
+    forces : sequence of Force, optional
+        Forces of time, displacement and velocity.
 
     Returns
     -------
@@ -306,8 +339,9 @@ def y_guide(
     """
     beads = _filling(bead, branches)
     layout = y_layout(stem, branch, half_angle, bead.diameter, gap, through)
-    forces: Any = {"gravity": gravity, "preload": preload, "drive": drive, "damping": damping}
-    return Guide(layout, beads, wall, striker, end=end, law=law, **forces)
+    more: Any = {"gravity": gravity, "preload": preload, "drive": drive, "damping": damping}
+    more |= {"friction": friction, "forces": forces}
+    return Guide(layout, beads, wall, striker, end=end, law=law, **more)
 
 
 def diamond_guide(
@@ -327,6 +361,8 @@ def diamond_guide(
     preload: float = 0.0,
     drive: Mapping[int, Drive] | None = None,
     damping: Damping | None = None,
+    friction: tuple[float, float] | None = None,
+    forces: Sequence[Force] = (),
 ) -> Guide:
     """The full guide of seeds/001: the branches rejoin in a second stem.
 
@@ -338,7 +374,9 @@ def diamond_guide(
         Number of beads between the junctions, odd: the middle one is the corner.
     half_angle : float, optional
         Angle between each branch and the axis [rad], pi/6 or more.
-    bead, branches, wall, striker, gap, through, law, gravity, preload, drive, damping
+    bead, branches, wall, striker, gap, through, law, gravity, preload
+        As for `y_guide`.
+    drive, damping, friction, forces
         As for `y_guide`.
     end : Material, optional
         Material of a plane wall behind the last bead of stem 2; by default that bead is free.
@@ -355,8 +393,9 @@ def diamond_guide(
     """
     beads = {**_filling(bead, branches), "stem 2": bead}
     layout = diamond_layout(stem, branch, half_angle, bead.diameter, gap, through)
-    forces: Any = {"gravity": gravity, "preload": preload, "drive": drive, "damping": damping}
-    return Guide(layout, beads, wall, striker, end=end, law=law, **forces)
+    more: Any = {"gravity": gravity, "preload": preload, "drive": drive, "damping": damping}
+    more |= {"friction": friction, "forces": forces}
+    return Guide(layout, beads, wall, striker, end=end, law=law, **more)
 
 
 def _filling(bead: Bead, branches: tuple[Bead, Bead] | None) -> dict[str, Bead]:

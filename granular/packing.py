@@ -119,7 +119,7 @@ class Pack(Assembly):
         self.parts, self.beads = given, filled
         self.named_walls, self.wall_names = dict(named), tuple(named)
         solids = tuple(material for _, material in named.values())
-        self._wall_materials = solids
+        self._wall_materials, self._losses = solids, ()
         with searched_once():
             self._join(places, filled, contacts, gravity, preload, drive=drive, damping=damping)
         self.equilibrium = rest_of(self, striker=None, approach=None)

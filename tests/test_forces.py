@@ -179,7 +179,7 @@ def test_a_batch_takes_them():
         ("parameter u of a force is one of", lambda: Force(U, parameters={"u": 1.0})),
         ("must be finite", lambda: Force(C * V, parameters={"c": np.nan})),
         ("no SymPy expression", lambda: Force("v")),
-        ("acts on 'walls'", lambda: Force(V, "walls")),
+        ("acts on 'roof'", lambda: Force(V, "roof")),
         ("must differ, and exist", lambda: Force(V, at=[1, 1])),
         ("is -inf at t = 0 s", lambda: Force(V / T)),
         ("is nan at t = 0 s", lambda: Force(sp.sqrt(V))),

@@ -91,9 +91,8 @@ def _force(number, force):
     unique, function = f"force{number}", force.function()
     sx = function.sx_in()
     return ca.Function(unique, sx, [function(*sx)]), (
-        f"static inline real force_{number}(real t, const real *x, const real *p) {{ real y; "
-        f"const real *arg[] = {{&t, x, p}}; real *res[] = {{&y}}; {unique}(arg, res, 0, 0, 0); "
-        "return y; }"
+        f"static inline void force_{number}(real t, const real *x, const real *p, real *y) {{ "
+        f"const real *arg[] = {{&t, x, p}}; real *res[] = {{y}}; {unique}(arg, res, 0, 0, 0); }}"
     )
 
 

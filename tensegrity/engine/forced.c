@@ -1,11 +1,15 @@
 /* Forces that depend on time, displacement and velocity, and prescribed motions, in the stages of
    an explicit Runge-Kutta method; included before `steps.c`.  FORCES(X) lists the forces with the
-   numbers of their parameters, and whether they act on bonds and dissipate: `force_<number>`. */
+   numbers of their parameters and results, and whether they act on bonds and dissipate:
+   `force_<number>`. */
 
 typedef struct {
     const real *instants;            /* (stages of all steps) */
     const real *parameters;          /* for each force (parameters, places) */
     const integer *place;            /* for each force the sites or bonds on which it acts */
+    const integer *ends;             /* (places, 2) of a network, where the rows of a bond begin; a
+                                        wall comes first */
+    const real *geometry;            /* (places, DIM + 2) of a network, D, g, L */
     const integer *first, *begin;    /* (forces + 1) of places, (forces) of parameters */
     const real *prescribed_u, *prescribed_v; /* (stages of all steps, moved) */
     const real *after;               /* (steps, moved) displacements at the ends of steps */
@@ -13,13 +17,18 @@ typedef struct {
     const real *prescribed_mass;     /* (moved) */
     const integer *moved, *pulled;   /* entries of u */
     real *sums;                      /* work of drives and forces, loss */
-    real *given;                     /* scratch: (bonds or sites) */
+    real *given;                     /* scratch: results on all sites, or of all bonds */
     integer moving, pulling, stage, step;
 } forcing;
 
-/* The forces number k on `count` places add to the rates `a` of the velocities; returns their
-   power. */
-#define SITE_FORCE(k, count)                                                                   \
+#ifdef DIM
+#define COORDINATES DIM
+#else
+#define COORDINATES 1
+#endif
+
+/* The force number k on the sites adds to the rates `a` of the velocities; returns its power. */
+#define SITE_FORCE(k, count, results)                                                          \
     static real apply_##k(const scene *c, const forcing *d, real t, const real *restrict u,    \
                           const real *restrict v, real *restrict a)                            \
     {                                                                                          \
@@ -27,19 +36,64 @@ typedef struct {
         const real *restrict values = d->parameters + d->begin[k];                             \
         real power = 0;                                                                        \
         EACH(n) {                                                                              \
-            real x[] = {u[at[i]], v[at[i]]}, p[count + 1];                                     \
+            real x[2 * COORDINATES + 1], f[COORDINATES], p[count + 1], square = 0;             \
+            for (int j = 0; j < COORDINATES; j++) {                                            \
+                x[j] = u[at[i] * COORDINATES + j];                                             \
+                const real speed = x[COORDINATES + j] = v[at[i] * COORDINATES + j];            \
+                square += speed * speed;                                                       \
+            }                                                                                  \
+            x[2 * COORDINATES] = sqrt(square);                                                 \
             for (int m = 0; m < count; m++) p[m] = values[m * n + i];                          \
-            d->given[i] = force_##k(t, x, p);                                                  \
+            force_##k(t, x, p, f);                                                             \
+            for (int j = 0; j < COORDINATES; j++) d->given[j * n + i] = f[j];                  \
         }                                                                                      \
-        for (integer i = 0; i < n; i++) {                                                      \
-            a[at[i]] += c->w[at[i]] * d->given[i];                                             \
-            power += c->w[at[i]] == 0 ? 0 : d->given[i] * v[at[i]];                            \
-        }                                                                                      \
+        for (int j = 0; j < COORDINATES; j++)                                                  \
+            for (integer i = 0; i < n; i++) {                                                  \
+                const integer q = at[i] * COORDINATES + j;                                     \
+                a[q] += c->w[q] * d->given[j * n + i];                                         \
+                power += c->w[q] == 0 ? 0 : d->given[j * n + i] * v[q];                        \
+            }                                                                                  \
         return power;                                                                          \
     }
 
+#ifdef DIM
+/* Tensions of contacts, and forces along their slip, of the second end relative to the first. */
+#define BOND_FORCE(k, count, results)                                                          \
+    static real apply_##k(const scene *c, const forcing *d, real t, const real *restrict u,    \
+                          const real *restrict v, real *restrict a)                            \
+    {                                                                                          \
+        const integer n = d->first[k + 1] - d->first[k], walls = c->sites * DIM;               \
+        const integer *ends = d->ends + 2 * d->first[k];                                       \
+        const real *values = d->parameters + d->begin[k];                                      \
+        const real *geometry = d->geometry + (DIM + 2) * d->first[k];                          \
+        real power = 0;                                                                        \
+        for (integer i = 0; i < n; i++, ends += 2, geometry += DIM + 2) {                      \
+            const integer from = ends[0], to = ends[1], wall = from >= walls;                  \
+            real along[DIM], w[DIM], speed[DIM], x[3] = {0}, f[2] = {0}, p[count + 1];         \
+            AXES(j) w[j] = u[to + j] - (wall ? 0 : u[from + j]);                               \
+            AXES(j) speed[j] = v[to + j] - (wall ? 0 : v[from + j]);                           \
+            if (wall) wall_contact(geometry, w, geometry[DIM], geometry[DIM + 1], x, along);   \
+            else pair_contact(geometry, w, geometry[DIM], geometry[DIM + 1], x, along);        \
+            AXES(j) x[1] += along[j] * speed[j];                                               \
+            if (results > 1) {                                                                 \
+                AXES(j) speed[j] -= x[1] * along[j];                                           \
+                AXES(j) x[2] += speed[j] * speed[j];                                           \
+                x[2] = sqrt(x[2]);                                                             \
+            }                                                                                  \
+            for (int m = 0; m < count; m++) p[m] = values[m * n + i];                          \
+            force_##k(t, x, p, f);                                                             \
+            const real per_speed = x[2] > 0 ? f[1] / x[2] : 0;                                 \
+            AXES(j) {                                                                          \
+                const real force = per_speed * speed[j] - f[0] * along[j];                     \
+                a[to + j] += c->w[to + j] * force, a[from + j] -= c->w[from + j] * force;      \
+            }                                                                                  \
+            power += f[1] * x[2] - f[0] * x[1];                                                \
+        }                                                                                      \
+        return power;                                                                          \
+    }
+#else
 /* A tension, of bonds that join neighbours. */
-#define BOND_FORCE(k, count)                                                                   \
+#define BOND_FORCE(k, count, results)                                                          \
     static real apply_##k(const scene *c, const forcing *d, real t, const real *restrict u,    \
                           const real *restrict v, real *restrict a)                            \
     {                                                                                          \
@@ -48,9 +102,9 @@ typedef struct {
         real power = 0;                                                                        \
         EACH(n) {                                                                              \
             const integer j = at[i];                                                           \
-            real x[] = {u[j + 1] - u[j], v[j + 1] - v[j]}, p[count + 1];                       \
+            real x[] = {u[j + 1] - u[j], v[j + 1] - v[j], 0}, p[count + 1];                    \
             for (int m = 0; m < count; m++) p[m] = values[m * n + i];                          \
-            d->given[i] = force_##k(t, x, p);                                                  \
+            force_##k(t, x, p, d->given + i);                                                  \
         }                                                                                      \
         for (integer i = 0; i < n; i++) {                                                      \
             const integer j = at[i];                                                           \
@@ -59,8 +113,9 @@ typedef struct {
         }                                                                                      \
         return power;                                                                          \
     }
+#endif
 
-#define DEFINE(k, count, on, loses) on##_FORCE(k, count)
+#define DEFINE(k, count, results, on, loses) on##_FORCE(k, count, results)
 FORCES(DEFINE)
 
 /* Displacements and velocities of prescribed sites in a stage. */
@@ -82,7 +137,7 @@ static void add_forces(const scene *c, forcing *d, const real *u, const real *v,
         a[q] += c->w[q] * d->pull[at];
         work -= d->pull_rate[at] * u[q]; /* the rest of their work is added outside */
     }
-#define APPLY(k, count, on, loses)                                                             \
+#define APPLY(k, count, results, on, loses)                                                      \
     {                                                                                          \
         const real power = apply_##k(c, d, t, u, v, a);                                        \
         if (loses) d->sums[1] -= part * power;                                                 \
@@ -98,8 +153,15 @@ static void add_forces(const scene *c, forcing *d, const real *u, const real *v,
     d->stage++;
 }
 
-static void end_step(forcing *d, real *u, real *v)
+/* The largest displacement of a prescribed site in a step. */
+static real end_step(forcing *d, real *u, real *v)
 {
     const real *at = d->after + d->step++ * d->moving;
-    for (integer e = 0; e < d->moving; e++) u[d->moved[e]] = at[e], v[d->moved[e]] = 0;
+    real largest = 0;
+    for (integer e = 0; e < d->moving; e++) {
+        const integer q = d->moved[e];
+        largest = larger(largest, fabs(at[e] - u[q]));
+        u[q] = at[e], v[q] = 0;
+    }
+    return largest;
 }

@@ -13,13 +13,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tensegrity.engine.law import is_piecewise, to_casadi
+from tensegrity.engine.bonds import KINDS
+from tensegrity.engine.geometry import functions
+from tensegrity.engine.law import continuity, to_casadi
 from tensegrity.engine.native import structure
 from tensegrity.once import once
 
 if TYPE_CHECKING:
     import sympy as sp
 
+    from tensegrity.engine.bonds import Bonds
     from tensegrity.engine.methods import Nystrom
     from tensegrity.typing import Array, Indices
 
@@ -29,34 +32,41 @@ SITE, BOND = "SITE", "BOND"  # as in forced.c
 
 @dataclass(frozen=True)
 class ForceLaw:
-    """The expression of a force, on a site or along a bond.
+    """The expressions of a force, on a site or along a bond.
 
     Attributes
     ----------
-    expression : sympy.Expr
-        [N]; on a site > 0 towards higher sites, on a bond a tension.
+    expressions : tuple of sympy.Expr
+        [N]; on a site its components, in a bond a tension, and what acts along the slip.
     time : sympy.Symbol
     state : tuple of sympy.Symbol
-        Displacement and velocity of the site, or elongation of the bond and its rate.
+        Displacements and velocities of the site, and its speed; or elongation of the bond, its
+        rate, and its slip.
     parameters : tuple of sympy.Symbol
     on : {"SITE", "BOND"}
     """
 
-    expression: sp.Expr
+    expressions: tuple[sp.Expr, ...]
     time: sp.Symbol
-    state: tuple[sp.Symbol, sp.Symbol]
+    state: tuple[sp.Symbol, ...]
     parameters: tuple[sp.Symbol, ...]
     on: str
 
     @property
-    def dissipates(self) -> bool:
-        """Whether the force depends on velocity: its negative work then counts as a loss."""
-        return self.state[1] in self.expression.free_symbols
+    def rates(self) -> tuple[sp.Symbol, ...]:
+        """Those symbols of the state that are velocities."""
+        return self.state[len(self.state) // 2 :]
 
     @property
-    def jumps(self) -> bool:
-        """Whether the expression is defined piecewise, so that the force may jump."""
-        return is_piecewise(self.expression)
+    def dissipates(self) -> bool:
+        """Whether the force depends on velocity: its negative work then counts as a loss."""
+        used = set().union(*(one.free_symbols for one in self.expressions))
+        return bool(used & {*self.rates})
+
+    @property
+    def continuity(self) -> float:
+        """See `law.continuity`."""
+        return min(map(continuity, self.expressions))
 
     @property
     def name(self) -> str:
@@ -66,37 +76,39 @@ class ForceLaw:
     @property
     def macro(self) -> tuple[Any, ...]:
         """What the list FORCES of `forced.c` has of a force besides its number."""
-        return len(self.parameters), self.on, int(self.dissipates)
+        return len(self.parameters), len(self.expressions), self.on, int(self.dissipates)
 
     def function(self) -> Any:
-        """CasADi function (t, state, parameters) -> force."""
+        """CasADi function (t, state, parameters) -> components of the force."""
         import casadi as ca
 
-        t, x = ca.SX.sym("t"), ca.SX.sym("x", 2)
+        t, x = ca.SX.sym("t"), ca.SX.sym("x", len(self.state))
         p = ca.SX.sym("p", len(self.parameters))
         values = (t, *ca.vertsplit(x), *(ca.vertsplit(p) if self.parameters else ()))
-        made = to_casadi(self.expression, (self.time, *self.state, *self.parameters))
-        return ca.Function("force", [t, x, p], [ca.densify(ca.SX(made(*values)))])
+        symbols = (self.time, *self.state, *self.parameters)
+        made = [to_casadi(one, symbols)(*values) for one in self.expressions]
+        return ca.Function("force", [t, x, p], [ca.densify(ca.vertcat(*map(ca.SX, made)))])
 
-    def rate(self) -> Any:
-        """CasADi function (t, state, parameters) -> derivative of the force by the velocity."""
+    def slopes(self) -> Any:
+        """CasADi function (t, state, parameters) -> derivatives by velocities, column by column."""
         import casadi as ca
 
         function = self.function()
         t, x, p = function.sx_in()
-        return ca.Function("rate", [t, x, p], [ca.jacobian(function(t, x, p), x)[1]])
+        found = ca.jacobian(function(t, x, p), x)[:, len(self.state) // 2 :]
+        return ca.Function("slopes", [t, x, p], [ca.densify(ca.vec(found))])
 
 
 @once
-def _rate(law: ForceLaw) -> Any:
-    return law.rate()
+def _slopes(law: ForceLaw) -> Any:
+    return law.slopes()
 
 
 @once
 def _digest(law: ForceLaw) -> str:
     from sympy import srepr
 
-    parts = (law.expression, law.time, *law.state, *law.parameters)
+    parts = (*law.expressions, law.time, *law.state, *law.parameters)
     return hashlib.sha256("|".join([law.on, *map(srepr, parts)]).encode()).hexdigest()
 
 
@@ -108,7 +120,7 @@ class AppliedForce:
     ----------
     law : ForceLaw
     places : ndarray of int, (places,)
-        Numbers of the sites or bonds.
+        Numbers of the sites or bonds; contacts with walls follow the bonds.
     values : ndarray, (parameters, places)
         Values of its parameters.
     """
@@ -119,37 +131,78 @@ class AppliedForce:
 
 
 def largest_decay(
-    applied: tuple[AppliedForce, ...], t: float, u: Array, v: Array, w: Array
+    applied: tuple[AppliedForce, ...], bonds: Bonds, t: float, u: Array, v: Array
 ) -> float:
-    """Bound on the rates at which velocities of a chain decay or grow by forces [1/s].
+    """Bound on the rates at which velocities of a scene decay or grow by forces [1/s].
 
     Parameters
     ----------
     applied : tuple of AppliedForce
+    bonds : Bonds
     t : float
         [s]
-    u, v : ndarray, (sites,)
+    u, v : ndarray, (sites[, dim])
         [m], [m/s]
-    w : ndarray, (sites,)
-        Inverse masses [1/kg].
 
     Returns
     -------
     float
     """
-    total = np.zeros(len(u))
+    sites, dim = len(u), max(bonds.dim, 1)
+    total = np.zeros(sites)
     for one in applied:
-        if not one.law.dissipates:
+        law, at = one.law, one.places
+        if not law.dissipates:
             continue
-        at, bonds = one.places, one.law.on == BOND
-        x = np.stack([u[at + 1] - u[at], v[at + 1] - v[at]] if bonds else [u[at], v[at]])
-        rate = np.abs(np.array(_rate(one.law)(t, x, one.values))[0])
-        if bonds:
-            for ends in (at, at + 1):
-                np.add.at(total, ends, 2 * rate)
+        if law.on == SITE:
+            x = np.concatenate([y.reshape(sites, -1)[at].T for y in (u, v)])
+            x = np.concatenate([x, np.linalg.norm(x[dim:], axis=0)[None]])
+            ends: Any = [at]
         else:
-            np.add.at(total, at, rate)
-    return float(np.max(total * w, initial=0.0))
+            ends = _ends(bonds, at)
+            x = _relative(bonds, at, u, v)
+        slopes = np.abs(np.array(_slopes(law)(t, x, one.values)))
+        slopes = slopes.reshape(len(law.rates), -1, len(at))
+        if law.on == SITE:  # a sum of components is at most sqrt(dim) of their norm
+            slopes[-1] *= np.sqrt(dim)
+        elif len(law.expressions) > 1:  # a force across the slip turns with it
+            force = np.abs(np.array(law.function()(t, x, one.values))[1])
+            slip = np.where(x[2] > 0, x[2], np.inf)
+            slopes[-1, 1] = np.maximum(slopes[-1, 1], force / slip)
+        rate = slopes.sum(axis=0).max(axis=0) if law.on == SITE else slopes.sum(axis=(0, 1))
+        for end in ends:
+            free = end < sites
+            np.add.at(total, end[free], rate[free] * len(ends))
+    weights = np.asarray(bonds.inverse_mass)[:sites]
+    return float(np.max(total * weights, initial=0.0))
+
+
+def _ends(bonds: Bonds, at: Indices) -> tuple[Indices, Indices]:
+    """Rows that bonds join; walls follow the sites."""
+    of = bonds.contacts
+    return (at, at + 1) if of is None else (of.first[at], of.second[at])
+
+
+def _relative(bonds: Bonds, at: Indices, u: Array, v: Array) -> Array:
+    """Elongations of some bonds, their rates, and their slip; (3, bonds)."""
+    first, second = _ends(bonds, at)
+    if bonds.contacts is None:
+        u, v = u.ravel(), v.ravel()
+        r = u[second] - u[first]
+        return np.stack([r, v[second] - v[first], np.zeros(len(at))])
+    wall = first >= len(u)
+    ends = np.where(wall, 0, first)
+    w, speed = (x[second] - np.where(wall[:, None], 0.0, x[ends]) for x in (u, v))
+    of, found = bonds.contacts.geometry_of(at), np.zeros((3, len(at)))
+    for kind, chosen in enumerate((~wall, wall)):
+        if chosen.any():
+            r, along = functions(bonds.dim)[KINDS[kind]](
+                of[:-2, chosen], w[chosen].T, of[-2:-1, chosen], of[-1:, chosen]
+            )
+            rate = np.sum(np.array(along).T * speed[chosen], axis=1)
+            across = speed[chosen] - rate[:, None] * np.array(along).T
+            found[:, chosen] = np.array(r)[0], rate, np.linalg.norm(across, axis=1)
+    return found
 
 
 class Stages:
@@ -230,7 +283,7 @@ def fields(forcing: Any, sums: Array) -> Any:
     -------
     Structure
     """
-    applied = forcing.applied
+    applied, of = forcing.applied, forcing.bonds.contacts
     places = [one.places for one in applied]
     values = [one.values for one in applied]
     counts = [len(one) for one in places]
@@ -242,8 +295,17 @@ def fields(forcing: Any, sums: Array) -> Any:
         "prescribed_mass": forcing.prescribed_mass,
         "moved": forcing.moved.astype(np.int64),
         "pulled": forcing.forced.astype(np.int64),
-        "given": np.zeros(max(counts, default=0)),
-    }
+        "given": np.zeros(max((n * len(one.law.expressions) for n, one in
+                               zip(counts, applied, strict=True)), default=0)),
+    }  # fmt: skip
+    if of is not None:
+        bonds = [np.where(one.law.on == BOND, one.places, 0) for one in applied]
+        at = np.concatenate([np.zeros(0, dtype=int), *bonds])
+        ends = np.zeros((len(at), 2))
+        if len(of.first):
+            ends = forcing.bonds.dim * np.stack([of.first[at], of.second[at]], axis=1)
+            arrays["geometry"] = of.geometry_of(at).T
+        arrays["ends"] = ends.astype(np.int64)
     numbers = {"moving": len(forcing.moved), "pulling": len(forcing.forced), "stage": 0, "step": 0}
     arrays = {name: np.ascontiguousarray(x) for name, x in arrays.items()}
     return FORCING(**dict.fromkeys(FORCING.kinds) | arrays | numbers | {"sums": sums})

@@ -96,7 +96,7 @@ integer advance_nystrom(const scene *c, const nystrom *t, integer steps, integer
             EACH(n) v[i] += b * slope[i];
         }
 #ifdef FORCES
-        end_step(t->forcing, u, v);
+        *t->travel += end_step(t->forcing, u, v);
 #endif
     }
     return 0;

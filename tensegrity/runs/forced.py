@@ -77,8 +77,7 @@ class ForcedMotion(Motion):
 
     def _largest_step(self, t: float, u: Array, v: Array) -> float:
         """Largest stable step [s] for the rates at which forces change velocities in a state."""
-        applied, w = self.forcing.applied, self.problem.dynamics.inverse_mass
-        rate = largest_decay(applied, t, u, v, w)
+        rate = largest_decay(self.forcing.applied, self.forcing.bonds, t, u, v)
         return self.problem.method.decay_limit / rate if rate else math.inf
 
     def _too_damped(self, dt: float, largest: float, t: float) -> StabilityError:

@@ -36,7 +36,8 @@ FIRST_ORDER = 4.0  # least order assumed between the two coarsest runs
 TIGHT = 1e-10  # tolerances this far below the error of the first run take a finer second one
 LEAST_FACTOR, LARGEST_FACTOR = 1.25, 8.0  # of the number of steps from one run to the next
 # Where contacts are lost, the order predicts the error of a run less well that is more than
-# WIDE_FACTOR times finer than the one before it: its estimate is multiplied by SAFETY_FACTOR.
+# WIDE_FACTOR times finer than the one before it: its estimate is multiplied by SAFETY_FACTOR, and
+# always where forces of velocity have kinks.
 WIDE_FACTOR, SAFETY_FACTOR = 2.0, 3.0
 # Growth of round-off observed in rows of 20 to 40 equal masses, and the power of the mass ratio by
 # which it is larger for unequal ones.
@@ -64,6 +65,9 @@ class ErrorEstimator:
 
     def __init__(self, problem, elongation_range, tol):
         self._problem, self._tol = problem, tol
+        forces = problem.dynamics.further_forces
+        rough = any(one.law.continuity < math.inf for one in forces)
+        self._safety = SAFETY_FACTOR if rough else 1.0
         self._set_order(elongation_range)
 
     def update(self, elongation_range):
@@ -87,10 +91,14 @@ class ErrorEstimator:
         """
         if len(gaps) == 1:
             fraction, gap = gaps[0]
-            return gap / max(fraction ** (-self.order / 2) - 1, 1.0) if not self.opens else gap
+            if self.opens:
+                return gap * self._safety
+            return gap / max(fraction ** (-self.order / 2) - 1, 1.0)
         order = self._estimated(gaps)
         errors = [gap / (1 - fraction**order) * fraction**order for fraction, gap in gaps[-2:]]
-        return max(errors) * _safety_factor(1 / gaps[-1][0]) if self.opens else errors[-1]
+        if self.opens:
+            return max(errors) * max(_safety_factor(1 / gaps[-1][0]), self._safety)
+        return errors[-1]
 
     def round_off(self, run, gap):
         """Contribution of round-off: a random walk of the last digit over all stages of the run.
@@ -153,13 +161,12 @@ def attainable_order(problem, elongation_range):
     and of the drives.
 
     A force that grows like overlap^n from a kink limits the order to n + 1, or to n + 3 where the
-    method corrects it.
+    method corrects it; one of velocity that changes like the power n of something, to n + 1.
     """
     dyn = problem.dynamics
     driven = time_signals(problem.scene) if dyn.is_driven else ()
     limits = [signal.order_limit for signal in driven]
-    if dyn.has_forces and any(one.law.jumps for one in dyn.further_forces):
-        limits.append(1.0)  # of any method, where a force jumps
+    limits += [1 + one.law.continuity for one in dyn.further_forces]
     order = min(limits, default=math.inf)
     corrects = isinstance(problem.method, Corrected)
     for exponent in exponents_within(dyn, elongation_range):

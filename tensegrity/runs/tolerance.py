@@ -282,7 +282,9 @@ FEWEST, MOST_COMPARED = 16, 2_000_000  # least instants; most numbers in u of a 
 COMPARED = 3  # most runs that are compared, the finest included
 SECOND = 1e-6  # tolerances below this are rarely met by the second run
 ROUND_OFF = 1e-14  # relative differences below this are round-off
-STAGNANT = 4  # successive refinements without gain after which round-off is reached
+# Successive refinements without gain after which round-off is reached: of a method of order 2 or
+# more, and of less, where a run may be better than the next ones by chance.
+STAGNANT, STAGNANT_BELOW_2 = 4, 12
 
 
 @one_bar("step")
@@ -360,7 +362,7 @@ def converged(problem, first, error, tol):
             return accepted_run(problem, trials[-1], estimate + error)
         stagnant = stagnant + 1 if gaps[-1][1] > smallest / 2 else 0
         smallest = min(smallest, gaps[-1][1])
-        if stagnant == STAGNANT:
+        if stagnant == (STAGNANT if estimator.order >= 2 else STAGNANT_BELOW_2):
             raise TensegrityError(
                 f"tol {tol:g} is below {max(smallest, tol):.1e}: up to {trials[-1].steps} steps do "
                 "not make smaller the difference of two runs, which is round-off"

@@ -1,6 +1,7 @@
-"""Forces of one's own: SymPy expressions of time, displacement and velocity, on sites or in bonds.
+"""Forces of one's own: SymPy expressions of time, displacement and velocity, on sites, in bonds, or
+at walls.
 
-A `Force` adds to the springs of a chain: drag, friction, gravity, dashpots, contacts that
+A `Force` adds to the springs of a scene: drag, friction, gravity, dashpots, contacts that
 dissipate.  It is compiled with the force laws, and its work is part of the energy budget.
 """
 
@@ -24,24 +25,29 @@ if TYPE_CHECKING:
 
     from tensegrity.typing import Array, Indices
 
-STATE = {"sites": ("u", "v"), "bonds": ("r", "rate")}
-KINDS = {"sites": SITE, "bonds": BOND}
-PROBES = np.array([(t, x, v) for t in (0.0, 0.7) for x in (0.0, 1e-3) for v in (-0.1, 0.0, 0.1)])
+KINDS = {"sites": SITE, "bonds": BOND, "walls": BOND}
+AXES = "xyz"
+PROBES = [(t, x, v) for t in (0.0, 0.7) for x in (0.0, 1e-3) for v in (-0.1, 0.0, 0.1)]
 
 
 @dataclass(frozen=True, eq=False)
 class Force:
-    """A force on sites or in bonds, given as an expression.
+    """A force on sites, in bonds or at walls, given as an expression.
 
     Parameters
     ----------
-    expression : sympy.Expr
-        [N].  On sites it may contain `t` [s], the displacement `u` [m] and the velocity `v` [m/s],
-        and is > 0 towards higher sites.  In bonds it may contain `t`, the elongation `r` [m] and
-        its `rate` [m/s], and is a tension.  All other symbols are parameters.
-    on : {"sites", "bonds"}, optional
+    expression : sympy.Expr or sequence of sympy.Expr
+        [N].  On sites it may contain `t` [s], the displacement `u` [m], the velocity `v` [m/s] and
+        the `speed` |v|, and is > 0 towards higher sites.  In a plane or in space it is a sequence
+        with one expression for each axis, of `t`, `u_x`, `u_y`, .., `v_x`, `v_y`, .. and `speed`.
+        In bonds it may contain `t`, the elongation `r` [m] and its `rate` [m/s], and is a tension.
+        At walls it is a compressive force, `r` being the gap.  In bonds and at walls of a plane or
+        of space a second expression may follow, for the force along the slip, against which
+        friction is < 0; both may then contain `slip`, the relative speed along the surface [m/s].
+        All other symbols are parameters.
+    on : {"sites", "bonds", "walls"}, optional
     at : sequence of int, optional
-        The sites or bonds; by default all.
+        The sites, bonds or contacts with walls; by default all.
     parameters : dict of str to float or array_like (places,), optional
         Values of the parameters, in common or of each place.
 
@@ -53,7 +59,7 @@ class Force:
 
     Notes
     -----
-    The work of a force that contains `v` or `rate` counts as a loss of energy (`Run.loss`), that of
+    The work of a force that contains a velocity counts as a loss of energy (`Run.loss`), that of
     other forces as work done on the scene.
 
     Examples
@@ -98,38 +104,65 @@ class Force:
             object.__setattr__(self, "at", tuple(at))
         self._probe()
 
+    @property
+    def _state(self) -> tuple[str, ...]:
+        """Names of the displacements and velocities that the expressions may contain."""
+        if self.on != "sites":
+            return ("r", "rate", "slip")
+        if not self._along_axes:
+            return ("u", "v", "speed")
+        axes = AXES[: len(self._expressions)]
+        return (*(f"u_{k}" for k in axes), *(f"v_{k}" for k in axes), "speed")
+
+    @property
+    def _along_axes(self) -> bool:
+        """Whether there is one expression for each axis, or for each direction of a contact."""
+        return isinstance(self.expression, (tuple, list))
+
+    @property
+    def _expressions(self) -> tuple[Any, ...]:
+        return tuple(self.expression) if self._along_axes else (self.expression,)
+
     def _checked_law(self) -> ForceLaw:
         """The law, after the parameters are converted."""
         import sympy as sp
 
-        if not isinstance(self.on, str) or self.on not in STATE:
-            raise TensegrityError(f"a force acts on {check.shown(self.on)}, must be {list(STATE)}")
-        if not isinstance(self.expression, sp.Expr):
-            raise TensegrityError(f"force {check.shown(self.expression)} is no SymPy expression")
+        if not isinstance(self.on, str) or self.on not in KINDS:
+            raise TensegrityError(f"a force acts on {check.shown(self.on)}, must be {list(KINDS)}")
+        given, most = self._expressions, 3 if self.on == "sites" else 2
+        if not 1 <= len(given) <= most:
+            raise TensegrityError(f"{len(given)} expressions of a force on {self.on}: 1 to {most}")
+        for one in given:
+            if not isinstance(one, sp.Expr):
+                raise TensegrityError(f"force {check.shown(one)} is no SymPy expression")
         if not isinstance(self.parameters, Mapping):
             raise TensegrityError(f"parameters {check.shown(self.parameters)} must be a dict")
-        known = ("t", *STATE[self.on])
+        known = ("t", *self._state)
         values = {str(name): _values(str(name), x) for name, x in self.parameters.items()}
         clash = sorted(values.keys() & {*known})
         if clash:
             raise TensegrityError(f"parameter {clash[0]} of a force is one of {', '.join(known)}")
-        of = {str(symbol): symbol for symbol in self.expression.free_symbols}
-        other = sorted(of.keys() - {*known} - values.keys())
+        of = {str(symbol): symbol for one in given for symbol in one.free_symbols}
+        allowed = {*known} - ({"slip"} if len(given) == 1 else set())
+        other = sorted(of.keys() - allowed - values.keys())
         if other:
             raise TensegrityError(
                 f"force {self.expression} contains {', '.join(other)}: on {self.on} it may contain "
-                f"{', '.join(known)} and parameters"
+                f"{', '.join(x for x in known if x in allowed)} and parameters"
             )
         idle = sorted(values.keys() - of.keys())
         if idle:
             raise TensegrityError(f"force {self.expression} does not contain {', '.join(idle)}")
         symbols = [sp.Symbol(name, real=True) for name in (*known, *values)]
-        same = dict.fromkeys(of.values()) and {of[s.name]: s for s in symbols if s.name in of}
+        same = {old: new for one in given for old in one.free_symbols for new in symbols
+                if old.name == new.name}  # fmt: skip
+        first = -1 if self.on == "walls" else 1  # a compressive force is a negative tension
+        named = [one.xreplace(same) for one in given]
         law = ForceLaw(
-            self.expression.xreplace(same),
+            (first * named[0], *named[1:]),
             symbols[0],
-            (symbols[1], symbols[2]),
-            tuple(symbols[3:]),
+            tuple(symbols[1 : len(known)]),
+            tuple(symbols[len(known) :]),
             KINDS[self.on],
         )
         object.__setattr__(self, "parameters", FixedDict(values))
@@ -137,20 +170,27 @@ class Force:
 
     def _probe(self) -> None:
         """Refuse an expression that cannot be translated, or is complex or infinite at rest."""
+        names, found = self._state, []
+        count = len(names) // 2
         try:
             function = self.law.function()
             p = [float(np.ravel(x)[0]) for x in self.parameters.values()]
-            found = [float(function(t, [x, v], p)) for t, x, v in PROBES]
+            for t, x, v in PROBES:
+                state = [x] * count + [v] * (len(names) - count - 1) + [abs(v)]
+                found.append((t, state, np.array(function(t, state, p)).ravel()))
         except Exception as error:  # SymPy's printer and CasADi raise many kinds of errors
             raise TensegrityError(
                 f"force {self.expression} cannot be translated: {error}"
             ) from error
-        for (t, x, v), value in zip(PROBES, found, strict=True):
-            if not np.isfinite(value):
-                first, second = STATE[self.on]
+        for t, state, value in found:
+            if not np.isfinite(value).all():
+                where = ", ".join(
+                    f"{name} = {x:g} {'m' if k < count else 'm/s'}"
+                    for k, (name, x) in enumerate(zip(names, state, strict=True))
+                )
                 raise TensegrityError(
-                    f"force {self.expression} is {value} at t = {t:g} s, {first} = {x:g} m, "
-                    f"{second} = {v:g} m/s"
+                    f"force {self.expression} is {value[~np.isfinite(value)][0]} at t = {t:g} s, "
+                    f"{where}"
                 )
 
     def values(self, x: ArrayLike, rate: ArrayLike, t: float = 0.0) -> Array:
@@ -164,13 +204,16 @@ class Force:
         Returns
         -------
         ndarray, (..., places)
-            On sites > 0 towards higher sites; in bonds a tension.
+            On sites > 0 towards higher sites; in bonds a tension; at walls compressive.
 
         Raises
         ------
         TensegrityError
-            Numbers that are not finite, of shapes that do not fit together, or too large.
+            A force with a sequence of expressions; numbers that are not finite, of shapes that do
+            not fit together, or too large.
         """
+        if self._along_axes:
+            raise TensegrityError(f"values of {len(self._expressions)} expressions: give one")
         t = check.number("t", t, unit="s")
         given = [
             check.finite(name, check.floats(name, y)) for name, y in (("x", x), ("rate", rate))
@@ -183,16 +226,17 @@ class Force:
             raise TensegrityError("x and rate of a force must not be empty")
         columns = [one.ravel() for one in values]
         p = np.reshape(columns, (len(columns), x.size))
-        found = self.law.function()(t, np.stack([x.ravel(), rate.ravel()]), p)
-        return check.finite("force", np.array(found).reshape(x.shape))
+        last = np.abs(rate) if self.on == "sites" else np.zeros(x.shape)
+        found = self.law.function()(t, np.stack([y.ravel() for y in (x, rate, last)]), p)
+        sign = -1 if self.on == "walls" else 1
+        return check.finite("force", sign * np.array(found).reshape(x.shape))
 
-    def _applied(self, count: int) -> AppliedForce:
+    def _applied(self, scene: Any) -> AppliedForce:
         """The force on all places of a scene.
 
         Parameters
         ----------
-        count : int
-            Number of sites or bonds of the scene.
+        scene : Scene
 
         Returns
         -------
@@ -201,8 +245,17 @@ class Force:
         Raises
         ------
         TensegrityError
-            A place that does not exist, or a number of values other than that of places.
+            A place that does not exist, a number of values other than that of places, or of
+            expressions other than that of axes.
         """
+        counts, given = place_counts(scene), len(self._expressions)
+        needed = scene.dim if self.on == "sites" else min(scene.dim, given)
+        if given != needed or (scene.dim > 1 and self.on == "sites") > self._along_axes:
+            raise TensegrityError(
+                f"{given} expressions of a force on {self.on} of a scene with {scene.dim} "
+                f"coordinates a site: give {needed}"
+            )
+        count = counts[self.on]
         places: Indices = np.arange(count) if self.at is None else np.array(self.at)
         if places.max(initial=-1) >= count:
             raise TensegrityError(
@@ -215,7 +268,14 @@ class Force:
                     f"{self.on}"
                 )
         rows = [np.broadcast_to(x, places.shape) for x in self.parameters.values()]
-        return AppliedForce(self.law, places, np.reshape(rows, (len(rows), len(places))))
+        first = counts["bonds"] if self.on == "walls" else 0
+        return AppliedForce(self.law, first + places, np.reshape(rows, (len(rows), len(places))))
+
+
+def place_counts(scene: Any) -> dict[str, int]:
+    """Numbers of sites, bonds and contacts with walls of a scene."""
+    bonds = len(getattr(scene, "bonds", scene.springs))
+    return {"sites": scene.sites, "bonds": bonds, "walls": len(scene.springs) - bonds}
 
 
 def _values(name: str, given: Any) -> Array:
@@ -225,15 +285,13 @@ def _values(name: str, given: Any) -> Array:
     return fixed(values)
 
 
-def checked_forces(scene: Any, forces: Any, bonds: int) -> tuple[Force, ...]:
+def checked_forces(scene: Any, forces: Any) -> tuple[Force, ...]:
     """Validate the forces of a scene.
 
     Parameters
     ----------
     scene : Scene
     forces : sequence of Force
-    bonds : int
-        Number of its bonds.
 
     Returns
     -------
@@ -247,29 +305,21 @@ def checked_forces(scene: Any, forces: Any, bonds: int) -> tuple[Force, ...]:
     given = check.sequence("forces", forces, "forces")
     for one in given:
         check.kind("a force", one, Force)
-        one._applied(scene.sites if one.on == "sites" else bonds)
+        one._applied(scene)
     return given
 
 
-def dashpots(damping: Any, sites: int, bonds: int) -> list[Force]:
-    """The dashpots of `Damping` as forces.
-
-    Parameters
-    ----------
-    damping : Damping
-    sites, bonds : int
-        Numbers of sites and bonds of the scene.
-
-    Returns
-    -------
-    list of Force
-    """
+def dashpots(scene: Any) -> list[Force]:
+    """The dashpots of a scene as forces."""
     import sympy as sp
 
-    c, v, rate = sp.symbols("c v rate")
-    found = []
+    c, rate = sp.symbols("c rate")
+    damping, counts, found = scene.damping, place_counts(scene), []
     if damping.ground.any():
-        found.append(Force(-c * v, parameters={"c": damping.each("ground", sites)}))
+        along = [-c * sp.Symbol(f"v_{k}") for k in AXES[: scene.dim]]
+        values = {"c": damping.each("ground", counts["sites"])}
+        found.append(Force(along if scene.dim > 1 else -c * sp.Symbol("v"), parameters=values))
     if damping.bond.any():
-        found.append(Force(c * rate, "bonds", parameters={"c": damping.each("bond", bonds)}))
+        values = {"c": damping.each("bond", counts["bonds"])}
+        found.append(Force(c * rate, "bonds", parameters=values))
     return found

@@ -20,7 +20,7 @@ from tensegrity.errors import TensegrityError
 from tensegrity.printing import concise, printed
 from tensegrity.readonly import FixedDict, fixed
 from tensegrity.scenes.dynamics import dynamics
-from tensegrity.scenes.force import checked_forces, dashpots
+from tensegrity.scenes.force import checked_forces, dashpots, place_counts
 from tensegrity.scenes.signals import RTOL, check_signals, expression_of, signals_of
 from tensegrity.springs.potential import argument
 from tensegrity.springs.tuned import spring_at
@@ -219,7 +219,7 @@ def checked_forcing(
         if not (damping.bond.any() or damping.ground.any()):
             damping = None
     found = {"drive": FixedDict(drive), "damping": damping}
-    found["_forces"] = checked_forces(scene, forces, _bonds(scene))
+    found["_forces"] = checked_forces(scene, forces)
     found["tune"] = _checked_tune(scene, {} if tune is None else tune)
     if found["tune"] and found["_forces"]:
         raise TensegrityError("tune and forces exclude each other")
@@ -258,8 +258,7 @@ def _checked_tune(scene: Any, tune: Any) -> Any:
 
 
 def _bonds(scene: Any) -> int:
-    """Number of bonds, excluding contacts with walls."""
-    return len(getattr(scene, "bonds", scene.springs))
+    return place_counts(scene)["bonds"]
 
 
 def refuse_driven(scene: Any, what: str) -> None:
@@ -416,6 +415,5 @@ def applied_forces(scene: Any) -> tuple[Any, ...]:
     """The forces of a scene that has any, its dashpots among them."""
     if not scene._forces:
         return ()
-    counts = {"sites": scene.sites, "bonds": _bonds(scene)}
-    more = dashpots(scene.damping, *counts.values()) if scene.damping else []
-    return tuple(one._applied(counts[one.on]) for one in (*scene._forces, *more))
+    more = dashpots(scene) if scene.damping else []
+    return tuple(one._applied(scene) for one in (*scene._forces, *more))

@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import ArrayLike
 
+    from tensegrity.scenes.force import Force
     from tensegrity.scenes.forcing import Damping, Drive, Tune
     from tensegrity.typing import Array, Motion
 
@@ -95,6 +96,8 @@ class Network(Scene):
         Dashpots in the bonds and to the ground.
     tune : dict of str to sympy.Expr, or callable t -> Potential, optional
         Change of the spring with time, as in `Chain`; excludes contacts with walls.
+    forces : sequence of Force, optional
+        Forces of time, displacement and velocity on sites, in bonds, or at walls.
 
     Raises
     ------
@@ -138,6 +141,7 @@ class Network(Scene):
         drive: Mapping[int, Drive] | None = None,
         damping: Damping | None = None,
         tune: Tune | None = None,
+        forces: Sequence[Force] = (),
     ) -> None:
         if isinstance(positions, np.ndarray) and positions.ndim:
             refuse_too_many(len(positions))
@@ -173,9 +177,11 @@ class Network(Scene):
         of = dynamics(self)
         _ = of.loop_bonds  # refuses springs that the compiled loop cannot take
         of.refuse_unlisted(np.zeros(self.shape))
-        self._set_forcing(drive, damping, tune)
+        self._set_forcing(drive, damping, tune, forces)
         if of.is_driven and of.follows:
-            raise TensegrityError("a driven or damped network has 'fixed' contacts only")
+            raise TensegrityError(
+                "a driven or damped network, or one with further forces, has 'fixed' contacts only"
+            )
 
     def _dynamics(self) -> NetworkDynamics:
         return NetworkDynamics(self)
