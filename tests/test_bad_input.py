@@ -63,7 +63,7 @@ MADE_BY_OTHERS = {
 }  # fmt: skip
 INNER = {  # what runs, paths and searches ask of their objects, and nobody else
     "Best", "Budget", "Corrected", "Floquet", "Method", "Midpoint", "Modes", "Nystrom", "Objective",
-    "Prediction", "Pulse", "Splitting", "Trace", "arrays", "at",
+    "Orbit", "Prediction", "Pulse", "Splitting", "Trace", "arrays", "at",
     "available_energy", "beyond", "bind", "by_beads", "check", "check_room", "children",
     "columns", "contacts_at", "contacts_within", "cosines", "default", "derivative", "designs",
     "each", "energies", "extreme", "fastest", "finer_share", "freedom", "frequency",
@@ -153,8 +153,10 @@ EXAMPLES = {  # of arguments, by their names
     "name": "end", "natural_lengths": {0: 1.1}, "nodes": [0, 1], "noise": 0.1, "normal": (0.0, 1.0),
     "of": WAVE,
     "number": 1, "numbers": (1, 3), "objective": objective.displacement(1), "offset": (0, 1),
+    "guess": LINE.at_rest(),
     "other": STEEL, "over": (0.1, 0.5), "p": 8, "parameters": {"k": 1.0}, "part": "chain",
-    "path": f"{FOLDER.name}/made", "phase": 0.0, "places": [(0.0, 0.1), (0.0, 0.2)],
+    "path": f"{FOLDER.name}/made", "period": 1.0,
+    "phase": 0.0, "places": [(0.0, 0.1), (0.0, 0.2)],
     "point": (0.0, 0.0), "points": [(0.0, 20.0)], "poisson": 0.3,
     "positions": [[0, 0], [1, 0], [0, 1]], "potential": SPRING, "preload": 0.1, "prestrain": 0.01,
     "prestrains": [0.01, 0.02], "prism": ELASTIC, "prisms": [ELASTIC, ELASTIC],

@@ -100,6 +100,7 @@ from tensegrity import (
     moduli,
     objective,
     peaks,
+    periodic_orbit,
     phase_shift,
     plates,
     predict,
@@ -330,6 +331,10 @@ def waves(spring: Potential, chain: Chain) -> State:
     assert_type(wave.energy_slope + floquet(wave).growth, float)
     assert_type(floquet(wave).stable, bool)
     floquet(chain)  # type: ignore[arg-type]
+    orbit = periodic_orbit(chain, chain.at_rest(), period=1.0)
+    assert_type(orbit.state, State)
+    assert_type(floquet(orbit).growth + orbit.energy + orbit.residual, float)
+    assert_type(orbit.run(), Run)
     assert_type(predict(spring), Prediction)
     assert_type(modes(Chain(spring, 5), count=3), Modes)
     shaker = Drive(displacement=sp.sin(sp.Symbol("t")))

@@ -127,7 +127,9 @@ def periodic_orbit(
     scene.check(began)
     if energy is not None:
         if not isinstance(guess, Orbit):
-            raise TensegrityError("an energy needs an Orbit as guess, whose period starts the search")
+            raise TensegrityError(
+                "an energy needs an Orbit as guess, whose period starts the search"
+            )
         energy = check.number("energy", energy, above=0, unit="J")
         time = guess.period
     else:
@@ -173,7 +175,7 @@ class _HalfPeriod:
         opens = bool(self._of.springs.kinks_within(self._flow.ranges))
         if np.abs(end - self._guess).max() < np.abs(u - self._guess).max():
             u = end
-        state, scene = State(u.copy(), 0 * u), self.scene
+        state, scene = State(u - self._shifts * np.mean(u - self._guess), 0 * u), self.scene
         above = scene.energy(state) - scene.energy(scene.at_rest())
         return Orbit(scene, state, 2 * half, above, residual, opens, self._flow.steps)
 
@@ -229,6 +231,36 @@ class _HalfPeriod:
         return step, float(found[-1]), off
 
 
+def half_map(orbit: Orbit) -> tuple[Array, Array]:
+    """The tangent of half a period, and the directions that leave an orbit periodic.
+
+    Parameters
+    ----------
+    orbit : Orbit
+
+    Returns
+    -------
+    tangent : ndarray, (2 sites, 2 sites)
+        With held sites at rest.
+    motions : ndarray, (2 sites, 2 or 4)
+        Pairs: change of the period and phase of the orbit; in a free chain its shift and boost.
+    """
+    scene, u = orbit.scene, orbit.state.u
+    of, sites = dynamics(scene), scene.sites
+    flow, free = Flow(scene, orbit.steps), np.flatnonzero(of.inverse_mass > 0)
+    end, _, tangent = flow.tangents(u, 0 * u, orbit.period / 2)
+    is_free = float(len(free) == sites)
+    jacobian = tangent[sites:, :sites][np.ix_(free, free)]
+    jacobian += is_free * float(np.abs(jacobian).max()) / sites
+    by_period, nothing = np.zeros((2, sites))
+    acceleration = [scene.forces(x) * of.inverse_mass for x in (u, end)]
+    by_period[free] = np.linalg.solve(jacobian, -acceleration[1][free] / 2)
+    motions = [by_period, nothing, nothing, acceleration[0]]
+    if is_free:
+        motions += [nothing + 1, nothing, nothing, nothing + 1]
+    return tangent, np.reshape(motions, (-1, 2 * sites)).T
+
+
 def _in_band(scene: Chain, period: float) -> str:
     """Words on the first harmonic of a period that lies among the modes of a scene."""
     stiffness = scene.stiffness(scene.at_rest().u).toarray()
@@ -236,14 +268,14 @@ def _in_band(scene: Chain, period: float) -> str:
     roots = np.sqrt(scene.mass[free])
     squares = np.linalg.eigvalsh(stiffness[np.ix_(free, free)] / np.outer(roots, roots))
     found = np.sqrt(np.maximum(squares, 0)) / (2 * np.pi)
-    apart = CROWDED * found[-1] / len(found)
+    spacing = CROWDED * found[-1] / len(found)
     for n in range(1, HARMONICS + 1):
         above = int(np.searchsorted(found, n / period))
-        if 0 < above < len(found) and found[above] - found[above - 1] < apart:
+        if 0 < above < len(found) and found[above] - found[above - 1] < spacing:
             low, high = above - 1, above
-            while low and found[low] - found[low - 1] < apart:
+            while low and found[low] - found[low - 1] < spacing:
                 low -= 1
-            while high + 1 < len(found) and found[high + 1] - found[high] < apart:
+            while high + 1 < len(found) and found[high + 1] - found[high] < spacing:
                 high += 1
             return (
                 f"; harmonic {n} of the period, {n / period:.6g} Hz, lies in the band "

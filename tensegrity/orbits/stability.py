@@ -1,12 +1,13 @@
-"""Floquet multipliers of exact waves: `floquet`.
+"""Floquet multipliers of exact waves and of periodic orbits: `floquet`.
 
 A wave r(x - c t) returns to itself when it has run for 1/c and is moved back by one site.  The
 tangent of that map on an open window, whose perturbations are 0 ahead of it and are dropped behind
 it, has two multipliers 1, of the wave's shift and of its change with the speed.  Linear waves are
 slower than the wave and leave the window, so that their multipliers lie inside the unit circle and
 an instability of the wave stands alone.  On a ring, a wave meets its own radiation and is unstable
-by that.  Source: G. Friesecke, R. Pego, Nonlinearity 17, 207 (2004), whose exponential weight is
-here the balancing of the matrix by LAPACK.
+by that.  An orbit that is at rest at t = 0 has the tangent M = R P^-1 R P of a period, P that of
+half a period, and R the reversal of velocities.  Source: G. Friesecke, R. Pego, Nonlinearity 17,
+207 (2004), whose exponential weight is here the balancing of the matrix by LAPACK.
 """
 
 from __future__ import annotations
@@ -21,7 +22,9 @@ from numpy.typing import NDArray
 from tensegrity import check
 from tensegrity.errors import ResolutionError, TensegrityError
 from tensegrity.orbits.flow import Flow
+from tensegrity.orbits.orbit import Orbit, half_map
 from tensegrity.scenes.chain import Chain
+from tensegrity.scenes.dynamics import dynamics
 from tensegrity.typing import Array
 from tensegrity.waves.by_speed import neutral_motions
 from tensegrity.waves.solitary import SolitaryWave
@@ -70,22 +73,25 @@ class Floquet:
         )
 
 
-def floquet(of: SolitaryWave) -> Floquet:
-    """Stability of an exact wave from its Floquet multipliers.
+def floquet(of: SolitaryWave | Orbit) -> Floquet:
+    """Stability of an exact wave or of a periodic orbit from its Floquet multipliers.
 
     Parameters
     ----------
-    of : SolitaryWave
+    of : SolitaryWave or Orbit
+        What `solitary_wave` or `periodic_orbit` returns.
 
     Returns
     -------
     Floquet
-        Multipliers per site that the wave passes.
+        Multipliers per site that a wave passes, or per period of an orbit.  Those of an orbit are
+        of its chain: complex ones off the unit circle that change with the number of sites are due
+        to waves reflected at its ends.
 
     Raises
     ------
     TensegrityError
-        Something else than a wave, or a wave too wide for a window.
+        Something else than a wave or an orbit, or a wave too wide for a window.
     ResolutionError
         The neutral multipliers do not come closer to 1 than 1e-6 with the smallest steps, or an
         unstable multiplier depends on the window.
@@ -101,6 +107,8 @@ def floquet(of: SolitaryWave) -> Floquet:
     >>> f"{floquet(wave).multipliers[0].real:.7f}, dH/dc {wave.energy_slope:.5f} J s/site"
     '1.0033536, dH/dc -3.01873 J s/site'
     """
+    if isinstance(of, Orbit):
+        return _of_orbit(of)
     check.kind("of", of, SolitaryWave)
     half = math.ceil(of.reach(TAIL)) + 2
     sites = 2 * half + 1
@@ -136,6 +144,27 @@ def floquet(of: SolitaryWave) -> Floquet:
     if uncertain.size:
         raise ResolutionError(f"multiplier {uncertain[0]:.9g} of the wave depends on the window")
     return _verdict(found[(near <= AGREE) & (np.abs(found) > AGREE)], neutral, of.speed)
+
+
+def _of_orbit(orbit: Orbit) -> Floquet:
+    """The multipliers of one period, without those of the neutral motions.
+
+    The symplectic complement of these is invariant, and the projection on it changes no other
+    multiplier.
+    """
+    tangent, motions = half_map(orbit)
+    sites = orbit.scene.sites
+    mass = np.diag(orbit.scene.mass)
+    form, reversal = np.kron([[0, 1], [-1, 0]], mass), np.repeat([1.0, -1.0], sites)[:, None]
+    inverse = np.linalg.solve(form, tangent.T @ form)
+    whole = reversal * (inverse @ (reversal * tangent))
+    left = np.linalg.solve(motions.T @ form @ motions, motions.T @ form)
+    neutral = _multipliers(left @ whole @ motions)
+    rest = whole - whole @ motions @ left
+    rest -= motions @ (left @ rest)
+    moving = np.tile(dynamics(orbit.scene).inverse_mass > 0, 2)
+    found = _multipliers(rest[np.ix_(moving, moving)])
+    return _verdict(found[: len(found) - motions.shape[1]], neutral, 1 / orbit.period)
 
 
 def _passed(wave: SolitaryWave, flow: Flow, x: Array) -> Array:
