@@ -26,6 +26,7 @@ NAMES = (
     "waves",
     "softening",
     "contact",
+    "losses",
     "openings",
     "geometry",
     "member",

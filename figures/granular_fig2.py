@@ -34,8 +34,8 @@ def data():
     numbers = [first_peak(run.t, sensor_force(run, "branch 1", n))[1] for n in range(1, 16)]
     return {
         "curves": _guide.curves(run, SENSORS),
-        "peaks": _peaks(run),
-        "coarse": _peaks(coarse),
+        "peaks": located(run),
+        "coarse": located(coarse),
         "settling": {"bead": np.arange(1, 16), "peak [N]": np.array(numbers)},
         "clock": _clock(run),
         "numbers": {
@@ -54,7 +54,7 @@ def _read(run):
     return forces, [(-math.inf, math.inf)] * 4 + [(after, math.inf)] * 2
 
 
-def _peaks(run):
+def located(run):
     """Instants and heights of the incident, the transmitted and the reflected wave's peaks."""
     found = [first_peak(run.t, f, window) for f, window in zip(*_read(run), strict=True)]
     times, heights = np.array(found).T

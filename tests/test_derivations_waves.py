@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from derivations import contact, junction, waves
+from derivations import contact, junction, losses, waves
 
 
 def _values(expression, **values):
@@ -195,6 +195,33 @@ def test_effective_mass_by_quadrature():
     momentum, kinetic = trapezoid(xi, x), trapezoid(xi**2, x) / 2
     energy = kinetic * 9 / 5  # virial: 2 T = (n + 1) V
     assert float(contact.effective_mass()) == pytest.approx(momentum**2 / (2 * energy), rel=1e-6)
+
+
+def test_the_loss_and_the_energy_of_a_wave_by_quadrature():
+    from scipy.integrate import quad
+
+    kappa, a = np.sqrt(10) / 5, 0.3
+    c = np.sqrt(4 / 5 * np.sqrt(a))
+    end = np.pi / 2 / kappa
+    given = {"alpha": 1.0, "m": 1.0, "gamma": 1.0, "xi_m": a}
+    lost, energy = (float(_values(x, **given)) for x in losses.loss_and_energy())
+
+    def xi(x):
+        return a * np.cos(kappa * x) ** 4
+
+    def slope(x):
+        return -4 * a * kappa * np.cos(kappa * x) ** 3 * np.sin(kappa * x)
+
+    found = quad(lambda x: 1.5 * c * np.sqrt(xi(x)) * slope(x) ** 2, -end, end)[0]
+    assert lost == pytest.approx(found, rel=1e-9)
+    kinetic = quad(lambda x: c**2 * xi(x) ** 2 / 2, -end, end)[0]
+    assert energy == pytest.approx(kinetic * 9 / 5, rel=1e-9)
+    by_step = [float(losses.amplitude().subs({
+        losses.first: a, losses.time: 0.1, contact.constant: 1, contact.mass: 1, losses.number: j,
+    })) for j in (4.999, 5.001)]  # fmt: skip
+    middle = np.mean(by_step)
+    slope_here = (by_step[1] - by_step[0]) / 0.002
+    assert slope_here == pytest.approx(-float(losses.rate()) * 0.1 * middle**1.25, rel=1e-6)
 
 
 # --- junction --------------------------------------------------------------------------------

@@ -15,6 +15,7 @@ from figures import (
     granular_fig4,
     granular_fig5,
     granular_fig6,
+    granular_losses,
     granular_motion,
     granular_quasiparticle,
     granular_sensitivity,
@@ -23,6 +24,7 @@ from figures import (
 )
 from figures.__main__ import main, print_table, shown
 from figures._draw import render
+from granular import kuwabara_kono
 
 
 @pytest.fixture(scope="module")
@@ -56,6 +58,21 @@ def test_located_speed_ratios_lie_by_the_paper_s_and_a_clock_of_3_us_reads_those
     assert v_r / v_i == pytest.approx(0.688, abs=0.006)
     assert abs(v_t / v_i - 0.917) > 0.008  # and yet not the paper's: it read samples
     assert 0.05 < granular_fig2.agreeing(single) < 0.5
+
+
+def test_one_constant_gives_two_of_the_five_measured_numbers():
+    law = kuwabara_kono(restitution=0.9163, speed=granular_losses.AT)
+    found = np.array(granular_losses.five(granular_losses.followed(law)))
+    found /= [*granular_losses.MEASURED.values()]
+    assert found[:2] == pytest.approx([1, 1], abs=1e-3)  # V_i and V_t
+    assert found[2:] == pytest.approx([0.954, 0.883, 0.823], abs=3e-3)
+
+
+def test_friction_with_the_walls_of_the_half_guide_is_idle():
+    plain, rubbing = (
+        granular_losses.five(granular_losses.followed(friction=x)) for x in (None, (0.3, 0.01))
+    )
+    np.testing.assert_allclose(rubbing, plain, rtol=2e-6)
 
 
 def test_force_ratios_agree_with_eq_7_for_the_transmitted_wave_only(single):
