@@ -89,6 +89,8 @@ WALL = ts.Wall((0, 0), (0, 1))
 NET = ts.Network([[0, 1], [1, 1], [2, 1]], [(0, 1), (1, 2)], SPRING, walls=[WALL], radius=0.4,
               wall_contacts=[(0, 0)], wall_spring=ts.PowerLaw(1.0, 1.5))  # fmt: skip
 WAVE = ts.solitary_wave(SPRING, speed_ratio=2.0)
+PAIR = ts.Chain(ts.Prism(1.0, 0.7, 0.1, 1.0).potential(), 2, ends=("fixed", "free"))
+SWUNG = ts.periodic_orbit(PAIR, ts.State([0, 0.04], [0, 0]), period=3.7)
 LENNARD_JONES = ts.Potential(((1 + R) ** -12 - 2 * (1 + R) ** -6) / 72, R, domain=(-1.0, math.inf))
 LENS = ts.Lens(ts.Prism(1.0, 0.8, 0.01, 1.0), 3, 2, velocity=0.01)
 RUN = ts.simulate(LINE, LINE.at_rest({0: 0.03}), 20.0, record=ts.Record(every=1))
@@ -253,6 +255,8 @@ CALLS = [  # where other arguments are needed, or several in one call
     (objective.misfit, {"t": [0.1, 0.2], "values": [0.0, 1.0]}),
     (ts.solitary_wave, {"speed_ratio": 2.0, "family": "compression"}),
     (ts.solitary_wave, {"speed": 2 * WAVE.sound_speed}),
+    (ts.periodic_orbit, {"scene": PAIR, "guess": SWUNG, "period": SWUNG.period}),
+    (ts.periodic_orbit, {"scene": PAIR, "guess": SWUNG, "energy": SWUNG.energy}),
     (ts.solitary_wave, {"amplitude": WAVE.amplitude}),
     (ts.solitary_wave, {"energy": WAVE.energy}),
     (ts.solitary_wave, {"excess": 0.5}),

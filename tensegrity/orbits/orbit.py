@@ -31,6 +31,7 @@ STUCK = 1e-9  # the same, below which round-off may end the iteration
 SETTLED = 1e-9  # change of the displacements between two numbers of steps, over the largest
 ANGLE = 0.25  # first dt times the bound on the frequency
 FINEST = 4096  # steps per half period
+SHORTEST = 1e-3  # half period times the bound on the frequency
 AT_REST = 1e-5  # of the guess's displacements, below which an orbit is the state at rest
 HARMONICS = 6  # that are compared with the bands
 CROWDED = 4.0  # neighbouring modes closer than so many mean distances form a band
@@ -109,10 +110,10 @@ def periodic_orbit(
     >>> from tensegrity import Chain, Prism, State, periodic_orbit
     >>> chain = Chain(Prism(1.0, 0.7, 0.1, 1.0).potential(), 40)
     >>> x = np.arange(40) - 19.5
-    >>> guess = State(0.045 * np.sin(np.pi * x) / np.cosh(0.9 * x), 0 * x)
-    >>> orbit = periodic_orbit(chain, guess, period=1 / 0.58354731342)
+    >>> guess = State(0.02 * np.sin(np.pi * x) / np.cosh(0.63 * x), 0 * x)
+    >>> orbit = periodic_orbit(chain, guess, period=1 / 0.5570224355385)
     >>> f"{orbit.energy:.9f} J"
-    '0.023367487 J'
+    '0.014267564 J'
     """
     check.kind("scene", scene, Chain)
     if dynamics(scene).is_driven:
@@ -125,6 +126,10 @@ def periodic_orbit(
         raise TensegrityError("give exactly one of period and energy")
     began = guess.state if isinstance(guess, Orbit) else guess
     scene.check(began)
+    if not np.ptp(began.u) > 0:
+        raise TensegrityError(
+            "guess is at rest undeformed: give the displacements of a turning point"
+        )
     if energy is not None:
         if not isinstance(guess, Orbit):
             raise TensegrityError(
@@ -159,6 +164,12 @@ class _HalfPeriod:
     def settled(self, u: Array, half: float) -> Orbit:
         """The orbit, with as many steps as its displacements need."""
         frequency = self._of.frequency(self._of.ranges_at(u))
+        most = FINEST * ANGLE / frequency if frequency > 0 else 0.0
+        if not half <= most:
+            raise TensegrityError(f"period {2 * half:g} s must be at most {2 * most:g} s")
+        if half < SHORTEST / frequency:
+            least = 2 * SHORTEST / frequency
+            raise TensegrityError(f"period {2 * half:g} s must be at least {least:g} s")
         steps, before = max(8, math.ceil(half * frequency / ANGLE)), None
         while True:
             self._flow.steps = steps
