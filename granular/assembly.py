@@ -13,6 +13,7 @@ import numpy as np
 from granular import sensitivity
 from granular.contact import contact_of
 from granular.crystal import Crystal, needed_velocities
+from granular.damped_contact import forces_of
 from tensegrity import Network, State, TensegrityError, check
 from tensegrity.measure.observables import contact_rates
 from tensegrity.readonly import Repeated
@@ -47,6 +48,7 @@ class Assembly(Crystal, Network):
     wall_names: tuple[str, ...]
     _wall_materials: tuple[Material, ...]
     _rest: Array  # displacements [m] in equilibrium under the loads
+    _hertzian: bool  # of a pack: whether the law is Hertz's
     _losses: Sequence[Force]  # of contacts that dissipate
 
     def at_rest(self, velocity: Mapping[int, Sequence[float]] | None = None) -> State:
@@ -161,6 +163,35 @@ class SharedSprings:
             contact = contact_of(self._law, bead, other)
             self._known[bead, other] = contact, contact.spring()
         return self._known[bead, other][0]
+
+    @property
+    def dissipate(self) -> bool:
+        """Whether any contact so far dissipates."""
+        return any(one.dissipation and one.dissipation.constant for one in self.contacts)
+
+    def losses(
+        self, beads: Sequence[Bead], bonds: Any, solids: Sequence[Material], touched: Any
+    ) -> list[Force]:
+        """What contacts add to their elastic forces.
+
+        Parameters
+        ----------
+        beads : sequence of Bead, (sites,)
+        bonds : ndarray of int, (bonds, 2)
+        solids : sequence of Material, (walls,)
+        touched : ndarray of int, (wall contacts, 2)
+            Site and wall.
+
+        Returns
+        -------
+        list of Force
+        """
+        if not self.dissipate:
+            return []
+        of_bonds = [self.contact(beads[i], beads[j]) for i, j in bonds.tolist()]
+        of_walls = [self.contact(beads[i], solids[wall]) for i, wall in touched.tolist()]
+        found = forces_of(of_bonds, [0.0] * len(of_bonds))
+        return [*found, *forces_of(of_walls, [0.0] * len(of_walls), "walls")]
 
     def between(self, beads: Repeated, others: Repeated) -> Repeated:
         """The springs of many pairs of partners, evaluated in the order of their first places."""

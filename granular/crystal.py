@@ -152,7 +152,7 @@ def whole(run: Run) -> tuple[Array, Array]:
     return u, run.v[:, np.argsort(run.sites)]
 
 
-def needed_velocities(scene: Crystal, v: ArrayLike | None) -> Array:
+def needed_velocities(scene: Any, v: ArrayLike | None) -> Array:
     """The velocities on which the forces of contacts that dissipate depend, checked."""
     if v is None:
         raise TensegrityError("the forces of contacts that dissipate depend on v: give v")

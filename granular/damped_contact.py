@@ -108,7 +108,7 @@ def _force(
     r, rate, stiffness, constant, begin = sp.symbols("r rate stiffness constant overlap")
     expression = formula(sp.Max(begin - r, 0), -rate, stiffness, exact(exponent), constant)
     of = [contacts[k] for k in at]
-    values = {
+    values: dict[str, Any] = {
         "stiffness": [x.constant for x in of],
         "constant": [(x.dissipation or ELASTIC).constant for x in of],
         "overlap": [float(overlaps[k]) for k in at],

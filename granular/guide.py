@@ -18,7 +18,7 @@ import numpy as np
 from granular.assembly import Assembly, AssemblyDynamics, SharedSprings
 from granular.beads import Bead, Striker
 from granular.contact import checked_law, hertz
-from granular.damped_contact import forces_of, friction_of
+from granular.damped_contact import friction_of
 from granular.layout import TOUCH, Layout, diamond_layout, y_layout
 from granular.materials import Material, materials
 from granular.statics import Equilibrium, rest_of
@@ -102,22 +102,20 @@ class Guide(Assembly):
         positions, bonds, self.parts, self.beads = _filled(layout, beads, striker)
         touched = np.add(layout.wall_contacts(), (first, 0))
         springs = SharedSprings(checked_law(law))
-        pairs = [(self.beads[i], self.beads[j]) for i, j in bonds]
+        in_bonds = [springs(self.beads[i], self.beads[j]) for i, j in bonds]
         sides_of = [(self.beads[b], solids[wall]) for b, wall in touched]
-        of_bonds, of_walls = ([springs.contact(*one) for one in x] for x in (pairs, sides_of))
-        self._losses = [
-            *forces_of(of_bonds, [0.0] * len(of_bonds)),
-            *forces_of(of_walls, [0.0] * len(of_walls), "walls"),
-        ]
+        at_walls = [springs(*pair) for pair in sides_of]
+        self._losses = springs.losses(self.beads, bonds, solids, touched)
+        of_walls = [springs.contact(*pair) for pair in sides_of]
         rubbing = friction_of(of_walls, *friction) if friction is not None else []
         super().__init__(
             positions,
             bonds,
-            [springs(*pair) for pair in pairs],
+            in_bonds,
             mass=[bead.mass for bead in self.beads],
             walls=[_wall(piece) for piece in layout.walls],
             wall_contacts=touched,
-            wall_spring=[springs(*pair) for pair in sides_of],
+            wall_spring=at_walls,
             wall_gaps=layout.wall_gaps(),
             radius=None if layout.blind else [bead.radius for bead in self.beads],
             loads=_loads(self.beads, first, gravity, preload),

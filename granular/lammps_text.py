@@ -254,6 +254,8 @@ def _net(scene: Assembly) -> tuple[Array, Array, list[Plane]]:
     if scene.radius is None:
         raise TensegrityError("beads that pass through each other have no like in LAMMPS")
     of = dynamics(scene)
+    if of.follows and not scene._hertzian:
+        raise TensegrityError("contacts that form by another law than Hertz's: LAMMPS has his only")
     table, group = of.springs, of.springs.group
     known = set()
     solids = scene._wall_materials

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from granular.beads import Bead, Striker
+from granular.contact import hertz
 from granular.layout import TOUCH
 from granular.materials import Material
 from granular.packing import PER_BEAD, Pack, per_place
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from granular.contact import ContactLaw
     from tensegrity import Damping, Drive
     from tensegrity.typing import Array
 
@@ -47,6 +49,7 @@ def fcc_pack(
     preload: float = 0.0,
     drive: Mapping[int, Drive] | None = None,
     damping: Damping | None = None,
+    law: ContactLaw = hertz,
 ) -> Pack:
     """Layers of side x side touching beads, the (001) planes of a face-centred cubic lattice.
 
@@ -83,6 +86,8 @@ def fcc_pack(
     damping : Damping, optional
         Dashpots to the ground and between beads in contact, which also act while contacts are
         open; only with fixed contacts.
+    law : callable (Bead, Bead or Material) -> Contact, optional
+        `hertz`, `power(constant, exponent)`, or with fixed contacts one that dissipates.
 
     Returns
     -------
@@ -127,9 +132,17 @@ def fcc_pack(
     hit = (layers - 1) * side**2 + row * side + column
     approach = _approach(striker, places[hit], beads[hit], (0, 0, 1), (0, 0, -1), 0.0)
     pressed, kind = _pressed(preload, parts[f"layer {layers}"], 3), _kind(contacts, 0.0)
-    forces: Any = {"gravity": gravity, "preload": pressed, "drive": drive, "damping": damping}
+    more: Any = {"gravity": gravity, "preload": pressed, "drive": drive, "damping": damping}
     return Pack(
-        places, beads, walls, kind, parts=parts, striker=striker, approach=approach, **forces
+        places,
+        beads,
+        walls,
+        kind,
+        parts=parts,
+        striker=striker,
+        approach=approach,
+        law=law,
+        **more,
     )
 
 
@@ -150,6 +163,7 @@ def hexagonal_pack(
     preload: float = 0.0,
     drive: Mapping[int, Drive] | None = None,
     damping: Damping | None = None,
+    law: ContactLaw = hertz,
 ) -> Pack:
     """Rows of touching beads in the plane, each bead between two of the next row.
 
@@ -216,9 +230,17 @@ def hexagonal_pack(
     gap = check.number("gap", gap, least=0, unit="m")
     approach = _approach(striker, places[hit], beads[hit], offset, direction, gap)
     pressed, kind = _pressed(preload, parts["row 1"], 2), _kind(contacts, gap)
-    forces: Any = {"gravity": gravity, "preload": pressed, "drive": drive, "damping": damping}
+    more: Any = {"gravity": gravity, "preload": pressed, "drive": drive, "damping": damping}
     return Pack(
-        places, beads, walls, kind, parts=parts, striker=striker, approach=approach, **forces
+        places,
+        beads,
+        walls,
+        kind,
+        parts=parts,
+        striker=striker,
+        approach=approach,
+        law=law,
+        **more,
     )
 
 

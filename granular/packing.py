@@ -1,6 +1,6 @@
 """Packs of beads in the plane or in space, between plane walls: a `tensegrity.Network`.
 
-Model: as for the guides, frictionless Hertz contacts without rotation or dissipation, and rigid
+Model: as for the guides, frictionless contacts without rotation, by default Hertz's, and rigid
 walls at rest.  Pairs of beads, and beads and walls, with an initial gap below 1e-9 diameters touch:
 their contacts are listed with a gap of exactly 0.  Any other contact that forms ends a run with an
 error (contacts "fixed") or is found before it acts ("follow").
@@ -17,7 +17,7 @@ import numpy as np
 
 from granular.assembly import Assembly, SharedSprings
 from granular.beads import Bead, Striker, beads_of
-from granular.contact import hertz
+from granular.contact import checked_law, hertz
 from granular.crystal import site_name
 from granular.layout import TOUCH
 from granular.materials import Material
@@ -31,7 +31,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from tensegrity import Damping, Drive
+    from granular.contact import ContactLaw
+    from tensegrity import Damping, Drive, Force
     from tensegrity.typing import Array, Indices
 
     Walls = Mapping[str, tuple[Wall, Material]]
@@ -60,6 +61,10 @@ class Pack(Assembly):
         [m/s^2], >= 0, downward along the last axis.
     preload : dict of int to array_like (dim,), optional
         Constant force [N] on each of these sites.
+    law : callable (Bead, Bead or Material) -> Contact, optional
+        As of `pack`.
+    forces : sequence of Force, optional
+        As of `pack`.
 
     Attributes
     ----------
@@ -92,6 +97,8 @@ class Pack(Assembly):
         preload: Mapping[int, ArrayLike] | None = None,
         drive: Mapping[int, Drive] | None = None,
         damping: Damping | None = None,
+        law: ContactLaw = hertz,
+        forces: Sequence[Force] = (),
     ) -> None:
         places = check.floats("places", places)
         if places.ndim != 2 or places.shape[1] not in (1, 2, 3) or not len(places):
@@ -109,6 +116,7 @@ class Pack(Assembly):
             "places": places, "beads": filled, "walls": named, "contacts": contacts,
             "parts": given, "striker": striker, "approach": approach,
             "gravity": gravity, "preload": preload,
+            "forces": check.sequence("forces", forces, "forces"),
         }  # fmt: skip
         self.places, self.striker = places, striker
         if striker is not None:
@@ -119,10 +127,16 @@ class Pack(Assembly):
         self.parts, self.beads = given, filled
         self.named_walls, self.wall_names = dict(named), tuple(named)
         solids = tuple(material for _, material in named.values())
-        self._wall_materials, self._losses = solids, ()
+        self._wall_materials, self._hertzian = solids, law is hertz
+        springs = SharedSprings(checked_law(law))
         with searched_once():
-            self._join(places, filled, contacts, gravity, preload, drive=drive, damping=damping)
-        self.equilibrium = rest_of(self, striker=None, approach=None)
+            self._join(
+                places, filled, contacts, springs, gravity, preload, drive=drive, damping=damping
+            )
+        self._contacts = springs.contacts
+        self.equilibrium = rest_of(
+            self, striker=None, approach=None, law=springs.contact, forces=()
+        )
         self._rest = self._at_rest(filled.each(lambda bead: bead.radius))
 
     def _join(
@@ -130,12 +144,13 @@ class Pack(Assembly):
         places: Array,
         filled: Repeated,
         contacts: str,
+        springs: SharedSprings,
         gravity: float,
         preload: Mapping[int, ArrayLike] | None,
         **forcing: Any,
     ) -> None:
         """The network of the beads that touch."""
-        springs, solids = SharedSprings(hertz), self._wall_materials
+        solids = self._wall_materials
         radius = filled.each(lambda bead: bead.radius)
         planes = [wall for wall, _ in self.named_walls.values()]
         bonds, touched = self._touching(places, radius, planes)
@@ -145,19 +160,25 @@ class Pack(Assembly):
             touched = touched[endless[touched[:, 1]]]
             followed = _Law(filled, planes, solids, springs)
         loads = _loads(filled, places.shape, gravity, preload)
+        in_bonds = springs.between(filled[bonds[:, 0]], filled[bonds[:, 1]])
+        at_walls = springs.between(filled[touched[:, 0]], Repeated.of(solids)[touched[:, 1]])
+        self._losses = springs.losses(filled, bonds, solids, touched)
+        if springs.dissipate and followed is not None:
+            raise TensegrityError("contacts that dissipate need contacts='fixed'")
         super().__init__(
             places,
             bonds,
-            springs.between(filled[bonds[:, 0]], filled[bonds[:, 1]]),
+            in_bonds,
             mass=filled.each(lambda bead: bead.mass),
             walls=planes,
             wall_contacts=touched,
-            wall_spring=springs.between(filled[touched[:, 0]], Repeated.of(solids)[touched[:, 1]]),
+            wall_spring=at_walls,
             wall_gaps=np.zeros(len(touched)),
             radius=radius,
             loads=loads,
             contacts=contacts,
             law=followed,
+            forces=(*self._losses, *self._arguments["forces"]),
             **forcing,
         )
 
@@ -301,6 +322,8 @@ def pack(
     preload: Mapping[int, ArrayLike] | None = None,
     drive: Mapping[int, Drive] | None = None,
     damping: Damping | None = None,
+    law: ContactLaw = hertz,
+    forces: Sequence[Force] = (),
 ) -> Pack:
     """Beads at any places, on a line, in the plane or in space.
 
@@ -328,6 +351,10 @@ def pack(
         contacts.
     damping : Damping, optional
         Dashpots in the contacts of beads, open ones too, and to the ground; likewise.
+    law : callable (Bead, Bead or Material) -> Contact, optional
+        `hertz`, `power(constant, exponent)`, or with "fixed" contacts one that dissipates.
+    forces : sequence of Force, optional
+        Forces of time, displacement and velocity; with "fixed" contacts.
 
     Returns
     -------
@@ -344,7 +371,7 @@ def pack(
     """
     return Pack(
         places, beads, walls, contacts, gravity=gravity, preload=preload, drive=drive,
-        damping=damping,
+        damping=damping, law=law, forces=forces,
     )  # fmt: skip
 
 

@@ -27,7 +27,7 @@ def register_scenes() -> None:
         register(kind, _fields)
     for kind in (BeadChain, Guide):
         register(kind, _scene, _again(kind))
-    register(Pack, lambda scene: {**scene._arguments, **in_time(scene)})
+    register(Pack, _pack, _pack_again)
 
 
 def _fields(x: Any) -> dict[str, Any]:
@@ -37,6 +37,21 @@ def _fields(x: Any) -> dict[str, Any]:
 def _scene(x: Any) -> dict[str, Any]:
     found = {**x._arguments, "contacts": x._contacts, **in_time(x)}
     return found | {k: v for k, v in x._arguments.items() if k == "forces"}  # not of contacts
+
+
+def _pack(x: Any) -> dict[str, Any] | None:
+    if x._hertzian:
+        return {**x._arguments, **in_time(x)}
+    if x._arguments["contacts"] == "follow":
+        return None  # later contacts have a law that no file holds
+    return {**x._arguments, **in_time(x), "answers": x._contacts, "forces": x._arguments["forces"]}
+
+
+def _pack_again(answers: Iterable[Contact] | None = None, **parts: Any) -> Pack:
+    if answers is None:
+        return Pack(**parts)
+    each = iter(answers)
+    return Pack(**parts, law=lambda bead, other: next(each))
 
 
 def _again(kind: Callable[..., Any]) -> Callable[..., Any]:

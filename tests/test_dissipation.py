@@ -15,15 +15,18 @@ from granular import (
     carretero_gonzalez,
     chain,
     diamond_guide,
+    hexagonal_pack,
     hunt_crossley,
     kuwabara_kono,
+    pack,
+    power,
     sensor_force,
     simulate,
     viscous,
     wall_force,
     y_guide,
 )
-from tensegrity import PowerLaw, Record, Run, TensegrityError, first_peak, solitary_wave
+from tensegrity import PowerLaw, Record, Run, TensegrityError, Wall, first_peak, solitary_wave
 
 STEEL = Material("steel", density=0.45e-3 / (math.pi / 6 * 4.76e-3**3), modulus=193e9, poisson=0.3)
 BEAD = Bead(4.76e-3, STEEL)
@@ -139,6 +142,39 @@ def test_a_chain_without_loss_is_the_elastic_one():
     one, two = (simulate(x, x.start(), 5e-5, tol=1e-6) for x in (plain, none))
     np.testing.assert_array_equal(one.final.u, two.final.u)
     assert two.loss is None
+
+
+@pytest.mark.parametrize("dim", [1, 2, 3])
+def test_a_row_of_a_pack_is_a_chain(dim):
+    law = kuwabara_kono(5e-7)
+    places = np.zeros((6, dim))
+    places[:, 0] = np.arange(6) * BEAD.diameter
+    walls = {"end": (Wall([5.5 * BEAD.diameter] + [0] * (dim - 1), [-1] + [0] * (dim - 1)), STEEL)}
+    scene = pack(places, BEAD, walls, "fixed", law=law)
+    row = chain([BEAD] * 6, end=STEEL, law=law)
+    one = simulate(row, row.at_rest({0: 0.5}), 60e-6, tol=1e-5)
+    two = simulate(scene, scene.at_rest({0: [0.5] + [0.0] * (dim - 1)}), 60e-6, tol=1e-5)
+    np.testing.assert_allclose(two.final.v[:, 0], one.final.v[:-1], rtol=0, atol=1e-5)
+    assert two.loss[-1] == pytest.approx(one.loss[-1], rel=1e-4)
+    forces = [wall_force(run, "end").max() for run in (one, two)]
+    assert forces[0] == pytest.approx(forces[1], rel=1e-2)
+
+
+def test_packs_with_other_laws(tmp_path):
+    """A power law with contacts that come and go, as its chain; one that dissipates, stored."""
+    places = np.arange(4)[:, None] * BEAD.diameter * [1.0, 0.0]
+    free = pack(places, BEAD, law=power(1e9, 1.5))
+    row = chain([BEAD] * 4, law=power(1e9, 1.5))
+    one = simulate(row, row.at_rest({0: 0.5}), 1e-4, tol=1e-7)
+    two = simulate(free, free.at_rest({0: [0.5, 0.0]}), 1e-4, tol=1e-7)
+    np.testing.assert_allclose(two.final.v[:, 0], one.final.v, rtol=0, atol=1e-7)
+    lossy = hexagonal_pack(4, 3, bead=BEAD, contacts="fixed", law=viscous(0.1), floor=STEEL,
+                           sides=STEEL, striker=Striker(BEAD, 0.5))  # fmt: skip
+    run = simulate(lossy, lossy.start(), 2e-5, dt=1e-7)
+    run.save(tmp_path / "run.npz")
+    again = Run.load(tmp_path / "run.npz")
+    assert again.scene == lossy
+    assert run.energy[-1] + run.loss[-1] == pytest.approx(run.energy[0], rel=1e-6)
 
 
 def decay_by_the_exact_wave():
@@ -261,6 +297,8 @@ def test_the_rest_of_a_guide_under_gravity_does_not_know_losses():
         ("coefficient of friction", lambda: y_guide(bead=BEAD, friction=(-0.1, 0.01))),
         ("speed of slip", lambda: y_guide(bead=BEAD, friction=(0.1, 0.0))),
         ("friction", lambda: y_guide(bead=BEAD, friction=0.1)),
+        ("contacts='fixed'", lambda: pack([[0.0], [BEAD.diameter]], BEAD, law=viscous(0.1))),
+        ("not a function", lambda: pack([[0.0], [BEAD.diameter]], BEAD, law=1.0)),
         ("dissipation", lambda: Contact(1e9, 1.5, 3.0)),
     ],
 )

@@ -11,7 +11,7 @@
 | fitted forces | yes | yes |
 | prescribed motions, forces in time | yes, one scene, one thread | yes, one thread |
 | dashpots | in bonds and to the ground | in bonds and to the ground |
-| forces of velocity | yes, Runge-Kutta, one thread | no |
+| forces of velocity | yes, Runge-Kutta, one thread | yes, Runge-Kutta, one thread |
 | springs that change in time | yes, all equal, one scene, one thread | yes, all equal, one thread |
 
 Bonds that join neighbours in order, without walls and loads, are a chain whatever the class of the

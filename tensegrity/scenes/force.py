@@ -123,8 +123,7 @@ class Force:
     def _expressions(self) -> tuple[Any, ...]:
         return tuple(self.expression) if self._along_axes else (self.expression,)
 
-    def _checked_law(self) -> ForceLaw:
-        """The law, after the parameters are converted."""
+    def _checked_expressions(self) -> tuple[Any, ...]:
         import sympy as sp
 
         if not isinstance(self.on, str) or self.on not in KINDS:
@@ -135,6 +134,13 @@ class Force:
         for one in given:
             if not isinstance(one, sp.Expr):
                 raise TensegrityError(f"force {check.shown(one)} is no SymPy expression")
+        return given
+
+    def _checked_law(self) -> ForceLaw:
+        """The law, after the parameters are converted."""
+        import sympy as sp
+
+        given = self._checked_expressions()
         if not isinstance(self.parameters, Mapping):
             raise TensegrityError(f"parameters {check.shown(self.parameters)} must be a dict")
         known = ("t", *self._state)
