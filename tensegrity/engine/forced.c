@@ -6,6 +6,8 @@
 typedef struct {
     const real *instants;            /* (stages of all steps) */
     const real *parameters;          /* for each force (parameters, places) */
+    const real *none;                /* (sites, coordinates) zeros */
+    const integer *straight;         /* (forces) whether its places are consecutive */
     const integer *place;            /* for each force the sites or bonds on which it acts */
     const integer *ends;             /* (places, 2) of a network, where the rows of a bond begin; a
                                         wall comes first */
@@ -27,14 +29,30 @@ typedef struct {
 #define COORDINATES 1
 #endif
 
-/* The force number k on the sites adds to the rates `a` of the velocities; returns its power. */
+/* The sum of products of forces with velocities, of which the second is subtracted if given. */
+static real power_of_forces(integer n, const real *restrict f, const real *restrict plus,
+                            const real *restrict minus)
+{
+    real part[8] = {0}, sum = 0;
+    integer i = 0;
+    for (; i + 8 <= n; i += 8)
+        for (int l = 0; l < 8; l++) part[l] += f[i + l] * (plus[i + l] - minus[i + l]);
+    for (; i < n; i++) sum += f[i] * (plus[i] - minus[i]);
+    for (int l = 0; l < 8; l++) sum += part[l];
+    return sum;
+}
+
+/* Each force has a function apply_<number>, which adds it to the rates `a` of the velocities and
+   returns its power; the places of a `straight` one are consecutive. */
+
+/* On sites. */
 #define SITE_FORCE(k, count, results)                                                          \
     static real apply_##k(const scene *c, const forcing *d, real t, const real *restrict u,    \
                           const real *restrict v, real *restrict a)                            \
     {                                                                                          \
         const integer n = d->first[k + 1] - d->first[k], *restrict at = d->place + d->first[k]; \
-        const real *restrict values = d->parameters + d->begin[k];                             \
-        real power = 0;                                                                        \
+        const real *restrict values = d->parameters + d->begin[k], *restrict w = c->w;         \
+        real *restrict given = d->given, power = 0;                                            \
         EACH(n) {                                                                              \
             real x[2 * COORDINATES + 1], f[COORDINATES], p[count + 1], square = 0;             \
             for (int j = 0; j < COORDINATES; j++) {                                            \
@@ -45,13 +63,21 @@ typedef struct {
             x[2 * COORDINATES] = sqrt(square);                                                 \
             for (int m = 0; m < count; m++) p[m] = values[m * n + i];                          \
             force_##k(t, x, p, f);                                                             \
-            for (int j = 0; j < COORDINATES; j++) d->given[j * n + i] = f[j];                  \
+            for (int j = 0; j < COORDINATES; j++) {                                            \
+                const real free = w[at[i] * COORDINATES + j] == 0 ? 0 : f[j];                  \
+                given[i * COORDINATES + j] = free;                                             \
+            }                                                                                  \
         }                                                                                      \
-        for (int j = 0; j < COORDINATES; j++)                                                  \
-            for (integer i = 0; i < n; i++) {                                                  \
+        if (d->straight[k]) {                                                                  \
+            const integer first = *at * COORDINATES, all = n * COORDINATES;                    \
+            EACH(all) a[first + i] += w[first + i] * given[i];                                 \
+            return power_of_forces(all, given, v + first, d->none);                            \
+        }                                                                                      \
+        for (integer i = 0; i < n; i++)                                                        \
+            for (int j = 0; j < COORDINATES; j++) {                                            \
                 const integer q = at[i] * COORDINATES + j;                                     \
-                a[q] += c->w[q] * d->given[j * n + i];                                         \
-                power += c->w[q] == 0 ? 0 : d->given[j * n + i] * v[q];                        \
+                a[q] += w[q] * given[i * COORDINATES + j];                                     \
+                power += given[i * COORDINATES + j] * v[q];                                    \
             }                                                                                  \
         return power;                                                                          \
     }
@@ -98,18 +124,24 @@ typedef struct {
                           const real *restrict v, real *restrict a)                            \
     {                                                                                          \
         const integer n = d->first[k + 1] - d->first[k], *restrict at = d->place + d->first[k]; \
-        const real *restrict values = d->parameters + d->begin[k];                             \
-        real power = 0;                                                                        \
+        const real *restrict values = d->parameters + d->begin[k], *restrict w = c->w;         \
+        real *restrict given = d->given, power = 0;                                            \
         EACH(n) {                                                                              \
             const integer j = at[i];                                                           \
             real x[] = {u[j + 1] - u[j], v[j + 1] - v[j], 0}, p[count + 1];                    \
             for (int m = 0; m < count; m++) p[m] = values[m * n + i];                          \
-            force_##k(t, x, p, d->given + i);                                                  \
+            force_##k(t, x, p, given + i);                                                     \
+        }                                                                                      \
+        if (d->straight[k]) {                                                                  \
+            const integer j = *at;                                                             \
+            EACH(n) a[j + i] += w[j + i] * given[i];                                           \
+            EACH(n) a[j + i + 1] -= w[j + i + 1] * given[i];                                   \
+            return -power_of_forces(n, given, v + j + 1, v + j);                               \
         }                                                                                      \
         for (integer i = 0; i < n; i++) {                                                      \
             const integer j = at[i];                                                           \
-            a[j] += c->w[j] * d->given[i], a[j + 1] -= c->w[j + 1] * d->given[i];              \
-            power -= d->given[i] * (v[j + 1] - v[j]);                                          \
+            a[j] += w[j] * given[i], a[j + 1] -= w[j + 1] * given[i];                          \
+            power -= given[i] * (v[j + 1] - v[j]);                                             \
         }                                                                                      \
         return power;                                                                          \
     }

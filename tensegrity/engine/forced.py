@@ -291,6 +291,8 @@ def fields(forcing: Any, sums: Array) -> Any:
         "parameters": np.concatenate([np.zeros(0), *(x.ravel() for x in values)]),
         "place": np.concatenate([np.zeros(0, dtype=int), *places]).astype(np.int64),
         "first": np.cumsum([0, *counts]),
+        "straight": np.array([int(np.all(np.diff(x) == 1)) for x in places], dtype=np.int64),
+        "none": np.zeros(len(forcing.mass)),
         "begin": np.cumsum([0, *(x.size for x in values)]),
         "prescribed_mass": forcing.prescribed_mass,
         "moved": forcing.moved.astype(np.int64),
