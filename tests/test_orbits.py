@@ -96,7 +96,7 @@ def test_breathers_of_prisms_above_the_band(
 
 
 def test_multipliers_of_an_orbit_are_those_of_scipys_variational_equations():
-    orbit = breather(21, 1.2)
+    orbit = breather(41, 1.2)
     n = orbit.scene.sites
 
     def rates(_, y):
