@@ -67,6 +67,13 @@ class Orbit:
     opens: bool
     steps: int = field(repr=False)
 
+    def __str__(self) -> str:
+        opens = "; springs pass kinks" if self.opens else ""
+        return (
+            f"periodic orbit of {self.scene.sites} sites, period {self.period:.6g} s, energy "
+            f"{self.energy:.6g} J\nresidual {self.residual:.1e}{opens}"
+        )
+
     def run(self, tol: float = 1e-9) -> Run:
         """A run of one period from `state`, with the tolerance of `simulate`."""
         return simulate(self.scene, self.state, self.period, tol=tol)
