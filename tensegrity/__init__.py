@@ -54,13 +54,13 @@ from tensegrity.scenes.walls import Wall
 from tensegrity.springs.polynomial import Polynomial
 from tensegrity.springs.potential import Potential
 from tensegrity.springs.power_law import PowerLaw
-from tensegrity.structures.lattice import Lattice
+from tensegrity.lattices.lattice import Lattice
 from tensegrity.structures.path import control_path, equilibrium
 from tensegrity.structures.structure import Structure
 from tensegrity.structures.supports import held, plates
 from tensegrity.waves.asymptotics import sech2, tent
-from tensegrity.waves.bands import bands
-from tensegrity.waves.moduli import moduli
+from tensegrity.lattices.bands import bands
+from tensegrity.lattices.moduli import moduli
 from tensegrity.waves.prediction import predict
 from tensegrity.waves.solitary import SolitaryWave, solitary_wave
 from tensegrity.waves.spectrum import dispersion, modes

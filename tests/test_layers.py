@@ -27,6 +27,7 @@ ROOMS = [  # inside tensegrity: each may import what stands before it
     "branches",
     "scenes",
     "structures",
+    "lattices",
     "prisms",
     "catalogue",
     "runs",

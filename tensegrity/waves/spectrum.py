@@ -2,7 +2,7 @@
 
 Both linearise the forces.  The modes of a finite scene solve K x = w^2 M x with its sparse tangent
 stiffness matrix K.  In a chain of identical cells the waves are u(n + 1) = exp(i q) u(n): those
-of `tensegrity.waves.bloch` in one dimension, as singular values, whose error is the round-off of
+of `tensegrity.lattices.bloch` in one dimension, as singular values, whose error is the round-off of
 the largest frequency even as w tends to zero.
 Source: L. Brillouin, Wave Propagation in Periodic Structures (1946), chapters III and IV.
 """
@@ -27,7 +27,7 @@ from tensegrity.scenes.picture import Picture
 from tensegrity.scenes.scene import SMALLEST_MASS, Scene, State
 from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array
-from tensegrity.waves.bloch import singular_frequencies
+from tensegrity.lattices.bloch import singular_frequencies
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

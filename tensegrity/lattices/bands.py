@@ -12,14 +12,15 @@ from numpy.typing import ArrayLike
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
+from tensegrity.lattices.bloch import BlochMatrix, chunks, singular_frequencies
+from tensegrity.lattices.cell import Cell
 from tensegrity.minimum import ZERO
-from tensegrity.structures.lattice import Lattice
 from tensegrity.typing import Array
-from tensegrity.waves.bloch import BlochMatrix, chunks, singular_frequencies
 
 SLOW = 1e-5  # lowest over highest frequency below which singular values are computed
 EQUAL = 1e-6  # of the highest frequency: branches nearer to each other have velocities in common
 GENERIC = np.array([1.0, 0.618, 0.414])  # a direction of phases without symmetry
+FASTEST = 1e100  # bound of frequencies, whose squares are finite [rad/s]
 OPEN = 1e-9  # of the highest frequency: the least gap
 
 
@@ -63,7 +64,7 @@ class Bands:
 
 
 def bands(
-    lattice: Lattice, wavenumbers: ArrayLike, velocities: bool = False, shapes: bool = False
+    lattice: Cell, wavenumbers: ArrayLike, velocities: bool = False, shapes: bool = False
 ) -> Bands:
     """The waves of small amplitude of a lattice.
 
@@ -104,7 +105,7 @@ def bands(
     array([[0.6325, 2.    ],
            [0.3162, 1.    ]])
     """
-    check.kind("lattice", lattice, Lattice)
+    check.kind("lattice", lattice, Cell)
     q = phases(lattice, wavenumbers)
     velocities, shapes = check.truth("velocities", velocities), check.truth("shapes", shapes)
     lattice.refuse_unbalanced()
@@ -136,14 +137,14 @@ def bands(
     return Bands(q, w, found, moved)
 
 
-def bloch_matrix(lattice: Lattice, weighted: bool = True) -> BlochMatrix:
+def bloch_matrix(lattice: Cell, weighted: bool = True) -> BlochMatrix:
     """M^-1/2 K(kappa) M^-1/2 of a lattice, or K(kappa) itself."""
     mass = lattice.mass if weighted else np.ones(lattice.nodes)
     blocks = lattice.members.blocks(lattice.positions)
     return BlochMatrix.of(lattice.ends, lattice.offsets, blocks, mass)
 
 
-def phases(lattice: Lattice, wavenumbers: ArrayLike) -> Array:
+def phases(lattice: Cell, wavenumbers: ArrayLike) -> Array:
     """Phases per cell (points, d) [rad], checked."""
     q, d = check.floats("wavenumbers", wavenumbers), len(lattice.vectors)
     if q.ndim != 2 or q.shape[1] != d:
@@ -151,7 +152,19 @@ def phases(lattice: Lattice, wavenumbers: ArrayLike) -> Array:
     return check.vector("wavenumbers", q, q.shape)
 
 
-def _frequencies(lattice: Lattice, squares: Array, q: Array, largest: float) -> Array:
+def angular_frequencies(frequencies: ArrayLike) -> Array:
+    """Angular frequencies (frequencies,) [rad/s], checked."""
+    w = check.floats("frequencies", frequencies)
+    if w.ndim != 1:
+        raise TensegrityError(f"frequencies have shape {w.shape}, must be (frequencies,)")
+    w = check.vector("frequencies", w, w.shape)
+    wrong = w[~((w >= 0) & (w < FASTEST))]
+    if wrong.size:
+        raise TensegrityError(f"frequency {wrong[0]:g} rad/s must be >= 0 and below {FASTEST:g}")
+    return w
+
+
+def _frequencies(lattice: Cell, squares: Array, q: Array, largest: float) -> Array:
     """Frequencies of eigenvalues, 0 where they are round-off, or singular values there; `largest`
     bounds the eigenvalues."""
     least = ZERO * largest

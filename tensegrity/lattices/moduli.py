@@ -16,13 +16,12 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import EquilibriumError, TensegrityError
+from tensegrity.lattices.bands import FASTEST, bloch_matrix
+from tensegrity.lattices.cell import Cell
 from tensegrity.minimum import ZERO
-from tensegrity.structures.lattice import Lattice
 from tensegrity.typing import Array
-from tensegrity.waves.bands import bloch_matrix
 
 WORK = 1e-7  # force on a motion without stiffness that counts as zero, over the largest stiffness
-FASTEST = 1e100  # bound of frequencies, whose squares are finite [rad/s]
 NOISE = 1e-13  # of the unrelaxed stiffness: round-off of the square of a speed
 ALONG = 1e-9  # largest part of a direction outside the lattice, over its length
 
@@ -54,7 +53,7 @@ class Moduli:
     axial: float
     coupling: float
     torsional: float
-    lattice: Lattice = field(repr=False)
+    lattice: Cell = field(repr=False)
     frequency: float = 0.0
 
     def speeds(self, direction: Sequence[float] | Array) -> Array:
@@ -91,7 +90,7 @@ class Moduli:
         return np.asarray(np.sign(squares) * np.sqrt(np.abs(squares)))
 
 
-def moduli(lattice: Lattice, frequency: float = 0.0) -> Moduli:
+def moduli(lattice: Cell, frequency: float = 0.0) -> Moduli:
     """Moduli of a lattice about its own state.
 
     Parameters
@@ -125,7 +124,7 @@ def moduli(lattice: Lattice, frequency: float = 0.0) -> Moduli:
     >>> (m.speeds([1, 2])**2).round(4).tolist(), float(m.stiffness[0, 0, 1, 1].round(4))
     ([0.375, 1.125], 0.433)
     """
-    check.kind("lattice", lattice, Lattice)
+    check.kind("lattice", lattice, Cell)
     frequency = check.number("frequency", frequency, least=0, below=FASTEST, unit="rad/s")
     lattice.refuse_unbalanced()
     dim, inner = lattice.dim, lattice.positions.size
@@ -150,7 +149,7 @@ def moduli(lattice: Lattice, frequency: float = 0.0) -> Moduli:
     )
 
 
-def _followed(lattice: Lattice, mixed: Array, frequency: float, scale: float) -> Array:
+def _followed(lattice: Cell, mixed: Array, frequency: float, scale: float) -> Array:
     """Stiffness that inner motions take away, where forces `mixed` (nodes dim, count) pull them;
     `scale` is the size that such forces can have."""
     inner = lattice.positions.size
@@ -168,7 +167,7 @@ def _followed(lattice: Lattice, mixed: Array, frequency: float, scale: float) ->
     return np.asarray((hard.conj().T / (squares[~soft] - frequency**2)) @ hard)
 
 
-def _long_waves(lattice: Lattice, n: Array, frequency: float) -> tuple[Array, Array, float]:
+def _long_waves(lattice: Cell, n: Array, frequency: float) -> tuple[Array, Array, float]:
     """Stiffness and inertia of long waves along a unit vector over the rigid motions, per size of
     a cell, and the largest square of a speed before the inner motions follow.
 

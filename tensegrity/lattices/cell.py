@@ -1,0 +1,234 @@
+"""The cell of a lattice: nodes, members that lead to other cells, compatibility and stress.
+
+A cell has nodes x_i; d lattice vectors a_1 .. a_d lead from cell to cell, one in strips and
+columns, two in plates, three in solids.  A member joins node i of a cell to node j of the cell at
+offset o, with o.a between the two.  The energy of a cell is a function of (x, a); a rate of (x, a)
+is an array of rows, the nodes' first, then the vectors'.
+Source: Guest & Hutchinson 2003, On the determinacy of repetitive structures, for the counts of
+self-stress and mechanisms; Born & Huang, Dynamical Theory of Crystal Lattices, for the stress.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tensegrity import check
+from tensegrity.errors import EquilibriumError
+from tensegrity.lattices.lattice_input import (
+    DEPENDENT,
+    ends_and_offsets,
+    independent_vectors,
+    refuse_repeated,
+)
+from tensegrity.readonly import fixed
+from tensegrity.springs.kinks import TAUT
+from tensegrity.structures import statics
+from tensegrity.structures.framework import Framework
+from tensegrity.structures.members import Members
+from tensegrity.structures.supports import orthonormal
+from tensegrity.typing import Array
+
+if TYPE_CHECKING:
+    from tensegrity.structures.statics import SelfStress
+
+AT_REST = 1e-6  # force left on a node of an equilibrium, over the tensions
+MOVED = 1e-9  # the same over the largest stiffness times the least length
+
+
+class Cell(Framework):
+    """Nodes joined by bars and strings, in a cell that repeats; see `Lattice`."""
+
+    def __init__(
+        self,
+        positions: ArrayLike,
+        vectors: ArrayLike,
+        bars: Sequence[Any] = (),
+        strings: Sequence[Any] = (),
+        k_bar: ArrayLike = 100.0,
+        k_string: ArrayLike = 1.0,
+        mass: ArrayLike = 1.0,
+        natural_lengths: ArrayLike | None = None,
+    ) -> None:
+        self._set_positions(positions)
+        self.vectors = independent_vectors(vectors, self.dim)
+        given = [
+            ends_and_offsets(name, entries, self.nodes, len(self.vectors))
+            for name, entries in (("bar", bars), ("string", strings))
+        ]
+        self.offsets = np.concatenate([offsets for _, offsets in given])
+        pairs = [ends for ends, _ in given]
+        refuse_repeated(np.concatenate(pairs), self.offsets, len(pairs[0]))
+        self._set_members(pairs, k_bar, k_string, mass, natural_lengths, self.span)
+
+    @property
+    def span(self) -> float:
+        """Size of a cell: the longest lattice vector [m]."""
+        return float(np.sqrt(np.sum(self.vectors**2, axis=1)).max())
+
+    @property
+    def size(self) -> float:
+        """Length, area or volume of a cell [m^d]."""
+        return float(np.sqrt(np.linalg.det(self.vectors @ self.vectors.T)))
+
+    @cached_property
+    def shift(self) -> Array:  # type: ignore[override]
+        """From the second end of each member to its image [m], (members, dim)."""
+        return fixed(self.offsets @ self.vectors)
+
+    @cached_property
+    def incidence(self) -> Array:
+        """Separations of the members per (x, a), (members, nodes + d)."""
+        found, each = np.zeros((len(self.ends), self.nodes)), np.arange(len(self.ends))
+        found[each, self.ends[:, 0]] -= 1
+        found[each, self.ends[:, 1]] += 1
+        return fixed(np.hstack([found, self.offsets]))
+
+    @property
+    def stress(self) -> Array:
+        """Macroscopic stress at the positions [N/m^(d - 1)], (dim, dim); tension > 0.
+
+        Force over the size of the cell: a force in strips and columns, force per width in plates.
+        """
+        d = self.members.separations(self.positions)[0]
+        return np.asarray((self.densities[:, None] * d).T @ self.shift / self.size)
+
+    def at(self, positions: ArrayLike, vectors: ArrayLike | None = None, **other: Any) -> Self:
+        """A copy of the lattice at other positions, with other arguments replaced by name."""
+        members = [(i, j, tuple(o)) for (i, j), o in zip(self.ends, self.offsets, strict=True)]
+        own: dict[str, Any] = {
+            "bars": members[: self.bars],
+            "strings": members[self.bars :],
+            "k_bar": self.stiffnesses[: self.bars],
+            "k_string": self.stiffnesses[self.bars :],
+            "mass": self.mass,
+            "natural_lengths": self.natural_lengths,
+        }
+        return type(self)(positions, self.vectors if vectors is None else vectors, **(own | other))
+
+    # the shape alone
+
+    def _equilibrium_matrix(self, strain: bool) -> Array:
+        rows = self.nodes + (len(self.vectors) if check.truth("strain", strain) else 0)
+        d = self.members.separations(self.positions)[0]
+        whole: Array = np.einsum("mr,mi->rim", self.incidence[:, :rows], d)
+        return whole.reshape(-1, len(d))
+
+    def rigid_motions(self, strain: bool = False) -> Array:
+        """Orthonormal translations and rotations that leave the lattice periodic.
+
+        Parameters
+        ----------
+        strain : bool, optional
+            Whether the lattice vectors move too.  If not, only the rotation of a column about its
+            axis is periodic.
+
+        Returns
+        -------
+        ndarray, (rows dim, count)
+        """
+        nodes, dim = self.positions.shape
+        moved = np.vstack([np.ones((nodes, 1)), np.zeros((len(self.vectors), 1))])
+        shifts = np.kron(moved, np.eye(dim))
+        centre = self.positions.mean(axis=0)
+        arms = np.vstack([self.positions - centre, self.vectors]) / self.span
+        turns = []
+        for i in range(dim):
+            for j in range(i + 1, dim):
+                turn = np.zeros_like(arms)
+                turn[:, i], turn[:, j] = -arms[:, j], arms[:, i]
+                turns.append(turn.ravel())
+        rotations = np.column_stack(turns)
+        if check.truth("strain", strain):
+            return orthonormal(np.hstack([shifts, rotations]))
+        _, sizes, right = np.linalg.svd(rotations[nodes * dim :])
+        periodic = right[int(np.sum(sizes > DEPENDENT)) :].T
+        return orthonormal(np.hstack([shifts, rotations @ periodic])[: nodes * dim])
+
+    def self_stress(self, strain: bool = False) -> SelfStress:
+        """States of self-stress of the shape.
+
+        Parameters
+        ----------
+        strain : bool, optional
+            False: in equilibrium at the nodes, with any macroscopic stress; True: those without
+            macroscopic stress, which a free-standing lattice can have.
+
+        Returns
+        -------
+        SelfStress
+        """
+        return statics.null_states(self._equilibrium_matrix(strain), self.is_string)
+
+    def mechanisms(self, strain: bool = False) -> Array:
+        """Inextensional mechanisms: orthonormal motions that change no length, rigid ones out.
+
+        Parameters
+        ----------
+        strain : bool, optional
+            Whether the lattice vectors move too; their rows follow those of the nodes.
+
+        Returns
+        -------
+        ndarray, (count, nodes, dim) or (count, nodes + d, dim)
+        """
+        rigid = self.rigid_motions(strain)
+        found = statics.free_motions(self._equilibrium_matrix(strain), rigid)
+        return found.reshape(len(found), len(rigid) // self.dim, self.dim)
+
+    # the state
+
+    @property
+    def rows(self) -> Array:
+        """Positions of the nodes, then the lattice vectors [m], (nodes + d, dim)."""
+        return np.vstack([self.positions, self.vectors])
+
+    def members_at(self, x: Array) -> Members:
+        """The members where x holds positions only, or positions and lattice vectors."""
+        if len(x) == self.nodes:
+            return self.members
+        return replace(self.members, shift=self.offsets @ x[self.nodes :])
+
+    def tangent(self, x: Array, within: float) -> Any:
+        """Second derivatives of the energy of a cell in x [N/m], sparse; strings shorter than
+        their natural length by at most `within` of it count as taut."""
+        from scipy.sparse import bsr_array, csr_array, eye_array, kron
+
+        blocks, each = self.members_at(x).blocks(x, within), np.arange(len(self.ends) + 1)
+        stretch = kron(csr_array(self.incidence[:, : len(x)]), eye_array(x.shape[1]))
+        size = blocks.shape[0] * blocks.shape[1]
+        each_own = bsr_array((blocks, each[:-1], each), shape=(size, size))
+        return (stretch.T @ each_own @ stretch).tocsr()
+
+    def hessian(self) -> Array:
+        """Second derivatives of the energy of a cell in (x, a) [N/m], a square array of
+        (nodes + d) dim rows."""
+        return np.asarray(self.tangent(self.rows, TAUT).toarray())
+
+    def refuse_unbalanced(self) -> None:
+        """Refuse positions at which the nodes are not in equilibrium.
+
+        Raises
+        ------
+        EquilibriumError
+        """
+        left = float(np.abs(self.members.gradient(self.positions)).max())
+        stiffest = float(self.stiffnesses.max() * self.lengths.min())
+        allowed = AT_REST * float(np.abs(self.tensions).max()) + MOVED * stiffest
+        if left > allowed:
+            raise EquilibriumError(
+                f"the unbalanced force {left:.6g} N on a node must be at most {allowed:.6g} N: the "
+                "lattice is not in equilibrium; see Lattice.equilibrium"
+            )
+
+    def __repr__(self) -> str:
+        d = len(self.vectors)
+        return (
+            f"{type(self).__name__}({self.nodes} node{'s' * (self.nodes > 1)}, {d} vector{'s' * (d > 1)} in "
+            f"{self.dim} dimensions, {self.bars} bars, {self.strings} strings)"
+        )

@@ -1,0 +1,221 @@
+"""Lattices: states under macroscopic strain, larger cells, and what is cut out of them."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tensegrity import check
+from tensegrity.errors import EquilibriumError, TensegrityError
+from tensegrity.lattices.cell import Cell
+from tensegrity.lattices.stability import Stability, stability
+from tensegrity.lattices.strain import Strained
+from tensegrity.minimum import ROUND_OFF, STEPS, settle
+from tensegrity.structures.members import SETTLED
+from tensegrity.structures.structure import Structure
+from tensegrity.typing import Indices
+
+STRESSED = 1e-12  # tension over stiffness times length of a member under stress
+
+
+class Lattice(Cell):
+    """Nodes joined by bars and strings, in a cell that repeats.
+
+    Parameters
+    ----------
+    positions : array_like, (nodes, dim)
+        Positions of the nodes of one cell [m]; dim is 2 or 3.
+    vectors : array_like, (d, dim)
+        Lattice vectors [m], independent; d is 1 (strip, column), 2 (plate) or 3 (solid).
+    bars, strings : sequence of (int, int, offset)
+        The nodes that each member joins, and the offset of the second one's cell: d integers, for
+        d = 1 an integer too; (i, j) lies in one cell.  Members of which only the sense or the cell
+        differs are the same, and are given once.  Arrays hold bars first, then strings.
+    k_bar, k_string : float or array_like, (bars,) or (strings,)
+        Spring constants [N/m], > 0.
+    mass : float or array_like, (nodes,), optional
+        [kg], > 0.
+    natural_lengths : array_like, (members,), optional
+        Unstressed lengths [m]; by default the lengths at the positions.
+
+    Attributes
+    ----------
+    positions, vectors, stiffnesses, natural_lengths, mass : ndarray
+    ends, offsets : ndarray of int, (members, 2) and (members, d)
+    is_string : ndarray of bool, (members,)
+
+    Raises
+    ------
+    TensegrityError
+        If the vectors are dependent, an offset is not d integers, a member has no length or is
+        given twice, a node is in no member, or a number is outside its bounds.
+
+    Examples
+    --------
+    A strip of Snelson's X modules, which share their verticals:
+
+    >>> from tensegrity import Lattice
+    >>> strip = Lattice([(0, 0), (0, 1)], [(1, 0)], bars=[(0, 1, 1), (1, 0, 1)],
+    ...                 strings=[(0, 0, 1), (1, 1, 1), (0, 1)], k_bar=10, k_string=[1, 1, 2])
+    >>> strip = strip.prestressed([-0.1, -0.1, 0.1, 0.1, 0.2])
+    >>> print(strip, strip.tensions.round(3).tolist())
+    Lattice(2 nodes, 1 vector in 2 dimensions, 2 bars, 3 strings) [-0.141, -0.141, 0.1, 0.1, 0.2]
+    """
+
+    def equilibrium(self, gradient: ArrayLike | None = None) -> Lattice:
+        """The lattice in equilibrium under a macroscopic strain, by minimising the energy.
+
+        Parameters
+        ----------
+        gradient : array_like, (dim, dim), optional
+            Deformation gradient F: the lattice vectors a become F a, and the nodes move from F x
+            into equilibrium.  By default the vectors are free, and the stress becomes 0.
+
+        Returns
+        -------
+        Lattice
+
+        Raises
+        ------
+        EquilibriumError
+            If there is no equilibrium nearby, or with free vectors no member is under stress.
+        """
+        free = gradient is None
+        f = np.eye(self.dim)
+        if gradient is not None:
+            f = check.vector("gradient", gradient, (self.dim, self.dim))
+            if not np.linalg.det(f) > 0:
+                raise TensegrityError(f"determinant {np.linalg.det(f):g} of gradient must be > 0")
+        start = self.at(self.positions @ f.T, self.vectors @ f.T)
+        of, rows = Strained(start, free), start.rows
+        x, left = settle(of, rows if free else rows[: self.nodes])
+        unbalanced, size = float(np.abs(left).max()), of.largest(x)
+        if not unbalanced <= max(SETTLED * size, ROUND_OFF * self.stiffnesses.max() * self.span):
+            words = f"{unbalanced:.3g} N of {size:.3g} N are unbalanced after {STEPS} iterations"
+            raise EquilibriumError(f"no equilibrium found: {words}")
+        found = start.at(x[: self.nodes], x[self.nodes :] if free else None)
+        carry = np.abs(found.tensions) > STRESSED * self.stiffnesses * self.natural_lengths
+        if free and not carry.any() and found.strings:
+            raise EquilibriumError(
+                "these natural lengths leave all members without stress, at free lattice vectors: "
+                "no prestress holds a shape"
+            )
+        return found
+
+    def stability(self) -> Stability:
+        """Whether the lattice is stable about its own state, by three tests.
+
+        Waves on a grid of the zone, with the lowest refined; long waves by the acoustic tensor,
+        which a grid misses; and uniform strain under constant stress.
+
+        Returns
+        -------
+        Stability
+
+        Raises
+        ------
+        EquilibriumError
+            As `moduli`.
+
+        Examples
+        --------
+        A triangular lattice of springs under compression, and its row of nodes that folds:
+
+        >>> from tensegrity import Lattice
+        >>> pairs = [(0, 0, (1, 0)), (0, 0, (0, 1)), (0, 0, (1, -1))]
+        >>> tri = Lattice([(0, 0)], [(1, 0), (0.5, 0.75**0.5)], bars=pairs, k_bar=1)
+        >>> for f in (0.8, 0.7):
+        ...     print(tri.equilibrium([[f, 0], [0, f]]).stability().kind)
+        stable
+        long wave, wave, strain
+        """
+        return stability(self)
+
+    # more cells
+
+    def _copies(self, counts: Any) -> tuple[tuple[int, ...], Indices, Indices, Indices]:
+        """Cells either way; cells (cells, d); and for each member, then each cell: the cells of
+        its second ends, (members, cells, d)."""
+        d = len(self.vectors)
+        one = d == 1 and not hasattr(counts, "__len__")
+        many = (counts,) if one else check.sequence("counts", counts, "whole numbers")
+        if len(many) != d:
+            raise TensegrityError(f"counts {check.shown(counts)} must be {d} whole numbers")
+        shape = tuple(check.whole("count", n, least=1) for n in many)
+        check.room(f"{check.shown(shape)} cells", 1e3 * len(self.ends) * float(math.prod(shape)))
+        cells = np.stack(np.unravel_index(np.arange(np.prod(shape)), shape), axis=1)
+        return shape, cells, cells[None] + self.offsets[:, None], np.array(shape)
+
+    def _numbered(self, shape: tuple[int, ...], member: int, cells: Any) -> Indices:
+        """Pairs of nodes of the copies of a member."""
+        i, j = self.ends[member]
+        first = np.arange(np.prod(shape)) * self.nodes + i
+        second = np.ravel_multi_index(tuple(cells.T), shape) * self.nodes + j
+        return np.stack([first, second], axis=1)
+
+    def repeated(self, counts: Any) -> Lattice:
+        """The same lattice with a larger cell.
+
+        Parameters
+        ----------
+        counts : sequence of int, (d,), or int where d = 1
+            Number of cells along each vector.
+
+        Returns
+        -------
+        Lattice
+            Nodes cell by cell; members one by one, the copies of each cell by cell.
+        """
+        shape, cells, ends, many = self._copies(counts)
+        copies = [
+            [(i, j, tuple(o)) for (i, j), o in zip(
+                self._numbered(shape, m, ends[m] % many), ends[m] // many, strict=True)]
+            for m in range(len(ends))
+        ]  # fmt: skip
+        return Lattice(
+            (self.positions + (cells @ self.vectors)[:, None]).reshape(-1, self.dim),
+            self.vectors * many[:, None],
+            **self._copied(copies),
+            mass=np.tile(self.mass, len(cells)),
+        )
+
+    def tile(self, counts: Any) -> Structure:
+        """Some cells cut out, with the members of which both ends are inside.
+
+        Parameters
+        ----------
+        counts : sequence of int, (d,), or int where d = 1
+            Number of cells along each vector.
+
+        Returns
+        -------
+        Structure
+            Nodes and members in the order of `repeated`.  At the border it is not in equilibrium:
+            see `Structure.relaxed`.
+        """
+        shape, cells, ends, many = self._copies(counts)
+        copies = []
+        for m, second in enumerate(ends):
+            inside = np.all((second >= 0) & (second < many), axis=1)
+            copies.append([tuple(p) for p in self._numbered(shape, m, second % many)[inside]])
+        return Structure(
+            (self.positions + (cells @ self.vectors)[:, None]).reshape(-1, self.dim),
+            **self._copied(copies),
+            mass=np.tile(self.mass, len(cells)),
+        )
+
+    def _copied(self, copies: list[list[Any]]) -> dict[str, Any]:
+        """Arguments of members for the copies of each member."""
+        numbers = [len(each) for each in copies]
+        k, flat = np.repeat(self.stiffnesses, numbers), [p for each in copies for p in each]
+        bars = sum(numbers[: self.bars])
+        return {
+            "bars": flat[:bars],
+            "strings": flat[bars:],
+            "k_bar": k[:bars],
+            "k_string": k[bars:],
+            "natural_lengths": np.repeat(self.natural_lengths, numbers),
+        }
