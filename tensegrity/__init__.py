@@ -17,6 +17,11 @@ from tensegrity.errors import (
     TensegrityError,
 )
 from tensegrity.gradients.compute import gradient
+from tensegrity.lattices.bands import bands
+from tensegrity.lattices.effective import effective_mass
+from tensegrity.lattices.evanescent import decay
+from tensegrity.lattices.lattice import Lattice
+from tensegrity.lattices.moduli import moduli
 from tensegrity.lens.lens import Lens
 from tensegrity.measure.budget import budget
 from tensegrity.measure.interfaces import interface, transmission
@@ -54,13 +59,10 @@ from tensegrity.scenes.walls import Wall
 from tensegrity.springs.polynomial import Polynomial
 from tensegrity.springs.potential import Potential
 from tensegrity.springs.power_law import PowerLaw
-from tensegrity.lattices.lattice import Lattice
 from tensegrity.structures.path import control_path, equilibrium
 from tensegrity.structures.structure import Structure
 from tensegrity.structures.supports import held, plates
 from tensegrity.waves.asymptotics import sech2, tent
-from tensegrity.lattices.bands import bands
-from tensegrity.lattices.moduli import moduli
 from tensegrity.waves.prediction import predict
 from tensegrity.waves.solitary import SolitaryWave, solitary_wave
 from tensegrity.waves.spectrum import dispersion, modes
@@ -105,9 +107,11 @@ __all__ = [
     "budget",
     "catalogue",
     "control_path",
+    "decay",
     "directions",
     "dispersion",
     "duration",
+    "effective_mass",
     "equilibrium",
     "equilibrium_path",
     "equilibrium_paths",

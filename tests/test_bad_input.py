@@ -200,6 +200,8 @@ CALLS = [  # where other arguments are needed, or several in one call
                   "k_bar": 1.0, "k_string": [1.0, 1.0], "mass": 1.0, "natural_lengths": [1.0] * 3}),
     (ROW.equilibrium, {"gradient": [[1.1, 0], [0, 1]]}),
     (ts.bands, {"lattice": ROW, "wavenumbers": [[0.1], [2.0]]}),
+    (ts.decay, {"lattice": ts.catalogue.square(), "frequencies": [0.1, 2.0], "axis": 0, "wavenumbers": 0.0}),
+    (ts.effective_mass, {"lattice": ROW, "frame": [0], "frequencies": [0.1]}),
     (ts.control_path, {"structure": TRUSS, "natural_lengths": {0: 1.1}, "branch": "stable",
                     "supports": ts.held([0, 1]), "loads": {0: (0.0, -0.1)}}),
     (TRUSS.prestressed, {"force_densities": [0.0, 0.0]}),

@@ -276,10 +276,15 @@ def test_stiffness_mass_and_size_are_those_that_were_given():
 @pytest.mark.parametrize("name", catalogue.__all__)
 def test_unless_given_sizes_are_1_m_and_the_rest_is_as_of_a_structure(name):
     s = getattr(catalogue, name)()
-    doubled = 2.0 if name == "column" else 1.0  # strings of polygons between two prisms
-    assert set(s.stiffnesses.tolist()) == {100.0, 1.0, doubled}
+    shared = {"column", "x_strip", "octahedra"}  # some strings of two units, of twice the stiffness
+    own = {"square": {50.0}, "x_plate": {2.0}} | {key: {1.0, 2.0} for key in shared}
+    assert set(s.stiffnesses.tolist()) == {100.0} | own.get(name, {1.0} if s.strings else set())
     assert set(s.mass.tolist()) == {1.0}
     size = {
+        "kagome": s.lengths[0],
+        "octahedra": s.span / np.sqrt(2) if name == "octahedra" else 0,
+        "x_plate": s.lengths[2],
+        "x_strip": s.lengths[2],
         "column": np.ptp(s.positions[:, -1]) / 5,
         "prism": np.ptp(s.positions[:, -1]),
         "snelson_x": s.lengths[2],

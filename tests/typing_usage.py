@@ -82,9 +82,11 @@ from tensegrity import (
     budget,
     catalogue,
     control_path,
+    decay,
     directions,
     dispersion,
     duration,
+    effective_mass,
     equilibrium,
     equilibrium_path,
     equilibrium_paths,
@@ -353,6 +355,11 @@ def waves(spring: Potential, chain: Chain) -> State:
     assert_type(row, Lattice)
     assert_type(bands(row, [[0.1]]).frequencies, Array)
     assert_type(moduli(row).speeds([1, 0]), Array)
+    assert_type(effective_mass(row, [0], [0.1]), Array)
+    assert_type(decay(row, [0.1], 0, 0.0), Any)
+    assert_type(row.stability().kind, str)
+    assert_type(Prism(1.0, 0.7, 0.1, 1.0, 5.0, 50.0).column(periodic=True), Lattice)
+    assert_type(catalogue.column(periodic=True), Lattice)
     bands("x", [[0.1]])  # type: ignore[arg-type]
     dispersion("x", 1.0, [0.1])  # type: ignore[arg-type]
     lens = Lens(Prism(1.0, 0.8, 0.01, 1.0), chains=3)

@@ -1,4 +1,4 @@
-"""Structures of the literature: functions that return a `Structure` in equilibrium under prestress.
+"""Structures and lattices of the literature, in equilibrium under prestress.
 
 Connectivity and shape follow from symmetry.  Nodes are the images of a few points under rotations,
 members that are images of each other form an orbit and have one force density, and the condition
@@ -10,6 +10,16 @@ cross strings; that of the others follows from the self-stress.
 """
 
 from tensegrity.catalogue.cells import column, plate, prism, snelson_x
+from tensegrity.catalogue.lattices import (
+    honeycomb,
+    kagome,
+    octahedra,
+    resonators,
+    square,
+    triangular,
+    x_plate,
+    x_strip,
+)
 from tensegrity.catalogue.solids import expandable_octahedron, geodesic, truncated_tetrahedron
 from tensegrity.catalogue.towers import dome, tower
 
@@ -18,9 +28,17 @@ __all__ = [
     "dome",
     "expandable_octahedron",
     "geodesic",
+    "honeycomb",
+    "kagome",
+    "octahedra",
     "plate",
     "prism",
+    "resonators",
     "snelson_x",
+    "square",
     "tower",
+    "triangular",
     "truncated_tetrahedron",
+    "x_plate",
+    "x_strip",
 ]

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
+from typing import Literal, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity import check
 from tensegrity.catalogue.symmetry import prestressed, sizes
+from tensegrity.lattices.lattice import Lattice
 from tensegrity.prisms import prism as prisms
 from tensegrity.structures.structure import Structure
 
@@ -85,8 +87,9 @@ def prism(
     return column(1, sides, base, height, prestrain, k_bar, k_string, mass)
 
 
+@overload
 def column(
-    count: int = 5,
+    count: int | None = None,
     sides: int = 3,
     base: float = 1.0,
     height: float = 1.0,
@@ -94,23 +97,58 @@ def column(
     k_bar: float = 100.0,
     k_string: float = 1.0,
     mass: ArrayLike = 1.0,
-) -> Structure:
+    chirality: str = "alternate",
+    periodic: Literal[False] = False,
+) -> Structure: ...
+
+
+@overload
+def column(
+    count: int | None = None,
+    sides: int = 3,
+    base: float = 1.0,
+    height: float = 1.0,
+    prestrain: float = 0.1,
+    k_bar: float = 100.0,
+    k_string: float = 1.0,
+    mass: ArrayLike = 1.0,
+    chirality: str = "alternate",
+    *,
+    periodic: Literal[True],
+) -> Lattice: ...
+
+
+def column(
+    count: int | None = None,
+    sides: int = 3,
+    base: float = 1.0,
+    height: float = 1.0,
+    prestrain: float = 0.1,
+    k_bar: float = 100.0,
+    k_string: float = 1.0,
+    mass: ArrayLike = 1.0,
+    chirality: str = "alternate",
+    periodic: bool = False,
+) -> Structure | Lattice:
     """Prisms on one another that share their polygons, each turned against the one below.
 
     Parameters
     ----------
     count : int, optional
-        Number of prisms.
+        Number of prisms, by default 5.
     sides, base, height, prestrain, k_bar, k_string, mass : optional
         Of each: see `prism`.  Shared strings are twice as stiff.
+    chirality, periodic : optional
+        As of `Prism.column`.
 
     Returns
     -------
-    Structure
+    Structure or Lattice
         That of `Prism.column`.
     """
     unit = prisms.Prism(base, height, prestrain, k_string, k_string, k_bar, sides)
-    return unit.column(count).at_mass(mass)
+    found = unit.column(count, chirality, periodic=periodic)
+    return found.at_mass(mass)
 
 
 def plate(

@@ -184,22 +184,22 @@ class Cell(Framework):
     # the state
 
     @property
-    def rows(self) -> Array:
+    def _rows(self) -> Array:
         """Positions of the nodes, then the lattice vectors [m], (nodes + d, dim)."""
         return np.vstack([self.positions, self.vectors])
 
-    def members_at(self, x: Array) -> Members:
+    def _members_at(self, x: Array) -> Members:
         """The members where x holds positions only, or positions and lattice vectors."""
         if len(x) == self.nodes:
             return self.members
         return replace(self.members, shift=self.offsets @ x[self.nodes :])
 
-    def tangent(self, x: Array, within: float) -> Any:
+    def _tangent(self, x: Array, within: float) -> Any:
         """Second derivatives of the energy of a cell in x [N/m], sparse; strings shorter than
         their natural length by at most `within` of it count as taut."""
         from scipy.sparse import bsr_array, csr_array, eye_array, kron
 
-        blocks, each = self.members_at(x).blocks(x, within), np.arange(len(self.ends) + 1)
+        blocks, each = self._members_at(x).blocks(x, within), np.arange(len(self.ends) + 1)
         stretch = kron(csr_array(self.incidence[:, : len(x)]), eye_array(x.shape[1]))
         size = blocks.shape[0] * blocks.shape[1]
         each_own = bsr_array((blocks, each[:-1], each), shape=(size, size))
@@ -208,7 +208,7 @@ class Cell(Framework):
     def hessian(self) -> Array:
         """Second derivatives of the energy of a cell in (x, a) [N/m], a square array of
         (nodes + d) dim rows."""
-        return np.asarray(self.tangent(self.rows, TAUT).toarray())
+        return np.asarray(self._tangent(self._rows, TAUT).toarray())
 
     def refuse_unbalanced(self) -> None:
         """Refuse positions at which the nodes are not in equilibrium.
@@ -229,6 +229,7 @@ class Cell(Framework):
     def __repr__(self) -> str:
         d = len(self.vectors)
         return (
-            f"{type(self).__name__}({self.nodes} node{'s' * (self.nodes > 1)}, {d} vector{'s' * (d > 1)} in "
+            f"{type(self).__name__}({self.nodes} node{'s' * (self.nodes > 1)}, "
+            f"{d} vector{'s' * (d > 1)} in "
             f"{self.dim} dimensions, {self.bars} bars, {self.strings} strings)"
         )

@@ -19,7 +19,6 @@ from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.lattices.bands import angular_frequencies, bloch_matrix
 from tensegrity.lattices.lattice import Lattice
-from tensegrity.typing import Array
 
 RANK = 1e-12  # singular values of the coupling that count as zero, over the largest
 SPLIT = 1e-7  # decay that counts as zero: double roots at edges of bands split by so much
@@ -70,9 +69,9 @@ def decay(
     w = angular_frequencies(frequencies)
     d = len(lattice.vectors)
     axis = check.whole("axis", axis, least=0, below=d)
-    across = np.asarray(check.floats("wavenumbers", wavenumbers))
-    across = check.vector("wavenumbers", np.broadcast_to(across, d - 1) if across.ndim == 0 else
-                          across, (d - 1,))  # fmt: skip
+    across = check.floats("wavenumbers", wavenumbers)
+    across = check.vector("wavenumbers", across, across.shape if across.ndim == 0 else (d - 1,))
+    across = np.broadcast_to(across, d - 1)
     lattice.refuse_unbalanced()
     layers = int(np.abs(lattice.offsets[:, axis]).max())
     if not layers:
@@ -95,13 +94,13 @@ def _phases(own: Any, pair: Any, layers: int) -> Any:
     """Phases per cell of the waves of one frequency, by a supercell of `layers` cells."""
     from scipy.linalg import eig
 
-    (l, r), (size, rank) = pair, pair[0].shape
+    (left, right), (size, rank) = pair, pair[0].shape
     scale = float(np.abs(own).max())
     a, b = np.zeros((2, size + 2 * rank, size + 2 * rank), dtype=complex)
     first, second = slice(size, size + rank), slice(size + rank, None)
-    a[:size, :size], a[:size, second], b[:size, first] = own, r, -l
-    a[first, :size], a[first, first] = scale * r.conj().T, -scale * np.eye(rank)
-    a[second, :size], b[second, second] = l.conj().T, np.eye(rank)
+    a[:size, :size], a[:size, second], b[:size, first] = own, right, -left
+    a[first, :size], a[first, first] = scale * right.conj().T, -scale * np.eye(rank)
+    a[second, :size], b[second, second] = left.conj().T, np.eye(rank)
     values, vectors = eig(a, b, homogeneous_eigvals=True)
     values = values / np.hypot(*np.abs(values))
     number = np.argsort(-np.abs(values[1]))[: 2 * rank]  # the others are infinite

@@ -90,7 +90,7 @@ class Lattice(Cell):
             if not np.linalg.det(f) > 0:
                 raise TensegrityError(f"determinant {np.linalg.det(f):g} of gradient must be > 0")
         start = self.at(self.positions @ f.T, self.vectors @ f.T)
-        of, rows = Strained(start, free), start.rows
+        of, rows = Strained(start, free), start._rows
         x, left = settle(of, rows if free else rows[: self.nodes])
         unbalanced, size = float(np.abs(left).max()), of.largest(x)
         if not unbalanced <= max(SETTLED * size, ROUND_OFF * self.stiffnesses.max() * self.span):

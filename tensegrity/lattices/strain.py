@@ -28,11 +28,11 @@ class Strained:
         return STEP * self.cell.span
 
     def energy(self, x: Array) -> tuple[float, float]:
-        stored = self.cell.members_at(x).energy(x)
+        stored = self.cell._members_at(x).energy(x)
         return stored, stored
 
     def forces(self, x: Array) -> Array:
-        members, rigid = self.cell.members_at(x), self.rigid(x)
+        members, rigid = self.cell._members_at(x), self.rigid(x)
         d, lengths = members.separations(x)
         pull = (members.stiffness * members.elongations(lengths) / lengths)[:, None] * d
         left = -(self.cell.incidence[:, : len(x)].T @ pull).ravel()
@@ -45,13 +45,13 @@ class Strained:
         return self.cell.at(x[:nodes], x[nodes:]).rigid_motions(strain=True)
 
     def largest(self, x: Array) -> float:
-        return float(np.abs(self.cell.members_at(x).tensions(x)).max())
+        return float(np.abs(self.cell._members_at(x).tensions(x)).max())
 
     def newton(self, x: Array, f: Array) -> Callable[[float], Array | None]:
         from scipy.sparse import eye_array
 
         start = np.array_equal(x[: self.cell.nodes], self.cell.positions)
-        tangent, rigid = self.cell.tangent(x, TAUT if start else 0.0), self.rigid(x)
+        tangent, rigid = self.cell._tangent(x, TAUT if start else 0.0), self.rigid(x)
         softest = float(self.cell.stiffnesses.min()) * eye_array(f.size)
 
         def step(shift: float) -> Array | None:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import contextlib
 import math
 from dataclasses import asdict, dataclass, replace
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,6 +23,9 @@ from tensegrity.printing import call, filled
 from tensegrity.prisms.closed import assembled, exact, rigid_potential
 from tensegrity.springs.potential import Potential
 from tensegrity.structures.structure import Structure
+
+if TYPE_CHECKING:
+    from tensegrity.lattices.lattice import Lattice
 
 DRAWN = 0.95  # fraction of the compressive domain that a notebook's picture shows
 STIFF = 100.0  # spring constant over k_cross by which rigid members are drawn
@@ -162,29 +165,52 @@ class Prism:
         TensegrityError
             If bases or bars are rigid.
         """
-        from tensegrity.prisms.stack import stacked
+        return self.column(1).at_mass(mass)
 
-        return stacked(self, 1, "same", False).at_mass(mass)
+    @overload
+    def column(
+        self, count: int | None = None, chirality: str = "alternate", plates: bool = False,
+        periodic: Literal[False] = False,
+    ) -> Structure: ...  # fmt: skip
+
+    @overload
+    def column(
+        self, count: int | None = None, chirality: str = "alternate", plates: bool = False, *,
+        periodic: Literal[True],
+    ) -> Lattice: ...  # fmt: skip
+
+    @overload
+    def column(
+        self, count: int | None = None, chirality: str = "alternate", plates: bool = False,
+        periodic: bool = False,
+    ) -> Structure | Lattice: ...  # fmt: skip
 
     def column(
-        self, count: int = 5, chirality: str = "alternate", plates: bool = False
-    ) -> Structure:
+        self,
+        count: int | None = None,
+        chirality: str = "alternate",
+        plates: bool = False,
+        periodic: bool = False,
+    ) -> Structure | Lattice:
         """A column of prisms equal to this one, one above the other along the z axis.
 
         Parameters
         ----------
         count : int, optional
-            Number of units.
+            Number of units; 5 by default, in a periodic column the fewest that repeat: two, of
+            the same hand 4/gcd(4, sides + 2).
         chirality : {"alternate", "same"}, optional
             Whether neighbouring units twist in opposite senses or in the same one.
         plates : bool, optional
             If true, a rigid smooth plate, guided along the column, lies between neighbouring units,
             each of which has its own polygon on it.  If false (the default), neighbours have one
             polygon in common, whose strings are twice as stiff.
+        periodic : bool, optional
+            If true, the units are the cell of an endless column.
 
         Returns
         -------
-        Structure
+        Structure or Lattice
             In equilibrium without load.  Nodes are numbered polygon by polygon from below; members
             are the bars unit by unit, then the cross strings unit by unit, then the base strings
             polygon by polygon.
@@ -194,15 +220,24 @@ class Prism:
         TensegrityError
             If bases or bars are rigid, or another argument is outside its bounds.
 
+        Notes
+        -----
+        The chain of condensed prisms, `Chain(prism.potential(), ...)`, is the limit of long waves
+        of an alternating column, 1 % off at 41 units a wave; of columns of one hand it is none,
+        for there axial and torsional waves are coupled.
+
         Examples
         --------
         >>> from tensegrity import Prism
-        >>> Prism(1.0, 0.7, 0.1, 1.0, k_base=20.0, k_bar=20.0).column(count=2)
+        >>> prism = Prism(1.0, 0.7, 0.1, 1.0, k_base=20.0, k_bar=20.0)
+        >>> prism.column(count=2)
         Structure(9 nodes in 3 dimensions, 6 bars, 15 strings, 0 of them slack)
+        >>> prism.column(periodic=True)
+        Lattice(6 nodes, 1 vector in 3 dimensions, 6 bars, 12 strings)
         """
         from tensegrity.prisms.stack import stacked
 
-        return stacked(self, count, chirality, plates)
+        return stacked(self, count, chirality, plates, periodic)
 
     def _check(self, name: str, **bounds: Any) -> None:
         object.__setattr__(self, name, check.number(name, getattr(self, name), **bounds))

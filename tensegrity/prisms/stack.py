@@ -13,77 +13,104 @@ from numpy.typing import ArrayLike
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
+from tensegrity.lattices.lattice import Lattice
 from tensegrity.structures.structure import Structure
 from tensegrity.typing import Array
 
 PER_SIDE = 1400  # bytes of memory per side of each prism of a column
 
 
-def stacked(prism: Any, count: int, chirality: str, plates: bool) -> Structure:
-    """The structure of a column; `Prism.column` documents the arguments.
+def stacked(
+    prism: Any, count: int | None, chirality: str, plates: bool, periodic: bool
+) -> Structure | Lattice:
+    """The structure or lattice of a column; `Prism.column` documents the arguments.
 
     Parameters
     ----------
     prism : Prism
         With finite `k_base` and `k_bar`.
-    count : int
+    count : int or None
     chirality : {"alternate", "same"}
-    plates : bool
+    plates, periodic : bool
 
     Returns
     -------
-    Structure
+    Structure or Lattice
 
     Raises
     ------
     TensegrityError
-        If an argument is outside its bounds, the column exceeds the memory, or members are rigid.
+        If an argument is outside its bounds, the column exceeds the memory, members are rigid, or
+        the units do not repeat.
     """
-    count = check.whole("count", count, least=1)
-    check.room(f"a column of {count} prisms", PER_SIDE * prism.sides * count)
-    plates = check.truth("plates", plates)
+    plates, periodic = check.truth("plates", plates), check.truth("periodic", periodic)
+    count = _checked(prism, count, chirality, plates, periodic)
+    n, rest = prism.sides, prism.natural_lengths()
+    nodes, bars, cross, angle = _levels(prism, count, chirality, plates)
+    shared = np.full(len(nodes), 1.0 if plates else 2.0)
+    if periodic:  # the last polygon is the first one of the next cell
+        nodes, shared = nodes[:-1], shared[:-1]
+    else:
+        shared[[0, -1]] = 1.0
+    bases = [(n * k + i, n * k + (i + 1) % n) for k in range(len(nodes)) for i in range(n)]
+    numbers = [len(cross), *[n] * len(nodes)]
+    members: dict[str, Any] = {
+        "k_bar": prism.k_bar,
+        "k_string": np.repeat([prism.k_cross, *(prism.k_base * shared)], numbers),
+        "natural_lengths": np.repeat([rest.bar, rest.cross, rest.base],
+                                     [len(bars), len(cross), len(bases)]),
+    }  # fmt: skip
+    if not periodic:
+        between = range(1, len(nodes) - 1, 2) if plates else ()
+        platforms = [range(n * k, n * (k + 2)) for k in between]
+        return Structure(np.concatenate(nodes), bars, cross + bases, platforms=platforms, **members)
+    top, turned = n * count, round(angle * n / (2 * np.pi))
+    glued = [[(i, j) if j < top else (i, (j - top + turned) % n, 1) for i, j in pairs]
+             for pairs in (bars, cross + bases)]  # fmt: skip
+    return Lattice(np.concatenate(nodes), [(0, 0, count * prism.height)], *glued, **members)
+
+
+def _checked(prism: Any, count: int | None, chirality: str, plates: bool, periodic: bool) -> int:
+    """The number of units, after all arguments are checked."""
     if not isinstance(chirality, str) or chirality not in ("alternate", "same"):
         raise TensegrityError(f"chirality {check.shown(chirality)} must be 'alternate' or 'same'")
+    repeat = 2 if chirality == "alternate" else 4 // math.gcd(4, prism.sides + 2)
+    count = check.whole("count", (repeat if periodic else 5) if count is None else count, least=1)
+    check.room(f"a column of {count} prisms", PER_SIDE * prism.sides * count)
     if math.isinf(prism.k_base) or math.isinf(prism.k_bar):
         raise TensegrityError(
             f"k_base {prism.k_base:g} N/m and k_bar {prism.k_bar:g} N/m must be finite: rigid "
             "bases or bars have no structure"
         )
+    if periodic and plates:
+        raise TensegrityError("a periodic column has no plates")
+    if periodic and count % repeat:
+        raise TensegrityError(
+            f"count {count} must be a multiple of {repeat}, after which the units repeat"
+        )
+    return count
+
+
+def _levels(
+    prism: Any, count: int, chirality: str, plates: bool
+) -> tuple[list[Array], list[tuple[int, int]], list[tuple[int, int]], float]:
+    """Polygons from below, bars and cross strings unit by unit, and the angle of the last polygon
+    to the first [rad]."""
     from derivations import prism as derived
 
-    n, rest = prism.sides, prism.natural_lengths()
-    nodes: list[Array] = []
+    n, nodes, angle = prism.sides, [polygon(prism.sides, prism.base, 0.0, 0.0)], 0.0
     bars: list[tuple[int, int]] = []
     cross: list[tuple[int, int]] = []
-    bases, multiplicity = [], []
-    angle, level = 0.0, 0
     for unit in range(count):
         sense = -1 if chirality == "alternate" and unit % 2 else 1
-        if plates or unit == 0:
+        if plates and unit:
             nodes.append(polygon(n, prism.base, angle, unit * prism.height))
-            multiplicity.append(1.0)
-        else:
-            multiplicity[-1] = 2.0
         angle += sense * prism.reference_twist
         nodes.append(polygon(n, prism.base, angle, (unit + 1) * prism.height))
-        multiplicity.append(1.0)
         start = n * (len(nodes) - 2)
         for member, listed in ((derived.BAR, bars), (derived.CROSS, cross)):
             listed += [(start + i, start + n + (i + sense * member.step) % n) for i in range(n)]
-    for level in range(len(nodes)):
-        bases += [(n * level + i, n * level + (i + 1) % n) for i in range(n)]
-    between = range(1, len(nodes) - 1, 2) if plates else ()
-    return Structure(
-        np.concatenate(nodes),
-        bars=bars,
-        strings=cross + bases,
-        k_bar=prism.k_bar,
-        k_string=np.repeat([prism.k_cross, *(prism.k_base * np.array(multiplicity))],
-                           [len(cross), *[n] * len(nodes)]),
-        natural_lengths=np.repeat([rest.bar, rest.cross, rest.base],
-                                  [len(bars), len(cross), len(bases)]),
-        platforms=[range(n * level, n * (level + 2)) for level in between],
-    )  # fmt: skip
+    return nodes, bars, cross, angle
 
 
 def polygon(sides: int, base: ArrayLike, angle: ArrayLike, height: ArrayLike) -> Array:

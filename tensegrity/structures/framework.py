@@ -82,6 +82,10 @@ class Framework(ReadOnly):
         """A copy at other positions, with other arguments replaced by name."""
         raise NotImplementedError
 
+    def at_mass(self, mass: ArrayLike) -> Self:
+        """A copy with other masses of the nodes [kg]."""
+        return self.at(self.positions, mass=mass)
+
     def self_stress(self) -> SelfStress:
         """States of self-stress of the shape; they do not depend on the stiffnesses."""
         return statics.self_stress(self.positions, self.ends, self.is_string, self.shift)

@@ -159,10 +159,6 @@ class Structure(Framework):
         }
         return Structure(positions, **(own | other))
 
-    def at_mass(self, mass: ArrayLike) -> Structure:
-        """A copy of the structure with other masses of its nodes [kg]."""
-        return self.at(self.positions, mass=mass)
-
     def relaxed(self) -> Structure:
         """The structure at the equilibrium of its natural lengths, by minimising the energy.
 

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 
 from tensegrity import check, plotting
 from tensegrity.errors import EquilibriumError, TensegrityError
+from tensegrity.lattices.bloch import singular_frequencies
 from tensegrity.minimum import lowest, round_off
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.ensemble import Ensemble
@@ -27,7 +28,6 @@ from tensegrity.scenes.picture import Picture
 from tensegrity.scenes.scene import SMALLEST_MASS, Scene, State
 from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array
-from tensegrity.lattices.bloch import singular_frequencies
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
