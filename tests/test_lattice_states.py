@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from lattices import CASES, lattice, values
 
-from tensegrity import EquilibriumError, Lattice, TensegrityError, bands
+from tensegrity import EquilibriumError, Lattice, TensegrityError, bands, catalogue, moduli
 
 SQUARE = {"positions": [(0, 0)], "vectors": [(1, 0), (0, 1)]}
 COUNTS = {  # self-stress and mechanisms, without and with macroscopic strain
@@ -85,12 +85,70 @@ def test_columns_under_strain_have_the_force_of_the_condensed_prism():  # B12
         assert state.stress[2, 2] == pytest.approx(force, rel=1e-10)
 
 
-def test_octahedra_under_compression():  # B12
-    for strain, buckling, axial, lateral, *_ in values("12-octahedra")["rows"]:
-        if buckling is None:
-            state = lattice("5-octahedra-1.0-0.1").equilibrium(np.diag([1, 1, 1 - strain]))
-            nominal = np.diag(state.stress) * [1 - strain, 1 - strain, 1]
-            assert np.allclose(nominal, [lateral, lateral, axial], rtol=1e-8)
+@pytest.mark.parametrize("row", values("12-octahedra")["rows"])
+def test_octahedra_under_compression(row):  # B12
+    strain, load, axial, lateral, buckled, modulus = row
+    start = lattice("5-octahedra-1.0-0.1", buckling=load)
+    state = start.equilibrium(np.diag([1, 1, 1 - strain]))
+    nominal = np.diag(state.stress) * [1 - strain, 1 - strain, 1]
+    assert np.allclose(nominal, [lateral, lateral, axial], rtol=1e-8)
+    assert state.buckled.sum() == buckled
+    assert moduli(state).tangent[2, 2, 2, 2] == pytest.approx(modulus, rel=1e-7)
+
+
+@pytest.mark.parametrize("row", values("5-phases")["rows"])
+def test_phases_of_octahedra_against_prestrain(row):  # B5
+    """Strings shortened by 1/(1 + mu), at free lattice vectors: bars buckle from mu_c on."""
+    mu, scale, buckled, c11, c12, c44, *speeds = row
+    made = catalogue.octahedra(1.0, 0.0, 20).at
+    start = catalogue.octahedra(1.0, 0.0, 20)
+    lengths = np.where(start.is_string, start.lengths / (1 + mu), start.lengths)
+    state = made(start.positions * scale, start.vectors * scale, natural_lengths=lengths,
+                 buckling=0.02).equilibrium()  # fmt: skip
+    assert np.allclose(state.lengths / start.lengths, scale, rtol=1e-10)
+    assert (state.buckled == (~state.is_string & buckled)).all()
+    found = moduli(state)
+    a = found.tangent
+    wanted = [c11, c12, c44]
+    close = np.array([a[0, 0, 0, 0], a[0, 0, 1, 1], a[0, 1, 0, 1]])
+    assert np.allclose(close, wanted, rtol=1e-7)
+    c = found.speeds([1, 0, 0])
+    assert np.allclose(np.sort(c), np.sort([*speeds, speeds[1]]), rtol=1e-7)
+    assert (mu > values("5-phases")["mu_critical"]) == buckled
+
+
+def test_energy_of_buckled_bars_has_the_forces_as_derivatives():
+    """On both sides of the load, with and without stiffness beyond it."""
+    for plateau in (0.0, 0.3):
+        for height in (0.999, 0.95):
+            of = lattice("4-strip", buckling=0.2, plateau=plateau).at([(0, 0), (0, height)])
+            x, h = of.positions, 1e-6
+            for n, k in ((0, 0), (1, 1)):
+                step = np.zeros_like(x)
+                step[n, k] = h
+                slope = (of.members.energy(x + step) - of.members.energy(x - step)) / (2 * h)
+                assert of.members.gradient(x)[n, k] == pytest.approx(slope, abs=1e-8)
+            second = np.zeros((4, 4))
+            for n in range(4):
+                step = np.zeros(4)
+                step[n] = h
+                step = step.reshape(2, 2)
+                each = [of.members.gradient(x + s * step).ravel() for s in (1, -1)]
+                second[:, n] = (each[0] - each[1]) / (2 * h)
+            assert np.abs(of.hessian()[:4, :4] - second).max() < 1e-7
+            assert of.buckled.sum() == (2 if height == 0.95 else 0)
+
+
+def test_bars_that_buckle_are_refused_where_they_cannot():
+    strip = lattice("4-strip", buckling=0.1)
+    with pytest.raises(EquilibriumError, match=r"below its buckling load 0\.1 N"):
+        strip.prestressed([-0.1, -0.1, 0.1, 0.1, 0.2])
+    assert strip.repeated(3).buckled.shape == (15,)
+    with pytest.raises(TensegrityError, match="tile takes no buckling"):
+        strip.tile(2)
+    for wrong in ({"buckling": 0.0}, {"buckling": [1.0]}, {"plateau": 1.0}, {"plateau": -0.1}):
+        with pytest.raises(TensegrityError, match=next(iter(wrong))):
+            lattice("4-strip", **wrong)
 
 
 def test_free_vectors_find_the_stress_free_cell():

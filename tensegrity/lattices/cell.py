@@ -10,7 +10,7 @@ self-stress and mechanisms; Born & Huang, Dynamical Theory of Crystal Lattices, 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self
@@ -30,9 +30,9 @@ from tensegrity.readonly import fixed
 from tensegrity.springs.kinks import TAUT
 from tensegrity.structures import statics
 from tensegrity.structures.framework import Framework
-from tensegrity.structures.members import Members
+from tensegrity.structures.members import Members, positive_for_each
 from tensegrity.structures.supports import orthonormal
-from tensegrity.typing import Array
+from tensegrity.typing import Array, Flags
 
 if TYPE_CHECKING:
     from tensegrity.structures.statics import SelfStress
@@ -54,6 +54,8 @@ class Cell(Framework):
         k_string: ArrayLike = 1.0,
         mass: ArrayLike = 1.0,
         natural_lengths: ArrayLike | None = None,
+        buckling: ArrayLike | None = None,
+        plateau: float = 0.0,
     ) -> None:
         self._set_positions(positions)
         self.vectors = independent_vectors(vectors, self.dim)
@@ -65,6 +67,31 @@ class Cell(Framework):
         pairs = [ends for ends, _ in given]
         refuse_repeated(np.concatenate(pairs), self.offsets, len(pairs[0]))
         self._set_members(pairs, k_bar, k_string, mass, natural_lengths, self.span)
+        bars = len(pairs[0])
+        self.buckling = (
+            None if buckling is None else positive_for_each("buckling", buckling, bars, "N")
+        )
+        self.plateau = check.number("plateau", plateau, least=0, below=1)
+
+    @cached_property
+    def members(self) -> Members:
+        """The members as arrays, with the elongations at which bars buckle and strings slacken."""
+        if self.buckling is None:
+            return super().members
+        least = np.zeros(len(self.ends))
+        least[: self.bars] = -self.buckling / self.stiffnesses[: self.bars]
+        plateau = np.where(self.is_string, 0.0, self.plateau)
+        return replace(super().members, least=least, plateau=plateau)
+
+    @property
+    def buckled(self) -> Flags:
+        """Which bars are buckled, (members,), by more than 1e-10 of their natural length."""
+        return ~self.members.taut(self.lengths) & ~self.is_string
+
+    @property
+    def slack(self) -> Flags:
+        """Which members are slack strings, (members,)."""
+        return ~self.members.taut(self.lengths) & self.is_string
 
     @property
     def span(self) -> float:
@@ -108,8 +135,28 @@ class Cell(Framework):
             "k_string": self.stiffnesses[self.bars :],
             "mass": self.mass,
             "natural_lengths": self.natural_lengths,
+            "buckling": self.buckling,
+            "plateau": self.plateau,
         }
         return type(self)(positions, self.vectors if vectors is None else vectors, **(own | other))
+
+    def prestressed(
+        self,
+        force_densities: ArrayLike | None = None,
+        prestrain: Mapping[int, float] | None = None,
+    ) -> Self:
+        """As `Structure.prestressed`; prestress may not buckle a bar."""
+        found = super().prestressed(force_densities, prestrain)
+        for n in np.flatnonzero(found.buckled):
+            q, load = (
+                found.stiffnesses * (1 - found.natural_lengths / found.lengths),
+                found.buckling,
+            )
+            raise EquilibriumError(
+                f"bar {n} would carry {-q[n] * found.lengths[n]:.6g} N, must be below its buckling "
+                f"load {0.0 if load is None else load[n]:.6g} N"
+            )
+        return found
 
     # the shape alone
 

@@ -40,12 +40,16 @@ class Lattice(Cell):
         [kg], > 0.
     natural_lengths : array_like, (members,), optional
         Unstressed lengths [m]; by default the lengths at the positions.
+    buckling : float or array_like, (bars,), optional
+        Loads at which bars buckle [N], > 0; by default none does.
+    plateau : float, optional
+        Stiffness of a buckled bar over that before, >= 0 and < 1.
 
     Attributes
     ----------
     positions, vectors, stiffnesses, natural_lengths, mass : ndarray
     ends, offsets : ndarray of int, (members, 2) and (members, d)
-    is_string : ndarray of bool, (members,)
+    is_string, slack, buckled : ndarray of bool, (members,)
 
     Raises
     ------
@@ -180,6 +184,8 @@ class Lattice(Cell):
             self.vectors * many[:, None],
             **self._copied(copies),
             mass=np.tile(self.mass, len(cells)),
+            buckling=None if self.buckling is None else np.repeat(self.buckling, len(cells)),
+            plateau=self.plateau,
         )
 
     def tile(self, counts: Any) -> Structure:
@@ -196,6 +202,8 @@ class Lattice(Cell):
             Nodes and members in the order of `repeated`.  At the border it is not in equilibrium:
             see `Structure.relaxed`.
         """
+        if self.buckling is not None:
+            raise TensegrityError("bars of a Structure do not buckle: tile takes no buckling")
         shape, cells, ends, many = self._copies(counts)
         copies = []
         for m, second in enumerate(ends):

@@ -65,9 +65,12 @@ def stacked(
         platforms = [range(n * k, n * (k + 2)) for k in between]
         return Structure(np.concatenate(nodes), bars, cross + bases, platforms=platforms, **members)
     top, turned = n * count, round(angle * n / (2 * np.pi))
-    glued = [[(i, j) if j < top else (i, (j - top + turned) % n, 1) for i, j in pairs]
-             for pairs in (bars, cross + bases)]  # fmt: skip
-    return Lattice(np.concatenate(nodes), [(0, 0, count * prism.height)], *glued, **members)
+    pushing, pulling = (
+        [(i, j) if j < top else (i, (j - top + turned) % n, 1) for i, j in pairs]
+        for pairs in (bars, cross + bases)
+    )
+    vectors = [(0, 0, count * prism.height)]
+    return Lattice(np.concatenate(nodes), vectors, pushing, pulling, **members)
 
 
 def _checked(prism: Any, count: int | None, chirality: str, plates: bool, periodic: bool) -> int:

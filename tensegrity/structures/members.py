@@ -41,6 +41,11 @@ class Members:
         Which members are strings.
     shift : ndarray, (members, dim), or 0
         From each second end to its image that the member is joined to [m], in lattices.
+    least : ndarray, (members,), or None
+        Elongations at which members give way [m], where bars do: at 0 strings slacken, at
+        -load/stiffness bars buckle.
+    plateau : ndarray, (members,), or 0
+        Stiffness beyond, over that before; 0 for strings.
     """
 
     ends: Indices
@@ -48,6 +53,8 @@ class Members:
     natural: Array
     tension_only: Flags
     shift: Array | float = 0.0
+    least: Array | None = None
+    plateau: Array | float = 0.0
 
     def separations(self, positions: Array) -> tuple[Array, Array]:
         """Vectors (members, dim) from first to second ends, and their lengths."""
@@ -56,12 +63,18 @@ class Members:
 
     def taut(self, lengths: Array, within: float = TAUT) -> Flags:
         """Which members contribute stiffness, (members,): bars, and strings shorter than their
-        natural length by at most a fraction `within` of it."""
+        natural length by at most a fraction `within` of it.  Bars that buckle do so up to the
+        elongation at which they give way, with the same margin."""
+        if self.least is not None:
+            return lengths - self.natural >= self.least - within * self.natural
         return ~self.tension_only | (lengths >= (1 - within) * self.natural)
 
     def elongations(self, lengths: Array) -> Array:
-        """Elongations that carry force [m], (members,); 0 for strings not longer than their
-        natural length."""
+        """Tensions over stiffnesses [m], (members,): elongations, but 0 for strings not longer
+        than their natural length, and less than shortenings for bars that buckle."""
+        if self.least is not None:
+            elongations = lengths - self.natural
+            return np.maximum(elongations, self.least + self.plateau * (elongations - self.least))
         return np.maximum(lengths - self.natural, np.where(self.tension_only, 0.0, -np.inf))
 
     def tensions(self, positions: Array) -> Array:
@@ -70,8 +83,15 @@ class Members:
 
     def energy(self, positions: Array) -> float:
         """Elastic energy of all members [J]."""
-        elongations = self.elongations(self.separations(positions)[1])
-        return float(0.5 * np.sum(self.stiffness * elongations**2))
+        lengths = self.separations(positions)[1]
+        if self.least is None:
+            return float(0.5 * np.sum(self.stiffness * self.elongations(lengths) ** 2))
+        elongations = lengths - self.natural
+        past = np.minimum(elongations - self.least, 0.0)
+        before = 0.5 * (elongations - past) ** 2
+        return float(
+            np.sum(self.stiffness * (before + self.least * past + 0.5 * self.plateau * past**2))
+        )
 
     def gradient(self, positions: Array) -> Array:
         """Gradient of the energy in the positions [N], (nodes, dim): minus the nodal forces."""
@@ -85,7 +105,7 @@ class Members:
         """Tangent stiffness of each member [N/m], (members, dim, dim); `within` as for `taut`."""
         d, lengths = self.separations(positions)
         density = self.stiffness * self.elongations(lengths) / lengths
-        stiffness = np.where(self.taut(lengths, within), self.stiffness, 0.0)
+        stiffness = np.where(self.taut(lengths, within), 1.0, self.plateau) * self.stiffness
         return np.asarray(forces.tangents(d / lengths[:, None], stiffness, density))
 
     def tangent(self, positions: Array, within: float = TAUT) -> Any:
