@@ -7,6 +7,7 @@ from scipy.optimize import brentq
 from figures import (
     structures_columns,
     structures_deployment,
+    structures_lattices,
     structures_planes,
     structures_tower,
     structures_waves,
@@ -129,3 +130,21 @@ def test_column_of_a_slender_prism_with_shared_triangles_is_not_its_chain():
     assert between[1] == pytest.approx(between[0], rel=1e-9)
     assert between[0] == pytest.approx(shared[0], rel=1e-9)  # one unit has nothing between
     assert np.isnan(both).all()
+
+
+def test_prestress_tunes_lattices():
+    """B5 to B7: phases of octahedra, the closing of a gap, and gaps of resonators."""
+    assert structures_lattices.closing() == pytest.approx(0.01767419461945183, rel=1e-11)
+    wanted = {0.0: (2.0790326396943, 2.2016794020491), 0.04: (1.9782522297378, 2.1570548549155)}
+    for preload, edges in wanted.items():
+        assert structures_lattices.edges(preload) == pytest.approx(edges, rel=1e-12)
+    assert (structures_lattices.speeds(-1e-6) == 0).all()
+    jumped = structures_lattices.speeds(1e-4)
+    assert jumped == pytest.approx([0.0089923060311474, 0.19846990191276895], rel=1e-8)
+    before, after = structures_lattices.speeds(0.05013), structures_lattices.speeds(0.050131)
+    assert before[1] > before[0]  # shear is faster
+    assert after[1] < after[0] < before[0]
+    for q in structures_lattices.SHOWN:
+        own = structures_lattices.ranges(q)
+        found = own[1, 1], own[2, 0]
+        assert found == pytest.approx(structures_lattices.exact(q), rel=1e-12)

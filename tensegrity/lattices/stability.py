@@ -69,8 +69,8 @@ class Stability:
         return ", ".join(name for name, value in found.items() if value < 0) or "stable"
 
     def __str__(self) -> str:
-        phases = ", ".join(f"{q:.6g}" for q in self.wavenumber)
-        along = ", ".join(f"{n:.6g}" for n in self.direction)
+        phases, along = (", ".join(f"{x:.4f}" for x in np.round(values, 4) + 0.0)
+                         for values in (self.wavenumber, self.direction))  # fmt: skip
         return (
             f"Stability: {self.kind}\n"
             f"  waves:          w^2/k^2 >= {self.wave:.6g} m^2/s^2, least at phases ({phases})\n"
