@@ -206,6 +206,7 @@ CALLS = [  # where other arguments are needed, or several in one call
     (ts.control_path, {"structure": TRUSS, "natural_lengths": {0: 1.1}, "branch": "stable",
                     "supports": ts.held([0, 1]), "loads": {0: (0.0, -0.1)}}),
     (TRUSS.prestressed, {"force_densities": [0.0, 0.0]}),
+    (ROW.prestressed, {"force_densities": [0.1]}),
     (ts.bar_contact, {"path": ts.equilibrium_path(ELASTIC), "diameter": 0.01}),
     (ts.fit, {"shortening": [0.0, 0.01, 0.02, 0.03], "load": [0.0, 0.001, 0.002, 0.003],
            "prism": ELASTIC, "free": ("prestrain",), "noise": 0.1}),

@@ -10,7 +10,15 @@ import pytest
 import sympy as sp
 from lattices import lattice, values
 
-from tensegrity import EquilibriumError, Lattice, Potential, TensegrityError, bands, dispersion
+from tensegrity import (
+    EquilibriumError,
+    Lattice,
+    Potential,
+    TensegrityError,
+    bands,
+    catalogue,
+    dispersion,
+)
 
 CELLS = ("3-column-alternate", "3-column-same", "4-strip", "4-xplate", "5-octahedra-1.0-0.1",
          "6-resonator-0.1")  # fmt: skip
@@ -248,3 +256,40 @@ def test_bad_waves_are_refused():
     with pytest.raises(EquilibriumError, match="not in equilibrium"):
         bands(strip.at([[0, 0], [0, 1.1]]), [[0.1]])
     assert np.isnan(bands(strip, [[0.0]], velocities=True).velocities[0, :2]).all()
+
+
+def test_lowest_branches_of_a_large_cell_are_those_of_all_branches():
+    cell = catalogue.octahedra(k_bar=20.0).repeated((2, 2, 2))
+    q = np.array([[0.3, 0.2, -0.1], [0.0, 0.0, 0.0]])
+    whole, low = bands(cell, q, shapes=True), bands(cell, q, shapes=True, count=12)
+    assert low.frequencies.shape == (2, 12)
+    assert low.velocities is None
+    close(low.frequencies, whole.frequencies[:, :12], 1e-11)
+    for point in range(2):
+        u = low.shapes[point].reshape(12, -1)
+        all_of = whole.shapes[point][whole.frequencies[point] < 1.001 * low.frequencies[point, -1]]
+        others = all_of.reshape(len(all_of), -1)
+        assert np.abs(u.conj() @ u.T - np.eye(12)).max() < 1e-10  # masses are 1
+        inside = u @ others.conj().T @ others
+        assert np.abs(inside - u).max() < 1e-7
+    small = bands(triangular(1.1), [[0.3, 0.2]], count=1).frequencies
+    close(small, bands(triangular(1.1), [[0.3, 0.2]]).frequencies[:, :1])
+
+
+def test_a_cell_of_2000_nodes_has_the_folded_bands():
+    counts = np.array([50, 40])
+    phases = np.array([0.3, 0.2])
+    low = bands(triangular().repeated(counts.tolist()), [phases], count=12).frequencies[0]
+    each = np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1).reshape(-1, 2)
+    folded = np.sort(
+        bands(triangular(), (phases + 2 * math.pi * each) / counts).frequencies.ravel()
+    )
+    close(low, folded[:12], 1e-10)
+
+
+def test_a_bad_number_of_branches_is_refused():
+    for wrong in (0, 3, 1.5, True, "all"):
+        with pytest.raises(TensegrityError, match="count"):
+            bands(triangular(), [[0.1, 0.2]], count=wrong)
+    with pytest.raises(TensegrityError, match="velocities need all branches"):
+        bands(triangular(), [[0.1, 0.2]], velocities=True, count=1)

@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
-from tensegrity.lattices.bloch import BlochMatrix, chunks, singular_frequencies
+from tensegrity.lattices.bloch import BlochMatrix, chunks, lowest_waves, singular_frequencies
 from tensegrity.lattices.cell import Cell
-from tensegrity.minimum import ZERO
+from tensegrity.minimum import DENSE, ZERO
 from tensegrity.typing import Array
 
 SLOW = 1e-5  # lowest over highest frequency below which singular values are computed
@@ -64,7 +64,11 @@ class Bands:
 
 
 def bands(
-    lattice: Cell, wavenumbers: ArrayLike, velocities: bool = False, shapes: bool = False
+    lattice: Cell,
+    wavenumbers: ArrayLike,
+    velocities: bool = False,
+    shapes: bool = False,
+    count: int | None = None,
 ) -> Bands:
     """The waves of small amplitude of a lattice.
 
@@ -76,6 +80,9 @@ def bands(
         Phase differences between adjacent cells along each lattice vector [rad].
     velocities, shapes : bool, optional
         Whether these are computed.
+    count : int, optional
+        Number of branches, the lowest ones, without velocities; by default all.  Cells of more
+        than some hundred nodes take sparse matrices then.
 
     Returns
     -------
@@ -109,6 +116,8 @@ def bands(
     q = phases(lattice, wavenumbers)
     velocities, shapes = check.truth("velocities", velocities), check.truth("shapes", shapes)
     lattice.refuse_unbalanced()
+    if count is not None:
+        return _lowest(lattice, q, count, velocities, shapes)
     matrix = bloch_matrix(lattice)
     count, size = len(q), matrix.parts.shape[-1]
     squares = np.empty((count, size))
@@ -135,6 +144,32 @@ def bands(
         moved = moved.reshape(count, size, *lattice.positions.shape)
         moved = moved / np.sqrt(lattice.mass)[:, None]
     return Bands(q, w, found, moved)
+
+
+def _lowest(lattice: Cell, q: Array, count: int, velocities: bool, shapes: bool) -> Bands:
+    """The lowest branches."""
+    size = lattice.positions.size
+    count = check.whole("count", count, least=1, below=size + 1)
+    if velocities:
+        raise TensegrityError(f"velocities need all branches, not the lowest {count}")
+    if size <= DENSE or 2 * count >= size // 4:
+        whole = bands(lattice, q, shapes=shapes)
+        moved = None if whole.shapes is None else whole.shapes[:, :count]
+        return Bands(q, whole.frequencies[:, :count], None, moved)
+    blocks = lattice.members.blocks(lattice.positions)
+    each = np.repeat(np.abs(blocks).sum(axis=2).max(axis=1), 2)
+    stiffest = float(np.bincount(lattice.ends.ravel(), each).max())
+    w = np.empty((len(q), count))
+    moved = np.empty((len(q), count, *lattice.positions.shape), dtype=complex) if shapes else None
+    for point, phase in enumerate(q):
+        squares, vectors = lowest_waves(
+            lattice.ends, lattice.offsets, blocks, lattice.mass, phase, count
+        )
+        squares[np.abs(squares) <= ZERO * 2 * stiffest / lattice.mass.min()] = 0
+        w[point] = np.sign(squares) * np.sqrt(np.abs(squares))
+        if moved is not None:
+            moved[point] = vectors.T.reshape(count, *lattice.positions.shape)
+    return Bands(q, w, None, moved)
 
 
 def bloch_matrix(lattice: Cell, weighted: bool = True) -> BlochMatrix:

@@ -18,8 +18,10 @@ from typing import Any
 
 import numpy as np
 
+from tensegrity.minimum import lowest
 from tensegrity.typing import Array, Indices
 
+SHIFT = 1e-6  # below 0 of sparse eigenvalues, over the largest stiffness over mass
 CHUNK = 64  # wave vectors whose matrices are computed together
 
 
@@ -94,6 +96,46 @@ class BlochMatrix:
 def chunks(count: int) -> Iterator[slice]:
     """Slices of the wave vectors that are computed together."""
     return (slice(start, start + CHUNK) for start in range(0, count, CHUNK))
+
+
+def lowest_waves(
+    ends: Indices, offsets: Indices, blocks: Array, mass: Array, phases: Array, count: int
+) -> tuple[Array, Any]:
+    """The lowest waves at one wave vector, from sparse matrices.
+
+    A Hermitian matrix A + iB acts on real and imaginary parts as a symmetric one of twice the size,
+    which has each eigenvalue twice.
+
+    Parameters
+    ----------
+    ends, offsets, blocks, mass
+        As of `BlochMatrix.of`.
+    phases : ndarray, (d,)
+        Phases per cell [rad].
+    count : int
+
+    Returns
+    -------
+    ndarray, (count,), and complex ndarray, (nodes dim, count)
+        Squares of the frequencies [1/s^2], ascending, and shapes of unit modal mass.
+    """
+    from scipy.sparse import block_array, coo_array
+
+    (i, j), dim, turn = ends.T, blocks.shape[-1], np.exp(1j * (offsets @ phases))[:, None, None]
+    size = dim * len(mass)
+    entries = [(i, i, blocks), (j, j, blocks), (i, j, -blocks * turn), (j, i, -blocks / turn)]
+    row, column, each = (np.concatenate([entry[k] for entry in entries]) for k in range(3))
+    rows = np.broadcast_to(dim * row[:, None, None] + np.arange(dim)[:, None], each.shape)
+    columns = np.broadcast_to(dim * column[:, None, None] + np.arange(dim), each.shape)
+    whole = coo_array((each.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size)).tocsr()
+    pair = block_array([[whole.real, -whole.imag], [whole.imag, whole.real]]).tocsr()
+    weights = np.repeat(mass, dim)
+    _, vectors = lowest(pair, np.tile(weights, 2), np.zeros((2 * size, 0)), 2 * count, SHIFT)
+    root = np.sqrt(weights)[:, None]
+    basis = np.linalg.svd(root * (vectors[:size] + 1j * vectors[size:]), full_matrices=False)[0]
+    shapes = basis[:, :count] / root
+    squares, mixed = np.linalg.eigh(shapes.conj().T @ (whole @ shapes))
+    return squares, shapes @ mixed
 
 
 def singular_frequencies(

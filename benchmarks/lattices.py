@@ -1,0 +1,93 @@
+"""Bands of lattices beside the eigenvalues alone of the same matrices, and beside pylatt.
+
+The lattices are plane and triangular with unequal masses, and the octahedra of the catalogue along
+a path.  LAPACK gets the matrices ready, in blocks of 64.  pylatt knows no prestress: its lattices
+have none, and few wave vectors stand for all.  Processor time, minima over repeats in one run.
+"""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from benchmarks._peers import has
+from benchmarks._timing import record, table
+from tensegrity import bands, catalogue
+from tensegrity.lattices.bands import bloch_matrix
+
+POINTS, BLOCK, FEW, REPEATS = 1000, 64, 10, 5
+SHAPES = ((4, 3), (5, 4), (6, 6), (10, 6))
+NAMED = {"shapes": np.linalg.eigh, "frequencies": np.linalg.eigvalsh}
+
+
+def triangular(shape):
+    """A cell of several nodes of unequal masses."""
+    cell = catalogue.triangular(k_bar=1.0).repeated(shape)
+    return cell.at_mass(1 + 0.5 * np.sin(np.arange(cell.nodes)))
+
+
+def seconds(call):
+    """Processor time [s] of a call."""
+    start = time.process_time()
+    call()
+    return time.process_time() - start
+
+
+def in_pylatt(lattice):
+    """The same lattice as one of pylatt's."""
+    import pylatt
+
+    nodes = [pylatt.Node(x, m) for x, m in zip(lattice.positions, lattice.mass, strict=True)]
+    ends = lattice.positions[lattice.ends[:, 1]] + lattice.offsets @ lattice.vectors
+    beams = [
+        pylatt.Beam(lattice.positions[i], end, k)
+        for i, end, k in zip(lattice.ends[:, 0], ends, lattice.stiffnesses, strict=True)
+    ]
+    return pylatt.Truss(lattice.vectors, nodes, beams)
+
+
+def over_pylatt(lattice, phases, ours):
+    """Its time for all wave vectors over ours, and the largest difference of squared frequencies
+    over the largest."""
+    peer = in_pylatt(lattice)
+    waves = phases[:FEW] @ np.linalg.inv(lattice.vectors).T
+    theirs = seconds(lambda: peer.compute_bands(waves)) * len(phases) / FEW
+    own = bands(lattice, phases[:FEW]).frequencies
+    gap = np.abs(np.asarray(peer.compute_bands(waves)) ** 2 - own**2).max() / (own**2).max()
+    return theirs / ours, gap
+
+
+def main():
+    generator = np.random.default_rng(1)
+    cases = {
+        f"{n * m} nodes": (triangular((n, m)), generator.uniform(-np.pi, np.pi, (POINTS, 2)))
+        for n, m in SHAPES
+    }
+    line = np.linspace(0.01, np.pi, 400)[:, None] * [1.0, 0.5, 0.2]
+    cases["octahedra, 24 nodes"] = (catalogue.octahedra(k_bar=20.0), line)
+    peer, rows = has("pylatt"), []
+    for name, (lattice, phases) in cases.items():
+        matrix = bloch_matrix(lattice)
+        ready = matrix.at(matrix.weights(phases))
+        blocks = [ready[k : k + BLOCK] for k in range(0, len(ready), BLOCK)]
+        row = [name]
+        for kind, solver in NAMED.items():
+            shapes = kind == "shapes"
+            times = {"ours": np.inf, "LAPACK": np.inf}
+            for _ in range(REPEATS):
+                for rival, call in (
+                    ("ours", lambda s=shapes: bands(lattice, phases, shapes=s)),  # noqa: B023
+                    ("LAPACK", lambda f=solver: [f(block) for block in blocks]),  # noqa: B023
+                ):
+                    times[rival] = min(times[rival], seconds(call))
+            record("lattices", f"{name}, {kind}", "over LAPACK", times["ours"], times["LAPACK"])
+            row += [f"{1e3 * times['ours']:.0f}", f"{times['ours'] / times['LAPACK']:.2f}"]
+        if peer and lattice.dim == 2:
+            ratio, gap = over_pylatt(lattice, phases, times["ours"])
+            record("lattices", name, "over pylatt", 1.0, ratio)
+            row += [f"{ratio:.0f}", f"{gap:.1e}"]
+        rows.append(row + ["-"] * (7 - len(row)))
+    columns = ["lattice", "shapes [ms]", "over eigh", "w [ms]", "/eigvalsh",
+               "pylatt", "difference"]  # fmt: skip
+    table(f"Bands at {POINTS} wave vectors (octahedra: 400)", columns, rows)
