@@ -8,15 +8,18 @@ have none, and few wave vectors stand for all.  Processor time, minima over repe
 from __future__ import annotations
 
 import time
+from functools import partial
 
 import numpy as np
 
 from benchmarks._peers import has
 from benchmarks._timing import record, table
-from tensegrity import bands, catalogue
+from benchmarks.packs import STEP as PACK_STEP
+from benchmarks.packs import contacts, pack
+from tensegrity import Record, State, bands, catalogue, simulate
 from tensegrity.lattices.bands import bloch_matrix
 
-POINTS, BLOCK, FEW, REPEATS = 1000, 64, 10, 5
+POINTS, BLOCK, FEW, REPEATS, STEPS = 1000, 64, 10, 5, 400
 SHAPES = ((4, 3), (5, 4), (6, 6), (10, 6))
 NAMED = {"shapes": np.linalg.eigh, "frequencies": np.linalg.eigvalsh}
 
@@ -58,7 +61,32 @@ def over_pylatt(lattice, phases, ours):
     return theirs / ours, gap
 
 
+def step_cost(scene, state, dt):
+    """Processor time of a verlet step [s], the start of a call apart."""
+    found = []
+    for count in (STEPS, 6 * STEPS):
+        record = Record(every=count)
+        call = partial(simulate, scene, state, count * dt, dt=dt, method="verlet", record=record)
+        call()
+        found.append(min(seconds(call) for _ in range(REPEATS)))
+    return (found[1] - found[0]) / (5 * STEPS)
+
+
+def motion():
+    """A lattice of 5,184 nodes beside the pack of the talk, a member against a contact."""
+    lattice = catalogue.octahedra(k_bar=20.0).network((6, 6, 6))
+    u = np.random.default_rng(0).normal(size=lattice.shape) * 1e-4
+    u[list(lattice.held)] = 0.0
+    beads = pack()
+    member = step_cost(lattice, State(u, 0 * u), 0.01) / len(lattice.bonds)
+    contact = step_cost(beads, beads.start(), PACK_STEP) / contacts(beads)
+    record("lattices", "octahedra in motion", "a member over a contact", member, contact)
+    print(f"\n{lattice}: {1e9 * member:.2f} ns a member and step, the pack {1e9 * contact:.2f} ns")
+    print(f"a contact and step, ratio {member / contact:.2f}")
+
+
 def main():
+    motion()
     generator = np.random.default_rng(1)
     cases = {
         f"{n * m} nodes": (triangular((n, m)), generator.uniform(-np.pi, np.pi, (POINTS, 2)))

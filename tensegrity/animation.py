@@ -2,7 +2,7 @@
 
 A chain is the profile of its elongations, velocities or energies.  Guides, packs and other
 networks are maps: sites move and take colours, and the forces between them are lines as wide as
-the force.
+the force; of structures of more than 2,000 members the sites alone.
 """
 
 from __future__ import annotations
@@ -154,18 +154,18 @@ def moving(
     picture.show(run.u[0], values[0])
     if label is not None:
         picture.scale(picture.sites, words)
-    if widest is None:
+    if widest is None and not picture.crowded:
         largest = [float(np.abs(forces(scene, u)[1]).max(initial=0.0)) for u in run.u]
         widest = float(np.median(largest))
-    widest = check.number("widest", widest, least=0, unit="N")
+    widest = check.number("widest", 0.0 if widest is None else widest, least=0, unit="N")
     magnified = "" if factor == 1 else f", displacements x {factor:g}"
+    words = "" if picture.crowded else f"; widest line {widest:.3g} N"
 
     def draw(row: int) -> None:
         picture.show(run.u[row], values[row])
-        picture.push(*forces(scene, run.u[row], factor), widest)
-        picture.ax.set_title(
-            f"{_time(run, row)}; widest line {widest:.3g} N{magnified}", fontsize=9
-        )
+        if not picture.crowded:
+            picture.push(*forces(scene, run.u[row], factor), widest)
+        picture.ax.set_title(f"{_time(run, row)}{words}{magnified}", fontsize=9)
 
     return draw
 

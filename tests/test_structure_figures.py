@@ -5,14 +5,16 @@ import pytest
 from scipy.optimize import brentq
 
 from figures import (
+    structures_beam,
     structures_columns,
     structures_deployment,
     structures_lattices,
     structures_planes,
+    structures_struck,
     structures_tower,
     structures_waves,
 )
-from tensegrity import EquilibriumError, Prism, equilibrium
+from tensegrity import EquilibriumError, Prism, bands, decay, equilibrium
 
 
 def test_tower_found_from_natural_lengths_is_stable_with_all_strings_taut():
@@ -148,3 +150,41 @@ def test_prestress_tunes_lattices():
         own = structures_lattices.ranges(q)
         found = own[1, 1], own[2, 0]
         assert found == pytest.approx(structures_lattices.exact(q), rel=1e-12)
+
+
+@pytest.mark.parametrize("density", structures_beam.DENSITIES)
+def test_a_beam_goes_where_its_spectrum_says(density):
+    """B8: of the carrier, and of all waves of the packet; other window, 60 x 60 cells as well."""
+    wanted = {0.0: (-0.232676, 0.692), 0.2: (-12.253786, -11.076), 0.4: (-20.851141, -19.955)}
+    plate = structures_beam.plate(density)
+    centre = structures_beam.carrier(plate)
+    alone = bands(plate, [centre], velocities=True).velocities[0, 0]
+    expected = structures_beam.velocity(plate, centre)
+    assert structures_beam.angle(alone) == pytest.approx(wanted[density][0], abs=1e-6)
+    assert structures_beam.angle(expected) == pytest.approx(wanted[density][1], abs=0.01)
+    if density == 0.2:
+        run, _ = structures_beam.followed(density)
+        path = structures_beam.centres(run)
+        found, _ = structures_beam.angles(run, expected)
+        assert found == pytest.approx(structures_beam.angle(expected), abs=0.01)
+        length = np.linalg.norm(path[-1] - path[0])
+        assert length == pytest.approx(structures_beam.TRAVEL, rel=1e-3)
+        assert run.energy_error < 1e-12
+
+
+@pytest.mark.parametrize("frequency", [1.4, 1.7])
+def test_a_shaken_lattice_of_resonators_transmits_by_its_decay(frequency):
+    found = structures_struck.amplitudes(frequency)
+    first, last = structures_struck.FITTED
+    rate = -np.polyfit(np.arange(first, last), np.log(found[first:last]), 1)[0]
+    computed = np.abs(decay(structures_struck.resonators(), [frequency]).imag).min()
+    assert rate == pytest.approx(computed, rel=2e-3)
+
+
+def test_slack_strings_lower_the_force_behind_a_blow():
+    loose, rigid = (structures_struck.struck(kind, 0.03) for kind in structures_struck.KINDS)
+    assert loose["slack"] > 0.05
+    assert rigid["slack"] == 0
+    assert loose["force [N]"] < 0.6 * rigid["force [N]"]
+    assert rigid["energy error"] < 1e-11
+    assert loose["energy error"] < 1e-6

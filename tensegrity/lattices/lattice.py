@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,6 +18,11 @@ from tensegrity.minimum import ROUND_OFF, STEPS, settle
 from tensegrity.structures.members import SETTLED
 from tensegrity.structures.structure import Structure
 from tensegrity.typing import Indices
+
+if TYPE_CHECKING:
+    from tensegrity.scenes.force import Force
+    from tensegrity.scenes.forcing import Damping, Drive
+    from tensegrity.scenes.network import Network
 
 STRESSED = 1e-12  # tension over stiffness times length of a member under stress
 
@@ -214,6 +220,43 @@ class Lattice(Cell):
             **self._copied(copies),
             mass=np.tile(self.mass, len(cells)),
         )
+
+    def network(
+        self,
+        counts: Any,
+        *,
+        drive: Mapping[int, Drive] | None = None,
+        damping: Damping | None = None,
+        forces: Sequence[Force] = (),
+    ) -> Network:
+        """Some cells for `simulate`, with their border held: it stays in equilibrium.
+
+        Parameters
+        ----------
+        counts : sequence of int, (d,), or int where d = 1
+            Number of cells along each vector.
+        drive, damping, forces : optional
+            As of `Network`; a driven node is not held.
+
+        Returns
+        -------
+        Network
+            Nodes in the order of `repeated`; those are held of which a member leads out.  For a
+            free border see `tile`.
+
+        Raises
+        ------
+        TensegrityError
+        """
+        shape, _, ends, many = self._copies(counts)
+        border = set()
+        for m, second in enumerate(ends):
+            out = np.any((second < 0) | (second >= many), axis=1)
+            pairs = self._numbered(shape, m, second % many)
+            border |= set(pairs[out][:, 0].tolist()) | set(pairs[out][:, 1].tolist())
+        moved = set(drive) if isinstance(drive, Mapping) else set()
+        held = sorted(border - moved)
+        return self.tile(counts).network(held=held, drive=drive, damping=damping, forces=forces)
 
     def _copied(self, copies: list[list[Any]]) -> dict[str, Any]:
         """Arguments of members for the copies of each member."""

@@ -374,8 +374,13 @@ def forcing_of(scene: Any, t_end: float, tuning: Any = None) -> Forcing:
     check_signals((*motions, *scattered_forces), t_end)
 
     def together(signals: tuple[Any, ...]) -> Any:
+        alike = [getattr(signal, "expression", signal) for signal in signals]
+        distinct = dict(zip(alike, signals, strict=True))  # each is evaluated once
+        number = [list(distinct).index(one) for one in alike]
+
         def values(t: Array, order: int) -> Array:
-            return np.stack([signal(t, order) for signal in signals], axis=-1)
+            found = np.stack([signal(t, order) for signal in distinct.values()], axis=-1)
+            return found[..., number]
 
         return values
 

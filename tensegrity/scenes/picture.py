@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from tensegrity.scenes.walls import Wall
     from tensegrity.typing import Array
 
-DOT = 0.12  # radius of a site without one, over the shortest bond
+DOT, FULL = 0.12, 0.5  # radius of a site without one, over the shortest bond; where crowded
+CROWDED = 2000  # bonds of sites without radius, from which on bonds and forces are not drawn
 MARGIN = 0.04  # of the size
 
 
@@ -71,10 +72,12 @@ class Picture:
 
         self.ax: Axes = plotting.axes(ax)
         self._factor, places, self._bonds = factor, _seen(scene.positions), scene.bonds
+        self.crowded = scene.radius is None and len(scene.bonds) > CROWDED
         if scene.radius is not None:
             radius = np.asarray(scene.radius)
         else:
-            radius = np.full(len(places), DOT * scene.lengths.min(initial=np.ptp(places) or 1.0))
+            shortest = scene.lengths.min(initial=np.ptp(places) or 1.0)
+            radius = np.full(len(places), (FULL if self.crowded else DOT) * shortest)
         self._radius = radius[:, None]
         low, high = (places - self._radius).min(axis=0), (places + self._radius).max(axis=0)
         self._unit, unit = plotting.metres((high - low).max())
@@ -82,12 +85,13 @@ class Picture:
             line = _edge(wall, low, high)
             if line is not None:
                 self.ax.plot(*self._unit * line.T, "0.3", lw=1.2, zorder=1)
-        if scene.radius is None:
+        if scene.radius is None and not self.crowded:
             lines = self._unit * places[scene.bonds]
             self.ax.add_collection(LineCollection(list(lines), colors="0.7", lw=0.8, zorder=1))
         self._order = np.arange(len(places)) if order is None else order
         self._places, size = places, 2 * self._unit * radius[self._order]
-        style = {"facecolors": "0.85", "edgecolors": "0.4", "lw": 0.4, "zorder": 2} | style
+        line = 0.0 if self.crowded else 0.4
+        style = {"facecolors": "0.85", "edgecolors": "0.4", "lw": line, "zorder": 2} | style
         self.sites = EllipseCollection(
             size, size, 0 * size, units="xy", offset_transform=self.ax.transData, **style
         )

@@ -143,7 +143,7 @@ def _functions(expression: Any) -> Any:
 
 def check_signals(signals: Sequence[Any], t_end: float) -> None:
     """Refuse signals that are not finite and continuous from 0 to `t_end` [s]."""
-    for signal in signals:
+    for signal in {getattr(one, "expression", one): one for one in signals}.values():
         low, high = signal.span
         if low > 0 or high < t_end * (1 - RTOL):
             raise TensegrityError(f"{signal.name}: {signal} do not reach from 0 to {t_end:g} s")

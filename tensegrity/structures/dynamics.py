@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from tensegrity import check
 from tensegrity.engine.law import Law
@@ -60,7 +61,7 @@ def _law(tension_only: bool) -> Law:
     )
 
 
-def network(positions: Array, members: Members, mass: Array) -> Network:
+def network(positions: Array, members: Members, mass: Array, **given: Any) -> Network:
     """The network of a structure; see `Structure.network`.
 
     Parameters
@@ -70,6 +71,8 @@ def network(positions: Array, members: Members, mass: Array) -> Network:
     members : Members
     mass : ndarray, (nodes,)
         Masses [kg].
+    **given
+        Further arguments of `Network`.
 
     Returns
     -------
@@ -83,4 +86,4 @@ def network(positions: Array, members: Members, mass: Array) -> Network:
             members.tension_only.tolist(), members.stiffness.tolist(), lengths, strict=True
         )
     ]
-    return Network(positions, members.ends, springs, lengths=members.natural, mass=mass)
+    return Network(positions, members.ends, springs, lengths=members.natural, mass=mass, **given)

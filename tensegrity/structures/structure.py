@@ -7,7 +7,7 @@ Pellegrino & Calladine 1986 for self-stress and mechanisms.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -33,6 +33,9 @@ from tensegrity.typing import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+    from tensegrity.scenes.force import Force
+    from tensegrity.scenes.forcing import Damping, Drive
 
 SOFT = 1e-12  # eigenvalues below this fraction of the largest stiffness are round-off
 
@@ -239,16 +242,35 @@ class Structure(Framework):
         count, label = connected_components(joined, directed=False)
         return tuple(np.flatnonzero(label == k) for k in range(count))
 
-    def network(self) -> Network:
+    def network(
+        self,
+        *,
+        held: Sequence[int] = (),
+        drive: Mapping[int, Drive] | None = None,
+        damping: Damping | None = None,
+        forces: Sequence[Force] = (),
+    ) -> Network:
         """The structure as a network for `simulate`.
 
         Strings carry tension only, bars tension and compression.  Members have no thickness and
         pass through each other.  Displacements are measured from the positions.
 
+        Parameters
+        ----------
+        held : sequence of int, optional
+            Nodes that are fixed.
+        drive, damping, forces : optional
+            As of `Network`.
+
+        Returns
+        -------
+        Network
+
         Raises
         ------
         TensegrityError
-            If there are platforms, which a network cannot have.
+            If there are platforms, which a network cannot have, or an argument is refused by
+            `Network`.
         """
         if self.platforms:
             raise TensegrityError(
@@ -256,7 +278,8 @@ class Structure(Framework):
             )
         from tensegrity.structures.dynamics import network
 
-        return network(self.positions, self.members, self.mass)
+        given = {"held": held, "drive": drive, "damping": damping, "forces": forces}
+        return network(self.positions, self.members, self.mass, **given)
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Bars thick, taut strings in the colours of their tension, slack strings dashed and red.

@@ -1,0 +1,190 @@
+"""Prestress steers a beam: packets of waves on a plate of X modules, nonlinear, all nodes moving.
+
+A Gaussian packet of the lower branch starts with its crests at 20 degrees to the rows of a plate.
+Its path is compared with the mean of the group velocities over its spectrum, weighted by energy.
+In the last run the prestress changes at once on the way: the packet keeps its wave vector, and its
+direction turns; a part goes into waves of the upper branch.  Without prestress all members are
+bars, for the strings would go slack.
+Source: seeds/000, concluding remarks, "wave-steering".
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+from scipy.optimize import brentq
+
+import tensegrity
+from tensegrity import Lattice, Record, State, bands, simulate
+
+NAME = "structures_beam"
+GROUP = "structures"
+
+SITES, WIDTH, TRAVEL, START = 60, 7.0, 22.0, (20, 32)  # cells
+FREQUENCY, CRESTS = 1.2, np.radians(20.0)  # rad/s, rad
+SIZE = 1e-3  # m, of the largest displacement
+DENSITIES = (0.0, 0.2, 0.4)  # N/m, of the strings
+SWITCHED = (0.05, 0.4)
+K_BAR, K_STRING = 1.5, 2.0  # N/m
+NEGLIGIBLE = 1e-12
+ROWS = 61
+
+
+def plate(density):
+    bars, strings = [(0, 0, (1, 1)), (0, 0, (1, -1))], [(0, 0, (1, 0)), (0, 0, (0, 1))]
+    if not density:
+        k = np.repeat([K_BAR, K_STRING], 2)
+        return Lattice([(0, 0)], np.eye(2), bars + strings, k_bar=k)
+    lattice = Lattice([(0, 0)], np.eye(2), bars, strings, K_BAR, K_STRING)
+    return lattice.prestressed(density * np.array([-1, -1, 2, 2]))
+
+
+def carrier(lattice):
+    """Phases of the lower branch at the frequency and angle of the packet [rad]."""
+    n = np.array([np.cos(CRESTS), np.sin(CRESTS)])
+    off = lambda k: bands(lattice, [k * n]).frequencies[0, 0] - FREQUENCY  # noqa: E731
+    return brentq(off, 0.05, 2.0, xtol=1e-13) * n
+
+
+def spectrum(lattice, centre):
+    """Phases, amplitudes and lower branch of a packet."""
+    line = 2 * np.pi * np.fft.fftfreq(2 * SITES)
+    phases = np.stack(np.meshgrid(line, line, indexing="ij"), axis=-1).reshape(-1, 2)
+    away = (phases - centre + np.pi) % (2 * np.pi) - np.pi
+    amplitude = np.exp(-0.5 * WIDTH**2 * np.sum(away**2, axis=1))
+    kept = (amplitude > NEGLIGIBLE) & (phases != 0).any(axis=1)
+    return phases[kept], amplitude[kept], bands(lattice, phases[kept], True, True)
+
+
+def velocity(lattice, centre):
+    """Mean group velocity of a packet, weighted by energy [m/s]."""
+    _, amplitude, found = spectrum(lattice, centre)
+    weight = (amplitude * found.frequencies[:, 0]) ** 2
+    return weight @ found.velocities[:, 0] / weight.sum()
+
+
+def packet(lattice, centre):
+    """A packet's state on the plate, at rest at the border."""
+    phases, amplitude, found = spectrum(lattice, centre)
+    main = bands(lattice, [centre], shapes=True).shapes[0, 0, 0]
+    shape, w = found.shapes[:, 0, 0], found.frequencies[:, 0]
+    shape = shape * np.exp(-1j * np.angle(shape @ main.conj()))[:, None]
+    cells = np.stack(np.meshgrid(*[np.arange(SITES)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
+    turned = np.exp(1j * ((cells - START) @ phases.T)) * amplitude
+    u, v = (turned @ shape).real, (turned @ (-1j * w[:, None] * shape)).real
+    scale = SIZE / np.abs(u).max()
+    return scale * u, scale * v
+
+
+@cache
+def followed(density):
+    """A run of a packet, and its predicted velocity."""
+    lattice = plate(density)
+    centre = carrier(lattice)
+    scene, expected = lattice.network((SITES, SITES)), velocity(lattice, centre)
+    u, v = packet(lattice, centre)
+    u[list(scene.held)] = v[list(scene.held)] = 0.0
+    t_end = TRAVEL / float(np.linalg.norm(expected))
+    record = Record(interval=t_end / (ROWS - 1))
+    return simulate(scene, State(u, v), t_end, tol=1e-7, record=record), expected
+
+
+@cache
+def turned():
+    """A run of which the prestress changes at half its time, as one; and both velocities."""
+    soft, firm = (plate(q) for q in SWITCHED)
+    centre = carrier(soft)
+    scenes = [lattice.network((SITES, SITES)) for lattice in (soft, firm)]
+    expected = [velocity(lattice, centre) for lattice in (soft, firm)]
+    u, v = packet(soft, centre)
+    u[list(scenes[0].held)] = v[list(scenes[0].held)] = 0.0
+    half = 0.6 * TRAVEL / float(np.linalg.norm(expected[0]))
+    record = Record(interval=2 * half / (ROWS - 1))
+    first = simulate(scenes[0], State(u, v), half, tol=1e-7, record=record)
+    second = simulate(scenes[1], first.final, half, tol=1e-7, record=record)
+    joined = {name: np.concatenate([getattr(first, name)[:-1], getattr(second, name)])
+              for name in ("u", "v")}  # fmt: skip
+    t = np.concatenate([first.t[:-1], half + second.t])
+    return replace(second, t=t, **joined), expected
+
+
+def centres(run):
+    """Centres of kinetic energy [m], (rows, 2)."""
+    energy = np.sum(run.v**2, axis=2)
+    return energy @ run.scene.positions / energy.sum(axis=1)[:, None]
+
+
+def angle(direction):
+    return float(np.degrees(np.arctan2(direction[1], direction[0])))
+
+
+def angles(run, expected, rows=(0, -1)):
+    """The direction of a run between two rows and the expected one [degrees]."""
+    path = centres(run)
+    return angle(path[rows[1]] - path[rows[0]]), angle(expected)
+
+
+def data():
+    tables, found = {}, []
+    for q in DENSITIES:
+        run, expected = followed(q)
+        central = plate(q)
+        alone = bands(central, [carrier(central)], velocities=True).velocities[0, 0]
+        found.append([q, *angles(run, expected), angle(alone), run.energy_error])
+        path = centres(run)
+        tables[f"path at {q}"] = {"x": path[:, 0], "y": path[:, 1]}
+        tables[f"map at {q}"] = {"kinetic energy": np.sum(run.v[-1] ** 2, axis=1)}
+    run, (before, after) = turned()
+    path, half = centres(run), ROWS // 2
+    tables["turned path"] = {"x": path[:, 0], "y": path[:, 1]}
+    tables["turned map"] = {"kinetic energy": np.sum(run.v[-1] ** 2, axis=1)}
+    legs = [("before the change", (0, half), before), ("after it", (half + 3, ROWS - 1), after)]
+    names = ("force density", "run", "spectrum", "carrier", "energy error")
+    tables["angles"] = dict(zip(names, np.array(found).T, strict=True))
+    tables["turn"] = {"leg": [leg for leg, *_ in legs],
+                      "run": [angles(run, v, rows)[0] for _, rows, v in legs],
+                      "spectrum": [angle(v) for *_, v in legs]}  # fmt: skip
+    return tables
+
+
+def draw(figure, tables):
+    figure.set_size_inches(9.4, 9)
+    panels = figure.subplots(2, 2, sharex=True, sharey=True).ravel()
+    names = [f"at {q}" for q in DENSITIES]
+    titles = [f"({letter}) prestress {q} N/m: {x:.2f}°" for letter, q, x in
+              zip("abc", DENSITIES, tables["angles"]["run"], strict=True)]  # fmt: skip
+    turn = tables["turn"]["run"]
+    titles.append(f"(d) prestress changed on the way: {turn[0]:.1f}° to {turn[1]:.1f}°")
+    for ax, name, title in zip(panels, [*names, None], titles, strict=True):
+        shown, path = (
+            ("turned map", "turned path") if name is None else (f"map {name}", f"path {name}")
+        )
+        energy = np.reshape(tables[shown]["kinetic energy"], (SITES, SITES))
+        ax.imshow(energy.T, origin="lower", cmap="Blues")
+        x, y = tables[path].values()
+        ax.plot(x, y, "C3", lw=1.5)
+        ax.plot(x[0], y[0], "C3o", ms=4)
+        ax.set_title(title)
+    for ax in panels[2:]:
+        ax.set_xlabel("cell along the rows")
+    for ax in panels[::2]:
+        ax.set_ylabel("cell across the rows")
+    figure.suptitle("Prestress steers a beam (red: its path; blue: its energy at the end)")
+
+
+def animate(tables, path):
+    tensegrity.animate(turned()[0], path, "speed", frames=ROWS)
+
+
+def table(tables):
+    rows = []
+    for q, run, expected, alone, error in zip(*tables["angles"].values(), strict=True):
+        rows.append({"plate": f"force density {q:g} N/m", "run [deg]": float(run),
+                     "spectrum [deg]": float(expected), "carrier [deg]": float(alone),
+                     "energy error": float(error)})  # fmt: skip
+    for leg, run, expected in zip(*tables["turn"].values(), strict=True):
+        rows.append({"plate": f"{SWITCHED[0]:g} to {SWITCHED[1]:g} N/m, {leg}",
+                     "run [deg]": float(run), "spectrum [deg]": float(expected)})  # fmt: skip
+    return rows

@@ -1,0 +1,143 @@
+"""Lattices driven and struck: waves inside and outside a gap, and strings that slacken.
+
+Resonators in a frame are shaken along one edge: what is transmitted is held against the decay per
+cell of `decay`.  Octahedra of little prestress are struck on a face: strings slacken, and the force
+behind is held against that of the same lattice with members that never do.
+Source: seeds/000, "stop-bands", "impact protection".
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import sympy as sp
+
+from tensegrity import Damping, Drive, Lattice, Record, State, catalogue, decay, simulate
+
+NAME = "structures_struck"
+GROUP = "structures"
+
+CELLS, FAR, STRENGTH = 40, 25, 0.6  # cells either way; the first one with dashpots; N s/m
+RAMP, END, DT, SIZE = 40.0, 300.0, 0.04, 1e-3  # s, s, s, m
+FREQUENCIES = (0.9, 1.4, 1.7)  # rad/s
+FITTED = (2, 12)  # cells between which the decay is read
+LAYERS, PRESTRAIN, BLOWS = 6, 0.01, (0.003, 0.01, 0.03, 0.1)  # m/s
+AFTER, STEP, FINE = 60.0, 0.02, 0.0025  # s
+KINDS = ("strings that slacken", "members that never do")
+
+
+def resonators():
+    return catalogue.resonators(k_bar=20.0, k_diagonal=5.0, masses=(1.0, 2.0))
+
+
+def amplitudes(frequency):
+    """Largest displacement of the frame along the middle row over that of the edge, by cell."""
+    t, cell = sp.Symbol("t"), resonators()
+    x = cell.tile((CELLS, CELLS)).positions
+    grown = 1 - sp.exp(-((t / RAMP) ** 2))
+    shaken = Drive(displacement=(SIZE * grown * sp.sin(frequency * t), 0))
+    ground = STRENGTH * np.clip((x[:, 0] - FAR) / (CELLS - FAR), 0, None) ** 2
+    edge = dict.fromkeys(np.flatnonzero(x[:, 0] < 1e-9).tolist(), shaken)
+    scene = cell.network((CELLS, CELLS), damping=Damping(ground=ground), drive=edge)
+    times = np.linspace(END - 6 * np.pi / frequency, END, 60)
+    run = simulate(scene, scene.at_rest(), END, method="verlet", dt=DT, record=Record(times=times))
+    row = [int(np.abs(x - [n, CELLS // 2]).sum(axis=1).argmin()) for n in range(FAR)]
+    return np.abs(run.u[:, row, 0]).max(axis=0) / SIZE
+
+
+def octahedra(kind):
+    """The lattice, or one of the same members that all carry compression too."""
+    cell = catalogue.octahedra(k_bar=20.0, prestrain=PRESTRAIN)
+    if kind == KINDS[0]:
+        return cell
+    members = [(i, j, tuple(o)) for (i, j), o in zip(cell.ends, cell.offsets, strict=True)]
+    return Lattice(cell.positions, cell.vectors, members, k_bar=cell.stiffnesses,
+                   natural_lengths=cell.natural_lengths)  # fmt: skip
+
+
+def struck(kind, speed, step=STEP):
+    """Largest force on the held nodes behind [N], and fraction of slack strings, of a blow."""
+    lattice = octahedra(kind)
+    scene = lattice.network((LAYERS,) * 3)
+    normal = np.cross(*lattice.vectors[:2])
+    normal *= np.sign(normal @ lattice.vectors[2]) / np.linalg.norm(normal)
+    layer = np.arange(scene.sites) // lattice.nodes % LAYERS
+    held = np.isin(np.arange(scene.sites), scene.held)
+    v = np.where(((layer == 0) & ~held)[:, None], speed * normal, 0.0)
+    run = simulate(scene, State(np.zeros_like(v), v), AFTER, method="rkn6", dt=step,
+                   record=Record(interval=0.25))  # fmt: skip
+    behind = np.isin(scene.bonds, np.flatnonzero(held & (layer == LAYERS - 1)))
+    strings = np.array([getattr(spring, "tension_only", False) for spring in scene.springs])
+    force, slack = [], []
+    for u in run.u:
+        d = np.diff((scene.positions + u)[scene.bonds], axis=1)[:, 0]
+        length = np.linalg.norm(d, axis=1)
+        pull = scene.bond_tension(u) * (d @ normal) / length
+        force.append(pull @ (behind[:, 0] * 1.0 - behind[:, 1]))
+        slack.append(np.mean(length[strings] < scene.lengths[strings]) if strings.any() else 0.0)
+    return {"force [N]": np.abs(np.array(force) - force[0]).max(), "slack": max(slack),
+            "energy error": run.energy_error}  # fmt: skip
+
+
+def data():
+    cell = resonators()
+    tables = {"transmitted": {"cell": np.arange(FAR)}, "decay": {"frequency [rad/s]": FREQUENCIES}}
+    rates = np.abs(decay(cell, FREQUENCIES).imag).min(axis=1)
+    fitted = []
+    for w in FREQUENCIES:
+        found = amplitudes(w)
+        tables["transmitted"][f"{w} rad/s"] = found
+        inside = slice(*FITTED)
+        fitted.append(-np.polyfit(np.arange(FAR)[inside], np.log(found[inside]), 1)[0])
+    tables["decay"] |= {"computed": rates, "run": np.array(fitted)}
+    for kind in KINDS:
+        each = [struck(kind, speed) for speed in BLOWS]
+        names = {name: np.array([found[name] for found in each]) for name in each[0]}
+        tables[kind] = {"speed [m/s]": np.array(BLOWS)} | names
+    fine = struck(KINDS[0], BLOWS[-1], FINE)
+    tables["fine"] = {name: np.array([value]) for name, value in fine.items()}
+    return tables
+
+
+def draw(figure, tables):
+    figure.set_size_inches(11, 3.9)
+    sent, slack, force = figure.subplots(1, 3)
+    cells, *found = tables["transmitted"].values()
+    for k, (w, values, rate) in enumerate(
+        zip(FREQUENCIES, found, tables["decay"]["computed"], strict=True)
+    ):
+        sent.semilogy(cells, values, f"C{k}.-", lw=1)
+        if rate > 0:
+            line = values[FITTED[0]] * np.exp(-rate * (cells - FITTED[0]))
+            sent.semilogy(cells, line, "k--", lw=1)
+        sent.annotate(f"{w} rad/s", (15, values[15] * (0.4 if not rate else 1.7)), color=f"C{k}")
+    sent.set(xlabel="cell from the shaken edge", ylabel="amplitude over that of the edge")
+    sent.set_title("(a) In the gap waves decay (dashed: computed)", fontsize=10)
+    speed, peak, loose, _ = tables[KINDS[0]].values()
+    slack.semilogx(speed, 100 * loose, "C0o-")
+    slack.set(xlabel="speed of the blow [m/s]", ylabel="most slack strings [%]")
+    slack.set_title("(b) Harder blows slacken more strings", fontsize=10)
+    rigid = tables[KINDS[1]]["force [N]"]
+    force.loglog(speed, rigid, "C3o-", speed, peak, "C0o-")
+    force.annotate(
+        "members that\nnever slacken", (speed[1], 2.2 * rigid[1]), color="C3", ha="center"
+    )
+    force.annotate("strings that\nslacken", (speed[2], 0.55 * peak[2]), color="C0")
+    force.set(xlabel="speed of the blow [m/s]", ylabel="largest force behind [N]")
+    force.set_title("(c) Slackening lowers the force behind", fontsize=10)
+
+
+def table(tables):
+    rows = []
+    for w, rate, run in zip(*tables["decay"].values(), strict=True):
+        rows.append({"lattice": f"resonators shaken at {w} rad/s, decay per cell",
+                     "run": float(run), "computed": float(rate)})  # fmt: skip
+    loose, rigid = (tables[kind] for kind in KINDS)
+    force = "force behind [N]"
+    for k, speed in enumerate(BLOWS):
+        row = {"lattice": f"octahedra struck at {speed} m/s", force: float(loose["force [N]"][k])}
+        row |= {"never slack": float(rigid["force [N]"][k]), "slack": float(loose["slack"][k])}
+        rows.append(row | {"energy error": float(loose["energy error"][k])})
+    fine = {name: float(values[0]) for name, values in tables["fine"].items()}
+    row = {"lattice": f"the last one with steps of {FINE} s", force: fine["force [N]"]}
+    rows.append(row | {"slack": fine["slack"], "energy error": fine["energy error"]})
+    return rows
