@@ -45,15 +45,15 @@ const data = text.match(/const TABLES = (.*);/)[1], code = text.match(/const COD
 const made = { exports: {} };
 new Function("module", model)(made);
 made.exports.started(code, JSON.parse(data)).then((chain) => {
-  const found = JSON.parse(process.argv[3]).map(([answers, steps, crests]) => {
+  const found = JSON.parse(process.argv[3]).map(([answers, steps, peaks]) => {
     const refused = chain.set(answers), parameters = Array.from(
       new Float64Array(chain.c.memory.buffer, chain.c.parameters(0), 19));
     const ended = chain.run(steps), finite = (x) => Array.from(x, (y) => (isFinite(y) ? y : "no"));
     const lead = chain.leader();
     return { refused, ended, parameters, dt: chain.dt, halved: chain.halved, time: chain.time,
              u: finite(chain.u), v: finite(chain.v), error: chain.energy_error, lead,
-             exact: lead && chain.exact(lead.crest),
-             waves: (crests || []).map((x) => chain.exact(x)) };
+             exact: lead && chain.exact(lead.peak),
+             waves: (peaks || []).map((x) => chain.exact(x)) };
   });
   console.log(JSON.stringify(found));
 });
@@ -209,18 +209,18 @@ SLIDERS = (  # height, prestrain, preload
     (0.2, 1e-4, 0.0), (0.25, 0.1, 0.001),
 )  # fmt: skip
 PARTS = (0.02, 0.3, 0.6, 0.97)  # of the way to an end of the domain
-NEAR = 5e-5  # of the crest: what is drawn, and of the speed
+NEAR = 5e-5  # of the peak: what is drawn, and of the speed
 
 
-def close_to_the_wave(found, spring, crest):
-    """Whether the page's wave of a crest is that of `solitary_wave`, or neither has one."""
+def close_to_the_wave(found, spring, peak):
+    """Whether the page's wave of a peak is that of `solitary_wave`, or neither has one."""
     try:
-        wave = solitary_wave(spring, amplitude=crest)
+        wave = solitary_wave(spring, amplitude=peak)
     except TensegrityError:
         return found is None
     x = np.arange(len(found["elongation"])) * found["step"]
-    off = np.abs(np.array(found["elongation"]) - wave.elongation(x) / crest)
-    slower = np.abs(np.array(found["velocity"]) / wave.speed + wave.rate(x) / crest)
+    off = np.abs(np.array(found["elongation"]) - wave.elongation(x) / peak)
+    slower = np.abs(np.array(found["velocity"]) / wave.speed + wave.rate(x) / peak)
     return (
         found["speed"] == pytest.approx(wave.speed, rel=NEAR)
         and max(off.max(), slower.max()) <= NEAR
@@ -233,15 +233,15 @@ def close_to_the_wave(found, spring, crest):
 @needs_node
 def test_exact_wave_is_that_of_solitary_wave_wherever_the_sliders_stand(ask):
     springs = [Prism(1.0, h, p, 1.0).potential(load) for h, p, load in SLIDERS]
-    crests = [[part * spring.domain[0] for part in PARTS] for spring in springs]
+    peaks = [[part * spring.domain[0] for part in PARTS] for spring in springs]
     names = ("height", "prestrain", "preload", "blow")
     questions = [
         [{"scene": "2-3", "own": dict(zip(names, (*own, 0.1), strict=True))}, 0, mine]
-        for own, mine in zip(SLIDERS, crests, strict=True)
+        for own, mine in zip(SLIDERS, peaks, strict=True)
     ]
-    for spring, mine, one in zip(springs, crests, ask(*questions), strict=True):
-        for crest, found in zip(mine, one["waves"], strict=True):
-            assert close_to_the_wave(found, spring, crest), (spring, crest)
+    for spring, mine, one in zip(springs, peaks, ask(*questions), strict=True):
+        for peak, found in zip(mine, one["waves"], strict=True):
+            assert close_to_the_wave(found, spring, peak), (spring, peak)
     none, some = (
         [wave is None for wave in one["waves"]] for one in ask(questions[-1], questions[0])
     )
@@ -255,10 +255,10 @@ def test_exact_wave_is_that_of_solitary_wave_wherever_the_sliders_stand(ask):
 def test_exact_rarefaction_of_the_softening_scene(ask):
     low, high = kernel.ELASTIC.domain
     spring = Polynomial(kernel.ELASTIC, 0.6 * low, 0.9 * high)
-    crests = [0.02 * high, 0.09 * high]
-    (one,) = ask([{"scene": "softening"}, 0, crests])
-    for crest, found in zip(crests, one["waves"], strict=True):
-        assert close_to_the_wave(found, spring, crest)
+    peaks = [0.02 * high, 0.09 * high]
+    (one,) = ask([{"scene": "softening"}, 0, peaks])
+    for peak, found in zip(peaks, one["waves"], strict=True):
+        assert close_to_the_wave(found, spring, peak)
 
 
 def opened(path, *flags):

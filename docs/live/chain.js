@@ -7,7 +7,7 @@ const LONGEST = 400;       // units
 const PER_FRAME = 0.4;     // sites that the first pulse goes in a frame
 const HALVINGS = 10;       // of the step, where a spring stiffens beyond what was expected
 const TIMED = 12;          // bonds over which the leading pulse is timed
-const ALIKE = 1e-3;        // relative difference of two crests that have one wave
+const ALIKE = 1e-3;        // relative difference of two peaks that have one wave
 const QUIET = 1e-7;        // speeds of sound below it are none: a sonic vacuum
 const WORDS = {
   low: "the bars meet (twist π)", flat: "the prism is flat (height 0)",
@@ -147,33 +147,33 @@ class Chain {
     return `Unit ${unit + 1} is at the end of its domain: ${words}. The run ends here.`;
   }
 
-  /* The pulse that leads, from the left: {bond, speed, crest, place}, or null. */
+  /* The pulse that leads, from the left: {bond, speed, peak, place}, or null. */
   leader() {
     if (this.springs.length > 1 || this.waves.length > 1) return null;
     const passed = this.numbers(this.c.passage(), this.units);
-    const crest = this.numbers(this.c.passing(), this.units);
+    const peak = this.numbers(this.c.passing(), this.units);
     let front = this.units - 1;
     while (front > 0 && !passed[front]) front--;
     if (front >= this.units - 3) this.arrived = this.units;
     const back = front - TIMED;
     if (back < 2) return null;
     for (let b = back; b < front; b++)
-      if (!(passed[b] > 0 && passed[b] < passed[b + 1] && crest[b] * crest[front] > 0)) return null;
+      if (!(passed[b] > 0 && passed[b] < passed[b + 1] && peak[b] * peak[front] > 0)) return null;
     const speed = TIMED / (passed[front] - passed[back]);
     let size = 0;
-    for (let b = back; b <= front; b++) size += crest[b] / (TIMED + 1);
+    for (let b = back; b <= front; b++) size += peak[b] / (TIMED + 1);
     const place = front + 0.5 + speed * (this.time - passed[front]);
-    return { bond: front, speed, crest: size, place, over: place > this.units - 1 };
+    return { bond: front, speed, peak: size, place, over: place > this.units - 1 };
   }
 
-  /* The exact wave of a crest in the chain's springs; null where there is none. One that is nearly
+  /* The exact wave of a peak in the chain's springs; null where there is none. One that is nearly
      as high is taken for it. */
-  exact(crest) {
+  exact(peak) {
     const c = this.c;
-    if (!this.found || !(Math.abs(crest / this.found.crest - 1) < ALIKE)) {
-      const speed = c.wave(0, crest), count = c.wave_points() + 1;
+    if (!this.found || !(Math.abs(peak / this.found.peak - 1) < ALIKE)) {
+      const speed = c.wave(0, peak), count = c.wave_points() + 1;
       const copied = (address) => Array.from(this.numbers(address, count));
-      this.found = { crest, speed, step: c.wave_reach() / (count - 1),
+      this.found = { peak, speed, step: c.wave_reach() / (count - 1),
                      elongation: copied(c.wave_elongation()), velocity: copied(c.wave_velocity()) };
     }
     return this.found.speed ? this.found : null;
@@ -185,17 +185,17 @@ class Chain {
       return this.waves.map(({ wave, at, way }) => {
         const table = this.tables.waves[wave];
         const place = this.place(at) + way * table.speed * this.time;
-        return { place, way, wave: table, speed: table.speed, crest: table.crest };
+        return { place, way, wave: table, speed: table.speed, peak: table.peak };
       }).filter(({ place }) => place > 1 && place < this.units - 1);
     if (this.waves.length) {
       const { wave, at } = this.waves[0], table = this.tables.waves[wave];
       const place = this.place(at) + table.speed * this.time;
       return place < this.near - 4
-        ? [{ place, way: 1, wave: table, speed: table.speed, crest: table.crest }] : [];
+        ? [{ place, way: 1, wave: table, speed: table.speed, peak: table.peak }] : [];
     }
     const found = this.leader();
     if (!found || found.over) return [];
-    return [{ ...found, way: 1, wave: this.exact(found.crest) }];
+    return [{ ...found, way: 1, wave: this.exact(found.peak) }];
   }
 
   /* The sech^2 wave of a speed, as a function of the distance; null where there is none. */

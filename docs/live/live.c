@@ -20,7 +20,7 @@
 enum { FINE, LOCKED, TOO_LONG };
 
 static real u[SITES], v[SITES], w[SITES], u_before[SITES], v_before[SITES];
-static real bond[SITES], passed[SITES], crest[SITES];
+static real bond[SITES], passed[SITES], peak[SITES];
 static real shared[SEGMENTS * PARAMETERS], domain[SEGMENTS][2];
 static real lowest[BLOCK * SEGMENTS], highest[BLOCK * SEGMENTS]; /* at each place of a block */
 static integer first[SEGMENTS + 1], law[SEGMENTS], own_at[SEGMENTS];
@@ -34,7 +34,7 @@ EXPORT(velocity) real *velocity(void) { return v; }
 EXPORT(elongation) real *elongation(void) { return bond; }
 EXPORT(parameters) real *parameters(int segment) { return shared + segment * PARAMETERS; }
 EXPORT(passage) real *passage(void) { return passed; }
-EXPORT(passing) real *passing(void) { return crest; }
+EXPORT(passing) real *passing(void) { return peak; }
 EXPORT(instant) real instant(void) { return now; }
 EXPORT(end) real end(int segment, int high) { return domain[segment][high]; }
 
@@ -132,7 +132,7 @@ EXPORT(lay) void lay(int near, int far, int held)
 {
     first[0] = 0, first[1] = near, first[2] = near + far;
     chain.runs = far > 0 ? 2 : 1;
-    for (int i = 0; i < SITES; i++) u[i] = v[i] = passed[i] = crest[i] = bond[i] = 0, w[i] = 1;
+    for (int i = 0; i < SITES; i++) u[i] = v[i] = passed[i] = peak[i] = bond[i] = 0, w[i] = 1;
     if (held) w[0] = 0;
     now = 0;
     forget();
@@ -187,7 +187,7 @@ EXPORT(expected_step) real expected_step(void)
     return STEP * largest_step(most);
 }
 
-/* Instants and crests of the pulse that leads, bond by bond: where |r| turns, by a cubic. */
+/* Instants and peaks of the pulse that leads, bond by bond: where |r| turns, by a cubic. */
 static void watch(real dt)
 {
     real largest = 0;
@@ -209,7 +209,7 @@ static void watch(real dt)
             else high = x;
         }
         passed[b] = now - dt * (1 - low);
-        crest[b] = p[0] + low * (p[1] + low * (p[2] + low * p[3]));
+        peak[b] = p[0] + low * (p[1] + low * (p[2] + low * p[3]));
     }
 }
 

@@ -117,9 +117,9 @@ function facts(overlays) {
     ? `${digits(chain.sound, 4)} units/s` : chain.dt ? "0: a sonic vacuum" : "–");
   put_text("fact-speed", lead ? sounds(lead.speed) : "–");
   put_text("fact-exact", single && single.wave ? sounds(single.wave.speed) : "–");
-  const size = lead ? lead.crest : single ? single.crest : 0;
+  const size = lead ? lead.peak : single ? single.peak : 0;
   const end = chain.c.end(0, size > 0 ? 1 : 0);
-  put_text("fact-crest", size
+  put_text("fact-peak", size
     ? `${(100 * size / end).toFixed(1)} % of ${size > 0 ? "domain" : "stroke"}` : "–");
   put_text("fact-step", chain.dt ? `${digits(chain.dt / 2 ** chain.halved, 3)} s` : "–");
 }
@@ -148,7 +148,7 @@ function say() {
   const words = [`${title}, ${chain.units} units, ${view.running ? "running" : "paused"} at `
     + `${chain.time.toFixed(0)} s.`];
   if (lead && !lead.over)
-    words.push(`Leading ${lead.crest < 0 ? "compression" : "extension"} pulse at unit `
+    words.push(`Leading ${lead.peak < 0 ? "compression" : "extension"} pulse at unit `
       + `${lead.bond + 1}, ${sounds(lead.speed)}.`);
   words.push(`Energy error ${digits(chain.energy_error, 2)}.`);
   $("summary").textContent = words.join(" ");
@@ -282,26 +282,26 @@ function draw() {
   for (let j = 0; j <= units; j++) speeds.push([j, v[j]]);
   const overlays = chain.overlays(), length = chain.lengths[0];
 
-  const tops = overlays.map(({ crest }) => [0, -crest / length]);
+  const tops = overlays.map(({ peak }) => [0, -peak / length]);
   let shape = { x: [0, units], y: range("strain", ...bounds(strains.concat(tops))),
                 across: "unit", up: "compressive strain" };
   let paper = axes("strain", shape);
   interface_(paper);
   const tent = chain.tent();
-  for (const { place, wave, speed, crest } of overlays) {
+  for (const { place, wave, speed, peak } of overlays) {
     const sech = chain.sech2(speed), reach = Math.max(6, Math.min(60, units / 8));
     if (tent) curve(paper, sampled(tent, place, 1.5, -1 / length), "tent", [2, 3]);
     if (sech) curve(paper, sampled(sech, place, reach, -1 / length), "sech", [7, 4]);
     if (wave)
-      curve(paper, around(wave.elongation, wave.step, place, -crest / length), "exact", [5, 3], 2.2);
+      curve(paper, around(wave.elongation, wave.step, place, -peak / length), "exact", [5, 3], 2.2);
   }
   dots(paper, strains);
   shape = { ...shape, y: range("velocity", ...bounds(speeds)), up: "velocity [m/s]" };
   paper = axes("velocity", shape);
   interface_(paper);
-  for (const { place, way, wave, crest } of overlays)
+  for (const { place, way, wave, peak } of overlays)
     if (wave)
-      curve(paper, around(wave.velocity, wave.step, place, way * crest), "exact", [5, 3], 2.2);
+      curve(paper, around(wave.velocity, wave.step, place, way * peak), "exact", [5, 3], 2.2);
   dots(paper, speeds);
   closer(overlays);
   law();
@@ -323,11 +323,11 @@ function closer(overlays) {
     view.trail = [];
     return;
   }
-  const { place, wave, speed, crest } = one, sech = chain.sech2(speed), tent = chain.tent();
+  const { place, wave, speed, peak } = one, sech = chain.sech2(speed), tent = chain.tent();
   const wide = wave ? wave.elongation.findIndex((y) => y < 0.02) * wave.step : 4;
   const reach = Math.max(3, Math.ceil(1.2 * (wide > 0 ? wide : 4)));
   if (view.reach !== reach) [view.reach, view.trail] = [reach, []];
-  const size = crest / -length, here = [];
+  const size = peak / -length, here = [];
   for (let b = 0; b < chain.units; b++) {
     const x = b + 0.5 - place;
     if (Math.abs(x) <= reach) here.push([x, -chain.elongation(b) / length]);

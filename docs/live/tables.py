@@ -13,9 +13,9 @@ from tensegrity import Chain, Potential, Prism, State, solitary_wave
 from tensegrity.notebook import progress
 
 PER_SITE = 8  # places of a profile
-FAINTEST = 1e-4  # of the crest, where a profile ends
+FAINTEST = 1e-4  # of the peak, where a profile ends
 DIGITS = 6  # of what is only drawn
-CUT = 1e-14  # of the crest, where a launched wave ends
+CUT = 1e-14  # of the peak, where a launched wave ends
 
 
 @dataclass(frozen=True)
@@ -136,7 +136,7 @@ def tables() -> dict[str, Any]:
 
 
 def _launched(spring, ratio, bar):
-    """One exact wave at whole distances from its crest, ahead of which all is at rest, and its
+    """One exact wave at whole distances from its peak, ahead of which all is at rest, and its
     profile."""
     wave = solitary_wave(spring.potential(), speed_ratio=ratio)
     bar.update()
@@ -145,7 +145,7 @@ def _launched(spring, ratio, bar):
     x = np.arange(math.ceil(wave.reach(FAINTEST) * PER_SITE) + 1) / PER_SITE
     return {
         "speed": wave.speed,
-        "crest": wave.amplitude,
+        "peak": wave.amplitude,
         "reach": reach,
         "u": wave.displacement(at).tolist(),
         "v": (-wave.speed * wave.rate(at)).tolist(),

@@ -1,13 +1,13 @@
-/* The exact solitary wave of a crest: m c^2 r = K T(r), with K the convolution with the tent of one
+/* The exact solitary wave of a peak: m c^2 r = K T(r), with K the convolution with the tent of one
    site, as in `tensegrity.waves.travelling`.  Unknown are the values of an even profile at POINTS
-   + 1 places of a half-line, over the crest, and mu = m c^2 crest/T(crest); sweeps of the equation
+   + 1 places of a half-line, over the peak, and mu = m c^2 peak/T(peak); sweeps of the equation
    begin, Newton's method ends. */
 
 #define POINTS 128
 #define SWEEPS 60
 #define NEWTONS 20
-#define ENOUGH 1e-7          /* last step, over the crest: the next would be its square */
-#define LEFT 1e-3            /* of the crest at the end of the half-line: more is no solitary wave */
+#define ENOUGH 1e-7          /* last step, over the peak: the next would be its square */
+#define LEFT 1e-3            /* of the peak at the end of the half-line: more is no solitary wave */
 #define CORE 2.0             /* sites in which a wave has fallen to its linear tail */
 #define FAINT 14.0           /* decades of e that the tail falls then */
 #define FARTHEST 60.0        /* sites */
@@ -91,15 +91,15 @@ static int solved(real *x)
     return 1;
 }
 
-/* Speed [sites/s] of the exact wave of a segment's springs whose crest has this elongation, for
+/* Speed [sites/s] of the exact wave of a segment's springs whose peak has this elongation, for
    masses of 1 kg; 0 where none was found. */
-EXPORT(wave) real wave(int segment, real crest)
+EXPORT(wave) real wave(int segment, real peak)
 {
     static real step[POINTS + 2];
-    const real load = value(segment, 1, crest), rest = value(segment, 2, 0);
-    const real low = domain[segment][0] / crest, high = domain[segment][1] / crest;
-    const real slow = 2 * (crest * load - value(segment, 0, crest)); /* of waves that are long */
-    if (!(load * crest > 0 && slow > 0 && rest > 0)) return 0;
+    const real load = value(segment, 1, peak), rest = value(segment, 2, 0);
+    const real low = domain[segment][0] / peak, high = domain[segment][1] / peak;
+    const real slow = 2 * (peak * load - value(segment, 0, peak)); /* of waves that are long */
+    if (!(load * peak > 0 && slow > 0 && rest > 0)) return 0;
     const real falls = smaller(decay(larger(sqrt(load * load / slow / rest), 1 + 1e-9)), 12);
     half_length = smaller(CORE + FAINT / falls, FARTHEST);
     lay_matrices();
@@ -107,7 +107,7 @@ EXPORT(wave) real wave(int segment, real crest)
         profile[i] = 1 / pow(cosh(falls * i * half_length / POINTS / 2), 2.0);
     for (int k = 0; k < SWEEPS; k++) {
         real moved = 0;
-        for (int j = 0; j <= POINTS; j++) drive[j] = value(segment, 1, crest * profile[j]) / load;
+        for (int j = 0; j <= POINTS; j++) drive[j] = value(segment, 1, peak * profile[j]) / load;
         const real top = times(square[0]);
         for (int i = 0; i <= POINTS; i++) {
             const real next = times(square[i]) / top;
@@ -116,13 +116,13 @@ EXPORT(wave) real wave(int segment, real crest)
         }
         if (!(moved >= 1e-2)) break;
     }
-    for (int j = 0; j <= POINTS; j++) drive[j] = value(segment, 1, crest * profile[j]) / load;
+    for (int j = 0; j <= POINTS; j++) drive[j] = value(segment, 1, peak * profile[j]) / load;
     real mu = times(square[0]), size = 1;
     for (int k = 0; k < NEWTONS && size >= ENOUGH; k++) {
-        for (int j = 0; j <= POINTS; j++) drive[j] = value(segment, 1, crest * profile[j]) / load;
+        for (int j = 0; j <= POINTS; j++) drive[j] = value(segment, 1, peak * profile[j]) / load;
         for (int i = 0; i <= POINTS; i++) table[i][POINTS + 2] = times(square[i]) - mu * profile[i];
         for (int j = 0; j <= POINTS; j++) {
-            const real slope = value(segment, 2, crest * profile[j]) * crest / load;
+            const real slope = value(segment, 2, peak * profile[j]) * peak / load;
             for (int i = 0; i <= POINTS; i++) table[i][j] = -square[i][j] * slope + (i == j ? mu : 0);
             table[j][POINTS + 1] = profile[j];
             table[POINTS + 1][j] = j == 0;
@@ -132,8 +132,8 @@ EXPORT(wave) real wave(int segment, real crest)
         if (!solved(step)) return 0;
         real part = 1;
         for (int j = 0; j <= POINTS; j++) /* within the domain, whose ends are low and high */
-            while (part > 1e-9 && !(profile[j] + part * step[j] < (crest < 0 ? low : high)
-                                    && profile[j] + part * step[j] > (crest < 0 ? high : low)))
+            while (part > 1e-9 && !(profile[j] + part * step[j] < (peak < 0 ? low : high)
+                                    && profile[j] + part * step[j] > (peak < 0 ? high : low)))
                 part /= 2;
         size = fabs(step[POINTS + 1] / mu);
         for (int j = 0; j <= POINTS; j++) {
@@ -142,7 +142,7 @@ EXPORT(wave) real wave(int segment, real crest)
         }
         mu += part * step[POINTS + 1];
     }
-    const real fast = mu * load / crest;
+    const real fast = mu * load / peak;
     if (!(size < ENOUGH && fast > rest && fabs(profile[POINTS]) < LEFT)) return 0;
     for (int i = 0; i <= POINTS; i++) rates[i] = -sqrt(fast) / mu * times(mean[i]);
     return sqrt(fast);

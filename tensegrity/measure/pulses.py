@@ -163,7 +163,7 @@ def check_row(run: Run, row: int) -> int:
     return check.whole("row", row, least=-len(run.t), below=len(run.t))
 
 
-def peaks(r: Array, fraction: float, least: float = 0.0) -> list[int]:
+def peak_bonds(r: Array, fraction: float, least: float = 0.0) -> list[int]:
     """Bonds of the distinct peaks of |elongation|, from a part of the largest on.
 
     Parameters
@@ -234,7 +234,7 @@ class Instant:
             In the order of their positions.
         """
         part = self.r[first:last]
-        return [self.pulse(first + peak) for peak in peaks(part, fraction, self.least)]
+        return [self.pulse(first + peak) for peak in peak_bonds(part, fraction, self.least)]
 
     def pulse(self, peak: int) -> Pulse:
         """The pulse with a peak at a bond."""
