@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from tensegrity import check
 from tensegrity.engine import forces
 from tensegrity.errors import TensegrityError
-from tensegrity.measure.pulses import peaks, sites_around
+from tensegrity.measure.pulses import peak_bonds, sites_around
 from tensegrity.root import polynomial_through, root
 from tensegrity.runs.run import Run
 from tensegrity.scenes.chain import Chain
@@ -284,7 +284,7 @@ def tail_front(chain: Chain, state: State, level: float = 0.5) -> float:
     check.kind("chain", chain, Chain)
     chain.energy(state)  # refuses what is no state of it
     r = chain.elongation(state.u)
-    found = peaks(r, PEAK_FRACTION)
+    found = peak_bonds(r, PEAK_FRACTION)
     if not found:
         raise TensegrityError("no pulse: the chain is undeformed")
     behind = np.abs(r[: sites_around(r, found[-1])[0]])
@@ -324,7 +324,7 @@ def peak(elongation: ArrayLike) -> tuple[float, float]:
         At one instant [m].  The parabola through the extremum and its neighbours refines both.
     """
     (r,) = _columns(elongation=elongation)
-    inner = [j for j in peaks(r, PEAK_FRACTION) if 0 < j < len(r) - 1]
+    inner = [j for j in peak_bonds(r, PEAK_FRACTION) if 0 < j < len(r) - 1]
     if not inner:
         raise TensegrityError("no peak within the chain")
     shift, top = _parabola(r, int(inner[-1]))
