@@ -6,6 +6,7 @@ from scipy.optimize import brentq
 
 from figures import (
     structures_beam,
+    structures_chain,
     structures_columns,
     structures_deployment,
     structures_lattices,
@@ -188,3 +189,15 @@ def test_slack_strings_lower_the_force_behind_a_blow():
     assert loose["force [N]"] < 0.6 * rigid["force [N]"]
     assert rigid["energy error"] < 1e-11
     assert loose["energy error"] < 1e-6
+
+
+def test_the_chain_of_condensed_prisms_is_the_limit_of_long_waves():
+    """B3: 1 % off at 41 units a wave, the top of the axial branch far below the chain's."""
+    assert structures_chain.exact_until() == pytest.approx(0.153126, abs=1e-6)
+    column = structures_chain.PRISM.column(periodic=True)
+    assert structures_chain.axial(column, 1.17475) == pytest.approx(0.556568144829, abs=1e-9)
+    assert structures_chain.axial(column, 0.5) == pytest.approx(0.3773877998, abs=1e-9)
+    below = structures_chain.axial(column, 0.05) / structures_chain.chain([0.05])[0] - 1
+    assert below == pytest.approx(-0.428271 * 0.05**2, rel=0.02)
+    one = structures_chain.PRISM.column(chirality="same", periodic=True)
+    assert structures_chain.axial(one, 0.5) == pytest.approx(0.9773606921, abs=1e-9)

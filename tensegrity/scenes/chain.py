@@ -67,6 +67,12 @@ class Chain(Scene):
         Any argument that is not as described above, or a spring that the compiled loop cannot
         evaluate.
 
+    Notes
+    -----
+    For prisms that slip on smooth plates heavier than their nodes.  Columns whose prisms share
+    nodes, `Prism.column`, have axial waves of this kind only where they are long and neighbours
+    are of opposite hand: `bands` of a periodic column shows them.
+
     Examples
     --------
     >>> from tensegrity import Chain, PowerLaw, simulate
