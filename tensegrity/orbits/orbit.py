@@ -16,7 +16,9 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
+from tensegrity.orbits.driven_orbit import WholePeriod
 from tensegrity.orbits.flow import Flow
+from tensegrity.orbits.period import DrivePeriod, fitting
 from tensegrity.orbits.shooting import FINEST, NoOrbitError, Shooting
 from tensegrity.runs.integrate import simulate
 from tensegrity.runs.run import Run
@@ -118,12 +120,10 @@ def periodic_orbit(
     '0.014267564 J'
     """
     check.kind("scene", scene, Chain)
-    if dynamics(scene).is_driven:
-        raise TensegrityError(
-            "periodic_orbit: not for chains with drives, dashpots, tuned springs or forces"
-        )
     if not isinstance(guess, (State, Orbit)):
         raise TensegrityError(f"guess {check.shown(guess)} is not a State or an Orbit")
+    if dynamics(scene).is_driven:
+        return _driven_orbit(scene, guess, period, energy)
     if (period is None) == (energy is None):
         raise TensegrityError("give exactly one of period and energy")
     began = guess.state if isinstance(guess, Orbit) else guess
@@ -146,6 +146,49 @@ def periodic_orbit(
     except NoOrbitError as error:
         raise TensegrityError(f"no periodic orbit found: {error}{_in_band(scene, time)}") from None
     return found
+
+
+def _driven_orbit(
+    scene: Chain, guess: State | Orbit, period: float | None, energy: float | None
+) -> Orbit:
+    """`periodic_orbit` of a scene that is driven or damped."""
+    if scene.tune:
+        raise TensegrityError("periodic_orbit: not for chains with tuned springs")
+    if energy is not None:
+        raise TensegrityError("the energy of a driven orbit cannot be given: its drives set it")
+    shortest = DrivePeriod(scene).value
+    if period is not None:
+        shortest = fitting(check.number("period", period, above=0, unit="s"), shortest)
+    began = guess.state if isinstance(guess, Orbit) else guess
+    scene.check(began)
+    whole = WholePeriod(scene, began, shortest)
+    try:
+        x, residual = whole.settled(whole.guess, whole.steps)
+    except (NoOrbitError, np.linalg.LinAlgError) as error:
+        raise TensegrityError(f"no periodic orbit found: {error}") from None
+    return driven_orbit(whole, x, shortest, residual)
+
+
+def driven_orbit(whole: WholePeriod, x: Array, period: float, residual: float) -> Orbit:
+    """The orbit of a driven scene with given unknowns.
+
+    Parameters
+    ----------
+    whole : WholePeriod
+    x : ndarray, (2 free,)
+    period : float
+        [s]
+    residual : float
+
+    Returns
+    -------
+    Orbit
+    """
+    state, scene, flow = whole.state(x, period), whole.scene, whole.flow
+    flow.end(state.u, state.v, period)
+    opens = bool(whole.of.springs.kinks_within(flow.ranges))
+    energy = above_rest(scene, state)
+    return Orbit(scene, state, period, energy, residual, opens, flow.steps)
 
 
 class HalfPeriod(Shooting):

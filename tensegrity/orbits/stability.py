@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from tensegrity import check
 from tensegrity.errors import ResolutionError, TensegrityError
+from tensegrity.orbits.driven_orbit import whole_map
 from tensegrity.orbits.flow import Flow
 from tensegrity.orbits.orbit import Orbit, half_map
 from tensegrity.scenes.chain import Chain
@@ -152,6 +153,9 @@ def _of_orbit(orbit: Orbit) -> Floquet:
     The symplectic complement of these is invariant, and the projection on it changes no other
     multiplier.
     """
+    if dynamics(orbit.scene).is_driven:  # nothing is neutral
+        found = _multipliers(whole_map(orbit.scene, orbit.state, orbit.period, orbit.steps))
+        return _verdict(found, found[:0], 1 / orbit.period)
     tangent, motions = half_map(orbit)
     sites = orbit.scene.sites
     mass = np.diag(orbit.scene.mass)
