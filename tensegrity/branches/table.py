@@ -42,6 +42,11 @@ class Event:
     at: dict[str, float] = field(repr=False)
     note: str = ""
 
+    @property
+    def value(self) -> float:
+        """Value of the first column, that which is followed, at the event."""
+        return next(iter(self.at.values()))
+
     def __getattr__(self, name: str) -> float:
         at = self.__dict__.get("at", {})  # missing while a copy is being made
         if name in at:

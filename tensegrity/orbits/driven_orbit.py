@@ -11,9 +11,10 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tensegrity.orbits.flow import DrivenFlow
-from tensegrity.orbits.shooting import Shooting
+from tensegrity.orbits.shooting import Orbit, Shooting, above_rest
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.scene import State
 from tensegrity.typing import Array
@@ -42,35 +43,27 @@ class WholePeriod(Shooting):
     def __init__(self, scene: Chain, guess: State, period: float) -> None:
         super().__init__(scene, DrivenFlow(scene, 1, period))
         self._period, self._start = period, scene.at_rest()
+        self._rate = period / (2 * math.pi)  # displacement over velocity [s]
         moved = [site for site, drive in scene.drive.items() if drive.prescribes]
         free = self.of.inverse_mass > 0
         free[moved] = False
         self.free = np.flatnonzero(free)
-        self.guess = np.concatenate([guess.u[self.free], guess.v[self.free] * self._rate(period)])
+        self.guess = np.concatenate([guess.u[self.free], guess.v[self.free] * self._rate])
         self._shifts: float | None = None if len(self.free) == scene.sites else 0.0
-
-    @staticmethod
-    def _rate(period: float) -> float:
-        """Displacement over velocity in harmonic motion [s]."""
-        return period / (2 * math.pi)
 
     @property
     def steps(self) -> int:
         """A first number of steps of the period."""
-        u = self.state(self.guess, self._period).u
+        u = self.state(self.guess).u
         frequency = self.of.frequency(self.of.ranges_at(u))
         return max(LEAST, math.ceil(self._period * frequency / ANGLE))
 
-    def state(
-        self, x: Array, period: float, values: Mapping[str, float] | None = None
-    ) -> State:
+    def state(self, x: Array, values: Mapping[str, float] | None = None) -> State:
         """The state at t = 0 of given unknowns.
 
         Parameters
         ----------
         x : ndarray, (2 free,)
-        period : float
-            [s]
         values : dict of str to float, optional
             Other values of parameters of the drives.
 
@@ -81,9 +74,10 @@ class WholePeriod(Shooting):
         u, v = self._start.u.copy(), self._start.v.copy()
         for site, drive in self.scene.drive.items():
             if drive.prescribes and values:
-                u[site], v[site] = (drive.varied(values).at(0.0, k)[0] for k in (0, 1))
+                u[site], v[site] = (s.varied(values)(np.zeros(1), k)[0]
+                                    for s in drive.signals for k in (0, 1))  # fmt: skip
         u[self.free], v[self.free] = x.reshape(2, -1)
-        v[self.free] /= self._rate(period)
+        v[self.free] /= self._rate
         return State(u, v)
 
     def equations(
@@ -97,26 +91,28 @@ class WholePeriod(Shooting):
 
         Parameters
         ----------
-        x, period, values
+        x, values
             As of `state`.
+        period : float
+            T [s].
         by : str, optional
 
         Returns
         -------
         residual : ndarray, (2 free,)
-            [m], velocities times T/2 pi; nan outside of the springs' domains.
+            [m], velocities times the first T/2 pi; nan outside of the springs' domains.
         jacobian : ndarray, (2 free, 2 free)
         column : ndarray, (2 free,)
         """
-        start, free, sites = self.state(x, period, values), self.free, self.scene.sites
+        start, free, sites = self.state(x, values), self.free, self.scene.sites
         here = np.append(free, sites + free)
         if not self.inside(start.u):
             return x + math.nan, np.eye(len(x)), 0 * x
         u, v, tangent, column = self.flow.tangents(start.u, start.v, period, values, by)
-        scale = np.repeat([1.0, self._rate(period)], len(free))
+        scale = np.repeat([1.0, self._rate], len(free))
         tangent = tangent[np.ix_(here, here)] * scale[:, None] / scale
         column = column[here] * scale
-        residual = np.append(u[free], v[free] * self._rate(period)) - x
+        residual = np.append(u[free], v[free] * self._rate) - x
         if not (np.isfinite(tangent).all() and np.isfinite(residual).all()):
             return x + math.nan, np.eye(len(x)), 0 * x
         jacobian = tangent - np.eye(len(x))
@@ -127,6 +123,49 @@ class WholePeriod(Shooting):
         residual[count:] += self._shifts * np.mean(x[:count] - self.guess[:count])
         jacobian[count:, :count] += self._shifts / count
         return residual, jacobian, column
+
+    def multipliers(self, jacobian: Array) -> NDArray[np.complex128]:
+        """Floquet multipliers from the derivatives by z(0) of `equations`, (2 free,)."""
+        count, whole = len(self.free), jacobian + np.eye(len(jacobian))
+        whole[count:, :count] -= (self._shifts or 0.0) / count
+        return np.linalg.eigvals(whole).astype(complex)
+
+    def rates(self, period: float) -> Array:
+        """The derivative of the state at the start of the last run by time, (2 free,) [m/s]."""
+        v, acceleration = self.flow.rates_at_start(period)
+        return np.append(v[self.free], acceleration[self.free] * self._rate)
+
+    def found(
+        self, x: Array, period: float, residual: float, values: Mapping[str, float] | None = None
+    ) -> Orbit:
+        """The orbit of given unknowns.
+
+        Parameters
+        ----------
+        x, values
+            As of `state`.
+        period : float
+            [s]
+        residual : float
+
+        Returns
+        -------
+        Orbit
+        """
+        scene, state = self.scene, self.state(x, values)
+        if values:
+            drive = {
+                site: one.varied({k: y for k, y in values.items() if k in one.parameters})
+                for site, one in scene.drive.items()
+            }
+            scene = Chain(
+                scene.springs, scene.sites, scene.mass, scene.ends, drive=drive,
+                damping=scene.damping, forces=self.of.further_forces,
+            )  # fmt: skip
+        self.flow.end(state.u, state.v, period, values)
+        opens = bool(self.of.springs.kinks_within(self.flow.ranges))
+        energy = above_rest(scene, state)
+        return Orbit(scene, state, period, energy, residual, opens, self.flow.steps)
 
     def step(self, x: Array) -> tuple[Array, float]:
         """Newton's step, and the largest entry of z(T) - z(0) over that of z(0) or z(T)."""
@@ -143,23 +182,8 @@ class WholePeriod(Shooting):
         return float(np.abs(step).max() / max(np.abs(x).max(), np.abs(x + step).max()))
 
 
-def whole_map(scene: Chain, state: State, period: float, steps: int) -> Array:
-    """The tangent of a whole period at the sites that move freely.
-
-    Parameters
-    ----------
-    scene : Chain
-    state : State
-        At t = 0.
-    period : float
-        [s]
-    steps : int
-
-    Returns
-    -------
-    ndarray, (2 free, 2 free)
-    """
-    whole = WholePeriod(scene, state, period)
-    whole.flow.steps = steps
-    here = np.append(whole.free, scene.sites + whole.free)
-    return np.asarray(whole.flow.tangents(state.u, state.v, period)[2][np.ix_(here, here)])
+def whole_multipliers(orbit: Orbit) -> NDArray[np.complex128]:
+    """Floquet multipliers of an orbit of a driven or damped chain, (2 free,)."""
+    whole = WholePeriod(orbit.scene, orbit.state, orbit.period)
+    whole.flow.steps = orbit.steps
+    return whole.multipliers(whole.equations(whole.guess, orbit.period)[1])

@@ -234,3 +234,14 @@ class DrivenFlow:
     def ranges(self) -> Array:
         """Smallest and largest elongation of each distinct spring in the last run, (springs, 2)."""
         return np.asarray(self._loop.range)
+
+    def rates_at_start(self, duration: float) -> tuple[Array, Array]:
+        """Velocities and accelerations at the start of the last run, of the given duration [s]."""
+        stages, dt = self._path, duration / self.steps
+        gained = stages[1, 1] - stages[0, 1]
+        return stages[0, 1].copy(), gained / (dt * methods.RK8.rates[1][0])
+
+    @property
+    def displacements(self) -> Array:
+        """Displacements at the beginnings of the steps of the last run [m], (steps, sites)."""
+        return self._path[:: methods.RK8.stages, 0]

@@ -10,8 +10,6 @@ Source: J. L. Marin, S. Aubry, Nonlinearity 9, 1501 (1996).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
-
 import numpy as np
 
 from tensegrity import check
@@ -19,9 +17,7 @@ from tensegrity.errors import TensegrityError
 from tensegrity.orbits.driven_orbit import WholePeriod
 from tensegrity.orbits.flow import Flow
 from tensegrity.orbits.period import DrivePeriod, fitting
-from tensegrity.orbits.shooting import FINEST, NoOrbitError, Shooting
-from tensegrity.runs.integrate import simulate
-from tensegrity.runs.run import Run
+from tensegrity.orbits.shooting import FINEST, NoOrbitError, Orbit, Shooting, above_rest
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.scene import State
@@ -32,48 +28,6 @@ SHORTEST = 1e-3  # half period times the bound on the frequency
 AT_REST = 1e-5  # of the guess's displacements, below which an orbit is the state at rest
 HARMONICS = 6  # that are compared with the bands
 CROWDED = 4.0  # neighbouring modes closer than so many mean distances form a band
-
-
-@dataclass(frozen=True, eq=False)
-class Orbit:
-    """A time-periodic motion, computed by `periodic_orbit`.
-
-    Attributes
-    ----------
-    scene : Chain
-    state : State
-        At rest, at the turning point that the guess lies nearer to.
-    period : float
-        [s]
-    energy : float
-        Above that at rest [J].
-    residual : float
-        Largest |v| at half the period over the largest |v| that linear motion of the same
-        displacements and period has.
-    opens : bool
-        Whether some spring passes a kink, such as the loss of contact: fewer digits then.
-    steps : int
-        Steps of half a period.
-    """
-
-    scene: Chain = field(repr=False)
-    state: State = field(repr=False)
-    period: float
-    energy: float
-    residual: float
-    opens: bool
-    steps: int = field(repr=False)
-
-    def __str__(self) -> str:
-        opens = "; springs pass kinks" if self.opens else ""
-        return (
-            f"periodic orbit of {self.scene.sites} sites, period {self.period:.6g} s, energy "
-            f"{self.energy:.6g} J\nresidual {self.residual:.1e}{opens}"
-        )
-
-    def run(self, tol: float = 1e-9) -> Run:
-        """A run of one period from `state`, with the tolerance of `simulate`."""
-        return simulate(self.scene, self.state, self.period, tol=tol)
 
 
 def periodic_orbit(
@@ -166,29 +120,7 @@ def _driven_orbit(
         x, residual = whole.settled(whole.guess, whole.steps)
     except (NoOrbitError, np.linalg.LinAlgError) as error:
         raise TensegrityError(f"no periodic orbit found: {error}") from None
-    return driven_orbit(whole, x, shortest, residual)
-
-
-def driven_orbit(whole: WholePeriod, x: Array, period: float, residual: float) -> Orbit:
-    """The orbit of a driven scene with given unknowns.
-
-    Parameters
-    ----------
-    whole : WholePeriod
-    x : ndarray, (2 free,)
-    period : float
-        [s]
-    residual : float
-
-    Returns
-    -------
-    Orbit
-    """
-    state, scene, flow = whole.state(x, period), whole.scene, whole.flow
-    flow.end(state.u, state.v, period)
-    opens = bool(whole.of.springs.kinks_within(flow.ranges))
-    energy = above_rest(scene, state)
-    return Orbit(scene, state, period, energy, residual, opens, flow.steps)
+    return whole.found(x, shortest, residual)
 
 
 class HalfPeriod(Shooting):
@@ -246,7 +178,8 @@ class HalfPeriod(Shooting):
             raise NoOrbitError("the guess slides to the state at rest")
 
     def equations(self, u: Array, half: float) -> tuple[Array, Array, Array]:
-        """v(T/2) at free sites, its derivatives by their displacements, and by T/2.
+        """v(T/2) at free sites, its derivatives by their displacements, and by T/2; in a free chain
+        with the shift from the guess, which shall be 0.
 
         Parameters
         ----------
@@ -262,11 +195,13 @@ class HalfPeriod(Shooting):
         acceleration : ndarray, (free,)
         """
         end, v, tangent = self.flow.tangents(u, 0 * u, half, of_u=False)
-        jacobian = tangent[np.ix_(self.free, self.free)]
-        jacobian += self.shifts * float(np.abs(jacobian).max()) / self.scene.sites
+        jacobian, v = tangent[np.ix_(self.free, self.free)], v[self.free]
         if not (np.isfinite(jacobian).all() and np.isfinite(v).all() and self.inside(end)):
-            return v[self.free] + math.nan, jacobian, 0 * v[self.free]
-        return v[self.free], jacobian, (self.scene.forces(end) * self.of.inverse_mass)[self.free]
+            return v + math.nan, jacobian, 0 * v
+        shifts = self.shifts * float(np.abs(jacobian).max())
+        acceleration = (self.scene.forces(end) * self.of.inverse_mass)[self.free]
+        moved = float(np.mean(u - self._guess))
+        return v + shifts * moved, jacobian + shifts / self.scene.sites, acceleration
 
     def step(self, x: Array) -> tuple[Array, float]:
         """Newton's step, and |v(T/2)| over that of linear motion."""
@@ -289,12 +224,6 @@ class HalfPeriod(Shooting):
         matrix[-1] /= scale
         step[[*free, -1]] = np.linalg.solve(matrix, np.append(right, missing / scale))
         return step, off
-
-
-def above_rest(scene: Chain, state: State) -> float:
-    """Energy of a state above that at rest [J]."""
-    nothing = np.zeros(scene.sites)
-    return scene.energy(state) - scene.energy(State(nothing, nothing))
 
 
 def half_map(orbit: Orbit) -> tuple[Array, Array]:

@@ -4,6 +4,7 @@ angles of their sines and cosines."""
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from fractions import Fraction
 from typing import Any
 
@@ -50,16 +51,16 @@ class DrivePeriod:
                 "the scene has no drive with a period: nothing but rest repeats in it"
             )
         self._rates = rates
-        name, first = rates[0][0], self._at(0)
+        name, first = rates[0][0], self._at(0, {})
         common = 1
         for number, (other, _, _) in enumerate(rates):
-            ratio = abs(self._at(number) / first)
+            ratio = abs(self._at(number, {}) / first)
             part = Fraction(ratio).limit_denominator(MULTIPLES)
             if not part or abs(float(part) / ratio - 1) > FIT:
                 raise TensegrityError(
                     f"periods of the drives do not fit: {name} repeats after "
                     f"{2 * math.pi / abs(first):.9g} s, {other} after "
-                    f"{2 * math.pi / abs(self._at(number)):.9g} s"
+                    f"{2 * math.pi / abs(self._at(number, {})):.9g} s"
                 )
             common = math.lcm(common, part.denominator)
         value = 2 * math.pi * common / abs(first)
@@ -67,30 +68,32 @@ class DrivePeriod:
             value /= max(k for k in range(1, SHORTER + 1) if _repeats(signals, value / k))
         self.value: float = value
 
-    def _at(self, number: int) -> float:
-        """An angular rate [rad/s]."""
-        _, rate, values = self._rates[number]
-        return float(rate.subs(values))
+    def _at(self, number: int, values: Mapping[str, float]) -> float:
+        """An angular rate [rad/s] at other values of parameters."""
+        _, rate, given = self._rates[number]
+        return float(rate.subs(given | {k: x for k, x in values.items() if k in given}))
 
-    def slope(self, parameter: str) -> float:
-        """d ln(period) over the change of a parameter of the drives.
+    def factor(self, parameter: str, value: float) -> tuple[float, float]:
+        """The period with another value of a parameter of the drives over that at first, and its
+        derivative by the parameter.
 
         Raises
         ------
         TensegrityError
             A parameter that changes the ratio of periods.
         """
-        found = []
-        for number, (_, rate, values) in enumerate(self._rates):
-            by = [s for s in rate.free_symbols if str(s) == parameter and parameter in values]
-            slope = float(rate.diff(by[0]).subs(values)) if by else 0.0
-            found.append(-slope / self._at(number))
-        if max(found) - min(found) > FIT * max(map(abs, found)):
+        slopes, at = [], {parameter: value}
+        for number, (_, rate, given) in enumerate(self._rates):
+            by = [s for s in rate.free_symbols if str(s) == parameter and parameter in given]
+            slope = float(rate.diff(by[0]).subs(given | at)) if by else 0.0
+            slopes.append(-slope / self._at(number, at))
+        if max(slopes) - min(slopes) > FIT * max(map(abs, slopes)):
             raise TensegrityError(
                 f"parameter {parameter} changes the ratio of the periods of the drives: nothing "
-                "repeats for other values"
+                "repeats at other values"
             )
-        return found[0]
+        factor = self._at(0, {}) / self._at(0, at)
+        return factor, factor * slopes[0]
 
 
 def fitting(period: float, shortest: float) -> float:

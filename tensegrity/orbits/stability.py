@@ -21,9 +21,10 @@ from numpy.typing import NDArray
 
 from tensegrity import check
 from tensegrity.errors import ResolutionError, TensegrityError
-from tensegrity.orbits.driven_orbit import whole_map
+from tensegrity.orbits.driven_orbit import whole_multipliers
 from tensegrity.orbits.flow import Flow
-from tensegrity.orbits.orbit import Orbit, half_map
+from tensegrity.orbits.orbit import half_map
+from tensegrity.orbits.shooting import Orbit
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.typing import Array
@@ -154,7 +155,7 @@ def _of_orbit(orbit: Orbit) -> Floquet:
     multiplier.
     """
     if dynamics(orbit.scene).is_driven:  # nothing is neutral
-        found = _multipliers(whole_map(orbit.scene, orbit.state, orbit.period, orbit.steps))
+        found = _descending(whole_multipliers(orbit))
         return _verdict(found, found[:0], 1 / orbit.period)
     tangent, motions = half_map(orbit)
     sites = orbit.scene.sites
@@ -195,7 +196,10 @@ def _deflated(tangent: Array, motions: Array, x: Array) -> tuple[Array, Multipli
 
 def _multipliers(matrix: Array) -> Multipliers:
     """Eigenvalues in descending modulus."""
-    found = np.linalg.eigvals(matrix).astype(complex)
+    return _descending(np.linalg.eigvals(matrix).astype(complex))
+
+
+def _descending(found: Multipliers) -> Multipliers:
     return found[np.argsort(-np.abs(found), kind="stable")]
 
 
