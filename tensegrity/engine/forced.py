@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tensegrity.engine.bonds import KINDS
+from tensegrity.engine.compiled import Functions
 from tensegrity.engine.geometry import functions
 from tensegrity.engine.law import continuity, to_casadi
 from tensegrity.engine.native import structure
@@ -102,6 +103,11 @@ class ForceLaw:
 @once
 def _slopes(law: ForceLaw) -> Any:
     return law.slopes()
+
+
+@once
+def _compiled_slopes(law: ForceLaw) -> Functions:
+    return Functions(("slopes of", law.name), lambda: {"slopes": law.slopes()})
 
 
 @once
@@ -208,9 +214,9 @@ def tangent_springs(
             ends.append(np.stack(_ends(bonds, at)))
             r, rate = (np.diff(y, axis=1)[:, at] for y in (u, v))
             x = [r, rate, 0 * r]
-        values = np.tile(one.values, len(t))
-        given = np.repeat(t, len(at))[None], np.reshape(x, (3, -1)), values
-        by_u, by_v, by_speed = np.array(_slopes(one.law)(*given)).reshape(3, len(t), len(at))
+        rows = np.repeat(t, len(at))[:, None], np.reshape(x, (3, -1)).T
+        found = _compiled_slopes(one.law)("slopes", *rows, np.tile(one.values, len(t)).T)
+        by_u, by_v, by_speed = found.T.reshape(3, len(t), len(at))
         if one.law.on == SITE:  # a tension between the ground and a site pulls it back
             by_u, by_v = -by_u, -by_v - by_speed * np.sign(v[:, at])
         parts.append((by_u, by_v))

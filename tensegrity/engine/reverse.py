@@ -257,9 +257,7 @@ class ReverseLoop:
                            strict=True))  # fmt: skip
         arrays = {name: np.ascontiguousarray(x) for name, x in arrays.items()}
         filled = TANGENTS(**arrays, **numbers)
-        self.layout.library.reverse_nystrom(
-            self._address, ctypes.addressof(filled), len(path) // q
-        )
+        self.layout.library.reverse_nystrom(self._address, ctypes.addressof(filled), len(path) // q)
         return arrays["by"]
 
     def add_cotangents(self, cotangents, k):

@@ -173,7 +173,8 @@ class WholePeriod(Shooting):
         if not np.isfinite(residual).all():
             return residual, math.inf
         size = max(float(np.abs(x).max()), float(np.abs(x + residual).max()), 1e-300)
-        return np.linalg.solve(jacobian, -residual), float(np.abs(residual).max()) / size
+        step = np.asarray(np.linalg.solve(jacobian, -residual), dtype=float)
+        return step, float(np.abs(residual).max()) / size
 
     def size(self, step: Array, x: Array) -> float:
         """A change of x over the larger of x and what it becomes."""

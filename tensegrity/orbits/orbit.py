@@ -10,6 +10,7 @@ Source: J. L. Marin, S. Aubry, Nonlinearity 9, 1501 (1996).
 from __future__ import annotations
 
 import math
+
 import numpy as np
 
 from tensegrity import check

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from tensegrity import check
-from tensegrity.branches.continuation import ContinuationError, Settings, trace
+from tensegrity.branches.continuation import Branch, ContinuationError, Settings, trace
 from tensegrity.branches.many import ManyProblem
 from tensegrity.branches.table import Event, Table
 from tensegrity.errors import TensegrityError
@@ -117,32 +117,24 @@ def orbit_path(orbit: Orbit, by: str, until: float) -> OrbitPath:
     if until == begin or (not driven and until <= 0):
         words = "differ from it" if driven else "differ from it and be above 0"
         raise TensegrityError(f"until {until:g} must {words}: the path begins at {by} {begin:g}")
-    steps = FINER * orbit.steps
+    steps, towards = FINER * orbit.steps, 1 if until > begin else -1
     for _ in range(REFINED):
         family = (_Driven if driven else _Reversible)(orbit, by, until, steps)
-        settings = Settings(points=POINTS)
+        problem, settings = ManyProblem(family), Settings(points=POINTS)
         try:
-            branch = trace(
-                ManyProblem(family), family.start, (), settings, int(np.sign(until - begin)), ("end",)
-            )
+            branch = trace(problem, family.start, (), settings, towards, ("end",))
         except ContinuationError as error:
             raise TensegrityError(f"the path by {by} does not reach {until:g}: {error}") from None
-        at = [np.array([event.at[name] for name in family.names]) for event in branch.events]
-        if family.resolved([branch.z[0], branch.z[-1], *at]):
+        if family.resolved(_events_and_ends(family, branch)[1]):
             break
         steps *= FINER
-    rows = [family.row(u) for u in branch.z]
-    events = []
-    for event, u in zip(branch.events, at, strict=True):
-        kind = "stability" if event.kind == "bifurcation" else event.kind
-        found = family.multipliers(u)
-        near = np.abs(found[found.imag > 0]) - 1
-        if kind != "end" and not (kind == "torus" and np.abs(near).min(initial=1) > ON_CIRCLE):
-            events.append(Event(kind, event.row, family.row(u)[1]))
-    columns = {name: np.array([row[name] for _, row in rows]) for name in rows[0][1]}
-    path = OrbitPath(columns, events, f"{by} {until:g}")
-    path.orbits = tuple(one for one, _ in rows)
-    return path
+    return family.path(branch)
+
+
+def _events_and_ends(family: _Family, branch: Branch) -> tuple[list[Array], list[Array]]:
+    """Unknowns of the events of a branch, and of these and both ends."""
+    at = [np.array([event.at[name] for name in family.names]) for event in branch.events]
+    return at, [branch.z[0], branch.z[-1], *at]
 
 
 def _names(scene: Chain) -> dict[str, float]:
@@ -217,6 +209,20 @@ class _Family:
         size = max(float(np.abs(u[:-1] / self.scale[:-1]).max()) for u in points)
         return max(found) < RESOLVED * size
 
+    def path(self, branch: Branch) -> OrbitPath:
+        """The orbits of a branch, and those events that are events of the orbits."""
+        rows, events = [self.row(u) for u in branch.z], []
+        for event, u in zip(branch.events, _events_and_ends(self, branch)[0], strict=True):
+            kind = "stability" if event.kind == "bifurcation" else event.kind
+            found = self.multipliers(u)
+            off = float(np.abs(np.abs(found[found.imag > 0]) - 1).min(initial=1.0))
+            if kind != "end" and not (kind == "torus" and off > ON_CIRCLE):
+                events.append(Event(kind, event.row, self.row(u)[1]))
+        columns = {name: np.array([row[name] for _, row in rows]) for name in rows[0][1]}
+        path = OrbitPath(columns, events, f"{self.by} {self.until:g}")
+        path.orbits = tuple(one for one, _ in rows)
+        return path
+
     def row(self, u: Array) -> tuple[Orbit, dict[str, float]]:
         """The orbit of given unknowns, and its row of the table."""
         orbit = self.orbit(u)
@@ -226,7 +232,7 @@ class _Family:
         return orbit, row | {"multiplier": largest, "stable": largest <= 1 + STABLE}
 
 
-def _least(factors: Array) -> float:
+def _least(factors: Array | Multipliers) -> float:
     """The smallest of some factors, with the sign of their product."""
     if not factors.size:
         return 1.0
@@ -265,10 +271,9 @@ class _Driven(_Family):
         return self._whole.found(u[:-1], period, float(np.abs(self.found(u)[0]).max()), values)
 
     def amplitude(self, orbit: Orbit) -> float:
-        from scipy.signal import resample
-
-        u = self._whole.flow.displacements
-        return float(np.ptp(resample(u, FINENESS * len(u)), axis=0).max() / 2)
+        waves = np.fft.rfft(self._whole.flow.displacements, axis=0)
+        finer = FINENESS * self.flow.steps
+        return float(FINENESS * np.ptp(np.fft.irfft(waves, finer, axis=0), axis=0).max() / 2)
 
 
 class _Reversible(_Family):

@@ -121,7 +121,8 @@ def _angular_rates(signal: Any) -> list[tuple[Any, dict[str, float]]]:
     expression = getattr(signal, "expression", None)
     if expression is None:
         raise TensegrityError(f"{signal.name}: {signal} have no period, give an expression of t")
-    return [(rate, signal.parameters) for rate in _rates_in(expression, signal.parameters, str(signal))]
+    rates = _rates_in(expression, signal.parameters, str(signal))
+    return [(rate, signal.parameters) for rate in rates]
 
 
 def _of_force(force: Any) -> list[tuple[Any, dict[str, float]]]:

@@ -320,7 +320,8 @@ def dashpots(scene: Any) -> list[Force]:
     import sympy as sp
 
     c, rate = sp.symbols("c rate")
-    damping, counts, found = scene.damping, place_counts(scene), []
+    damping, counts = scene.damping, place_counts(scene)
+    found: list[Force] = []
     if damping is None:
         return found
     if damping.ground.any():

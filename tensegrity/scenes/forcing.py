@@ -368,9 +368,7 @@ def check_start(scene: Any, u: Array) -> None:
                 )
 
 
-def forcing_of(
-    scene: Any, t_end: float, tuning: Any = None, as_forces: bool = False
-) -> Forcing:
+def forcing_of(scene: Any, t_end: float, tuning: Any = None, as_forces: bool = False) -> Forcing:
     """The forcing of a scene as arrays for the loop; see `tensegrity.engine.driven`.
 
     Parameters

@@ -89,7 +89,25 @@ class Samples:
 def signals_of(
     name: str, given: Any, parameters: Mapping[str, float] = FixedDict()
 ) -> tuple[Any, ...]:
-    """A function of t for each coordinate, or None for a coordinate that is free."""
+    """A function of t for each coordinate, or None for a coordinate that is free.
+
+    Parameters
+    ----------
+    name : str
+        For messages.
+    given : expression, float, (t, values), or sequence of expressions
+    parameters : dict of str to float, optional
+        Values of further symbols.
+
+    Returns
+    -------
+    tuple of Expression, Samples or None
+
+    Raises
+    ------
+    TensegrityError
+        Samples or expressions that are no functions of time.
+    """
     if isinstance(given, (tuple, list)) and len(given) == 2 and _is_array(given[0]):
         t, values = (check.floats(f"samples of the {name}", x) for x in given)
         if t.ndim != 1 or len(t) < 2 or values.ndim not in (1, 2) or len(values) != len(t):
@@ -121,7 +139,25 @@ def _is_array(x: Any) -> bool:
 def expression_of(
     name: str, given: Any, parameters: Mapping[str, float] = FixedDict()
 ) -> Expression:
-    """A function of time from an expression of t and of parameters, or from a number."""
+    """A function of time from an expression of t and of parameters, or from a number.
+
+    Parameters
+    ----------
+    name : str
+        For messages.
+    given : expression, Expression or float
+    parameters : dict of str to float, optional
+        Values of further symbols, of which those that occur are taken.
+
+    Returns
+    -------
+    Expression
+
+    Raises
+    ------
+    TensegrityError
+        An expression of other symbols, or one that cannot be translated.
+    """
     import sympy as sp
 
     if isinstance(given, Expression):  # taken from another scene
