@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from tensegrity.typing import Array, Flags
 
 FINER = 2  # steps of the flow along a path over those of its first orbit
-RESOLVED = 1e-11  # residual that twice as many steps may leave, over the size of the orbit
 ON_CIRCLE = 1e-6  # distance of a complex multiplier from the unit circle at a torus point
 REFINED = 3  # largest number of traces with more and more steps
 POINTS = 2000  # largest number of rows
@@ -120,7 +119,7 @@ def orbit_path(orbit: Orbit, by: str, until: float) -> OrbitPath:
     steps, towards = FINER * orbit.steps, 1 if until > begin else -1
     for _ in range(REFINED):
         family = (_Driven if driven else _Reversible)(orbit, by, until, steps)
-        problem, settings = ManyProblem(family), Settings(points=POINTS)
+        problem, settings = ManyProblem(family), Settings(points=POINTS, largest=family.longest)
         try:
             branch = trace(problem, family.start, (), settings, towards, ("end",))
         except ContinuationError as error:
@@ -154,6 +153,8 @@ class _Family:
 
     roots: tuple[str, ...] = ("end", "doubling", "torus")
     leaving = np.zeros(0, dtype=int)
+    longest = 0.02  # step, relative: two events within one are not seen
+    settled = 1e-11  # residual that twice as many steps may leave, over the size of the orbit
     flow: Any
 
     def __init__(self, orbit: Orbit, by: str, until: float, start: Array, scale: Array) -> None:
@@ -207,7 +208,7 @@ class _Family:
         found = [float(np.abs(self._evaluated(u)[0]).max()) for u in points]
         self.flow.steps //= 2
         size = max(float(np.abs(u[:-1] / self.scale[:-1]).max()) for u in points)
-        return max(found) < RESOLVED * size
+        return max(found) < self.settled * size
 
     def path(self, branch: Branch) -> OrbitPath:
         """The orbits of a branch, and those events that are events of the orbits."""
@@ -280,6 +281,7 @@ class _Reversible(_Family):
     """Unknowns are u(0) of the free sites, T, and the energy where it is followed."""
 
     roots = ("end", "doubling", "stability")
+    longest, settled = 0.1, 1e-9
 
     def __init__(self, orbit: Orbit, by: str, until: float, steps: int) -> None:
         self._half = half = HalfPeriod(orbit.scene, orbit.state.u, None)
