@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from granular.materials import Material
-from tensegrity import TensegrityError, check
+from tensegrity import check
+from tensegrity.errors import TensegrityError
 from tensegrity.printing import filled
 
 if TYPE_CHECKING:

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from tensegrity import TensegrityError, check
+from tensegrity import check
+from tensegrity.errors import TensegrityError
 from tensegrity.printing import filled
 
 

@@ -38,6 +38,7 @@ from tensegrity.measure.observables import (
 from tensegrity.measure.pulses import phase_shift, pulses
 from tensegrity.measure.records import first_peak, largest_peak, peaks, sampled
 from tensegrity.orbits.orbit import periodic_orbit
+from tensegrity.orbits.path import orbit_path
 from tensegrity.orbits.stability import floquet
 from tensegrity.prisms.closed import member_stiffness
 from tensegrity.prisms.contact import bar_contact
@@ -126,6 +127,7 @@ __all__ = [
     "modes",
     "moduli",
     "objective",
+    "orbit_path",
     "peaks",
     "periodic_orbit",
     "phase_shift",

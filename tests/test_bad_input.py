@@ -54,7 +54,8 @@ EXTREME = ("1e308", "1e30", "1e-30", "5e-324", "10**12", "half", "0-d")
 SECONDS = 20  # that a call may take
 LONGEST = 500  # characters of a message
 SEARCHES = (  # take long with these: see their tests
-    ts.solitary_wave, ts.Lens, largest_speed, limit_load, design.peak_force, design.search,
+    ts.orbit_path, ts.solitary_wave, ts.Lens, largest_speed, limit_load, design.peak_force,
+    design.search,
     design.robustness,
     granular.fcc_pack, granular.hexagonal_pack,
 )  # fmt: skip
@@ -261,6 +262,7 @@ CALLS = [  # where other arguments are needed, or several in one call
     (ts.solitary_wave, {"speed": 2 * WAVE.sound_speed}),
     (ts.periodic_orbit, {"scene": PAIR, "guess": SWUNG, "period": SWUNG.period}),
     (ts.periodic_orbit, {"scene": PAIR, "guess": SWUNG, "energy": SWUNG.energy}),
+    (ts.orbit_path, {"orbit": SWUNG, "by": "period", "until": 3.68}),
     (ts.solitary_wave, {"amplitude": WAVE.amplitude}),
     (ts.solitary_wave, {"energy": WAVE.energy}),
     (ts.solitary_wave, {"excess": 0.5}),

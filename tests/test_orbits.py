@@ -209,7 +209,12 @@ BENT = State(0.02 * np.cos(np.pi * np.arange(20)), np.zeros(20))
     ("scene", "guess", "given", "words"),
     [
         (3, BENT, {"period": 1.0}, "scene"),
-        (Chain(SPRING, 20, damping=Damping(ground=0.1)), BENT, {"period": 1.0}, "not for chains"),
+        (
+            Chain(SPRING, 20, damping=Damping(ground=0.1)),
+            BENT,
+            {"period": 1.0},
+            "no drive with a period",
+        ),
         (LINE, BENT.u, {"period": 1.0}, "not a State or an Orbit"),
         (LINE, BENT, {}, "exactly one of period and energy"),
         (LINE, BENT, {"period": 1.0, "energy": 1.0}, "exactly one of period and energy"),

@@ -45,7 +45,7 @@ class Equations(Protocol):
         """Event functions, each of which vanishes at its events, (roots,)."""
 
     def test_gradient(self, u: Array, number: int) -> Array:
-        """Gradient of one event function, (m,)."""
+        """Gradient of one event function, (m,); may be missing."""
 
 
 class ManyProblem(ArclengthStepper):
@@ -146,8 +146,8 @@ class ManyProblem(ArclengthStepper):
 
     @np.errstate(all="ignore")
     def polish(self, kind: str, z: Array, tangent: Array, p: Any) -> Array | None:
-        """An event by Newton's method on the extended system, or by the secant method for folds,
-        whose functions have no gradient.
+        """An event by Newton's method on the extended system, or by the secant method for folds
+        and for other functions without gradients.
 
         Parameters
         ----------
@@ -161,8 +161,8 @@ class ManyProblem(ArclengthStepper):
         ndarray, (m,), or None
             Scaled unknowns; None if the iteration fails.
         """
-        if kind not in self.roots:
-            return self._stationary_at(self._stationary[self.folds.index(kind)], z, tangent)
+        if kind not in self.roots or not hasattr(self.equations, "test_gradient"):
+            return self._vanishing_at(self.tests + self.kinds.index(kind), z, tangent)
         number = self.roots.index(kind)
 
         def step(z: Array) -> tuple[Array, float]:
@@ -179,20 +179,16 @@ class ManyProblem(ArclengthStepper):
 
         return converged(step, z)
 
-    def _stationary_at(self, number: int, z: Array, tangent: Array) -> Array | None:
-        """The point where one component of the tangent vanishes, by the secant method, or None."""
+    def _vanishing_at(self, place: int, z: Array, tangent: Array) -> Array | None:
+        """The point where one entry of the rows vanishes, by the secant method, or None."""
 
-        def secant(x: tuple[Array, Array, float, float]) -> tuple[Any, float]:
-            z, tangent, step, largest = x
-            z, new = self._point_and_tangent(z + step * tangent, tangent)
-            step *= -new[number] / (new[number] - tangent[number])
-            good = new.any() and abs(step) < max(largest / 2, 1e-11)
-            return (z, new, step, abs(step)), abs(step) if good else math.nan
+        def secant(x: tuple[Array, float, float]) -> tuple[Any, float]:
+            row, step, largest = x
+            z, tangent = row[: self.m], row[self.m : 2 * self.m]
+            new = self.corrected(z + step * tangent, tangent, None)
+            step *= -new[place] / (new[place] - row[place])
+            good = new[self.m : 2 * self.m].any() and abs(step) < max(largest / 2, 1e-11)
+            return (new, step, abs(step)), abs(step) if good else math.nan
 
-        x = converged(secant, (*self._point_and_tangent(z, tangent), SECANT, LARGEST_SECANT))
-        return None if x is None else x[0] + x[2] * x[1]
-
-    def _point_and_tangent(self, z: Array, tangent: Array) -> tuple[Array, Array]:
-        """Scaled unknowns and tangent of the point of the branch closest to z."""
-        row = self.corrected(z, tangent, None)
-        return row[: self.m], row[self.m : 2 * self.m]
+        x = converged(secant, (self.corrected(z, tangent, None), SECANT, LARGEST_SECANT))
+        return None if x is None else x[0][: self.m] + x[1] * x[0][self.m : 2 * self.m]

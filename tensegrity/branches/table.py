@@ -42,6 +42,11 @@ class Event:
     at: dict[str, float] = field(repr=False)
     note: str = ""
 
+    @property
+    def value(self) -> float:
+        """Value of the first column, that which is followed, at the event."""
+        return next(iter(self.at.values()))
+
     def __getattr__(self, name: str) -> float:
         at = self.__dict__.get("at", {})  # missing while a copy is being made
         if name in at:
@@ -182,7 +187,8 @@ class Table:
             raise TensegrityError(f"{path} cannot be written: {error.strerror}") from error
 
     def plot(self, ax: Axes | None = None, *, x: str | None = None, y: str | None = None) -> Axes:
-        """Draw one column against another, with the events marked.
+        """Draw one column against another, with the events marked, and dashed where a column
+        "stable" says that it is not.
 
         Parameters
         ----------
@@ -210,11 +216,18 @@ class Table:
                     f"column {check.shown(name)} is not one of {', '.join(self.columns)}"
                 )
         drawn: Axes = plotting.axes(ax)
-        drawn.plot(self.columns[x], self.columns[y], "-", lw=1.5)
+        unstable = ~np.asarray(self.columns.get("stable", np.ones(len(self))), dtype=bool)
+        near = unstable | np.append(unstable[1:], False) | np.insert(unstable[:-1], 0, False)
+        line = drawn.plot(
+            self.columns[x], np.where(unstable, np.nan, self.columns[y]), "-", lw=1.5
+        )[0]  # fmt: skip
+        if unstable.any():
+            part, color = np.where(near, self.columns[y], np.nan), line.get_color()
+            drawn.plot(self.columns[x], part, "--", color=color, lw=1.5, label="unstable")
         for kind in dict.fromkeys(e.kind for e in self.events):
             found = [e.at for e in self.events if e.kind == kind]
             drawn.plot([e[x] for e in found], [e[y] for e in found], "o", ms=5, label=kind)
-        if self.events:
+        if self.events or unstable.any():
             drawn.legend(frameon=False)
         signs = {"load": ", compression > 0"}
         labels = [self._heading(name) + signs.get(name, "") for name in (x, y)]

@@ -341,6 +341,11 @@ class BoundDriven(Bound):
             raise Locked(float(times[timed.stage]), self.sums[2:].copy())
         return found
 
+    def record_stages(self, path: Array) -> None:
+        """Where a Runge-Kutta method writes u and v of all stages of the following steps, (stages
+        of all steps, 2, entries)."""
+        self._timed_fields.fill(path=path)
+
     def forget_range(self) -> None:
         """Reset the elongation range; work and loss remain."""
         self.sums[2:] = np.inf, -np.inf

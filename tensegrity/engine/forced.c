@@ -17,10 +17,12 @@ typedef struct {
     const real *after;               /* (steps, moved) displacements at the ends of steps */
     const real *pull, *pull_rate;    /* (stages of all steps, pulled) forces of time alone */
     const real *prescribed_mass;     /* (moved) */
+    real *path;                      /* (stages of all steps, 2, entries) receives u and v of the
+                                        stages, where it is given */
     const integer *moved, *pulled;   /* entries of u */
     real *sums;                      /* work of drives and forces, loss */
     real *given;                     /* scratch: results on all sites, or of all bonds */
-    integer moving, pulling, stage, step;
+    integer moving, pulling, stage, step, entries;
 } forcing;
 
 #ifdef DIM
@@ -164,6 +166,10 @@ static void add_forces(const scene *c, forcing *d, const real *u, const real *v,
 {
     const real t = d->instants[d->stage];
     real work = 0;
+    if (d->path) {
+        real *here = d->path + 2 * d->stage * d->entries;
+        EACH(d->entries) here[i] = u[i], here[d->entries + i] = v[i];
+    }
     for (integer e = 0; e < d->pulling; e++) {
         const integer q = d->pulled[e], at = d->stage * d->pulling + e;
         a[q] += c->w[q] * d->pull[at];

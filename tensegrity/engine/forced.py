@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tensegrity.engine.bonds import KINDS
+from tensegrity.engine.compiled import Functions
 from tensegrity.engine.geometry import functions
 from tensegrity.engine.law import continuity, to_casadi
 from tensegrity.engine.native import structure
@@ -90,18 +91,23 @@ class ForceLaw:
         return ca.Function("force", [t, x, p], [ca.densify(ca.vertcat(*map(ca.SX, made)))])
 
     def slopes(self) -> Any:
-        """CasADi function (t, state, parameters) -> derivatives by velocities, column by column."""
+        """CasADi function (t, state, parameters) -> derivatives by the state, column by column."""
         import casadi as ca
 
         function = self.function()
         t, x, p = function.sx_in()
-        found = ca.jacobian(function(t, x, p), x)[:, len(self.state) // 2 :]
+        found = ca.jacobian(function(t, x, p), x)
         return ca.Function("slopes", [t, x, p], [ca.densify(ca.vec(found))])
 
 
 @once
 def _slopes(law: ForceLaw) -> Any:
     return law.slopes()
+
+
+@once
+def _compiled_slopes(law: ForceLaw) -> Functions:
+    return Functions(("slopes of", law.name), lambda: {"slopes": law.slopes()})
 
 
 @once
@@ -162,7 +168,7 @@ def largest_decay(
             ends = _ends(bonds, at)
             x = _relative(bonds, at, u, v)
         slopes = np.abs(np.array(_slopes(law)(t, x, one.values)))
-        slopes = slopes.reshape(len(law.rates), -1, len(at))
+        slopes = slopes.reshape(len(law.state), -1, len(at))[-len(law.rates) :]
         if law.on == SITE:  # a sum of components is at most sqrt(dim) of their norm
             slopes[-1] *= np.sqrt(dim)
         elif len(law.expressions) > 1:  # a force across the slip turns with it
@@ -175,6 +181,47 @@ def largest_decay(
             np.add.at(total, end[free], rate[free] * len(ends))
     weights = np.asarray(bonds.inverse_mass)[:sites]
     return float(np.max(total * weights, initial=0.0))
+
+
+def tangent_springs(
+    applied: tuple[AppliedForce, ...], bonds: Bonds, t: Array, u: Array, v: Array
+) -> tuple[Indices, Array, Array]:
+    """The derivatives of the forces of a chain, as springs and dashpots between two of its entries.
+
+    Parameters
+    ----------
+    applied : tuple of AppliedForce
+    bonds : Bonds
+    t : ndarray, (times,)
+        [s]
+    u, v : ndarray, (times, sites)
+        [m], [m/s]
+
+    Returns
+    -------
+    ends : ndarray of int, (2, places)
+        Numbers of the sites; the number of sites stands for the ground.
+    stiff, loss : ndarray, (times, places)
+        [N/m], [N s/m]
+    """
+    ends, parts = [], []
+    for one in applied:
+        at, sites = one.places, u.shape[1]
+        if one.law.on == SITE:
+            ends.append(np.stack([np.full(len(at), sites), at]))
+            x = [u[:, at], v[:, at], np.abs(v[:, at])]
+        else:
+            ends.append(np.stack(_ends(bonds, at)))
+            r, rate = (np.diff(y, axis=1)[:, at] for y in (u, v))
+            x = [r, rate, 0 * r]
+        rows = np.repeat(t, len(at))[:, None], np.reshape(x, (3, -1)).T
+        found = _compiled_slopes(one.law)("slopes", *rows, np.tile(one.values, len(t)).T)
+        by_u, by_v, by_speed = found.T.reshape(3, len(t), len(at))
+        if one.law.on == SITE:  # a tension between the ground and a site pulls it back
+            by_u, by_v = -by_u, -by_v - by_speed * np.sign(v[:, at])
+        parts.append((by_u, by_v))
+    stiff, loss = (np.concatenate([part[k] for part in parts], axis=1) for k in (0, 1))
+    return np.concatenate(ends, axis=1), stiff, loss
 
 
 def _ends(bonds: Bonds, at: Indices) -> tuple[Indices, Indices]:
@@ -309,5 +356,6 @@ def fields(forcing: Any, sums: Array) -> Any:
             arrays["geometry"] = of.geometry_of(at).T
         arrays["ends"] = ends.astype(np.int64)
     numbers = {"moving": len(forcing.moved), "pulling": len(forcing.forced), "stage": 0, "step": 0}
+    numbers["entries"] = len(forcing.mass)
     arrays = {name: np.ascontiguousarray(x) for name, x in arrays.items()}
     return FORCING(**dict.fromkeys(FORCING.kinds) | arrays | numbers | {"sums": sums})

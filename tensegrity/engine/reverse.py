@@ -20,6 +20,7 @@ from tensegrity.once import once
 
 SCENE = structure("reverse.c", "scene")
 COTANGENTS = structure("reverse.c", "cotangents")
+TANGENTS = structure("reverse.c", "tangents")
 PACK = 8  # numbers that C may write or read beyond the last one
 
 
@@ -219,6 +220,45 @@ class ReverseLoop:
         """
         given = None if cotangents is None else cotangents.address
         self.layout.library.reverse(self._address, steps, opened, last, given)
+
+    def reverse_stages(self, method, dt, path, ends, **given):
+        """The adjoint of the steps of a Runge-Kutta method, of a chain.
+
+        Parameters
+        ----------
+        method : Nystrom
+        dt : float
+            [s]
+        path : ndarray, (stages of all steps, 2, sites)
+            u and v of the stages.
+        ends : ndarray of int, (2, places)
+            Between which sites the derivatives of further forces act; the number of sites stands
+            for the ground.
+        **given : ndarray
+            `stiff` and `loss` (stages of all steps, places), these derivatives by the elongations
+            and their rates; `pulled`, `moved`, the numbers of driven sites; `pull_by`, `u_by` and
+            `v_by` (stages of all steps, those), derivatives of the drives by a parameter.
+
+        Returns
+        -------
+        ndarray, (objectives,)
+            Derivatives by that parameter.
+        """
+        by, q, entries = np.zeros(len(self.ub)), method.stages, self.ub[0].size
+        powers = {"nodes": 1, "velocities": 1, "rates": 1, "matrix": 2, "positions": 2}
+        arrays = {name: dt**k * np.array(getattr(method, name)) for name, k in powers.items()}
+        arrays |= {"path": path, "by": by, "dt": np.array([dt])} | given
+        arrays["k"] = np.zeros((q, self.layout.room))
+        arrays |= {name: np.zeros((q, entries)) for name in ("slope", "of_u", "of_v")}
+        numbers = {"stages": q, "sites": path.shape[2], "places": ends.shape[1]}
+        numbers |= {"pulling": len(given["pulled"]), "moving": len(given["moved"])}
+        arrays |= dict(zip(("first", "second", "pulled", "moved"),
+                           map(integers, (*ends, given["pulled"], given["moved"])),
+                           strict=True))  # fmt: skip
+        arrays = {name: np.ascontiguousarray(x) for name, x in arrays.items()}
+        filled = TANGENTS(**arrays, **numbers)
+        self.layout.library.reverse_nystrom(self._address, ctypes.addressof(filled), len(path) // q)
+        return arrays["by"]
 
     def add_cotangents(self, cotangents, k):
         """Add the derivatives of the objectives with respect to the state after step number k."""

@@ -2,18 +2,27 @@
 
 A run of a splitting is followed by the reverse loop of `tensegrity.engine.reverse`, with one
 objective for each entry of the final state: what it propagates to the start are the rows of the
-tangent map.  The stiffnesses of a stage are computed once for all rows.
+tangent map.  The stiffnesses of a stage are computed once for all rows.  Dashpots and forces of
+velocity cannot be inverted stage by stage: a driven or damped chain is followed by a Runge-Kutta
+method, whose recorded stages the same loop takes in reverse order.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cached_property
+from typing import Any
+
 import numpy as np
 
-from tensegrity.engine import kernel, methods
+from tensegrity.engine import driven, kernel, methods
 from tensegrity.engine.bound import stages
+from tensegrity.engine.forced import Stages, tangent_springs
 from tensegrity.engine.reverse import Layout, ReverseLoop, Totals
 from tensegrity.engine.schemes import Splitting
 from tensegrity.scenes.dynamics import dynamics
+from tensegrity.scenes.forcing import driven_entries, forcing_of, in_columns
 from tensegrity.scenes.scene import Scene
 from tensegrity.typing import Array
 
@@ -112,3 +121,127 @@ class Flow:
     def ranges(self) -> Array:
         """Smallest and largest elongation of each distinct spring in the last run, (springs, 2)."""
         return np.asarray(self._loop.range)
+
+
+class DrivenFlow:
+    """The map of a driven or damped chain's state over a time from t = 0 on, in equal steps.
+
+    Parameters
+    ----------
+    scene : Chain
+    steps : int
+    duration : float
+        For which the drives are checked [s].
+
+    Attributes
+    ----------
+    steps : int
+    """
+
+    def __init__(self, scene: Scene, steps: int, duration: float) -> None:
+        self.steps = steps
+        self._forcing = forcing_of(scene, duration, as_forces=True)
+        self._signals = [driven_entries(scene, prescribed)[1] for prescribed in (True, False)]
+        self._u, self._v = np.zeros((2, scene.sites))
+        self._loop = driven.bind(self._forcing, self._u, self._v, methods.RK8, 1.0)
+        self._path = np.zeros((0, 2, scene.sites))
+
+    @cached_property
+    def _back(self) -> ReverseLoop:
+        free = self._forcing.bonds.inverse_mass.copy()
+        free[self._forcing.moved] = 0.0
+        bonds = replace(self._forcing.bonds, inverse_mass=free)
+        layout = Layout(bonds, ((),) * len(bonds.laws))
+        return ReverseLoop(layout, methods.RK8, 1.0, Totals(layout, 2 * len(free)))
+
+    def end(
+        self, u: Array, v: Array, duration: float, values: Mapping[str, float] | None = None
+    ) -> tuple[Array, Array]:
+        """The state after a time.
+
+        Parameters
+        ----------
+        u, v : ndarray, (sites,)
+            Initial state [m], [m/s].
+        duration : float
+            [s]
+        values : dict of str to float, optional
+            Other values of parameters of the drives.
+
+        Returns
+        -------
+        u, v : ndarray, (sites,)
+            Velocities of sites whose motion is prescribed are 0.
+        """
+        motions, forces = ([x.varied(values or {}) for x in some] for some in self._signals)
+        varied = replace(self._forcing, motion=in_columns(motions), force=in_columns(forces))
+        dt, count = duration / self.steps, self.steps * methods.RK8.stages
+        if len(self._path) != count:
+            self._path = np.zeros((count, *self._path.shape[1:]))
+            self._loop.record_stages(self._path)
+        self._u[:], self._v[:] = u, v
+        self._loop.set_step(dt)
+        self._loop.schedule = Stages(varied, methods.RK8, dt)
+        self._loop.forget_range()
+        self._loop.go(0, self.steps)
+        return self._u.copy(), self._v.copy()
+
+    def tangents(
+        self,
+        u: Array,
+        v: Array,
+        duration: float,
+        values: Mapping[str, float] | None = None,
+        by: str | None = None,
+    ) -> tuple[Array, Array, Array, Array]:
+        """u and v after a time, and the derivatives of the entries of both.
+
+        Parameters
+        ----------
+        u, v, duration, values
+            As of `end`.
+        by : str, optional
+            A parameter of the drives.
+
+        Returns
+        -------
+        u, v : ndarray, (sites,)
+            Final state.
+        tangent : ndarray, (2 sites, 2 sites)
+            Derivatives of final u, then v, with respect to initial u, then v.
+        column : ndarray, (2 sites,)
+            Derivatives with respect to the parameter, or 0.
+        """
+        final, sites, dt = self.end(u, v, duration, values), len(u), duration / self.steps
+        stages = Stages(self._forcing, methods.RK8, dt)
+        at, forcing, loop = stages.times(0, self.steps)[:-1], self._forcing, self._back
+        given: dict[str, Any] = {"moved": forcing.moved, "pulled": forcing.forced}
+        motions, forces = (
+            in_columns([x.varied(values or {}) for x in some], by or "") for some in self._signals
+        )
+        given |= {"u_by": motions(at, 0), "v_by": motions(at, 1), "pull_by": forces(at, 0)}
+        at_u, at_v = self._path[:, 0], self._path[:, 1]
+        ends, given["stiff"], given["loss"] = tangent_springs(
+            forcing.applied, forcing.bonds, at, at_u, at_v
+        )
+        loop.ub[:], loop.vb[:] = 0.0, 0.0
+        each = np.arange(sites)
+        loop.ub[each, each] = loop.vb[sites + each, each] = 1.0
+        column = loop.reverse_stages(methods.RK8, dt, self._path, ends, **given)
+        return *final, np.hstack([loop.ub[:, :sites], loop.vb[:, :sites]]), column
+
+    @property
+    def ranges(self) -> Array:
+        """Smallest and largest elongation of each distinct spring in the last run, (springs, 2)."""
+        return np.asarray(self._loop.range)
+
+    def rates_at_start(self, duration: float) -> tuple[Array, Array]:
+        """Velocities and accelerations at the start of the last run, of the given duration [s]."""
+        stages, dt = self._path, duration / self.steps
+        gained = stages[1, 1] - stages[0, 1]
+        return stages[0, 1].copy(), gained / (dt * methods.RK8.rates[1][0])
+
+    @property
+    def displacements(self) -> Array:
+        """Displacements at the beginnings of the steps of the last run [m], (steps, sites)."""
+        return self._path[:: methods.RK8.stages, 0]

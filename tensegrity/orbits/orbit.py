@@ -10,73 +10,25 @@ Source: J. L. Marin, S. Aubry, Nonlinearity 9, 1501 (1996).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
 
 import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
+from tensegrity.orbits.driven_orbit import WholePeriod
 from tensegrity.orbits.flow import Flow
-from tensegrity.runs.integrate import simulate
-from tensegrity.runs.run import Run
+from tensegrity.orbits.period import DrivePeriod, fitting
+from tensegrity.orbits.shooting import FINEST, NoOrbitError, Orbit, Shooting, above_rest
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.scene import State
 from tensegrity.typing import Array
 
-ITERATIONS, HALVINGS = 60, 8  # of Newton's method, and of one of its steps
-LONGEST = 0.3  # step of it over the largest displacement
-CONVERGED = 1e-12  # last step of Newton's method over the largest displacement
-STUCK = 1e-9  # the same, below which round-off may end the iteration
-SETTLED = 1e-9  # change of the displacements between two numbers of steps, over the largest
 ANGLE = 0.25  # first dt times the bound on the frequency
-FINEST = 4096  # steps per half period
 SHORTEST = 1e-3  # half period times the bound on the frequency
 AT_REST = 1e-5  # of the guess's displacements, below which an orbit is the state at rest
 HARMONICS = 6  # that are compared with the bands
 CROWDED = 4.0  # neighbouring modes closer than so many mean distances form a band
-
-
-@dataclass(frozen=True, eq=False)
-class Orbit:
-    """A time-periodic motion, computed by `periodic_orbit`.
-
-    Attributes
-    ----------
-    scene : Chain
-    state : State
-        At rest, at the turning point that the guess lies nearer to.
-    period : float
-        [s]
-    energy : float
-        Above that at rest [J].
-    residual : float
-        Largest |v| at half the period over the largest |v| that linear motion of the same
-        displacements and period has.
-    opens : bool
-        Whether some spring passes a kink, such as the loss of contact: fewer digits then.
-    steps : int
-        Steps of half a period.
-    """
-
-    scene: Chain = field(repr=False)
-    state: State = field(repr=False)
-    period: float
-    energy: float
-    residual: float
-    opens: bool
-    steps: int = field(repr=False)
-
-    def __str__(self) -> str:
-        opens = "; springs pass kinks" if self.opens else ""
-        return (
-            f"periodic orbit of {self.scene.sites} sites, period {self.period:.6g} s, energy "
-            f"{self.energy:.6g} J\nresidual {self.residual:.1e}{opens}"
-        )
-
-    def run(self, tol: float = 1e-9) -> Run:
-        """A run of one period from `state`, with the tolerance of `simulate`."""
-        return simulate(self.scene, self.state, self.period, tol=tol)
 
 
 def periodic_orbit(
@@ -123,12 +75,10 @@ def periodic_orbit(
     '0.014267564 J'
     """
     check.kind("scene", scene, Chain)
-    if dynamics(scene).is_driven:
-        raise TensegrityError(
-            "periodic_orbit: not for chains with drives, dashpots, tuned springs or forces"
-        )
     if not isinstance(guess, (State, Orbit)):
         raise TensegrityError(f"guess {check.shown(guess)} is not a State or an Orbit")
+    if dynamics(scene).is_driven:
+        return _driven_orbit(scene, guess, period, energy)
     if (period is None) == (energy is None):
         raise TensegrityError("give exactly one of period and energy")
     began = guess.state if isinstance(guess, Orbit) else guess
@@ -146,137 +96,135 @@ def periodic_orbit(
         time = guess.period
     else:
         time = check.number("period", period, above=0, unit="s")
-    half = _HalfPeriod(scene, began.u, energy)
     try:
-        found = half.settled(began.u, time / 2)
-    except _NoOrbitError as error:
+        found = HalfPeriod(scene, began.u, energy).orbit(time / 2)
+    except NoOrbitError as error:
         raise TensegrityError(f"no periodic orbit found: {error}{_in_band(scene, time)}") from None
     return found
 
 
-class _NoOrbitError(Exception):
-    """Newton's method did not converge."""
+def _driven_orbit(
+    scene: Chain, guess: State | Orbit, period: float | None, energy: float | None
+) -> Orbit:
+    """`periodic_orbit` of a scene that is driven or damped."""
+    if scene.tune:
+        raise TensegrityError("periodic_orbit: not for chains with tuned springs")
+    if energy is not None:
+        raise TensegrityError("the energy of a driven orbit cannot be given: its drives set it")
+    shortest = DrivePeriod(scene).value
+    if period is not None:
+        shortest = fitting(check.number("period", period, above=0, unit="s"), shortest)
+    began = guess.state if isinstance(guess, Orbit) else guess
+    scene.check(began)
+    whole = WholePeriod(scene, began, shortest)
+    try:
+        x, residual = whole.settled(whole.guess, whole.steps)
+    except (NoOrbitError, np.linalg.LinAlgError) as error:
+        raise TensegrityError(f"no periodic orbit found: {error}") from None
+    return whole.found(x, shortest, residual)
 
 
-class _HalfPeriod:
-    """The equations of an orbit over half its period."""
+class HalfPeriod(Shooting):
+    """The equations v(T/2) = 0 in unknowns u(0) [m] and T/2 [s].
+
+    Parameters
+    ----------
+    scene : Chain
+    guess : ndarray, (sites,)
+        Displacements [m].
+    energy : float or None
+        The orbit's [J]; by default T/2 stays as it is.
+    """
 
     def __init__(self, scene: Chain, guess: Array, energy: float | None) -> None:
-        self.scene, self._guess, self._energy = scene, guess, energy
-        self._of, self._flow = dynamics(scene), Flow(scene, 1)
-        self._free = np.flatnonzero(self._of.inverse_mass > 0)
-        self._shifts = float(len(self._free) == scene.sites)  # whether it may be shifted
+        super().__init__(scene, Flow(scene, 1))
+        self._guess, self._energy = guess, energy
+        self.free = np.flatnonzero(self.of.inverse_mass > 0)
+        self.shifts = float(len(self.free) == scene.sites)  # whether it may be shifted
         self._size = float(np.ptp(guess)) or 1.0
 
-    def settled(self, u: Array, half: float) -> Orbit:
-        """The orbit, with as many steps as its displacements need."""
-        frequency = self._of.frequency(self._of.ranges_at(u))
+    def orbit(self, half: float) -> Orbit:
+        """The orbit near the guess and half a period [s]."""
+        u = self._guess
+        frequency = self.of.frequency(self.of.ranges_at(u))
         most = FINEST * ANGLE / frequency if frequency > 0 else 0.0
         if not half <= most:
             raise TensegrityError(f"period {2 * half:g} s must be at most {2 * most:g} s")
         if half < SHORTEST / frequency:
             least = 2 * SHORTEST / frequency
             raise TensegrityError(f"period {2 * half:g} s must be at least {least:g} s")
-        steps, before = max(8, math.ceil(half * frequency / ANGLE)), None
-        while True:
-            self._flow.steps = steps
-            u, half, off = self._solved(u, half)
-            if np.ptp(u) < AT_REST * self._size:
-                raise _NoOrbitError("the guess slides to the state at rest")
-            moved = math.inf if before is None else float(np.abs(u - before).max() / np.ptp(u))
-            if moved < SETTLED or steps >= FINEST:
-                return self._orbit(u, half, off)
-            steps, before = min(2 * steps, FINEST), u
+        x, off = self.settled(np.append(u, half), max(8, math.ceil(half * frequency / ANGLE)))
+        return self.found(x, off)
 
-    def _orbit(self, u: Array, half: float, residual: float) -> Orbit:
-        end = self._flow.end(u, 0 * u, half)[0]
-        opens = bool(self._of.springs.kinks_within(self._flow.ranges))
+    def found(self, x: Array, residual: float) -> Orbit:
+        """The orbit of given unknowns, at the turning point that the guess lies nearer to."""
+        u, half = x[:-1], float(x[-1])
+        end = self.flow.end(u, 0 * u, half)[0]
+        opens = bool(self.of.springs.kinks_within(self.flow.ranges))
         if np.abs(end - self._guess).max() < np.abs(u - self._guess).max():
             u = end
-        state, scene = State(u - self._shifts * np.mean(u - self._guess), 0 * u), self.scene
-        above = scene.energy(state) - scene.energy(scene.at_rest())
-        return Orbit(scene, state, 2 * half, above, residual, opens, self._flow.steps)
+        state = State(u - self.shifts * np.mean(u - self._guess), 0 * u)
+        return Orbit(
+            self.scene, state, 2 * half, above_rest(self.scene, state), residual, opens,
+            self.flow.steps,
+        )  # fmt: skip
 
-    def _solved(self, u: Array, half: float) -> tuple[Array, float, float]:
-        """u(0), half a period, and the residual, by Newton's method."""
-        best = math.inf
-        step, by_time, off = self._step(u, half)
-        for _ in range(ITERATIONS):
-            size = max(float(np.abs(step).max()) / float(np.ptp(u)), abs(by_time) / half)
-            if not size < math.inf:
-                break
-            if size < CONVERGED or (size < STUCK and size > best / 4):
-                return u + step, half + by_time, off
-            best, part = min(best, size), min(1.0, LONGEST / size)
-            for _ in range(HALVINGS):
-                tried = u + part * step, half + part * by_time
-                step_there, by_time_there, off_there = self._step(*tried)
-                if off_there < 2 * off + STUCK:
-                    break
-                part /= 2
-            (u, half), step, by_time, off = tried, step_there, by_time_there, off_there
-            if np.ptp(u) < AT_REST * self._size:
-                raise _NoOrbitError("the guess slides to the state at rest")
-        raise _NoOrbitError(f"the last Newton step is {size:.1e} of the displacements")
+    def size(self, step: Array, x: Array) -> float:
+        """The larger of the parts by which u and T/2 change."""
+        return max(float(np.abs(step[:-1]).max() / np.ptp(x[:-1])), abs(float(step[-1] / x[-1])))
 
-    def _step(self, u: Array, half: float) -> tuple[Array, float, float]:
-        """Newton steps of u(0) and of half the period, and the residual."""
-        free, sites = self._free, self.scene.sites
-        low, high = self._of.springs.computable_domain[self._of.springs.group].T
-        r = np.diff(u)
-        if half <= 0 or np.any((r <= low) | (r >= high)):
-            return u, 0.0, math.inf
-        end, v, tangent = self._flow.tangents(u, 0 * u, half, of_u=False)
-        if not (np.isfinite(tangent).all() and np.isfinite(v).all()):
-            return u, 0.0, math.inf
-        acceleration = self.scene.forces(end) * self._of.inverse_mass
-        jacobian = tangent[np.ix_(free, free)]
-        jacobian += self._shifts * float(np.abs(jacobian).max()) / sites
-        right, step = -v[free], np.zeros(sites)
+    def refuse(self, x: Array) -> None:
+        """Refuse the state at rest."""
+        if np.ptp(x[:-1]) < AT_REST * self._size:
+            raise NoOrbitError("the guess slides to the state at rest")
+
+    def equations(self, u: Array, half: float) -> tuple[Array, Array, Array]:
+        """v(T/2) at free sites, its derivatives by their displacements, and by T/2; in a free chain
+        with the shift from the guess, which shall be 0.
+
+        Parameters
+        ----------
+        u : ndarray, (sites,)
+            [m]
+        half : float
+            [s]
+
+        Returns
+        -------
+        v : ndarray, (free,)
+        jacobian : ndarray, (free, free)
+        acceleration : ndarray, (free,)
+        """
+        end, v, tangent = self.flow.tangents(u, 0 * u, half, of_u=False)
+        jacobian, v = tangent[np.ix_(self.free, self.free)], v[self.free]
+        if not (np.isfinite(jacobian).all() and np.isfinite(v).all() and self.inside(end)):
+            return v + math.nan, jacobian, 0 * v
+        shifts = self.shifts * float(np.abs(jacobian).max())
+        acceleration = (self.scene.forces(end) * self.of.inverse_mass)[self.free]
+        moved = float(np.mean(u - self._guess))
+        return v + shifts * moved, jacobian + shifts / self.scene.sites, acceleration
+
+    def step(self, x: Array) -> tuple[Array, float]:
+        """Newton's step, and |v(T/2)| over that of linear motion."""
+        u, half, free = x[:-1], float(x[-1]), self.free
+        if half <= 0 or not self.inside(u):
+            return x + math.nan, math.inf
+        v, jacobian, acceleration = self.equations(u, half)
+        if not np.isfinite(v).all():
+            return x + math.nan, math.inf
+        right, step = -v, np.zeros(len(x))
         off = float(np.abs(v).max()) * half / (math.pi * float(np.ptp(u)))
         if self._energy is None:
             step[free] = np.linalg.solve(jacobian, right)
-            return step, 0.0, off
+            return step, off
         matrix = np.zeros((len(free) + 1, len(free) + 1))
-        matrix[:-1, :-1], matrix[:-1, -1] = jacobian, acceleration[free]
+        matrix[:-1, :-1], matrix[:-1, -1] = jacobian, acceleration
         matrix[-1, :-1] = -self.scene.forces(u)[free]
-        state = State(u, 0 * u)
-        missing = self._energy - self.scene.energy(state) + self.scene.energy(self.scene.at_rest())
+        missing = self._energy - above_rest(self.scene, State(u, 0 * u))
         scale = float(np.abs(matrix[-1]).max())
         matrix[-1] /= scale
-        found = np.linalg.solve(matrix, np.append(right, missing / scale))
-        step[free] = found[:-1]
-        return step, float(found[-1]), off
-
-
-def half_map(orbit: Orbit) -> tuple[Array, Array]:
-    """The tangent of half a period, and the directions that leave an orbit periodic.
-
-    Parameters
-    ----------
-    orbit : Orbit
-
-    Returns
-    -------
-    tangent : ndarray, (2 sites, 2 sites)
-        With held sites at rest.
-    motions : ndarray, (2 sites, 2 or 4)
-        Pairs: change of the period and phase of the orbit; in a free chain its shift and boost.
-    """
-    scene, u = orbit.scene, orbit.state.u
-    of, sites = dynamics(scene), scene.sites
-    flow, free = Flow(scene, orbit.steps), np.flatnonzero(of.inverse_mass > 0)
-    end, _, tangent = flow.tangents(u, 0 * u, orbit.period / 2)
-    is_free = float(len(free) == sites)
-    jacobian = tangent[sites:, :sites][np.ix_(free, free)]
-    jacobian += is_free * float(np.abs(jacobian).max()) / sites
-    by_period, nothing = np.zeros((2, sites))
-    acceleration = [scene.forces(x) * of.inverse_mass for x in (u, end)]
-    by_period[free] = np.linalg.solve(jacobian, -acceleration[1][free] / 2)
-    motions = [by_period, nothing, nothing, acceleration[0]]
-    if is_free:
-        motions += [nothing + 1, nothing, nothing, nothing + 1]
-    return tangent, np.reshape(motions, (-1, 2 * sites)).T
+        step[[*free, -1]] = np.linalg.solve(matrix, np.append(right, missing / scale))
+        return step, off
 
 
 def _in_band(scene: Chain, period: float) -> str:

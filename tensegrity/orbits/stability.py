@@ -21,8 +21,9 @@ from numpy.typing import NDArray
 
 from tensegrity import check
 from tensegrity.errors import ResolutionError, TensegrityError
+from tensegrity.orbits.driven_orbit import whole_multipliers
 from tensegrity.orbits.flow import Flow
-from tensegrity.orbits.orbit import Orbit, half_map
+from tensegrity.orbits.shooting import Orbit
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.typing import Array
@@ -152,7 +153,10 @@ def _of_orbit(orbit: Orbit) -> Floquet:
     The symplectic complement of these is invariant, and the projection on it changes no other
     multiplier.
     """
-    tangent, motions = half_map(orbit)
+    if dynamics(orbit.scene).is_driven:  # nothing is neutral
+        found = _descending(whole_multipliers(orbit))
+        return _verdict(found, found[:0], 1 / orbit.period)
+    tangent, motions = _half_map(orbit)
     sites = orbit.scene.sites
     mass = np.diag(orbit.scene.mass)
     form, reversal = np.kron([[0, 1], [-1, 0]], mass), np.repeat([1.0, -1.0], sites)[:, None]
@@ -191,7 +195,10 @@ def _deflated(tangent: Array, motions: Array, x: Array) -> tuple[Array, Multipli
 
 def _multipliers(matrix: Array) -> Multipliers:
     """Eigenvalues in descending modulus."""
-    found = np.linalg.eigvals(matrix).astype(complex)
+    return _descending(np.linalg.eigvals(matrix).astype(complex))
+
+
+def _descending(found: Multipliers) -> Multipliers:
     return found[np.argsort(-np.abs(found), kind="stable")]
 
 
@@ -200,3 +207,33 @@ def _verdict(multipliers: Multipliers, neutral: Multipliers, rate: float) -> Flo
     largest = float(np.abs(multipliers).max(initial=0.0))
     stable = largest <= 1 + STABLE
     return Floquet(multipliers, neutral, 0.0 if stable else rate * math.log(largest), stable)
+
+
+def _half_map(orbit: Orbit) -> tuple[Array, Array]:
+    """The tangent of half a period, and the directions that leave an orbit periodic.
+
+    Parameters
+    ----------
+    orbit : Orbit
+
+    Returns
+    -------
+    tangent : ndarray, (2 sites, 2 sites)
+        With held sites at rest.
+    motions : ndarray, (2 sites, 2 or 4)
+        Pairs: change of the period and phase of the orbit; in a free chain its shift and boost.
+    """
+    scene, u = orbit.scene, orbit.state.u
+    of, sites = dynamics(scene), scene.sites
+    flow, free = Flow(scene, orbit.steps), np.flatnonzero(of.inverse_mass > 0)
+    end, _, tangent = flow.tangents(u, 0 * u, orbit.period / 2)
+    is_free = float(len(free) == sites)
+    jacobian = tangent[sites:, :sites][np.ix_(free, free)]
+    jacobian += is_free * float(np.abs(jacobian).max()) / sites
+    by_period, nothing = np.zeros((2, sites))
+    acceleration = [scene.forces(x) * of.inverse_mass for x in (u, end)]
+    by_period[free] = np.linalg.solve(jacobian, -acceleration[1][free] / 2)
+    motions = [by_period, nothing, nothing, acceleration[0]]
+    if is_free:
+        motions += [nothing + 1, nothing, nothing, nothing + 1]
+    return tangent, np.reshape(motions, (-1, 2 * sites)).T

@@ -361,6 +361,11 @@ def in_time(x: Any) -> dict[str, Any]:
     return {name: value for name, value in found.items() if value}
 
 
+def _drive(x):
+    given = {"parameters": dict(x.parameters)} if x.parameters else {}
+    return {"displacement": x.displacement, "force": x.force} | given
+
+
 def _force(x):
     return {"expression": x.expression, "on": x.on, "at": x.at, "parameters": dict(x.parameters)}
 
@@ -417,7 +422,7 @@ def _make_network(bonds, springs, wall_contacts, wall_gaps, **others):
 register(Repeated, _shared)
 register(State, _fields)
 register(Damping, lambda x: {k: v if v.ndim else float(v) for k, v in _fields(x).items()})
-register(Drive, lambda x: {name: getattr(x, name) for name in ("displacement", "force")})
+register(Drive, _drive)
 register(Force, _force)
 register(Record, _fields)
 register(Prism, _fields)

@@ -320,7 +320,10 @@ def dashpots(scene: Any) -> list[Force]:
     import sympy as sp
 
     c, rate = sp.symbols("c rate")
-    damping, counts, found = scene.damping, place_counts(scene), []
+    damping, counts = scene.damping, place_counts(scene)
+    found: list[Force] = []
+    if damping is None:
+        return found
     if damping.ground.any():
         along = [-c * sp.Symbol(f"v_{k}") for k in AXES[: scene.dim]]
         values = {"c": damping.each("ground", counts["sites"])}
@@ -329,3 +332,11 @@ def dashpots(scene: Any) -> list[Force]:
         values = {"c": damping.each("bond", counts["bonds"])}
         found.append(Force(c * rate, "bonds", parameters=values))
     return found
+
+
+def no_force(scene: Any) -> Force:
+    """A force of 0 N, with which steps of a Runge-Kutta method are those of scenes with forces."""
+    import sympy as sp
+
+    along = [0 * sp.Symbol("v") for _ in AXES[: scene.dim]]
+    return Force(along if scene.dim > 1 else along[0])

@@ -20,7 +20,7 @@ from tensegrity.errors import TensegrityError
 from tensegrity.printing import concise, printed
 from tensegrity.readonly import FixedDict, fixed
 from tensegrity.scenes.dynamics import dynamics
-from tensegrity.scenes.force import checked_forces, dashpots, place_counts
+from tensegrity.scenes.force import checked_forces, dashpots, no_force, place_counts
 from tensegrity.scenes.signals import RTOL, check_signals, expression_of, signals_of
 from tensegrity.springs.potential import argument
 from tensegrity.springs.tuned import spring_at
@@ -55,12 +55,15 @@ class Drive:
         Displacement u(t) from the reference position [m], which the site follows exactly.
     force : sympy.Expr, float, (t, values), or sequence of expressions, optional
         Force [N], > 0 along the axis, in addition to the forces of the bonds and loads.
+    parameters : dict of str to float, optional
+        Values of further symbols of the expressions, which `orbit_path` can follow.
 
     Raises
     ------
     TensegrityError
-        Neither or both given; an expression of symbols other than t; samples that are not finite,
-        or whose times do not increase.  The run refuses values that are not finite, and jumps.
+        Neither or both given; an expression of symbols other than t and the parameters; a parameter
+        that does not occur or is not finite; samples that are not finite, or whose times do not
+        increase.  The run refuses values that are not finite, and jumps.
 
     Examples
     --------
@@ -75,6 +78,7 @@ class Drive:
 
     displacement: Any = None
     force: Any = None
+    parameters: Mapping[str, float] = field(default_factory=FixedDict)
     signals: tuple[Any, ...] = field(init=False, repr=False)  # per coordinate; None if free
     prescribes: bool = field(init=False, repr=False)
 
@@ -86,15 +90,32 @@ class Drive:
             self,
             displacement: Signal | Sequence[sp.Expr | float | None] | None = None,
             force: Signal | Sequence[sp.Expr | float | None] | None = None,
+            parameters: Mapping[str, float] = ...,
         ) -> None: ...
 
     def __post_init__(self) -> None:
         given = [name for name in ("displacement", "force") if getattr(self, name) is not None]
         if len(given) != 1:
             raise TensegrityError(f"a drive has {len(given)} of displacement and force, must be 1")
-        signals = signals_of(given[0], getattr(self, given[0]))
+        if not isinstance(self.parameters, Mapping):
+            raise TensegrityError(f"parameters {check.shown(self.parameters)} must be a dict")
+        values = {
+            str(name): check.number(f"parameter {name} of the drive", value)
+            for name, value in self.parameters.items()
+        }
+        if "t" in values:
+            raise TensegrityError("parameter t of a drive is the time")
+        signals = signals_of(given[0], getattr(self, given[0]), values)
+        idle = sorted(values.keys() - {k for s in signals if s is not None for k in s.parameters})
+        if idle:
+            raise TensegrityError(f"{given[0]} of the drive does not contain {', '.join(idle)}")
+        object.__setattr__(self, "parameters", FixedDict(values))
         object.__setattr__(self, "signals", signals)
         object.__setattr__(self, "prescribes", given[0] == "displacement")
+
+    def varied(self, values: Mapping[str, float]) -> Drive:
+        """The same drive with other values of some of its parameters."""
+        return replace(self, parameters={**self.parameters, **values})
 
     def at(self, t: ArrayLike, order: int = 0) -> Array:
         """Values [m] or [N] at times t [s], or their rates for order 1.
@@ -347,7 +368,7 @@ def check_start(scene: Any, u: Array) -> None:
                 )
 
 
-def forcing_of(scene: Any, t_end: float, tuning: Any = None) -> Forcing:
+def forcing_of(scene: Any, t_end: float, tuning: Any = None, as_forces: bool = False) -> Forcing:
     """The forcing of a scene as arrays for the loop; see `tensegrity.engine.driven`.
 
     Parameters
@@ -357,6 +378,8 @@ def forcing_of(scene: Any, t_end: float, tuning: Any = None) -> Forcing:
         End of the run [s].
     tuning : object, optional
         The springs' parameters as functions of time; see `tensegrity.springs.tuned`.
+    as_forces : bool, optional
+        Whether dashpots are further forces, as Runge-Kutta methods take them.
 
     Returns
     -------
@@ -372,18 +395,6 @@ def forcing_of(scene: Any, t_end: float, tuning: Any = None) -> Forcing:
         driven_entries(scene, False),
     )
     check_signals((*motions, *scattered_forces), t_end)
-
-    def together(signals: tuple[Any, ...]) -> Any:
-        alike = [getattr(signal, "expression", signal) for signal in signals]
-        distinct = dict(zip(alike, signals, strict=True))  # each is evaluated once
-        number = [list(distinct).index(one) for one in alike]
-
-        def values(t: Array, order: int) -> Array:
-            found = np.stack([signal(t, order) for signal in distinct.values()], axis=-1)
-            return found[..., number]
-
-        return values
-
     bonds, mass = dynamics(scene).loop_bonds, np.repeat(scene.mass, scene.dim)
     driven_mass = mass[moved]
     mass[moved] = 0.0
@@ -393,7 +404,7 @@ def forcing_of(scene: Any, t_end: float, tuning: Any = None) -> Forcing:
     bond[: _bonds(scene)] = damping.each("bond", _bonds(scene))
     held = np.repeat(dynamics(scene).inverse_mass == 0, scene.dim)
     ground[held] = 0.0
-    applied = applied_forces(scene)
+    applied = applied_forces(scene, as_forces)
     if applied:  # dashpots are among them
         ground, bond = np.zeros_like(ground), np.zeros_like(bond)
     if tuning is not None:
@@ -405,8 +416,8 @@ def forcing_of(scene: Any, t_end: float, tuning: Any = None) -> Forcing:
         bonds,
         moved,
         forced,
-        together(motions),
-        together(scattered_forces),
+        in_columns(motions),
+        in_columns(scattered_forces),
         mass,
         driven_mass,
         ground,
@@ -416,9 +427,24 @@ def forcing_of(scene: Any, t_end: float, tuning: Any = None) -> Forcing:
     )
 
 
-def applied_forces(scene: Any) -> tuple[Any, ...]:
-    """The forces of a scene that has any, its dashpots among them."""
-    if not scene._forces:
+def in_columns(signals: Sequence[Any], by: str | None = None) -> Any:
+    """Functions of time as one function (t, order) -> (t.size, signals), or their derivatives by a
+    parameter; equal ones are evaluated once."""
+    distinct = {signal.key: signal for signal in signals}
+    number = [list(distinct).index(signal.key) for signal in signals]
+
+    def values(t: Array, order: int) -> Array:
+        rows = [signal(t, order, by) if by in (None, *signal.parameters) else 0 * t
+                for signal in distinct.values()]  # fmt: skip
+        return np.stack(rows, axis=-1)[..., number] if rows else np.zeros((*t.shape, 0))
+
+    return values
+
+
+def applied_forces(scene: Any, as_forces: bool = False) -> tuple[Any, ...]:
+    """The forces of a scene that has any, its dashpots among them; if these shall be forces, at
+    least one force."""
+    if not (scene._forces or as_forces):
         return ()
-    more = dashpots(scene) if scene.damping else []
-    return tuple(one._applied(scene) for one in (*scene._forces, *more))
+    found = [*scene._forces, *dashpots(scene)]
+    return tuple(one._applied(scene) for one in found or [no_force(scene)])

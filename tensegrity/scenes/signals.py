@@ -3,9 +3,9 @@ they are finite and continuous over a run."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from tensegrity import check
 from tensegrity.engine.law import is_piecewise
 from tensegrity.errors import TensegrityError
 from tensegrity.once import once
-from tensegrity.readonly import fixed
+from tensegrity.readonly import FixedDict, fixed
 from tensegrity.typing import Array
 
 INTERVALS = 4096  # intervals of a run that are searched for a jump
@@ -25,22 +25,24 @@ RTOL = 1e-9  # relative tolerance on initial values and on the end of samples
 
 
 class Expression:
-    """A SymPy expression of t as a function of time [s].
+    """A SymPy expression of t and of parameters as a function of time [s].
 
     `order_limit` is the highest order of any method with this signal; a kink of the expression
     reduces it.
     """
 
-    def __init__(self, name: str, expression: Any) -> None:
-        self.name, self.expression = name, expression
-        _functions(expression)  # refuses an expression that cannot be translated
+    def __init__(self, name: str, expression: Any, parameters: Mapping[str, float]) -> None:
+        self.name, self.expression, self.parameters = name, expression, dict(parameters)
+        _functions(expression, tuple(parameters))  # refuses one that cannot be translated
         self.span = -np.inf, np.inf
         self.order_limit = KINK_ORDER if is_piecewise(expression) else np.inf
 
-    def __call__(self, t: Array, order: int = 0) -> Array:
-        """Values, or rates for order 1; of the shape of t."""
+    def __call__(self, t: Array, order: int = 0, by: str | None = None) -> Array:
+        """Values, or rates for order 1, or the derivatives of these by a parameter; of the shape
+        of t."""
+        made = _functions(self.expression, tuple(self.parameters), by)[order]
         with np.errstate(all="ignore"):
-            found = np.broadcast_to(_functions(self.expression)[order](t), np.shape(t))
+            found = np.broadcast_to(made(t, *self.parameters.values()), np.shape(t))
         bad = ~np.isfinite(found)
         if np.iscomplexobj(found) or bad.any():
             where = np.atleast_1d(t)[np.atleast_1d(bad)]
@@ -50,18 +52,35 @@ class Expression:
             raise TensegrityError(f"{words}{self.name} {self.expression} is {value}{at}")
         return found
 
+    @property
+    def key(self) -> Any:
+        """Equal for equal functions of time."""
+        return self.expression, tuple(self.parameters.items())
+
+    def varied(self, values: Mapping[str, float]) -> Expression:
+        """The same with other values of those parameters that it has."""
+        changed = {k: values[k] for k in self.parameters if k in values}
+        return Expression(self.name, self.expression, self.parameters | changed)
+
     def __repr__(self) -> str:
-        return str(self.expression)
+        given = ", ".join(f"{name} = {x:.9g}" for name, x in self.parameters.items())
+        return f"{self.expression}{given and f' with {given}'}"
 
 
 class Samples:
     """Samples interpolated by a cubic spline, whose third derivative jumps."""
 
     order_limit = 4.0
+    parameters: ClassVar[Mapping[str, float]] = {}
 
     def __init__(self, name: str, t: Array, values: Array) -> None:
         self.name, self._t, self._values = name, t, values
         self.span = float(t[0]), float(t[-1])
+
+    @property
+    def key(self) -> Any:
+        """Equal for equal functions of time."""
+        return id(self)
 
     @cached_property
     def _spline(self) -> Any:
@@ -69,7 +88,7 @@ class Samples:
 
         return CubicSpline(self._t, self._values)
 
-    def __call__(self, t: Array, order: int = 0) -> Array:
+    def __call__(self, t: Array, order: int = 0, by: None = None) -> Array:
         """Values, or rates for order 1; of the shape of t."""
         return self._spline(t, order)
 
@@ -77,8 +96,28 @@ class Samples:
         return f"{len(self._t)} samples from {self.span[0]:g} s to {self.span[1]:g} s"
 
 
-def signals_of(name: str, given: Any) -> tuple[Any, ...]:
-    """A function of t for each coordinate, or None for a coordinate that is free."""
+def signals_of(
+    name: str, given: Any, parameters: Mapping[str, float] = FixedDict()
+) -> tuple[Any, ...]:
+    """A function of t for each coordinate, or None for a coordinate that is free.
+
+    Parameters
+    ----------
+    name : str
+        For messages.
+    given : expression, float, (t, values), or sequence of expressions
+    parameters : dict of str to float, optional
+        Values of further symbols.
+
+    Returns
+    -------
+    tuple of Expression, Samples or None
+
+    Raises
+    ------
+    TensegrityError
+        Samples or expressions that are no functions of time.
+    """
     if isinstance(given, (tuple, list)) and len(given) == 2 and _is_array(given[0]):
         t, values = (check.floats(f"samples of the {name}", x) for x in given)
         if t.ndim != 1 or len(t) < 2 or values.ndim not in (1, 2) or len(values) != len(t):
@@ -97,45 +136,72 @@ def signals_of(name: str, given: Any) -> tuple[Any, ...]:
         columns = values.reshape(len(t), -1).T
         return tuple(Samples(name, fixed(t), fixed(column)) for column in columns)
     if not isinstance(given, (tuple, list)):
-        return (expression_of(name, given),)
+        return (expression_of(name, given, parameters),)
     if not 1 <= len(given) <= 3 or all(one is None for one in given):
         raise TensegrityError(f"{name} {check.shown(given)} must have 1 to 3 components")
-    return tuple(None if one is None else expression_of(name, one) for one in given)
+    return tuple(None if one is None else expression_of(name, one, parameters) for one in given)
 
 
 def _is_array(x: Any) -> bool:
     return isinstance(x, (list, tuple)) or (isinstance(x, np.ndarray) and x.ndim > 0)
 
 
-def expression_of(name: str, given: Any) -> Expression:
-    """A function of time from an expression of t alone, or from a number."""
+def expression_of(
+    name: str, given: Any, parameters: Mapping[str, float] = FixedDict()
+) -> Expression:
+    """A function of time from an expression of t and of parameters, or from a number.
+
+    Parameters
+    ----------
+    name : str
+        For messages.
+    given : expression, Expression or float
+    parameters : dict of str to float, optional
+        Values of further symbols, of which those that occur are taken.
+
+    Returns
+    -------
+    Expression
+
+    Raises
+    ------
+    TensegrityError
+        An expression of other symbols, or one that cannot be translated.
+    """
     import sympy as sp
 
     if isinstance(given, Expression):  # taken from another scene
         given = given.expression
     if not isinstance(given, sp.Expr):
         given = sp.Float(check.number(name, given))
-    other = sorted(str(s) for s in given.free_symbols if str(s) != "t")
+    names = {str(s) for s in given.free_symbols}
+    other = sorted(names - {"t", *parameters})
     if other:
+        words = f", {', '.join(parameters)}" if parameters else " alone"
         raise TensegrityError(
-            f"{name} {check.shown(given)} depends on {', '.join(other)}, must depend on t alone"
+            f"{name} {check.shown(given)} depends on {', '.join(other)}, must depend on t{words}"
         )
-    return Expression(name, given)
+    return Expression(name, given, {k: x for k, x in parameters.items() if k in names})
 
 
 @once
-def _functions(expression: Any) -> Any:
-    """The expression and its derivative in t as functions of arrays."""
+def _functions(expression: Any, names: tuple[str, ...] = (), by: str | None = None) -> Any:
+    """The expression and its derivative in t, or the derivatives of both by a parameter, as
+    functions of an array of t and of the parameters."""
     import sympy as sp
 
-    t = sp.Symbol("t", real=True)
+    symbols = {name: sp.Symbol(name, real=True) for name in ("t", *names)}
     try:
-        expression = expression.xreplace(dict.fromkeys(expression.free_symbols, t))
-        rate = sp.diff(expression, t).replace(sp.DiracDelta, lambda *_: sp.Integer(0))
-        found = [sp.lambdify(t, x, "numpy", cse=True) for x in (expression, rate)]
+        expression = expression.xreplace({s: symbols[str(s)] for s in expression.free_symbols})
+        if by is not None:
+            expression = sp.diff(expression, symbols[by])
+        rate = sp.diff(expression, symbols["t"]).replace(sp.DiracDelta, lambda *_: sp.Integer(0))
+        made = (expression, rate)
+        found = [sp.lambdify([*symbols.values()], x, "numpy", cse=True) for x in made]
         with np.errstate(all="ignore"):
             for one in found:
-                np.broadcast_to(one(np.array([0.3, 0.7])), (2,)).astype(float)
+                values = one(np.array([0.3, 0.7]), *np.linspace(0.4, 0.6, len(names)))
+                np.broadcast_to(values, (2,)).astype(float)
     except Exception as error:  # SymPy's printers and NumPy raise many types here
         raise TensegrityError(f"expression {expression} cannot be translated: {error}") from error
     return found
@@ -143,7 +209,7 @@ def _functions(expression: Any) -> Any:
 
 def check_signals(signals: Sequence[Any], t_end: float) -> None:
     """Refuse signals that are not finite and continuous from 0 to `t_end` [s]."""
-    for signal in {getattr(one, "expression", one): one for one in signals}.values():
+    for signal in {one.key: one for one in signals}.values():
         low, high = signal.span
         if low > 0 or high < t_end * (1 - RTOL):
             raise TensegrityError(f"{signal.name}: {signal} do not reach from 0 to {t_end:g} s")

@@ -1,0 +1,190 @@
+"""Periodic responses of driven and damped chains, by shooting over the period of the drives.
+
+The unknowns are the state z(0) = (u, v) at the sites that move freely, the equations z(T) = z(0);
+Newton's method takes the tangent of the whole period, whose eigenvalues are the orbit's Floquet
+multipliers.  Source: R. Seydel, Practical Bifurcation and Stability Analysis, chapter 7.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity.orbits.flow import DrivenFlow
+from tensegrity.orbits.shooting import Orbit, Shooting, above_rest
+from tensegrity.scenes.chain import Chain
+from tensegrity.scenes.scene import State
+from tensegrity.typing import Array
+
+ANGLE, LEAST = 0.5, 16  # first dt times the bound on the frequency, and least number of steps
+SHIFTED = 1e-9  # change of a shift of the whole chain in one period, below which it is neutral
+
+
+class WholePeriod(Shooting):
+    """The equations z(T) = z(0) in unknowns u(0) [m] and v(0) T/2 pi [m] of the free sites.
+
+    Parameters
+    ----------
+    scene : Chain
+    guess : State
+        Its velocities count too.
+    period : float
+        Of the drives, or a whole multiple [s].
+
+    Attributes
+    ----------
+    free : ndarray of int
+        Numbers of the sites whose motion is not prescribed.
+    """
+
+    def __init__(self, scene: Chain, guess: State, period: float) -> None:
+        super().__init__(scene, DrivenFlow(scene, 1, period))
+        self._period, self._start = period, scene.at_rest()
+        self._rate = period / (2 * math.pi)  # displacement over velocity [s]
+        moved = [site for site, drive in scene.drive.items() if drive.prescribes]
+        free = self.of.inverse_mass > 0
+        free[moved] = False
+        self.free = np.flatnonzero(free)
+        self.guess = np.concatenate([guess.u[self.free], guess.v[self.free] * self._rate])
+        self._shifts: float | None = None if len(self.free) == scene.sites else 0.0
+
+    @property
+    def steps(self) -> int:
+        """A first number of steps of the period."""
+        u = self.state(self.guess).u
+        frequency = self.of.frequency(self.of.ranges_at(u))
+        return max(LEAST, math.ceil(self._period * frequency / ANGLE))
+
+    def state(self, x: Array, values: Mapping[str, float] | None = None) -> State:
+        """The state at t = 0 of given unknowns.
+
+        Parameters
+        ----------
+        x : ndarray, (2 free,)
+        values : dict of str to float, optional
+            Other values of parameters of the drives.
+
+        Returns
+        -------
+        State
+        """
+        u, v = self._start.u.copy(), self._start.v.copy()
+        for site, drive in self.scene.drive.items():
+            if drive.prescribes and values:
+                u[site], v[site] = (s.varied(values)(np.zeros(1), k)[0]
+                                    for s in drive.signals for k in (0, 1))  # fmt: skip
+        u[self.free], v[self.free] = x.reshape(2, -1)
+        v[self.free] /= self._rate
+        return State(u, v)
+
+    def equations(
+        self,
+        x: Array,
+        period: float,
+        values: Mapping[str, float] | None = None,
+        by: str | None = None,
+    ) -> tuple[Array, Array, Array]:
+        """z(T) - z(0), and its derivatives by z(0) and by a parameter at constant T.
+
+        Parameters
+        ----------
+        x, values
+            As of `state`.
+        period : float
+            T [s].
+        by : str, optional
+
+        Returns
+        -------
+        residual : ndarray, (2 free,)
+            [m], velocities times the first T/2 pi; nan outside of the springs' domains.
+        jacobian : ndarray, (2 free, 2 free)
+        column : ndarray, (2 free,)
+        """
+        start, free, sites = self.state(x, values), self.free, self.scene.sites
+        here = np.append(free, sites + free)
+        if not self.inside(start.u):
+            return x + math.nan, np.eye(len(x)), 0 * x
+        u, v, tangent, column = self.flow.tangents(start.u, start.v, period, values, by)
+        scale = np.repeat([1.0, self._rate], len(free))
+        tangent = tangent[np.ix_(here, here)] * scale[:, None] / scale
+        column = column[here] * scale
+        residual = np.append(u[free], v[free] * self._rate) - x
+        if not (np.isfinite(tangent).all() and np.isfinite(residual).all()):
+            return x + math.nan, np.eye(len(x)), 0 * x
+        jacobian = tangent - np.eye(len(x))
+        count = len(free)
+        if self._shifts is None:
+            shift = np.abs(jacobian[:, :count].sum(axis=1)).max()
+            self._shifts = float(shift < SHIFTED)
+        residual[count:] += self._shifts * np.mean(x[:count] - self.guess[:count])
+        jacobian[count:, :count] += self._shifts / count
+        return residual, jacobian, column
+
+    def multipliers(self, jacobian: Array) -> NDArray[np.complex128]:
+        """Floquet multipliers from the derivatives by z(0) of `equations`, (2 free,)."""
+        count, whole = len(self.free), jacobian + np.eye(len(jacobian))
+        whole[count:, :count] -= (self._shifts or 0.0) / count
+        return np.linalg.eigvals(whole).astype(complex)
+
+    def rates(self, period: float) -> Array:
+        """The derivative of the state at the start of the last run by time, (2 free,) [m/s]."""
+        v, acceleration = self.flow.rates_at_start(period)
+        return np.append(v[self.free], acceleration[self.free] * self._rate)
+
+    def found(
+        self, x: Array, period: float, residual: float, values: Mapping[str, float] | None = None
+    ) -> Orbit:
+        """The orbit of given unknowns.
+
+        Parameters
+        ----------
+        x, values
+            As of `state`.
+        period : float
+            [s]
+        residual : float
+
+        Returns
+        -------
+        Orbit
+        """
+        scene, state = self.scene, self.state(x, values)
+        if values:
+            drive = {
+                site: one.varied({k: y for k, y in values.items() if k in one.parameters})
+                for site, one in scene.drive.items()
+            }
+            scene = Chain(
+                scene.springs, scene.sites, scene.mass, scene.ends, drive=drive,
+                damping=scene.damping, forces=self.of.further_forces,
+            )  # fmt: skip
+        self.flow.end(state.u, state.v, period, values)
+        opens = bool(self.of.springs.kinks_within(self.flow.ranges))
+        energy = above_rest(scene, state)
+        return Orbit(scene, state, period, energy, residual, opens, self.flow.steps)
+
+    def step(self, x: Array) -> tuple[Array, float]:
+        """Newton's step, and the largest entry of z(T) - z(0) over that of z(0) or z(T)."""
+        residual, jacobian, _ = self.equations(x, self._period)
+        if not np.isfinite(residual).all():
+            return residual, math.inf
+        size = max(float(np.abs(x).max()), float(np.abs(x + residual).max()), 1e-300)
+        step = np.asarray(np.linalg.solve(jacobian, -residual), dtype=float)
+        return step, float(np.abs(residual).max()) / size
+
+    def size(self, step: Array, x: Array) -> float:
+        """A change of x over the larger of x and what it becomes."""
+        if not step.any():
+            return 0.0
+        return float(np.abs(step).max() / max(np.abs(x).max(), np.abs(x + step).max()))
+
+
+def whole_multipliers(orbit: Orbit) -> NDArray[np.complex128]:
+    """Floquet multipliers of an orbit of a driven or damped chain, (2 free,)."""
+    whole = WholePeriod(orbit.scene, orbit.state, orbit.period)
+    whole.flow.steps = orbit.steps
+    return whole.multipliers(whole.equations(whole.guess, orbit.period)[1])

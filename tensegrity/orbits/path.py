@@ -1,0 +1,334 @@
+"""Families of periodic orbits, followed by their period, their energy or a parameter of a drive:
+`orbit_path`.
+
+The branch is followed in arc length, through its folds; events are where the followed quantity is
+stationary and where Floquet multipliers leave the unit circle.  A drive's period may change: the
+phases of the drives, not the time, are those at which an orbit returns.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from tensegrity import check
+from tensegrity.branches.continuation import Branch, ContinuationError, Settings, trace
+from tensegrity.branches.many import ManyProblem
+from tensegrity.branches.table import Event, Table
+from tensegrity.errors import TensegrityError
+from tensegrity.orbits.driven_orbit import WholePeriod
+from tensegrity.orbits.orbit import HalfPeriod
+from tensegrity.orbits.period import DrivePeriod
+from tensegrity.orbits.shooting import Orbit, above_rest
+from tensegrity.orbits.stability import STABLE, floquet
+from tensegrity.scenes.chain import Chain
+from tensegrity.scenes.dynamics import dynamics
+from tensegrity.scenes.scene import State
+
+if TYPE_CHECKING:
+    from tensegrity.orbits.stability import Multipliers
+    from tensegrity.typing import Array, Flags
+
+FINER = 2  # steps of the flow along a path over those of its first orbit
+ON_CIRCLE = 1e-6  # distance of a complex multiplier from the unit circle at a torus point
+REFINED = 3  # largest number of traces with more and more steps
+POINTS = 2000  # largest number of rows
+FINENESS = 16  # parts into which a step is divided where the extent of a motion is computed
+
+
+class OrbitPath(Table):
+    """Periodic orbits of a family as a table, the followed quantity in the first column.
+
+    Attributes
+    ----------
+    amplitude : ndarray, (rows,)
+        Half of the largest extent of the displacement of a site [m]; of an undriven chain between
+        the two turning points.
+    period, energy : ndarray, (rows,)
+        [s], and above that at rest [J].
+    multiplier : ndarray, (rows,)
+        Largest modulus of the Floquet multipliers, the neutral ones left out.
+    stable : ndarray of bool, (rows,)
+        Whether no multiplier lies outside of the unit circle.
+    orbits : tuple of Orbit
+        One for each row.
+    events : tuple of Event
+        Located points, with the columns and `value`, that of the first column, as attributes.  The
+        kinds are "fold" (the followed quantity is stationary), "doubling" (a multiplier is -1: the
+        period doubles), "torus" (two complex ones lie on the unit circle) and "stability" (the
+        stability changes in another way, as where branches intersect).
+    end : str
+        Why the path ends.
+    """
+
+    stable: Flags
+    orbits: tuple[Orbit, ...]
+    _by_row = ("orbits",)
+    _units: ClassVar = {"period": "s", "energy": "J", "amplitude": "m"}
+
+
+def orbit_path(orbit: Orbit, by: str, until: float) -> OrbitPath:
+    """Follow a periodic orbit in its period, its energy, or a parameter of its drives.
+
+    Parameters
+    ----------
+    orbit : Orbit
+        At which the path begins.
+    by : str
+        "period" or "energy" of an undriven orbit, or the name of a parameter of the drives.
+    until : float
+        Value at which the path ends; the path begins towards it.
+
+    Returns
+    -------
+    OrbitPath
+
+    Raises
+    ------
+    TensegrityError
+        Bad input, or a path that does not arrive at `until`, with the reason.
+
+    Examples
+    --------
+    The response of a prism to a growing frequency turns back twice, where the response jumps:
+
+    >>> import sympy as sp
+    >>> from tensegrity import Chain, Damping, Drive, Prism, orbit_path, periodic_orbit
+    >>> t, W = sp.symbols("t W")
+    >>> shaker = Drive(force=0.001 * sp.cos(W * t), parameters={"W": 1.65})
+    >>> spring = Prism(1.0, 0.7, 0.1, 1.0).potential()
+    >>> ends, damping = ("fixed", "free"), Damping(ground=0.02)
+    >>> chain = Chain(spring, 2, ends=ends, damping=damping, drive={1: shaker})
+    >>> path = orbit_path(periodic_orbit(chain, chain.at_rest()), by="W", until=1.75)
+    >>> [f"{event.kind} at {event.value:.9f}" for event in path.events]
+    ['fold at 1.726272601', 'fold at 1.698961890']
+    """
+    check.kind("orbit", orbit, Orbit)
+    driven = dynamics(orbit.scene).is_driven
+    names = _names(orbit.scene) if driven else {"period": orbit.period, "energy": orbit.energy}
+    if not isinstance(by, str) or by not in names:
+        raise TensegrityError(
+            f"by {check.shown(by)} is not one of {', '.join(names) or 'any parameters of drives'}"
+        )
+    begin, until = names[by], check.number("until", until)
+    if until == begin or (not driven and until <= 0):
+        words = "differ from it" if driven else "differ from it and be above 0"
+        raise TensegrityError(f"until {until:g} must {words}: the path begins at {by} {begin:g}")
+    steps, towards = FINER * orbit.steps, 1 if until > begin else -1
+    for _ in range(REFINED):
+        family = (_Driven if driven else _Reversible)(orbit, by, until, steps)
+        problem, settings = ManyProblem(family), Settings(points=POINTS, largest=family.longest)
+        try:
+            branch = trace(problem, family.start, (), settings, towards, ("end",))
+        except ContinuationError as error:
+            raise TensegrityError(f"the path by {by} does not reach {until:g}: {error}") from None
+        if family.resolved(_events_and_ends(family, branch)[1]):
+            break
+        steps *= FINER
+    return family.path(branch)
+
+
+def _events_and_ends(family: _Family, branch: Branch) -> tuple[list[Array], list[Array]]:
+    """Unknowns of the events of a branch, and of these and both ends."""
+    at = [np.array([event.at[name] for name in family.names]) for event in branch.events]
+    return at, [branch.z[0], branch.z[-1], *at]
+
+
+def _names(scene: Chain) -> dict[str, float]:
+    """The parameters of all drives, each with its value."""
+    found: dict[str, float] = {}
+    for drive in scene.drive.values():
+        for name, value in drive.parameters.items():
+            if found.setdefault(name, value) != value:
+                raise TensegrityError(
+                    f"parameter {name} is {found[name]:g} in one drive and {value:g} in another"
+                )
+    return found
+
+
+class _Family:
+    """Equations of a family of orbits, as `tensegrity.branches.many` takes them."""
+
+    roots: tuple[str, ...] = ("end", "doubling", "torus")
+    leaving = np.zeros(0, dtype=int)
+    longest = 0.02  # step, relative: two events within one are not seen
+    settled = 1e-11  # residual that twice as many steps may leave, over the size of the orbit
+    flow: Any
+
+    def __init__(self, orbit: Orbit, by: str, until: float, start: Array, scale: Array) -> None:
+        self.by, self.until, self.start, self.scale = by, until, start, scale
+        self.names = (*(f"unknown {k}" for k in range(len(start) - 1)), by)
+        self.folds = {"fold": len(start) - 1}
+        self._last: tuple[bytes, Any] = (b"", None)
+
+    def found(self, u: Array) -> Any:
+        """What `_evaluated` gives at the last unknowns, computed once."""
+        if self._last[0] != u.tobytes():
+            self._last = u.tobytes(), self._evaluated(u)
+        return self._last[1]
+
+    def _evaluated(self, u: Array) -> tuple[Array, Array]:
+        """Scaled residual (m - 1,) and its Jacobian (m - 1, m)."""
+        raise NotImplementedError
+
+    def multipliers(self, u: Array) -> Multipliers:
+        """Floquet multipliers, (any,)."""
+        raise NotImplementedError
+
+    def orbit(self, u: Array) -> Orbit:
+        """The orbit of given unknowns."""
+        raise NotImplementedError
+
+    def amplitude(self, orbit: Orbit) -> float:
+        """See `OrbitPath`."""
+        raise NotImplementedError
+
+    def linearised(self, u: Array) -> tuple[Array, Array]:
+        """Scaled residual (m - 1,) and its Jacobian (m - 1, m)."""
+        residual, jacobian = self.found(u)
+        return residual, jacobian
+
+    def residual(self, u: Array) -> Array:
+        """Scaled residual (m - 1,)."""
+        return self.found(u)[0]
+
+    def tests(self, u: Array) -> Array:
+        """Functions that vanish at the end, at a doubling and at a torus point, (3,)."""
+        if not np.isfinite(self.found(u)[0]).all():
+            return np.full(len(self.roots), math.nan)
+        found = self.multipliers(u)
+        pairs = 1 - np.abs(found[found.imag > 0]) ** 2
+        return np.array([u[-1] - self.until, _least(1 + found), _least(pairs)])
+
+    def resolved(self, points: list[Array]) -> bool:
+        """Whether twice as many steps of the flow find the same orbits."""
+        self.flow.steps *= 2
+        found = [float(np.abs(self._evaluated(u)[0]).max()) for u in points]
+        self.flow.steps //= 2
+        size = max(float(np.abs(u[:-1] / self.scale[:-1]).max()) for u in points)
+        return max(found) < self.settled * size
+
+    def path(self, branch: Branch) -> OrbitPath:
+        """The orbits of a branch, and those events that are events of the orbits."""
+        rows, events = [self.row(u) for u in branch.z], []
+        for event, u in zip(branch.events, _events_and_ends(self, branch)[0], strict=True):
+            kind = "stability" if event.kind == "bifurcation" else event.kind
+            found = self.multipliers(u)
+            off = float(np.abs(np.abs(found[found.imag > 0]) - 1).min(initial=1.0))
+            if kind != "end" and not (kind == "torus" and off > ON_CIRCLE):
+                events.append(Event(kind, event.row, self.row(u)[1]))
+        columns = {name: np.array([row[name] for _, row in rows]) for name in rows[0][1]}
+        path = OrbitPath(columns, events, f"{self.by} {self.until:g}")
+        path.orbits = tuple(one for one, _ in rows)
+        return path
+
+    def row(self, u: Array) -> tuple[Orbit, dict[str, float]]:
+        """The orbit of given unknowns, and its row of the table."""
+        orbit = self.orbit(u)
+        largest = float(np.abs(self.multipliers(u)).max(initial=0.0))
+        row = {self.by: float(u[-1]), "amplitude": self.amplitude(orbit)}
+        row |= {"period": orbit.period, "energy": orbit.energy} | row
+        return orbit, row | {"multiplier": largest, "stable": largest <= 1 + STABLE}
+
+
+def _least(factors: Array | Multipliers) -> float:
+    """The smallest of some factors, with the sign of their product."""
+    if not factors.size:
+        return 1.0
+    sizes = np.abs(factors)
+    sign = np.prod(factors / np.maximum(sizes, 1e-300)).real
+    return float(math.copysign(sizes.min(), sign))
+
+
+class _Driven(_Family):
+    """Unknowns are those of `WholePeriod`, and the parameter."""
+
+    def __init__(self, orbit: Orbit, by: str, until: float, steps: int) -> None:
+        whole = WholePeriod(orbit.scene, orbit.state, orbit.period)
+        self.flow, whole.flow.steps = whole.flow, steps
+        self._whole, self._first, self._period = whole, orbit.period, DrivePeriod(orbit.scene)
+        begin, size = _names(orbit.scene)[by], float(np.abs(whole.guess).max()) or 1.0
+        scale = np.append(np.full(len(whole.guess), size), abs(begin) or abs(until))
+        super().__init__(orbit, by, until, np.append(whole.guess, begin), scale)
+
+    def _evaluated(self, u: Array) -> tuple[Array, Array]:
+        whole, values = self._whole, {self.by: float(u[-1])}
+        factor, slope = self._period.factor(self.by, values[self.by])
+        period = self._first * factor
+        residual, jacobian, column = whole.equations(u[:-1], period, values, self.by)
+        if np.isfinite(residual).all() and slope:
+            column = column + self._first * slope * whole.rates(period)
+        size = self.scale[0]
+        return residual / size, np.column_stack([jacobian, column]) / size
+
+    def multipliers(self, u: Array) -> Multipliers:
+        return self._whole.multipliers(self.found(u)[1][:, :-1] * self.scale[0])
+
+    def orbit(self, u: Array) -> Orbit:
+        values = {self.by: float(u[-1])}
+        period = self._first * self._period.factor(self.by, values[self.by])[0]
+        return self._whole.found(u[:-1], period, float(np.abs(self.found(u)[0]).max()), values)
+
+    def amplitude(self, orbit: Orbit) -> float:
+        waves = np.fft.rfft(self._whole.flow.displacements, axis=0)
+        finer = FINENESS * self.flow.steps
+        return float(FINENESS * np.ptp(np.fft.irfft(waves, finer, axis=0), axis=0).max() / 2)
+
+
+class _Reversible(_Family):
+    """Unknowns are u(0) of the free sites, T, and the energy where it is followed."""
+
+    roots = ("end", "doubling", "stability")
+    longest, settled = 0.1, 1e-9
+
+    def __init__(self, orbit: Orbit, by: str, until: float, steps: int) -> None:
+        self._half = half = HalfPeriod(orbit.scene, orbit.state.u, None)
+        self.flow, half.flow.steps, self._first = half.flow, steps, orbit.period
+        u, size = orbit.state.u[half.free], float(np.ptp(orbit.state.u))
+        more = [orbit.period, orbit.energy][: 1 + (by == "energy")]
+        scale = np.append(np.full(len(u), size), more)
+        super().__init__(orbit, by, until, np.append(u, more), scale)
+
+    def _state(self, u: Array) -> tuple[Array, float]:
+        """u(0) of all sites, and T/2."""
+        found = np.zeros(self._half.scene.sites)
+        found[self._half.free] = u[: len(self._half.free)]
+        return found, float(u[len(self._half.free)]) / 2
+
+    def _evaluated(self, u: Array) -> tuple[Array, Array]:
+        x, half = self._state(u)
+        if half <= 0 or not self._half.inside(x):
+            return u[:-1] + math.nan, np.zeros((len(u) - 1, len(u)))
+        v, jacobian, acceleration = self._half.equations(x, half)
+        unit = 2 * math.pi * self.scale[0] / self._first
+        rows = np.column_stack([jacobian, acceleration / 2]) / unit
+        if self.by == "period":
+            return v / unit, rows
+        energy = self.scale[-1]
+        missing = (above_rest(self._half.scene, State(x, 0 * x)) - u[-1]) / energy
+        matrix = np.zeros((len(u) - 1, len(u)))
+        matrix[:-1, :-1] = rows
+        matrix[-1, : len(v)] = -self._half.scene.forces(x)[self._half.free] / energy
+        matrix[-1, -1] = -1 / energy
+        return np.append(v / unit, missing), matrix
+
+    def tests(self, u: Array) -> Array:
+        """Functions that vanish at the end, at a doubling and where the stability changes, (3,)."""
+        if not np.isfinite(self.found(u)[0]).all():
+            return np.full(len(self.roots), math.nan)
+        found = self.multipliers(u)
+        inside = 1 + STABLE - float(np.abs(found).max(initial=0.0))
+        return np.array([u[-1] - self.until, _least(1 + found), inside])
+
+    def multipliers(self, u: Array) -> Multipliers:
+        return floquet(self.orbit(u)).multipliers
+
+    def orbit(self, u: Array) -> Orbit:
+        x, half = self._state(u)
+        return self._half.found(np.append(x, half), float(np.abs(self.found(u)[0]).max()))
+
+    def amplitude(self, orbit: Orbit) -> float:
+        u = orbit.state.u
+        return float(np.abs(self._half.flow.end(u, 0 * u, orbit.period / 2)[0] - u).max() / 2)
