@@ -62,9 +62,9 @@ NEAREST = {  # folders and files, and the tests of what stands there; those of i
     "tensegrity/measure": "budget observables pulses interfaces waves",
     "tensegrity/prisms": "prism response condensed fit continuation structure ngon units",
     "tensegrity/runs": "integrate golden resume record_times record_faults observe tolerance sweep"
-    " limits archive driven_runs",
+    " limits archive driven_runs ground",
     "tensegrity/scenes": "network lattice golden driven following clearance ensemble one_engine"
-    " limits",
+    " limits ground",
     "tensegrity/springs": "polynomial corners classical_potentials search network one_engine golden"
     " copies",
     "tensegrity/structures": "structure structure_frames structure_path structure_snap"

@@ -224,6 +224,8 @@ CALLS = [  # where other arguments are needed, or several in one call
     (ts.Chain, {"spring": SPRING, "sites": 3, "mass": [1.0, 2.0, 1.0], "ends": ("free", "fixed")}),
     (ts.Chain, {"spring": SPRING, "sites": 3, "drive": {0: ts.Drive(force=0.1)},
              "damping": ts.Damping(0.1), "tune": {"prestrain": 0.01 + 0.001 * TIME}}),
+    (ts.Chain, {"spring": SPRING, "sites": 2, "ground": [SPRING, SPRING]}),
+    (ts.Force, {"expression": SPRING, "at": [0], "parameters": {}}),
     (ts.Drive, {"displacement": sp.sin(TIME)}),
     (ts.Force, {"expression": R * TIME, "on": "bonds", "at": [0], "parameters": {}}),
     (ts.Force(TIME).values, {"x": 0.1, "rate": 0.1, "t": 0.1}),

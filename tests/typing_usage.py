@@ -343,12 +343,14 @@ def waves(spring: Potential, chain: Chain) -> State:
     assert_type(simulate(damped, damped.at_rest(), 1.0).work, Array | None)
     Drive(force=([0.0, 1.0], np.zeros(2)))
     drag = Force(-sp.Symbol("v"), at=[0], parameters={})
+    Chain(spring, 3, ground=spring, forces=[Force(spring, at=[0])])
+    Chain(spring, 2, ground=[spring, spring])
     assert_type(drag.values(0.0, [1.0]), Array)
     Chain(spring, 5, forces=(drag,))
     Chain(spring, 5, forces=drag)  # type: ignore[arg-type]
     Chain(spring, 5, drive={"0": shaker})  # type: ignore[dict-item]
     assert_type(modes(Chain(spring, 5)).frequencies, Array)
-    assert_type(dispersion([spring, spring], 1.0, [0.1]), Array)
+    assert_type(dispersion([spring, spring], 1.0, [0.1], ground=spring), Array)
     row = Lattice([(0, 0)], [(1, 0)], strings=[(0, 0, 1)]).prestressed([0.1])
     assert_type(row, Lattice)
     assert_type(bands(row, [[0.1]]).frequencies, Array)

@@ -14,8 +14,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tensegrity.engine.bonds import KINDS
+from tensegrity.engine.compiled import evaluated
 from tensegrity.engine.geometry import functions
-from tensegrity.engine.law import continuity, to_casadi
+from tensegrity.engine.law import continuity, law_properties, to_casadi
+from tensegrity.engine.law import functions as law_functions
 from tensegrity.engine.native import structure
 from tensegrity.once import once
 
@@ -28,6 +30,7 @@ if TYPE_CHECKING:
 
 FORCING = structure("forced.c", "forcing")
 SITE, BOND = "SITE", "BOND"  # as in forced.c
+WORKS, LOSES, STORES = range(3)  # what becomes of the work of a force; as in forced.c
 
 
 @dataclass(frozen=True)
@@ -76,7 +79,8 @@ class ForceLaw:
     @property
     def macro(self) -> tuple[Any, ...]:
         """What the list FORCES of `forced.c` has of a force besides its number."""
-        return len(self.parameters), len(self.expressions), self.on, int(self.dissipates)
+        kind = LOSES if self.dissipates else WORKS
+        return len(self.parameters), len(self.expressions), self.on, kind
 
     def function(self) -> Any:
         """CasADi function (t, state, parameters) -> components of the force."""
@@ -99,6 +103,54 @@ class ForceLaw:
         return ca.Function("slopes", [t, x, p], [ca.densify(ca.vec(found))])
 
 
+@dataclass(frozen=True)
+class OnSiteLaw:
+    """The force of a spring between a site and the ground; with the attributes of `ForceLaw`.
+
+    Attributes
+    ----------
+    law : Law
+        Its energy [J], a function of the displacement [m]; it counts as energy of the scene.
+    """
+
+    law: Any
+    on = SITE
+    dissipates = False
+    expressions = (None,)  # one component
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the parameters."""
+        return tuple(law_properties(self.law)["parameters"])
+
+    @property
+    def continuity(self) -> float:
+        """See `law.continuity`."""
+        if not law_properties(self.law)["cut"]:
+            return np.inf
+        return continuity(self.law.energy.diff(self.law.elongation))
+
+    @property
+    def name(self) -> str:
+        """Identifies the force in other processes."""
+        law = self.law
+        return law.name or _digest(ForceLaw((law.energy,), law.elongation, (), law.parameters, ""))
+
+    @property
+    def macro(self) -> tuple[Any, ...]:
+        """See `ForceLaw.macro`."""
+        return len(self.parameters), 1, self.on, STORES
+
+    def function(self) -> Any:
+        """CasADi function (t, state, parameters) -> minus the derivative of the energy."""
+        import casadi as ca
+
+        t, x = ca.SX.sym("t"), ca.SX.sym("x", 3)
+        p = ca.SX.sym("p", len(self.parameters))
+        pull = law_functions(self.law)["tension"](x[0], p)
+        return ca.Function("force", [t, x, p], [ca.densify(-pull)])
+
+
 @once
 def _slopes(law: ForceLaw) -> Any:
     return law.slopes()
@@ -118,22 +170,29 @@ class AppliedForce:
 
     Attributes
     ----------
-    law : ForceLaw
+    law : ForceLaw or OnSiteLaw
     places : ndarray of int, (places,)
         Numbers of the sites or bonds; contacts with walls follow the bonds.
     values : ndarray, (parameters, places)
         Values of its parameters.
     """
 
-    law: ForceLaw
+    law: Any
     places: Indices
     values: Array
+
+    def stored(self, order: int, u: Array) -> Array:
+        """Energies [J] of on-site springs, or derivatives of a given order, at displacements u
+        [m] (..., sites); (..., places)."""
+        at = np.ascontiguousarray(u[..., self.places])
+        return np.asarray(evaluated(self.law.law, order, self.values, at))
 
 
 def largest_decay(
     applied: tuple[AppliedForce, ...], bonds: Bonds, t: float, u: Array, v: Array
 ) -> float:
-    """Bound on the rates at which velocities of a scene decay or grow by forces [1/s].
+    """Bound on the rates at which velocities of a scene decay or grow by forces, with the frequency
+    of on-site springs [1/s].
 
     Parameters
     ----------
@@ -149,9 +208,11 @@ def largest_decay(
     float
     """
     sites, dim = len(u), max(bonds.dim, 1)
-    total = np.zeros(sites)
+    total, stiffness = np.zeros((2, sites))
     for one in applied:
         law, at = one.law, one.places
+        if isinstance(law, OnSiteLaw):
+            stiffness[at] += np.abs(one.stored(2, u))
         if not law.dissipates:
             continue
         if law.on == SITE:
@@ -174,7 +235,8 @@ def largest_decay(
             free = end < sites
             np.add.at(total, end[free], rate[free] * len(ends))
     weights = np.asarray(bonds.inverse_mass)[:sites]
-    return float(np.max(total * weights, initial=0.0))
+    frequency = np.sqrt(np.max(stiffness * weights, initial=0.0))
+    return float(np.max(total * weights, initial=0.0) + frequency)
 
 
 def _ends(bonds: Bonds, at: Indices) -> tuple[Indices, Indices]:

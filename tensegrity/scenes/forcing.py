@@ -265,7 +265,8 @@ def refuse_driven(scene: Any, what: str) -> None:
     """Refuse a driven, damped or tuned scene in an analysis of conservative scenes."""
     if dynamics(scene).is_driven:
         raise TensegrityError(
-            f"{what}: not for scenes that are driven, damped or tuned, or have further forces"
+            f"{what}: not for scenes that are driven, damped or tuned, or have further forces or "
+            "springs to the ground"
         )
 
 
