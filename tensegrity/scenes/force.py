@@ -134,8 +134,6 @@ class Force:
     def _checked_expressions(self) -> tuple[Any, ...]:
         import sympy as sp
 
-        if not isinstance(self.on, str) or self.on not in KINDS:
-            raise TensegrityError(f"a force acts on {check.shown(self.on)}, must be {list(KINDS)}")
         given, most = self._expressions, 3 if self.on == "sites" else 2
         if not 1 <= len(given) <= most:
             raise TensegrityError(f"{len(given)} expressions of a force on {self.on}: 1 to {most}")
@@ -148,6 +146,8 @@ class Force:
         """The law, after the parameters are converted."""
         import sympy as sp
 
+        if not isinstance(self.on, str) or self.on not in KINDS:
+            raise TensegrityError(f"a force acts on {check.shown(self.on)}, must be {list(KINDS)}")
         if not isinstance(self.parameters, Mapping):
             raise TensegrityError(f"parameters {check.shown(self.parameters)} must be a dict")
         values = {str(name): _values(str(name), x) for name, x in self.parameters.items()}
