@@ -64,6 +64,7 @@ from tensegrity.waves.moduli import moduli
 from tensegrity.waves.prediction import predict
 from tensegrity.waves.solitary import SolitaryWave, solitary_wave
 from tensegrity.waves.spectrum import dispersion, modes
+from tensegrity.waves.transition import TransitionWave, transition_wave
 
 __all__ = [
     "METHODS",
@@ -96,6 +97,7 @@ __all__ = [
     "State",
     "Structure",
     "TensegrityError",
+    "TransitionWave",
     "Wall",
     "angular_momentum",
     "animate",
@@ -138,6 +140,7 @@ __all__ = [
     "sweep",
     "tail_front",
     "tent",
+    "transition_wave",
     "transmission",
     "wall_gaps",
     "width",

@@ -69,7 +69,8 @@ NEAREST = {  # folders and files, and the tests of what stands there; those of i
     " copies",
     "tensegrity/structures": "structure structure_frames structure_path structure_snap"
     " structure_control structure_motion",
-    "tensegrity/waves": "solitary prediction waves spectrum open_waves classical_potentials units",
+    "tensegrity/waves": "solitary prediction waves spectrum open_waves classical_potentials units"
+    " transition",
     "tensegrity": "check bad_input notebook self_test export readonly copies",
 }
 EQUIVALENT = {

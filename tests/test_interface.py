@@ -21,6 +21,7 @@ LATER = {"catalogue", "interface", "phase_shift", "pulses", "read_curve", "trans
 LATER |= {"Scatter", "robustness"}
 LATER |= {"Lattice", "bands", "moduli"}
 LATER |= {"floquet", "periodic_orbit"}
+LATER |= {"TransitionWave", "transition_wave"}
 LATER |= {"Force", "carretero_gonzalez", "hunt_crossley", "kuwabara_kono", "viscous"}
 HELD = Path(__file__).parent / "interface.txt"
 

@@ -16,7 +16,7 @@ import numpy as np
 from tensegrity.engine.bonds import KINDS
 from tensegrity.engine.compiled import evaluated
 from tensegrity.engine.geometry import functions
-from tensegrity.engine.law import continuity, law_properties, to_casadi
+from tensegrity.engine.law import continuity, to_casadi
 from tensegrity.engine.law import functions as law_functions
 from tensegrity.engine.native import structure
 from tensegrity.once import once
@@ -40,13 +40,16 @@ class ForceLaw:
     Attributes
     ----------
     expressions : tuple of sympy.Expr
-        [N]; on a site its components, in a bond a tension, and what acts along the slip.
+        [N]; on a site its components, in a bond a tension, and what acts along the slip.  With a
+        law, its energy [J].
     time : sympy.Symbol
     state : tuple of sympy.Symbol
         Displacements and velocities of the site, and its speed; or elongation of the bond, its
         rate, and its slip.
     parameters : tuple of sympy.Symbol
     on : {"SITE", "BOND"}
+    law : Law, optional
+        Of a spring between a site and the ground, whose energy is energy of the scene.
     """
 
     expressions: tuple[sp.Expr, ...]
@@ -54,6 +57,7 @@ class ForceLaw:
     state: tuple[sp.Symbol, ...]
     parameters: tuple[sp.Symbol, ...]
     on: str
+    law: Any = None
 
     @property
     def rates(self) -> tuple[sp.Symbol, ...]:
@@ -79,7 +83,7 @@ class ForceLaw:
     @property
     def macro(self) -> tuple[Any, ...]:
         """What the list FORCES of `forced.c` has of a force besides its number."""
-        kind = LOSES if self.dissipates else WORKS
+        kind = LOSES if self.dissipates else WORKS if self.law is None else STORES
         return len(self.parameters), len(self.expressions), self.on, kind
 
     def function(self) -> Any:
@@ -88,6 +92,8 @@ class ForceLaw:
 
         t, x = ca.SX.sym("t"), ca.SX.sym("x", len(self.state))
         p = ca.SX.sym("p", len(self.parameters))
+        if self.law is not None:
+            return ca.Function("force", [t, x, p], [-law_functions(self.law)["tension"](x[0], p)])
         values = (t, *ca.vertsplit(x), *(ca.vertsplit(p) if self.parameters else ()))
         symbols = (self.time, *self.state, *self.parameters)
         made = [to_casadi(one, symbols)(*values) for one in self.expressions]
@@ -101,54 +107,6 @@ class ForceLaw:
         t, x, p = function.sx_in()
         found = ca.jacobian(function(t, x, p), x)[:, len(self.state) // 2 :]
         return ca.Function("slopes", [t, x, p], [ca.densify(ca.vec(found))])
-
-
-@dataclass(frozen=True)
-class OnSiteLaw:
-    """The force of a spring between a site and the ground; with the attributes of `ForceLaw`.
-
-    Attributes
-    ----------
-    law : Law
-        Its energy [J], a function of the displacement [m]; it counts as energy of the scene.
-    """
-
-    law: Any
-    on = SITE
-    dissipates = False
-    expressions = (None,)  # one component
-
-    @property
-    def parameters(self) -> tuple[str, ...]:
-        """Names of the parameters."""
-        return tuple(law_properties(self.law)["parameters"])
-
-    @property
-    def continuity(self) -> float:
-        """See `law.continuity`."""
-        if not law_properties(self.law)["cut"]:
-            return np.inf
-        return continuity(self.law.energy.diff(self.law.elongation))
-
-    @property
-    def name(self) -> str:
-        """Identifies the force in other processes."""
-        law = self.law
-        return law.name or _digest(ForceLaw((law.energy,), law.elongation, (), law.parameters, ""))
-
-    @property
-    def macro(self) -> tuple[Any, ...]:
-        """See `ForceLaw.macro`."""
-        return len(self.parameters), 1, self.on, STORES
-
-    def function(self) -> Any:
-        """CasADi function (t, state, parameters) -> minus the derivative of the energy."""
-        import casadi as ca
-
-        t, x = ca.SX.sym("t"), ca.SX.sym("x", 3)
-        p = ca.SX.sym("p", len(self.parameters))
-        pull = law_functions(self.law)["tension"](x[0], p)
-        return ca.Function("force", [t, x, p], [ca.densify(-pull)])
 
 
 @once
@@ -170,14 +128,14 @@ class AppliedForce:
 
     Attributes
     ----------
-    law : ForceLaw or OnSiteLaw
+    law : ForceLaw
     places : ndarray of int, (places,)
         Numbers of the sites or bonds; contacts with walls follow the bonds.
     values : ndarray, (parameters, places)
         Values of its parameters.
     """
 
-    law: Any
+    law: ForceLaw
     places: Indices
     values: Array
 
@@ -211,7 +169,7 @@ def largest_decay(
     total, stiffness = np.zeros((2, sites))
     for one in applied:
         law, at = one.law, one.places
-        if isinstance(law, OnSiteLaw):
+        if law.law is not None:
             stiffness[at] += np.abs(one.stored(2, u))
         if not law.dissipates:
             continue

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tensegrity import check
-from tensegrity.engine.forced import BOND, SITE, AppliedForce, ForceLaw, OnSiteLaw
+from tensegrity.engine.forced import BOND, SITE, AppliedForce, ForceLaw
 from tensegrity.engine.law import Law
 from tensegrity.errors import TensegrityError
 from tensegrity.printing import concise
@@ -83,7 +83,7 @@ class Force:
     on: str = "sites"
     at: Any = None
     parameters: Mapping[str, Any] = field(default_factory=dict)
-    law: Any = field(init=False, repr=False)
+    law: ForceLaw = field(init=False, repr=False)
 
     __str__ = concise
 
@@ -142,7 +142,7 @@ class Force:
                 raise TensegrityError(f"force {check.shown(one)} is no SymPy expression")
         return given
 
-    def _checked_law(self) -> ForceLaw | OnSiteLaw:
+    def _checked_law(self) -> ForceLaw:
         """The law, after the parameters are converted."""
         import sympy as sp
 
@@ -184,8 +184,10 @@ class Force:
         object.__setattr__(self, "parameters", FixedDict(values))
         return law
 
-    def _on_site_law(self, spring: Potential, values: dict[str, Array]) -> OnSiteLaw:
+    def _on_site_law(self, spring: Potential, values: dict[str, Array]) -> ForceLaw:
         """The law of an on-site spring, whose parameters are then complete."""
+        import sympy as sp
+
         known = spring.parameters
         unknown = sorted(values.keys() - known.keys())
         if unknown or self.on != "sites":
@@ -195,7 +197,10 @@ class Force:
             raise TensegrityError(f"{spring!r} has inner unknowns and holds no site to the ground")
         every = {name: _values(name, x) for name, x in known.items()} | values
         object.__setattr__(self, "parameters", FixedDict(every))
-        return OnSiteLaw(spring.law)
+        law, more = spring.law, sp.symbols("t v speed")
+        return ForceLaw(
+            (law.energy,), more[0], (law.elongation, *more[1:]), law.parameters, SITE, law
+        )
 
     def _probe(self) -> None:
         """Refuse an expression that cannot be translated, or is complex or infinite at rest."""
