@@ -59,7 +59,8 @@ SEARCHES = (  # take long with these: see their tests
     granular.fcc_pack, granular.hexagonal_pack,
 )  # fmt: skip
 MADE_BY_OTHERS = {
-    "BeadChain", "EquilibriumPath", "Pack", "Run", "SolitaryWave", "StructurePath", "Transmission",
+    "BeadChain", "EquilibriumPath", "Pack", "Run", "SolitaryWave", "StructurePath",
+    "TransitionWave", "Transmission",
 }  # fmt: skip
 INNER = {  # what runs, paths and searches ask of their objects, and nobody else
     "Best", "Budget", "Corrected", "Floquet", "Method", "Midpoint", "Modes", "Nystrom", "Objective",
@@ -89,6 +90,9 @@ WALL = ts.Wall((0, 0), (0, 1))
 NET = ts.Network([[0, 1], [1, 1], [2, 1]], [(0, 1), (1, 2)], SPRING, walls=[WALL], radius=0.4,
               wall_contacts=[(0, 0)], wall_spring=ts.PowerLaw(1.0, 1.5))  # fmt: skip
 WAVE = ts.solitary_wave(SPRING, speed_ratio=2.0)
+LINEAR, CUBIC = ts.Potential(R**2 / 2, R), ts.Potential(R**2 / 2 + R**3 / 3 - R**4 / 4, R)
+WELLS = ts.Potential(R**4 / 4 - 0.45 * R**3 + 0.175 * R**2, R)
+FRONT = ts.transition_wave(CUBIC, ahead=0.0, behind=2 / 3)
 PAIR = ts.Chain(ts.Prism(1.0, 0.7, 0.1, 1.0).potential(), 2, ends=("fixed", "free"))
 SWUNG = ts.periodic_orbit(PAIR, ts.State([0, 0.04], [0, 0]), period=3.7)
 LENNARD_JONES = ts.Potential(((1 + R) ** -12 - 2 * (1 + R) ** -6) / 72, R, domain=(-1.0, math.inf))
@@ -131,6 +135,7 @@ INSTANCES = {  # of classes whose methods are called
     "Guide": granular.y_guide(**GUIDE), "Pack": CUBE, "Order": design.Order([BEAD, SMALL]),
     "Polynomial": ts.Polynomial(SPRING, -0.01, 0.01), "Potential": LENNARD_JONES, "Prism": ELASTIC,
     "PowerLaw": ts.PowerLaw(1.0, 1.5, 0.1), "Run": RUN, "SolitaryWave": WAVE, "State": RUN.final,
+    "TransitionWave": FRONT,
     "Sizes": design.Sizes(3, (0.004, 0.006), 0.015, STEEL), "Structure": TRUSS,
     "StructurePath": ts.equilibrium_path(TRUSS, max_load=0.1, **SOLVED), "Wall": WALL,
 }  # fmt: skip
@@ -260,6 +265,10 @@ CALLS = [  # where other arguments are needed, or several in one call
     (ts.periodic_orbit, {"scene": PAIR, "guess": SWUNG, "period": SWUNG.period}),
     (ts.periodic_orbit, {"scene": PAIR, "guess": SWUNG, "energy": SWUNG.energy}),
     (ts.solitary_wave, {"amplitude": WAVE.amplitude}),
+    (ts.transition_wave, {"spring": CUBIC, "ahead": 0.0, "behind": 2 / 3}),
+    (ts.transition_wave, {"spring": LINEAR, "ahead": 0.0, "behind": 1.0, "ground": WELLS,
+                          "damping": ts.Damping(ground=0.5)}),
+    (FRONT.launch, {"chain": ts.Chain(CUBIC, 101), "at": 50.0, "direction": 1, "tail": 1e-6}),
     (ts.solitary_wave, {"energy": WAVE.energy}),
     (ts.solitary_wave, {"excess": 0.5}),
     (ts.Lens, {"prism": ts.Prism(1.0, 0.8, 0.01, 1.0), "sites": 3, "chains": 2, "spacing": 2.0,

@@ -73,6 +73,7 @@ from tensegrity import (
     State,
     Structure,
     TensegrityError,
+    TransitionWave,
     Wall,
     angular_momentum,
     animate,
@@ -115,6 +116,7 @@ from tensegrity import (
     sweep,
     tail_front,
     tent,
+    transition_wave,
     transmission,
     wall_gaps,
     width,
@@ -373,6 +375,10 @@ def waves(spring: Potential, chain: Chain) -> State:
     assert_type(spring.sound_speed(), float)
     assert_type(sech2(spring, 1.1, 0.0) - tent(spring, [0.0]), Array)
     solitary_wave(spring, 1.0, 2.0)  # type: ignore[call-arg]
+    front = transition_wave(spring, ahead=0.0, behind=1, ground=spring, damping=Damping(0.1))
+    assert_type(front, TransitionWave)
+    assert_type(front.launch(Chain(spring, 3), 1), State)
+    transition_wave(spring, 1.0, ahead=0.0)  # type: ignore[call-arg]
     solitary_wave(spring, amplitude="0.1")  # type: ignore[arg-type]
     wave.launch(spring, at=40)  # type: ignore[arg-type]
     sech2(chain, 1.1, 0.0)  # type: ignore[arg-type]

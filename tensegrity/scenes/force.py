@@ -98,6 +98,8 @@ class Force:
         ) -> None: ...
 
     def __post_init__(self) -> None:
+        if not isinstance(self.on, str) or self.on not in KINDS:
+            raise TensegrityError(f"a force acts on {check.shown(self.on)}, must be {list(KINDS)}")
         object.__setattr__(self, "law", self._checked_law())
         if self.at is not None:
             given = check.sequence("places of a force", self.at, "numbers")
@@ -146,8 +148,6 @@ class Force:
         """The law, after the parameters are converted."""
         import sympy as sp
 
-        if not isinstance(self.on, str) or self.on not in KINDS:
-            raise TensegrityError(f"a force acts on {check.shown(self.on)}, must be {list(KINDS)}")
         if not isinstance(self.parameters, Mapping):
             raise TensegrityError(f"parameters {check.shown(self.parameters)} must be a dict")
         values = {str(name): _values(str(name), x) for name, x in self.parameters.items()}

@@ -29,7 +29,7 @@ from tensegrity.waves.front import (
     resolved,
     step,
 )
-from tensegrity.waves.solitary import TravellingWave
+from tensegrity.waves.solitary import LEAST_LEVEL, TravellingWave
 from tensegrity.waves.travelling import CONVERGED, ITERATIONS, NoWaveError
 
 SAME = 1e-6  # difference of a state from the one that was found, over the step
@@ -79,7 +79,7 @@ class TransitionWave(TravellingWave):
     def width(self, level: float = 0.05) -> float:
         """Distance in sites between the points where a fraction `level` of the step is missing on
         either side."""
-        level = check.number("level", level, above=0, below=0.5)
+        level = check.number("level", level, least=LEAST_LEVEL, below=0.5)
         part = (self._state(self.x) - self.behind) / -self.amplitude
         ends = []
         for value in (level, 1 - level):
@@ -99,7 +99,8 @@ class TransitionWave(TravellingWave):
         """Distance from the centre, in sites, beyond which less than `tail` of the step is left."""
         tail = check.number("tail", tail, above=0, below=1)
         left = np.abs(self._state(self.x) - np.where(self.x > 0, self.ahead, self.behind))
-        return float(np.max(np.abs(self.x[left >= tail * abs(self.amplitude)])))
+        remaining = np.abs(self.x[left >= tail * abs(self.amplitude)])
+        return float(np.max(remaining, initial=0.0))
 
     def launch(self, chain: Chain, at: float, direction: int = 1, tail: float = 1e-9) -> State:
         """The state of a chain with free ends that has this front, and is at rest ahead of it.
@@ -125,8 +126,8 @@ class TransitionWave(TravellingWave):
             The front does not fit the chain, an end of the chain is fixed, or another direction.
         """
         check.kind("chain", chain, Chain)
-        if direction != 1:
-            raise TensegrityError(f"direction {check.shown(direction)} of a front must be 1")
+        if check.whole("direction", direction) != 1:
+            raise TensegrityError(f"direction {direction} of a front must be 1")
         grounds = [one.expression for one in dynamics(chain).further_forces if one.stores]
         if grounds != ([] if self.ground is None else [self.ground]) or chain.held:
             raise TensegrityError(
@@ -257,15 +258,21 @@ def _on_ground(front):
     if not (front.bond or front.site):
         raise TensegrityError("a front without damping radiates in a chain with a ground")
     bond, length = float(spring.stiffness(0.0)), 0.0
-    top = math.sqrt(bond / front.mass)
+    top = spring.sound_speed(front.mass)
+
+    if not top:
+        raise TensegrityError("springs without stiffness at rest carry no front on a ground")
 
     def missed(speed):  # power less dissipation of a profile of hyperbolic tangents
         nonlocal length
-        length = math.sqrt(8 * (bond - front.mass * speed**2) / sum(stiffness))
+        length = math.sqrt(8 * bond * (1 - (speed / top) ** 2) / sum(stiffness))
         rate = front.site / (3 * length) + front.bond * 4 / (15 * length**3)
         return speed * rate * jump**2 - _released(front)
 
-    speed = root(missed, 0.0, top * (1 - 1e-9))
+    try:
+        speed = root(missed, 0.0, top * (1 - 1e-9))
+    except ValueError as error:
+        raise NoWaveError(f"no front slower than sound, {top:g} sites/s, found: {error}") from None
     x, failed = front.line.x, None
     profiles = [jump * (step(x * WIDTH / (part * length)) - step(x)) for part in WIDTHS]
     try:
@@ -333,6 +340,11 @@ def standing_forces(
     -------
     low, high : float
         Forces towards higher sites; between them the lattice pins the front.
+
+    Raises
+    ------
+    NoWaveError
+        A chain so stiff that no standing front is found.
     """
     from scipy.optimize import minimize_scalar
 
