@@ -126,8 +126,7 @@ class TransitionWave(TravellingWave):
             The front does not fit the chain, an end of the chain is fixed, or another direction.
         """
         check.kind("chain", chain, Chain)
-        if check.whole("direction", direction) != 1:
-            raise TensegrityError(f"direction {direction} of a front must be 1")
+        check.whole("direction", direction, least=1, below=2)
         grounds = [one.expression for one in dynamics(chain).further_forces if one.stores]
         if grounds != ([] if self.ground is None else [self.ground]) or chain.held:
             raise TensegrityError(
