@@ -88,8 +88,10 @@ def test_wells_end_where_strings_go_slack():
     assert stretches[1, least] == pytest.approx(-0.0658, abs=1e-4)
     assert list(wells(unit(0.2))) == []
     for sides, last in ((3, 0.12602230577), (4, 0.41401997656)):
-        assert len(wells(unit(last * (1 - 1e-5), sides=sides))) == 2
-        assert len(wells(unit(last * (1 + 1e-5), sides=sides))) == 0
+        ending = unit(last, sides=sides).tension(np.linspace(0.2, 0.6, 20001))
+        assert ending.max() == pytest.approx(0, abs=1e-9)  # the well meets a maximum
+        assert len(wells(unit(0.99 * last, sides=sides))) == 2
+        assert len(wells(unit(1.01 * last, sides=sides))) == 0
 
 
 def test_a_torque_lifts_a_well_and_ends_it():
