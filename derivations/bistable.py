@@ -18,7 +18,8 @@ from derivations.argument import Step
 TITLE = "Bistable units: strings of both hands and the prestrain that splits a well"
 
 x, twist = sp.symbols("x varphi", real=True)
-stiffness, natural, other = sp.symbols("k N N'", positive=True)  # of strings; lengths unstressed
+# of strings; their lengths unstressed
+stiffness, natural, other = sp.symbols("k N N'", positive=True)
 prestrain, torque = sp.symbols("p M", real=True)
 sides = sp.Symbol("n", positive=True)
 base, height, radius = sp.symbols("l h a", positive=True)  # side; bars, upright; circumradius
@@ -80,6 +81,16 @@ def of_prism() -> sp.Expr:
     return sp.factor(form).subs(half, sp.cot(sp.pi / sides))
 
 
+@cache
+def last_of_prism() -> sp.Expr:
+    """The prestrain at which the wells of the prism end: one hand goes slack where the other is
+    longest, and nothing turns the polygons back."""
+    length = twin_strings()
+    longest = sp.pi / 2 - sp.pi / sides
+    shorter = sp.simplify(length.subs(twist, -longest))
+    return sp.sqrt(sp.simplify(length.subs(twist, 0) / shorter)) - 1
+
+
 def rotor() -> sp.Expr:
     """Squared length of a string from the end of an arm to an anchor at an angle to it."""
     return distance**2 + arm**2 - 2 * distance * arm * sp.cos(angle + x)
@@ -108,6 +119,8 @@ def argument() -> list[Step]:
              "each other. A prism with upright bars h and cross strings of both hands, turned by "
              "phi, has", sp.Eq(sp.Symbol("L"), twin_strings())),
         Step("and with the side l of its polygons", sp.Eq(sp.Symbol("p_c"), of_prism())),
+        Step("until one hand is slack where the other is longest, at the twist pi/2 - pi/n: the "
+             "wells end at", sp.Eq(prestrain, last_of_prism())),
         Step("An arm b about a pivot, with anchors at the distance R and the angles alpha and "
              "-alpha to it:", sp.Eq(sp.Symbol("L"), rotor()),
              sp.Eq(sp.Symbol("p_c"), threshold_of(rotor(), x))),

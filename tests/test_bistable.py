@@ -10,7 +10,7 @@ from derivations import ledger
 from tensegrity import Chain, Damping, Potential, TensegrityError, catalogue, simulate
 from tensegrity import transition_wave as front_between
 
-GRID = np.linspace(-0.7, 0.7, 401)
+GRID = np.linspace(-1.0, 1.0, 801)
 
 
 def unit(prestrain=0.1, **more):
@@ -87,11 +87,16 @@ def test_wells_end_where_strings_go_slack():
     least = int(np.argmin((stretches**2).sum(axis=0)))
     assert stretches[1, least] == pytest.approx(-0.0658, abs=1e-4)
     assert list(wells(unit(0.2))) == []
-    for sides, last in ((3, 0.12602230577), (4, 0.41401997656)):
-        ending = unit(last, sides=sides).tension(np.linspace(0.2, 0.6, 20001))
-        assert ending.max() == pytest.approx(0, abs=1e-9)  # the well meets a maximum
-        assert len(wells(unit(0.99 * last, sides=sides))) == 2
+    for sides in (3, 4):
+        radius = 1 / (2 * np.sin(np.pi / sides))
+        at = {form.sides: sides, form.height: 1.0, form.radius: radius}
+        last, turned = float(form.last_of_prism().subs(at)), np.pi / 2 - np.pi / sides
+        ending = unit(last, sides=sides).tension(np.linspace(0.2, turned, 20001))
+        assert ending.argmax() == 20000  # the well meets the kink where the others go slack
+        assert ending.max() == pytest.approx(0, abs=1e-14)
+        assert len(wells(unit(0.97 * last, sides=sides))) == 2
         assert len(wells(unit(1.01 * last, sides=sides))) == 0
+    assert last == pytest.approx(np.sqrt(2) - 1, rel=1e-14)
 
 
 def test_a_torque_lifts_a_well_and_ends_it():

@@ -24,8 +24,8 @@ def twin_strings(
     The polygons, each rigid, turn about their common axis without other loads; prestrains are
     those at twist 0.  Beyond the prestrain base^2 cot^2(pi/sides)/(2 (height^2 + base^2)) equal
     strings make two wells of equal depth; unequal prestrains, or a torque, lift one of them.  The
-    wells end where strings go slack before they can hold the unit: with equal sides and bars
-    beyond the prestrain 0.1260 of triangles and 0.4140 of squares.
+    wells end where one hand is slack while the other is longest: with equal sides and bars beyond
+    the prestrain 0.1260 of triangles and 0.4142 of squares.
 
     Parameters
     ----------
