@@ -365,10 +365,14 @@ def standing_forces(
                 break
         return u, force
 
-    middles, rows = ahead + jump * np.linspace(0.02, 0.98, PLACES), []
-    for middle in middles:
-        rows.append(held(middle, u))
-        u = rows[-1][0]
+    middles, start = ahead + jump * np.linspace(0.02, 0.98, PLACES), held(ahead + jump / 2, u)[0]
+    below, above = [], []
+    for part, rows in ((middles[PLACES // 2 - 1 :: -1], below), (middles[PLACES // 2 :], above)):
+        u = start
+        for middle in part:
+            rows.append(held(middle, u))
+            u = rows[-1][0]
+    rows = below[::-1] + above
     found = np.array([force for _, force in rows])
     inner, extremes = np.arange(1, PLACES - 1), []
     for sign in (1, -1):
