@@ -1,5 +1,4 @@
-"""Fronts on two wells: dashpots slow them as in the continuum; the lattice slows them further, and
-stops them where it pins them.
+"""Dashpots slow fronts on two wells, the lattice slows them further, and pins them at last.
 
 Springs k join sites of mass 1 with the force u (u - a)(u - 1) to the ground.  In the continuum
 c = sqrt(k) v/sqrt(g^2 + v^2), v = (1 - 2a)/sqrt(2) (N. Nadkarni et al., Phys. Rev. Lett. 116,
@@ -19,9 +18,9 @@ NAME = "transition_speed"
 GROUP = "waves"
 
 COUPLINGS = (0.1, 0.25, 1.0)  # N/m
-DASHPOTS = (0.5, 0.7, 0.9, 1.3, 1.9, 2.8)  # N s/m, with WELL
+DASHPOTS = (0.5, 0.6, 0.7, 0.8, 0.9, 1.1, 1.3, 1.6, 1.9, 2.3, 2.8)  # N s/m, with WELL
 WELL = 0.3  # a
-WELLS = (0.1, 0.2, 0.3, 0.36, 0.4, 0.42, 0.44)  # with DASHPOT
+WELLS = (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.43, 0.45, 0.47)  # with DASHPOT
 DASHPOT = 0.8  # N s/m
 SITES, AT, PASSED = 260, 110, 60  # of a run; place of the front, and sites that it passes
 TESTED = {0.1: (0.7, 1.9), 0.25: (0.7,), 1.0: (0.9,)}  # dashpots of runs
@@ -81,7 +80,7 @@ def data():
             "residual": np.array([one.residual for one in by_dashpot]),
         }
         limit = threshold(k)
-        below = np.array([a for a in WELLS if a < limit - 0.01])
+        below = np.array([a for a in WELLS if a < limit - 0.004])
         tables[f"k = {k:g}, barriers"] = {
             "a": below,
             "speed": np.array([front(k, a, DASHPOT).speed for a in below]),
@@ -106,12 +105,12 @@ def draw(figure, tables):
         found = tables[f"k = {k:g}, dashpots"]
         left.plot(found["dashpot"], found["speed"], color, marker="o", ms=4, label=f"k = {k:g} N/m")
         run = tables[f"k = {k:g}, runs"]
-        left.plot(run["dashpot"], run["speed"], "kx", ms=9, mew=1.5,
-                  label="runs from a step" if not number else None)  # fmt: skip
+        left.plot(run["dashpot"], run["speed"], "kx", ms=9, mew=1.5)
         found, limit = tables[f"k = {k:g}, barriers"], tables[f"k = {k:g}, pinned"]["from a"][0]
         right.plot(found["a"], found["speed"], color, marker="o", ms=4)
-        right.plot([limit], [0], color, marker="s", ms=8, clip_on=False, zorder=5)
+        right.plot([limit], [0], color, marker="s", ms=6, clip_on=False, zorder=9 - number)
     left.plot([], [], "0.4", ls="--", lw=1, label="continuum")
+    left.plot([], [], "kx", ms=9, mew=1.5, label="runs from a step")
     right.plot([], [], "0.4", ls="none", marker="s", ms=8, label="pinned from here on")
     left.set(xlabel="dashpot to the ground g [N s/m]", ylabel="speed [sites/s]", ylim=(0, None))
     left.set_title(f"barrier at a = {WELL:g}", fontsize=10)

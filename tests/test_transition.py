@@ -307,3 +307,13 @@ def test_a_front_too_sharp_for_the_grid_is_refused():
             Potential(U**2 / 2 - sp.Max(0, U - sp.Rational(1, 2)), U),
             ahead=0.353494993099, behind=1.686828326432, damping=BOND,
         )  # fmt: skip
+
+
+def test_the_picture_of_speeds_agrees_with_runs_and_ends_where_fronts_are_pinned():
+    from figures import transition_speed as picture
+
+    front = picture.front(0.25, 0.3, 0.7)
+    assert picture.measured(0.25, 0.3, 0.7) == pytest.approx(front.speed, rel=1e-3)
+    assert front.speed < picture.continuum(0.25, 0.3, 0.7) < 1.08 * front.speed
+    assert picture.threshold(0.1) == pytest.approx(0.455129892, abs=1e-9)
+    assert picture.threshold(0.2) == pytest.approx(0.494331052706, abs=1e-9)
