@@ -11,7 +11,6 @@ from __future__ import annotations
 import numpy as np
 
 from tensegrity import Chain, Damping, Potential, Record, simulate, transition_wave
-from tensegrity.root import root
 from tensegrity.waves.transition import standing_forces
 
 NAME = "transition_speed"
@@ -55,7 +54,9 @@ def continuum(k, a, g):
 
 def threshold(k):
     """The least a at which the chain holds a standing front."""
-    return root(lambda a: standing_forces(bond(k), wells(a), 0.0, 1.0)[1], 0.3, 0.5, 1e-10)
+    from scipy.optimize import brentq
+
+    return brentq(lambda a: standing_forces(bond(k), wells(a), 0.0, 1.0)[1], 0.3, 0.5, xtol=1e-12)
 
 
 def measured(k, a, g):

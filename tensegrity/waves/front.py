@@ -33,7 +33,7 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(40)  # to integrate it over a s
 HALF_LENGTH = 20.0  # of the first grid, in sites
 MOST = 4000  # points
 DECAYED = 1e-10  # remainder at the ends over the step
-FINE, COARSE = 1e-12, 1e-8  # its shortest waves, aimed at and admitted
+FINE, COARSE = 1e-12, 1e-8  # its short waves, aimed at; both, admitted
 SEAM = 100  # remainder at the ends over short waves: above it they come from the seam
 HALVINGS = 9  # of a Newton step
 DIFFERENCE = 1e-5  # of the unknown besides w, for the tangent
@@ -369,7 +369,7 @@ def resolved(front):
         shortest = float(waves[-edge:].max()) / size
         longer, finer = (1.5, 1) if tail > max(SEAM * shortest, DECAYED) else (1, 1.5)
         points = 2 * round(line.points * longer * finer / 2) + 1
-        if tail < DECAYED and shortest < (FINE if points <= MOST else COARSE):
+        if (tail < DECAYED and shortest < FINE) or (points > MOST and max(tail, shortest) < COARSE):
             return front
         if points > MOST:
             raise ResolutionError(
