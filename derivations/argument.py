@@ -31,6 +31,7 @@ NAMES = (
     "geometry",
     "member",
     "junction",
+    "bistable",
 )
 """The derivations in reading order; each module defines TITLE and argument()."""
 

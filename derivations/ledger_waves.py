@@ -5,6 +5,7 @@ from random import Random
 
 import sympy as sp
 
+from derivations import bistable as unit
 from derivations import hardening, prism, rigid_response, waves
 from derivations import softening as own
 from derivations.argument import Entry, Verdict
@@ -232,4 +233,12 @@ OWN_ENTRIES = (
           own.delay, domain=((own.power, (2.5, 12.0)),)),
     Entry("ours.wall_speed", OWN, "softening", sp.Symbol("w/c"),
           own.stroke - sp.Symbol("beta") * own.left, own.relative_speed),
+    Entry("ours.twin_strings", OWN, "bistable", sp.Symbol("p_c"),
+          unit.base**2 * sp.cot(sp.pi / unit.sides) ** 2 / (2 * (unit.height**2 + unit.base**2)),
+          unit.of_prism, note="prestrain beyond which a prism with strings of both hands has two "
+          "stable twists", domain=((unit.sides, (3.0, 8.0)),)),
+    Entry("ours.rotor", OWN, "bistable", sp.Symbol("p_c"),
+          -unit.distance * unit.arm * sp.sin(unit.angle) ** 2 / sp.cos(unit.angle)
+          / (unit.distance**2 + unit.arm**2 - 2 * unit.distance * unit.arm * sp.cos(unit.angle)),
+          lambda: unit.threshold_of(unit.rotor(), unit.x), domain=((unit.angle, (1.7, 3.0)),)),
 )  # fmt: skip

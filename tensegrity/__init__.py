@@ -67,6 +67,7 @@ from tensegrity.waves.asymptotics import sech2, tent
 from tensegrity.waves.prediction import predict
 from tensegrity.waves.solitary import SolitaryWave, solitary_wave
 from tensegrity.waves.spectrum import dispersion, modes
+from tensegrity.waves.transition import transition_wave
 
 __all__ = [
     "METHODS",
@@ -144,6 +145,7 @@ __all__ = [
     "sweep",
     "tail_front",
     "tent",
+    "transition_wave",
     "transmission",
     "wall_gaps",
     "width",

@@ -41,7 +41,8 @@ C_NUMBER = re.compile(r"(?<![\w.])(\d+\.\d*(?:e-?\d+)?|\d+)(?![\w.])")
 C_CONDITION = re.compile(r"\bif (\(.+\))(?= \{| [a-z]|$)|(?<= )(\w+)(?= \? )")
 C_STATEMENT = re.compile(r"^\s+([\w.>\[\]*-]+ [-+*]?= .+;|\w+\(.*\);)$")
 NEAREST = {  # folders and files, and the tests of what stands there; those of its name come first
-    "derivations": "derivations_prism derivations_waves derivations_numeric nodes ledger claims",
+    "derivations": "derivations_prism derivations_waves derivations_numeric nodes ledger claims"
+    " bistable",
     "granular/design": "design_search design_objective downhill gradients",
     "granular/lammps": "lammps bad_input",
     "granular": "granular_chain granular_guide granular_contact granular_layout packs"
@@ -49,7 +50,7 @@ NEAREST = {  # folders and files, and the tests of what stands there; those of i
     "granular/sensitivity": "gradient_networks",
     "tensegrity/springs/tuned": "tuning",
     "tensegrity/minimum": "structure_path",
-    "tensegrity/catalogue": "catalogue structure",
+    "tensegrity/catalogue": "catalogue structure bistable",
     "tensegrity/branches": "continuation response structure_path condensed golden",
     "tensegrity/engine/reverse": "gradients gradient_networks golden",
     "tensegrity/engine/disk_cache": "native",
@@ -62,14 +63,15 @@ NEAREST = {  # folders and files, and the tests of what stands there; those of i
     "tensegrity/measure": "budget observables pulses interfaces waves",
     "tensegrity/prisms": "prism response condensed fit continuation structure ngon units",
     "tensegrity/runs": "integrate golden resume record_times record_faults observe tolerance sweep"
-    " limits archive driven_runs",
+    " limits archive driven_runs ground",
     "tensegrity/scenes": "network lattice golden driven following clearance ensemble one_engine"
-    " limits",
+    " limits ground",
     "tensegrity/springs": "polynomial corners classical_potentials search network one_engine golden"
     " copies",
     "tensegrity/structures": "structure structure_frames structure_path structure_snap"
     " structure_control structure_motion",
-    "tensegrity/waves": "solitary prediction waves spectrum open_waves classical_potentials units",
+    "tensegrity/waves": "solitary prediction waves spectrum open_waves classical_potentials units"
+    " transition",
     "tensegrity": "check bad_input notebook self_test export readonly copies",
 }
 EQUIVALENT = {

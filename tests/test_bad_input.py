@@ -60,7 +60,8 @@ SEARCHES = (  # take long with these: see their tests
     granular.fcc_pack, granular.hexagonal_pack,
 )  # fmt: skip
 MADE_BY_OTHERS = {
-    "BeadChain", "EquilibriumPath", "Pack", "Run", "SolitaryWave", "StructurePath", "Transmission",
+    "BeadChain", "EquilibriumPath", "Pack", "Run", "SolitaryWave", "StructurePath",
+    "TransitionWave", "Transmission",
 }  # fmt: skip
 INNER = {  # what runs, paths and searches ask of their objects, and nobody else
     "Best", "Budget", "Corrected", "Floquet", "Method", "Midpoint", "Modes", "Nystrom", "Objective",
@@ -90,6 +91,9 @@ WALL = ts.Wall((0, 0), (0, 1))
 NET = ts.Network([[0, 1], [1, 1], [2, 1]], [(0, 1), (1, 2)], SPRING, walls=[WALL], radius=0.4,
               wall_contacts=[(0, 0)], wall_spring=ts.PowerLaw(1.0, 1.5))  # fmt: skip
 WAVE = ts.solitary_wave(SPRING, speed_ratio=2.0)
+LINEAR, CUBIC = ts.Potential(R**2 / 2, R), ts.Potential(R**2 / 2 + R**3 / 3 - R**4 / 4, R)
+WELLS = ts.Potential(R**4 / 4 - 0.45 * R**3 + 0.175 * R**2, R)
+FRONT = ts.transition_wave(CUBIC, ahead=0.0, behind=2 / 3)
 PAIR = ts.Chain(ts.Prism(1.0, 0.7, 0.1, 1.0).potential(), 2, ends=("fixed", "free"))
 SWUNG = ts.periodic_orbit(PAIR, ts.State([0, 0.04], [0, 0]), period=3.7)
 LENNARD_JONES = ts.Potential(((1 + R) ** -12 - 2 * (1 + R) ** -6) / 72, R, domain=(-1.0, math.inf))
@@ -132,6 +136,7 @@ INSTANCES = {  # of classes whose methods are called
     "Guide": granular.y_guide(**GUIDE), "Pack": CUBE, "Order": design.Order([BEAD, SMALL]),
     "Polynomial": ts.Polynomial(SPRING, -0.01, 0.01), "Potential": LENNARD_JONES, "Prism": ELASTIC,
     "PowerLaw": ts.PowerLaw(1.0, 1.5, 0.1), "Run": RUN, "SolitaryWave": WAVE, "State": RUN.final,
+    "TransitionWave": FRONT,
     "Sizes": design.Sizes(3, (0.004, 0.006), 0.015, STEEL), "Structure": TRUSS,
     "StructurePath": ts.equilibrium_path(TRUSS, max_load=0.1, **SOLVED), "Wall": WALL,
 }  # fmt: skip
@@ -219,6 +224,8 @@ CALLS = [  # where other arguments are needed, or several in one call
     (ts.catalogue.truncated_tetrahedron, {"strut": 2.0} | PRESTRESS),
     (ts.catalogue.geodesic, {"solid": "cube", "pattern": "diamond", "strut": 2.0, "ratio": 0.9}
      | PRESTRESS),
+    (ts.catalogue.twin_strings, {"sides": 4, "base": 1.0, "height": 1.2, "prestrain": 0.1,
+                                "k_string": 2.0, "other_prestrain": 0.2, "torque": 0.01}),
     (ts.catalogue.tower, {"stages": 3, "radius": 1.0, "height": 1.5, "twist": 2.9} | PRESTRESS),
     (ts.catalogue.plate, {"rows": 2, "columns": 1, "side": 1.0, "height": 0.5} | PRESTRESS),
     (ts.catalogue.dome, {"sides": 5, "hoops": 1, "radius": 1.0, "rise": 0.2, "post": 0.3}
@@ -229,6 +236,8 @@ CALLS = [  # where other arguments are needed, or several in one call
     (ts.Chain, {"spring": SPRING, "sites": 3, "mass": [1.0, 2.0, 1.0], "ends": ("free", "fixed")}),
     (ts.Chain, {"spring": SPRING, "sites": 3, "drive": {0: ts.Drive(force=0.1)},
              "damping": ts.Damping(0.1), "tune": {"prestrain": 0.01 + 0.001 * TIME}}),
+    (ts.Chain, {"spring": SPRING, "sites": 2, "ground": [SPRING, SPRING]}),
+    (ts.Force, {"expression": SPRING, "at": [0], "parameters": {}}),
     (ts.Drive, {"displacement": sp.sin(TIME)}),
     (ts.Force, {"expression": R * TIME, "on": "bonds", "at": [0], "parameters": {}}),
     (ts.Force(TIME).values, {"x": 0.1, "rate": 0.1, "t": 0.1}),
@@ -264,6 +273,10 @@ CALLS = [  # where other arguments are needed, or several in one call
     (ts.periodic_orbit, {"scene": PAIR, "guess": SWUNG, "energy": SWUNG.energy}),
     (ts.orbit_path, {"orbit": SWUNG, "by": "period", "until": 3.68}),
     (ts.solitary_wave, {"amplitude": WAVE.amplitude}),
+    (ts.transition_wave, {"spring": CUBIC, "ahead": 0.0, "behind": 2 / 3}),
+    (ts.transition_wave, {"spring": LINEAR, "ahead": 0.0, "behind": 1.0, "ground": WELLS,
+                          "damping": ts.Damping(ground=0.5)}),
+    (FRONT.launch, {"chain": ts.Chain(CUBIC, 101), "at": 50.0, "direction": 1, "tail": 1e-6}),
     (ts.solitary_wave, {"energy": WAVE.energy}),
     (ts.solitary_wave, {"excess": 0.5}),
     (ts.Lens, {"prism": ts.Prism(1.0, 0.8, 0.01, 1.0), "sites": 3, "chains": 2, "spacing": 2.0,

@@ -273,7 +273,7 @@ def test_stiffness_mass_and_size_are_those_that_were_given():
     )
 
 
-@pytest.mark.parametrize("name", catalogue.__all__)
+@pytest.mark.parametrize("name", sorted({*catalogue.__all__} - {"twin_strings"}))  # a Potential
 def test_unless_given_sizes_are_1_m_and_the_rest_is_as_of_a_structure(name):
     s = getattr(catalogue, name)()
     shared = {"column", "x_strip", "octahedra"}  # some strings of two units, of twice the stiffness

@@ -323,3 +323,25 @@ def test_a_force_is_followed_as_well_as_a_frequency():
     assert np.allclose(path.amplitude / path.columns["F"], gain, rtol=1e-5, atol=0)
     assert np.allclose(path.period, 2 * math.pi / 1.3, rtol=1e-14, atol=0)
     assert path.orbits[-1].scene.drive[1].parameters == {"F": pytest.approx(0.05, rel=1e-12)}
+
+
+def test_a_response_on_springs_to_the_ground_returns():
+    """The ground's tangent too: Newton's method converges, and the closed form of a linear one."""
+    drive = {3: Drive(force=0.05 * sp.cos(0.9 * T))}
+    given = {"drive": drive, "damping": Damping(ground=0.1)}
+    scene = Chain(PRISM, 4, ground=DUFFING, **given)
+    orbit = periodic_orbit(scene, scene.at_rest())
+    run = orbit.run(1e-11)
+    assert np.abs(run.final.u - orbit.state.u).max() < 1e-11
+    assert orbit.energy == pytest.approx(run.energy[0], rel=1e-12)
+    flow, time = DrivenFlow(scene, 40, 2.1), 2.1
+    u, v = np.array([0.02, 0.01, -0.01, 0.03]), np.zeros(4)
+    tangent, h = flow.tangents(u, v, time)[2], 1e-5
+    for k in range(4):
+        step = h * np.eye(4)[k]
+        ends = [np.concatenate(flow.end(u + s * step, v, time)) for s in (1, -1)]
+        assert np.abs((ends[0] - ends[1]) / (2 * h) - tangent[:, k]).max() < 1e-8
+    alone = Chain(LINEAR, 2, ends=("fixed", "free"), ground=[None, LINEAR],
+                  damping=Damping(ground=0.2), drive={1: Drive(force=0.1 * sp.cos(1.3 * T))})  # fmt: skip
+    found = periodic_orbit(alone, alone.at_rest()).state.u[1]
+    assert found == pytest.approx((0.1 / (2 - 1.69 + 0.26j)).real, abs=1e-12)

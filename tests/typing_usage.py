@@ -117,6 +117,7 @@ from tensegrity import (
     sweep,
     tail_front,
     tent,
+    transition_wave,
     transmission,
     wall_gaps,
     width,
@@ -131,6 +132,7 @@ from tensegrity.structures.structure_path import StructurePath
 from tensegrity.typing import Array, Flags
 from tensegrity.waves.prediction import Prediction
 from tensegrity.waves.spectrum import Modes
+from tensegrity.waves.transition import TransitionWave
 
 
 def prisms_and_paths() -> Potential:
@@ -211,6 +213,7 @@ def structures() -> Structure:
     assert_type(catalogue.tower(stages=3, mass=0.1).bars, int)
     assert_type(catalogue.truncated_tetrahedron().strings, int)
     assert_type([catalogue.snelson_x(), catalogue.dome(), catalogue.plate()], list[Structure])
+    assert_type(catalogue.twin_strings(4, torque=0.1), Potential)
     catalogue.geodesic(12)  # type: ignore[arg-type]
     fit("curve.csv")  # type: ignore[call-arg]
     assert_type(s.network(), Network)
@@ -345,12 +348,14 @@ def waves(spring: Potential, chain: Chain) -> State:
     assert_type(simulate(damped, damped.at_rest(), 1.0).work, Array | None)
     Drive(force=([0.0, 1.0], np.zeros(2)))
     drag = Force(-sp.Symbol("v"), at=[0], parameters={})
+    Chain(spring, 3, ground=spring, forces=[Force(spring, at=[0])])
+    Chain(spring, 2, ground=[spring, spring])
     assert_type(drag.values(0.0, [1.0]), Array)
     Chain(spring, 5, forces=(drag,))
     Chain(spring, 5, forces=drag)  # type: ignore[arg-type]
     Chain(spring, 5, drive={"0": shaker})  # type: ignore[dict-item]
     assert_type(modes(Chain(spring, 5)).frequencies, Array)
-    assert_type(dispersion([spring, spring], 1.0, [0.1]), Array)
+    assert_type(dispersion([spring, spring], 1.0, [0.1], ground=spring), Array)
     row = Lattice([(0, 0)], [(1, 0)], strings=[(0, 0, 1)]).prestressed([0.1])
     assert_type(row, Lattice)
     assert_type(bands(row, [[0.1]]).frequencies, Array)
@@ -378,6 +383,10 @@ def waves(spring: Potential, chain: Chain) -> State:
     assert_type(spring.sound_speed(), float)
     assert_type(sech2(spring, 1.1, 0.0) - tent(spring, [0.0]), Array)
     solitary_wave(spring, 1.0, 2.0)  # type: ignore[call-arg]
+    front = transition_wave(spring, ahead=0.0, behind=1, ground=spring, damping=Damping(0.1))
+    assert_type(front, TransitionWave)
+    assert_type(front.launch(Chain(spring, 3), 1), State)
+    transition_wave(spring, 1.0, ahead=0.0)  # type: ignore[call-arg]
     solitary_wave(spring, amplitude="0.1")  # type: ignore[arg-type]
     wave.launch(spring, at=40)  # type: ignore[arg-type]
     sech2(chain, 1.1, 0.0)  # type: ignore[arg-type]

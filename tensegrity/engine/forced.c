@@ -1,7 +1,7 @@
 /* Forces that depend on time, displacement and velocity, and prescribed motions, in the stages of
    an explicit Runge-Kutta method; included before `steps.c`.  FORCES(X) lists the forces with the
-   numbers of their parameters and results, and whether they act on bonds and dissipate:
-   `force_<number>`. */
+   numbers of their parameters and results, whether they act on bonds, and what becomes of their
+   work (0 work on the scene, 1 loss, 2 energy of the scene): `force_<number>`. */
 
 typedef struct {
     const real *instants;            /* (stages of all steps) */
@@ -149,7 +149,7 @@ static real power_of_forces(integer n, const real *restrict f, const real *restr
     }
 #endif
 
-#define DEFINE(k, count, results, on, loses) on##_FORCE(k, count, results)
+#define DEFINE(k, count, results, on, becomes) on##_FORCE(k, count, results)
 FORCES(DEFINE)
 
 /* Displacements and velocities of prescribed sites in a stage. */
@@ -175,11 +175,11 @@ static void add_forces(const scene *c, forcing *d, const real *u, const real *v,
         a[q] += c->w[q] * d->pull[at];
         work -= d->pull_rate[at] * u[q]; /* the rest of their work is added outside */
     }
-#define APPLY(k, count, results, on, loses)                                                      \
+#define APPLY(k, count, results, on, becomes)                                                    \
     {                                                                                          \
         const real power = apply_##k(c, d, t, u, v, a);                                        \
-        if (loses) d->sums[1] -= part * power;                                                 \
-        else work += power;                                                                    \
+        if (becomes == 1) d->sums[1] -= part * power;                                           \
+        else if (becomes == 0) work += power;                                                  \
     }
     FORCES(APPLY)
     for (integer e = 0; e < d->moving; e++) { /* the drive bears all other forces on its sites */

@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tensegrity.engine.bonds import KINDS
-from tensegrity.engine.compiled import Functions
+from tensegrity.engine.compiled import Functions, evaluated
 from tensegrity.engine.geometry import functions
 from tensegrity.engine.law import continuity, to_casadi
+from tensegrity.engine.law import functions as law_functions
 from tensegrity.engine.native import structure
 from tensegrity.once import once
 
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
 
 FORCING = structure("forced.c", "forcing")
 SITE, BOND = "SITE", "BOND"  # as in forced.c
+WORKS, LOSES, STORES = range(3)  # what becomes of the work of a force; as in forced.c
 
 
 @dataclass(frozen=True)
@@ -38,13 +40,16 @@ class ForceLaw:
     Attributes
     ----------
     expressions : tuple of sympy.Expr
-        [N]; on a site its components, in a bond a tension, and what acts along the slip.
+        [N]; on a site its components, in a bond a tension, and what acts along the slip.  With a
+        law, its energy [J].
     time : sympy.Symbol
     state : tuple of sympy.Symbol
         Displacements and velocities of the site, and its speed; or elongation of the bond, its
         rate, and its slip.
     parameters : tuple of sympy.Symbol
     on : {"SITE", "BOND"}
+    law : Law, optional
+        Of a spring between a site and the ground, whose energy is energy of the scene.
     """
 
     expressions: tuple[sp.Expr, ...]
@@ -52,6 +57,7 @@ class ForceLaw:
     state: tuple[sp.Symbol, ...]
     parameters: tuple[sp.Symbol, ...]
     on: str
+    law: Any = None
 
     @property
     def rates(self) -> tuple[sp.Symbol, ...]:
@@ -77,7 +83,8 @@ class ForceLaw:
     @property
     def macro(self) -> tuple[Any, ...]:
         """What the list FORCES of `forced.c` has of a force besides its number."""
-        return len(self.parameters), len(self.expressions), self.on, int(self.dissipates)
+        kind = LOSES if self.dissipates else WORKS if self.law is None else STORES
+        return len(self.parameters), len(self.expressions), self.on, kind
 
     def function(self) -> Any:
         """CasADi function (t, state, parameters) -> components of the force."""
@@ -85,6 +92,8 @@ class ForceLaw:
 
         t, x = ca.SX.sym("t"), ca.SX.sym("x", len(self.state))
         p = ca.SX.sym("p", len(self.parameters))
+        if self.law is not None:
+            return ca.Function("force", [t, x, p], [-law_functions(self.law)["tension"](x[0], p)])
         values = (t, *ca.vertsplit(x), *(ca.vertsplit(p) if self.parameters else ()))
         symbols = (self.time, *self.state, *self.parameters)
         made = [to_casadi(one, symbols)(*values) for one in self.expressions]
@@ -115,7 +124,8 @@ def _digest(law: ForceLaw) -> str:
     from sympy import srepr
 
     parts = (*law.expressions, law.time, *law.state, *law.parameters)
-    return hashlib.sha256("|".join([law.on, *map(srepr, parts)]).encode()).hexdigest()
+    kind = law.on if law.law is None else f"{law.on} of an energy"
+    return hashlib.sha256("|".join([kind, *map(srepr, parts)]).encode()).hexdigest()
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,11 +145,18 @@ class AppliedForce:
     places: Indices
     values: Array
 
+    def stored(self, order: int, u: Array) -> Array:
+        """Energies [J] of on-site springs, or derivatives of a given order, at displacements u
+        [m] (..., sites); (..., places)."""
+        at = np.ascontiguousarray(u[..., self.places])
+        return np.asarray(evaluated(self.law.law, order, self.values, at))
+
 
 def largest_decay(
     applied: tuple[AppliedForce, ...], bonds: Bonds, t: float, u: Array, v: Array
 ) -> float:
-    """Bound on the rates at which velocities of a scene decay or grow by forces [1/s].
+    """Bound on the rates at which velocities of a scene decay or grow by forces, with the frequency
+    of on-site springs [1/s].
 
     Parameters
     ----------
@@ -155,9 +172,11 @@ def largest_decay(
     float
     """
     sites, dim = len(u), max(bonds.dim, 1)
-    total = np.zeros(sites)
+    total, stiffness = np.zeros((2, sites))
     for one in applied:
         law, at = one.law, one.places
+        if law.law is not None:
+            stiffness[at] += np.abs(one.stored(2, u))
         if not law.dissipates:
             continue
         if law.on == SITE:
@@ -180,7 +199,8 @@ def largest_decay(
             free = end < sites
             np.add.at(total, end[free], rate[free] * len(ends))
     weights = np.asarray(bonds.inverse_mass)[:sites]
-    return float(np.max(total * weights, initial=0.0))
+    frequency = np.sqrt(np.max(stiffness * weights, initial=0.0))
+    return float(np.max(total * weights, initial=0.0) + frequency)
 
 
 def tangent_springs(

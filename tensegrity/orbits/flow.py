@@ -22,8 +22,9 @@ from tensegrity.engine.forced import Stages, tangent_springs
 from tensegrity.engine.reverse import Layout, ReverseLoop, Totals
 from tensegrity.engine.schemes import Splitting
 from tensegrity.scenes.dynamics import dynamics
-from tensegrity.scenes.forcing import driven_entries, forcing_of, in_columns
+from tensegrity.scenes.forcing import driven_entries, forcing_of
 from tensegrity.scenes.scene import Scene
+from tensegrity.scenes.signals import in_columns
 from tensegrity.typing import Array
 
 _BASE = methods.METHODS["rkn6"]

@@ -44,7 +44,8 @@ class DrivePeriod:
         signals = time_signals(scene)
         for signal in signals:
             rates += [(str(signal), *one) for one in _angular_rates(signal)]
-        for force in dynamics(scene).further_forces:
+        forces = [one for one in dynamics(scene).further_forces if not one.stores]
+        for force in forces:
             rates += [(str(force.expression), *one) for one in _of_force(force)]
         if not rates:
             raise TensegrityError(
@@ -64,7 +65,7 @@ class DrivePeriod:
                 )
             common = math.lcm(common, part.denominator)
         value = 2 * math.pi * common / abs(first)
-        if not dynamics(scene).further_forces:
+        if not forces:
             value /= max(k for k in range(1, SHORTER + 1) if _repeats(signals, value / k))
         self.value: float = value
 

@@ -18,11 +18,14 @@ from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.readonly import fixed
 from tensegrity.scenes.dynamics import Dynamics, dynamics
+from tensegrity.scenes.force import on_site, on_site_springs
 from tensegrity.scenes.forcing import start_driven_sites
 from tensegrity.scenes.scene import BYTES_PER_SITE, SMALLEST_MASS, Scene, State, velocities
 from tensegrity.springs.potential import Potential
 
 if TYPE_CHECKING:
+    from typing import Any
+
     from numpy.typing import ArrayLike
 
     from tensegrity.engine.energies import Energies
@@ -60,6 +63,9 @@ class Chain(Scene):
     forces : sequence of Force, optional
         Forces of time, displacement and velocity, in addition to those of the springs.  They need
         a Runge-Kutta method, "rk4" or "rk8", and exclude `tune`.
+    ground : Potential or sequence of Potential, optional
+        Springs between all sites and the ground, or one for each site: functions of u.  They are
+        forces, each the `Force` of a potential, whose energy counts as that of the chain.
 
     Raises
     ------
@@ -96,6 +102,7 @@ class Chain(Scene):
         damping: Damping | None = None,
         tune: Tune | None = None,
         forces: Sequence[Force] = (),
+        ground: Potential | Sequence[Potential] | None = None,
     ) -> None:
         self.sites = check.whole("sites", sites, least=2)
         check.room(f"a run of {self.sites} sites", BYTES_PER_SITE * self.sites)
@@ -109,7 +116,9 @@ class Chain(Scene):
             raise TensegrityError(f"ends {check.shown(ends)} must be two of {ENDS}")
         self.ends = ends[0], ends[1]
         _ = dynamics(self).loop_bonds  # refuses springs that the compiled loop cannot take
-        self._set_forcing(drive, damping, tune, forces)
+        given = check.sequence("forces", forces, "forces")
+        springs = on_site_springs(ground, self.sites)
+        self._set_forcing(drive, damping, tune, (*given, *springs))
 
     def _springs(self, spring: Potential | Sequence[Potential]) -> tuple[Potential, ...]:
         if isinstance(spring, Potential):
@@ -213,13 +222,13 @@ class Chain(Scene):
         return dynamics(self).springs.evaluate(name, self.elongation(u))
 
     def site_energy(self, state: Motion) -> Array:
-        """Kinetic energy of each site, and half the energy of its bonds [J], of a state or of the
-        rows of a run; (..., sites)."""
+        """Kinetic energy of each site, half the energy of its bonds, and that of its spring to the
+        ground [J], of a state or of the rows of a run; (..., sites)."""
         u, v = self._checked_rows(state)
         half = self.bond_energy(u) / 2
         edge = np.zeros((*half.shape[:-1], 1))
         left, right = np.concatenate([edge, half], -1), np.concatenate([half, edge], -1)
-        return 0.5 * self.mass * v**2 + left + right
+        return 0.5 * self.mass * v**2 + left + right + on_site(self, 0, u)
 
     def momentum(self, state: State) -> float:
         """Total momentum [kg m/s], > 0 towards higher sites."""
@@ -254,13 +263,14 @@ class ChainDynamics(Dynamics):
 
     def energies(self, u: Array, v: Array) -> Array:
         """Total energy of each state [J], (...); u and v (..., sites)."""
+        stored: Any = np.sum(on_site(self.scene, 0, u), axis=-1) if self.has_forces else 0.0
         compiled = self.energies_in_one_call
         found = None if compiled is None else compiled(u, v)
         if found is not None:
-            return found
+            return found + stored
         with np.errstate(over="ignore"):  # overflow gives inf, which `checked` refuses
             kinetic = 0.5 * np.sum(self.scene.mass * v**2, axis=-1)
-        return kinetic + np.sum(self.scene.bond_energy(u), axis=-1)
+        return kinetic + np.sum(self.scene.bond_energy(u), axis=-1) + stored
 
     @cached_property
     def energies_in_one_call(self) -> Energies | None:
@@ -280,12 +290,19 @@ class ChainDynamics(Dynamics):
         The eigenvalues of M^-1 K do not exceed the maximum of 2 k (1/m_left + 1/m_right) over the
         bonds.
         """
-        return float(np.sqrt(np.max(2 * stiffness * self._mobilities)))
+        return math.sqrt(float(np.max(2 * stiffness * self._mobilities)) + self._on_site_bound)
 
     def spring_frequency_bound(self, stiffness: Array) -> float:
         """Bound on the largest angular frequency [rad/s], given a bound on the stiffness of each
         distinct spring [N/m], (springs,)."""
-        return math.sqrt(2 * (stiffness * self._largest_mobilities).max())
+        bonds = 2 * float((stiffness * self._largest_mobilities).max())
+        return math.sqrt(bonds + self._on_site_bound)
+
+    @cached_property
+    def _on_site_bound(self) -> float:
+        """Largest stiffness over mass of the springs to the ground, at rest [1/s^2]."""
+        stiffness = np.abs(on_site(self.scene, 2, np.zeros(self.shape)))
+        return float(np.max(stiffness * self.inverse_mass))
 
     @property
     def _mobilities(self) -> Array:

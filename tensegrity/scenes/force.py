@@ -15,9 +15,11 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.engine.forced import BOND, SITE, AppliedForce, ForceLaw
+from tensegrity.engine.law import Law
 from tensegrity.errors import TensegrityError
 from tensegrity.printing import concise
 from tensegrity.readonly import FixedDict, fixed
+from tensegrity.springs.potential import Potential, range_error
 
 if TYPE_CHECKING:
     import sympy as sp
@@ -44,12 +46,13 @@ class Force:
         At walls it is a compressive force, `r` being the gap.  In bonds and at walls of a plane or
         of space a second expression may follow, for the force along the slip, against which
         friction is < 0; both may then contain `slip`, the relative speed along the surface [m/s].
-        All other symbols are parameters.
+        All other symbols are parameters.  A `Potential` of u is a spring between a site of a chain
+        and the ground: its energy counts as energy of the scene.
     on : {"sites", "bonds", "walls"}, optional
     at : sequence of int, optional
         The sites, bonds or contacts with walls; by default all.
     parameters : dict of str to float or array_like (places,), optional
-        Values of the parameters, in common or of each place.
+        Values of the parameters, in common or of each place; by default those of a potential.
 
     Raises
     ------
@@ -60,7 +63,7 @@ class Force:
     Notes
     -----
     The work of a force that contains a velocity counts as a loss of energy (`Run.loss`), that of
-    other forces as work done on the scene.
+    other forces, without a potential, as work done on the scene.
 
     Examples
     --------
@@ -88,13 +91,15 @@ class Force:
 
         def __init__(
             self,
-            expression: sp.Expr,
+            expression: sp.Expr | Sequence[sp.Expr] | Potential,
             on: str = "sites",
             at: Sequence[int] | None = None,
             parameters: Mapping[str, ArrayLike] = ...,
         ) -> None: ...
 
     def __post_init__(self) -> None:
+        if not isinstance(self.on, str) or self.on not in KINDS:
+            raise TensegrityError(f"a force acts on {check.shown(self.on)}, must be {list(KINDS)}")
         object.__setattr__(self, "law", self._checked_law())
         if self.at is not None:
             given = check.sequence("places of a force", self.at, "numbers")
@@ -103,6 +108,11 @@ class Force:
                 raise TensegrityError(f"places {check.shown(at)} of a force must differ, and exist")
             object.__setattr__(self, "at", tuple(at))
         self._probe()
+
+    @property
+    def stores(self) -> bool:
+        """Whether it is the force of a potential."""
+        return isinstance(self.expression, Potential)
 
     @property
     def _state(self) -> tuple[str, ...]:
@@ -126,8 +136,6 @@ class Force:
     def _checked_expressions(self) -> tuple[Any, ...]:
         import sympy as sp
 
-        if not isinstance(self.on, str) or self.on not in KINDS:
-            raise TensegrityError(f"a force acts on {check.shown(self.on)}, must be {list(KINDS)}")
         given, most = self._expressions, 3 if self.on == "sites" else 2
         if not 1 <= len(given) <= most:
             raise TensegrityError(f"{len(given)} expressions of a force on {self.on}: 1 to {most}")
@@ -140,11 +148,13 @@ class Force:
         """The law, after the parameters are converted."""
         import sympy as sp
 
-        given = self._checked_expressions()
         if not isinstance(self.parameters, Mapping):
             raise TensegrityError(f"parameters {check.shown(self.parameters)} must be a dict")
-        known = ("t", *self._state)
         values = {str(name): _values(str(name), x) for name, x in self.parameters.items()}
+        if isinstance(self.expression, Potential):
+            return self._on_site_law(self.expression, values)
+        given = self._checked_expressions()
+        known = ("t", *self._state)
         clash = sorted(values.keys() & {*known})
         if clash:
             raise TensegrityError(f"parameter {clash[0]} of a force is one of {', '.join(known)}")
@@ -174,8 +184,28 @@ class Force:
         object.__setattr__(self, "parameters", FixedDict(values))
         return law
 
+    def _on_site_law(self, spring: Potential, values: dict[str, Array]) -> ForceLaw:
+        """The law of an on-site spring, whose parameters are then complete."""
+        import sympy as sp
+
+        known = spring.parameters
+        unknown = sorted(values.keys() - known.keys())
+        if unknown or self.on != "sites":
+            words = f"parameter {unknown[0]} of it does not exist" if unknown else "on other places"
+            raise TensegrityError(f"a force of {spring!r} acts on sites: {words}")
+        if not isinstance(spring.law, Law):
+            raise TensegrityError(f"{spring!r} has inner unknowns and holds no site to the ground")
+        every = {name: _values(name, x) for name, x in known.items()} | values
+        object.__setattr__(self, "parameters", FixedDict(every))
+        law, more = spring.law, sp.symbols("t v speed")
+        return ForceLaw(
+            (law.energy,), more[0], (law.elongation, *more[1:]), law.parameters, SITE, law
+        )
+
     def _probe(self) -> None:
         """Refuse an expression that cannot be translated, or is complex or infinite at rest."""
+        if self.stores:
+            return
         names, found = self._state, []
         count = len(names) // 2
         try:
@@ -276,6 +306,74 @@ class Force:
         rows = [np.broadcast_to(x, places.shape) for x in self.parameters.values()]
         first = counts["bonds"] if self.on == "walls" else 0
         return AppliedForce(self.law, first + places, np.reshape(rows, (len(rows), len(places))))
+
+
+def on_site_springs(ground: Any, sites: int) -> list[Force]:
+    """Springs between the sites of a chain and the ground, as forces.
+
+    Parameters
+    ----------
+    ground : Potential, sequence of Potential, or None
+        One for all sites, or one for each.
+    sites : int
+
+    Returns
+    -------
+    list of Force
+        One for each law and domain.
+
+    Raises
+    ------
+    TensegrityError
+        Something else, or another number of springs.
+    """
+    if ground is None or isinstance(ground, Potential):
+        return [] if ground is None else [Force(ground)]
+    springs = check.sequence("ground", ground, "potentials")
+    if len(springs) != sites:
+        raise TensegrityError(f"{len(springs)} springs to the ground for {sites} sites")
+    groups: dict[Any, list[int]] = {}
+    for site, one in enumerate(springs):
+        check.kind(f"spring to the ground of site {site}", one, Potential)
+        groups.setdefault((one.law, one.domain), []).append(site)
+    return [
+        Force(springs[at[0]], at=at, parameters={
+            name: [springs[site].parameters[name] for site in at]
+            for name in springs[at[0]].parameters
+        })
+        for at in groups.values()
+    ]  # fmt: skip
+
+
+def on_site(scene: Any, order: int, u: Array) -> Array:
+    """Energies [J] of the springs to the ground, or their derivatives of a given order in u.
+
+    Parameters
+    ----------
+    scene : Scene
+    order : int
+    u : ndarray, (..., *shape of the scene)
+        Displacements [m].
+
+    Returns
+    -------
+    ndarray, shape of u
+
+    Raises
+    ------
+    LockingError
+        A displacement outside the domain of its spring.
+    """
+    found = np.zeros(u.shape)
+    for one in scene._forces:
+        if one.stores:
+            applied, (low, high) = one._applied(scene), one.expression.domain
+            at = u[..., applied.places]
+            if ((at <= low) | (at >= high)).any():
+                outside = at[(at <= low) | (at >= high)]
+                raise range_error(one.expression, float(outside.flat[0]))
+            found[..., applied.places] += applied.stored(order, u)
+    return found
 
 
 def place_counts(scene: Any) -> dict[str, int]:

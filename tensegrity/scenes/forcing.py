@@ -21,7 +21,13 @@ from tensegrity.printing import concise, printed
 from tensegrity.readonly import FixedDict, fixed
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.force import checked_forces, dashpots, no_force, place_counts
-from tensegrity.scenes.signals import RTOL, check_signals, expression_of, signals_of
+from tensegrity.scenes.signals import (
+    RTOL,
+    check_signals,
+    expression_of,
+    in_columns,
+    signals_of,
+)
 from tensegrity.springs.potential import argument
 from tensegrity.springs.tuned import spring_at
 
@@ -286,7 +292,8 @@ def refuse_driven(scene: Any, what: str) -> None:
     """Refuse a driven, damped or tuned scene in an analysis of conservative scenes."""
     if dynamics(scene).is_driven:
         raise TensegrityError(
-            f"{what}: not for scenes that are driven, damped or tuned, or have further forces"
+            f"{what}: not for scenes that are driven, damped or tuned, or have further forces or "
+            "springs to the ground"
         )
 
 
@@ -425,20 +432,6 @@ def forcing_of(scene: Any, t_end: float, tuning: Any = None, as_forces: bool = F
         tuning,
         applied,
     )
-
-
-def in_columns(signals: Sequence[Any], by: str | None = None) -> Any:
-    """Functions of time as one function (t, order) -> (t.size, signals), or their derivatives by a
-    parameter; equal ones are evaluated once."""
-    distinct = {signal.key: signal for signal in signals}
-    number = [list(distinct).index(signal.key) for signal in signals]
-
-    def values(t: Array, order: int) -> Array:
-        rows = [signal(t, order, by) if by in (None, *signal.parameters) else 0 * t
-                for signal in distinct.values()]  # fmt: skip
-        return np.stack(rows, axis=-1)[..., number] if rows else np.zeros((*t.shape, 0))
-
-    return values
 
 
 def applied_forces(scene: Any, as_forces: bool = False) -> tuple[Any, ...]:

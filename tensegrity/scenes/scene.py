@@ -15,6 +15,7 @@ from tensegrity.errors import TensegrityError
 from tensegrity.printing import concise, printed
 from tensegrity.readonly import FixedDict
 from tensegrity.scenes.dynamics import HasDynamics, dynamics
+from tensegrity.scenes.force import on_site
 from tensegrity.scenes.forcing import checked_forcing
 from tensegrity.typing import Motion
 
@@ -156,7 +157,8 @@ class Scene(HasDynamics):
         return float(dynamics(self).energies(state.u[None], state.v[None])[0])
 
     def forces(self, u: ArrayLike) -> Array:
-        """Static forces on all sites: those of the bonds and the constant loads.
+        """Static forces on all sites: those of the bonds, of springs to the ground, and constant
+        loads.
 
         Parameters
         ----------
@@ -175,7 +177,7 @@ class Scene(HasDynamics):
         total = forces.scattered_forces(of.contact_bonds, tension, along)[: self.sites].reshape(
             u.shape
         )
-        total = total + self.loads
+        total = total + self.loads - on_site(self, 1, u)
         total[list(self.held)] = 0
         return total
 
@@ -192,7 +194,7 @@ class Scene(HasDynamics):
         scipy.sparse.csr_array, (u.size, u.size)
             [N/m], symmetric; rows and columns in the order of u.ravel(), 0 at held sites.
         """
-        from scipy.sparse import csr_array
+        from scipy.sparse import csr_array, diags_array
 
         u, r, along = self._elongated(u)
         of = dynamics(self)
@@ -200,10 +202,12 @@ class Scene(HasDynamics):
         found = forces.tangent(of.contact_bonds, r, along, tension, stiffness)
         free = np.ones(u.shape, dtype=bool)
         free[list(self.held)] = False
+        ground = on_site(self, 2, u) * free
         free = np.append(free.ravel(), np.zeros(found.shape[0] - u.size, dtype=bool))
         both = free[found.row] & free[found.col]
         entries = found.data[both], (found.row[both], found.col[both])
-        return csr_array(entries, shape=(u.size, u.size))
+        bonds = csr_array(entries, shape=(u.size, u.size))
+        return bonds + diags_array(ground.ravel(), format="csr") if ground.any() else bonds
 
     def _elongated(self, u: ArrayLike) -> tuple[Array, Array, Array]:
         """Validated displacements, their elongations, and the directions of the bonds."""

@@ -256,3 +256,17 @@ def _refuse_jump(signal: Any, t_end: float) -> None:
             f"{signal.name} {signal} jumps by {left.max():.6g} at t = {at:.6g} s: a drive must be "
             "continuous"
         )
+
+
+def in_columns(signals: Sequence[Any], by: str | None = None) -> Any:
+    """Functions of time as one function (t, order) -> (t.size, signals), or their derivatives by a
+    parameter; equal ones are evaluated once."""
+    distinct = {signal.key: signal for signal in signals}
+    number = [list(distinct).index(signal.key) for signal in signals]
+
+    def values(t: Array, order: int) -> Array:
+        rows = [signal(t, order, by) if by in (None, *signal.parameters) else 0 * t
+                for signal in distinct.values()]  # fmt: skip
+        return np.stack(rows, axis=-1)[..., number] if rows else np.zeros((*t.shape, 0))
+
+    return values

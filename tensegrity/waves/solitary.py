@@ -37,33 +37,8 @@ PLOTTED = 1e-3  # of the peak, where a picture ends
 
 
 @dataclass(frozen=True, eq=False)
-class SolitaryWave:
-    """A solitary wave of a chain of equal masses and springs, computed by `solitary_wave`.
-
-    Attributes
-    ----------
-    potential : Potential
-    mass : float
-        Of each site [kg].
-    x : ndarray, (n,)
-        Grid of distances from the peak of the elongation, in sites, symmetric about 0.
-    speed, sound_speed : float
-        [sites/s].
-    excess : float
-        speed/sound_speed - 1, to full relative precision even if it is small; inf in a sonic
-        vacuum.
-    family : str
-        Such as "compression" or "rarefaction 2"; the first family of a sign has no number.
-    amplitude : float
-        Peak elongation [m], extension > 0: negative in a compression wave.
-    energy : float
-        Total energy [J].
-    momentum : float
-        Momentum [kg m/s] of a wave towards higher sites: positive in a compression wave.
-    residual : float
-        Largest |m c^2 r - K V'(r)| over the largest |V'(r)|, on a grid 4 times finer than that of
-        the solution; K is the convolution of `travelling`.
-    """
+class TravellingWave:
+    """A wave of permanent form in a chain of equal masses and springs; see `SolitaryWave`."""
 
     potential: Potential = field(repr=False)
     mass: float
@@ -77,6 +52,12 @@ class SolitaryWave:
     momentum: float
     residual: float
     _shape: Series | Integrals = field(repr=False)
+
+    if TYPE_CHECKING:
+        _on_x: Array
+
+        def reach(self, tail: float = ...) -> float: ...
+        def width(self, level: float = ...) -> float: ...
 
     def elongation(self, x: ArrayLike) -> Array:
         """Elongation [m] at distances x from the peak (sites, any shape), by Fourier series.
@@ -100,27 +81,6 @@ class SolitaryWave:
             raise TensegrityError("no strain: the potential has no length; see elongation(x)")
         return self._on_x / self.potential.length
 
-    @cached_property
-    def _halves(self):
-        """Elongation and rate at the points x >= 0 of the grid."""
-        return self._shape.on_grid()
-
-    @property
-    def _on_x(self):
-        half = self._halves[0]
-        return np.concatenate([half[:0:-1], half])
-
-    @cached_property
-    def _by_speed(self):
-        return by_speed(self)
-
-    @property
-    def energy_slope(self) -> float:
-        """dH/dc [J s/site] along the family, by one linear solve with the tangent of Newton's
-        method; where it is 0, the wave's stability changes (Friesecke and Pego 2002).  Its
-        error is 1e-9 or less of it, or about 1e-3 where the stiffness has a pole in the wave."""
-        return self._by_speed[0]
-
     @property
     def speed_ratio(self) -> float:
         """Speed over sound speed; inf in a sonic vacuum."""
@@ -130,24 +90,6 @@ class SolitaryWave:
     def shift(self) -> float:
         """Displacement of each mass after the wave has passed [m], > 0 in its direction."""
         return self._shape.shift
-
-    def width(self, level: float = 0.05) -> float:
-        """Distance in sites between the two points where the elongation is `level` of the peak."""
-        level = check.number("level", level, above=0, below=1)
-        below = np.flatnonzero(self._halves[0] / self.amplitude < level)
-        if below.size == 0 or level < LEAST_LEVEL:
-            raise TensegrityError(f"level {level:g} must be at least {LEAST_LEVEL:g}")
-        first = len(self.x) // 2 + below[0]
-        places = self.x[first - 1], self.x[first]
-        return 2 * root(
-            lambda x: float(self.elongation(x)) / self.amplitude - level, *places, 1e-13
-        )
-
-    def reach(self, tail: float = 1e-12) -> float:
-        """Distance from the peak, in sites, beyond which less than `tail` times it is left."""
-        tail = check.number("tail", tail, above=0, below=1)
-        left = np.maximum(*(np.abs(half) / np.abs(half).max() for half in self._halves)) >= tail
-        return float(self.x[len(self.x) // 2 + np.flatnonzero(left)[-1]])
 
     def launch(self, chain: Chain, at: float, direction: int = 1, tail: float = 1e-12) -> State:
         """The state of a chain that is at rest except for this wave.
@@ -217,6 +159,10 @@ class SolitaryWave:
                 f"the masses around {at:g} differ from that of the wave, {self.mass:g} kg"
             )
 
+    @property
+    def _title(self):
+        return f"solitary wave of {self.family}"
+
     def _texts(self):
         """The characteristics of the wave as text, by name."""
         ratio = f" = {self.speed_ratio:.6g} sound speeds" if self.sound_speed else ""
@@ -230,16 +176,14 @@ class SolitaryWave:
         }
 
     def __str__(self) -> str:
-        text = {name: f"{name} {value}" for name, value in self._texts().items()}
-        return (
-            f"solitary wave of {self.family}, {text['speed']}\n{text['peak']}, {text['width']}\n"
-            f"{text['energy']}, {text['momentum']}\n{text['residual']}"
-        )
+        first, *others = (f"{name} {value}" for name, value in self._texts().items())
+        pairs = (", ".join(others[k : k + 2]) for k in range(0, len(others), 2))
+        return "\n".join([f"{self._title}, {first}", *pairs])
 
     __repr__ = __str__
 
     def _repr_html_(self) -> str:
-        title = f"Solitary wave of {self.family}"
+        title = self._title[0].upper() + self._title[1:]
         return page(title, self._texts(), lambda figure: self.plot(figure.subplots()))
 
     def plot(self, ax: Axes | None = None) -> Axes:
@@ -264,6 +208,74 @@ class SolitaryWave:
         drawn.plot(self.x[near], self._on_x[near])
         drawn.set(xlabel="distance from the peak [sites]", ylabel="elongation [m]")
         return drawn
+
+
+class SolitaryWave(TravellingWave):
+    """A solitary wave of a chain of equal masses and springs, computed by `solitary_wave`.
+
+    Attributes
+    ----------
+    potential : Potential
+    mass : float
+        Of each site [kg].
+    x : ndarray, (n,)
+        Grid of distances from the peak of the elongation, in sites, symmetric about 0.
+    speed, sound_speed : float
+        [sites/s].
+    excess : float
+        speed/sound_speed - 1, to full relative precision even if it is small; inf in a sonic
+        vacuum.
+    family : str
+        Such as "compression" or "rarefaction 2"; the first family of a sign has no number.
+    amplitude : float
+        Peak elongation [m], extension > 0: negative in a compression wave.
+    energy : float
+        Total energy [J].
+    momentum : float
+        Momentum [kg m/s] of a wave towards higher sites: positive in a compression wave.
+    residual : float
+        Largest |m c^2 r - K V'(r)| over the largest |V'(r)|, on a grid 4 times finer than that of
+        the solution; K is the convolution of `travelling`.
+    """
+
+    @cached_property
+    def _halves(self):
+        """Elongation and rate at the points x >= 0 of the grid."""
+        return self._shape.on_grid()
+
+    @property
+    def _on_x(self):
+        half = self._halves[0]
+        return np.concatenate([half[:0:-1], half])
+
+    @cached_property
+    def _by_speed(self):
+        return by_speed(self)
+
+    @property
+    def energy_slope(self) -> float:
+        """dH/dc [J s/site] along the family, by one linear solve with the tangent of Newton's
+        method; where it is 0, the wave's stability changes (Friesecke and Pego 2002).  Its
+        error is 1e-9 or less of it, or about 1e-3 where the stiffness has a pole in the wave."""
+        return self._by_speed[0]
+
+    def width(self, level: float = 0.05) -> float:
+        """Distance in sites between the two points where the elongation is `level` of the peak."""
+        level = check.number("level", level, above=0, below=1)
+        below = np.flatnonzero(self._halves[0] / self.amplitude < level)
+        if below.size == 0 or level < LEAST_LEVEL:
+            raise TensegrityError(f"level {level:g} must be at least {LEAST_LEVEL:g}")
+        first = len(self.x) // 2 + below[0]
+        places = self.x[first - 1], self.x[first]
+        return 2 * root(
+            lambda x: float(self.elongation(x)) / self.amplitude - level, *places, 1e-13
+        )
+
+    def reach(self, tail: float = 1e-12) -> float:
+        """Distance from the peak, in sites, beyond which less than `tail` times it is left."""
+        tail = check.number("tail", tail, above=0, below=1)
+        left = np.maximum(*(np.abs(half) / np.abs(half).max() for half in self._halves)) >= tail
+        return float(self.x[len(self.x) // 2 + np.flatnonzero(left)[-1]])
 
 
 def solitary_wave(

@@ -114,8 +114,9 @@ def modes(scene: Scene, about: State | None = None, count: int = 10) -> Modes:
     Parameters
     ----------
     scene : Scene
-        A `Chain`, a `Network`, or a scene built by `granular`.  Sites that are held, or whose
-        motion is prescribed, are fixed; dashpots and prescribed forces are ignored.
+        A `Chain`, a `Network`, or a scene built by `granular`, with its springs to the ground.
+        Sites that are held, or whose motion is prescribed, are fixed; dashpots and prescribed
+        forces are ignored.
     about : State, optional
         An equilibrium, with velocities 0; by default the scene at rest.
     count : int, optional
@@ -146,8 +147,8 @@ def modes(scene: Scene, about: State | None = None, count: int = 10) -> Modes:
     if isinstance(scene, Ensemble):
         raise TensegrityError("scene is an Ensemble: give one of its scenes")
     check.kind("scene", scene, Scene)
-    if dynamics(scene).has_forces:
-        raise TensegrityError("modes: not for scenes with forces besides those of their springs")
+    if not all(one.stores for one in dynamics(scene).further_forces):
+        raise TensegrityError("modes: not for scenes with forces other than those of springs")
     count = check.whole("count", count, least=1)
     u = scene.at_rest().u if about is None else _equilibrium(scene, about)
     listed = dynamics(scene).listed(u).scene
@@ -201,6 +202,7 @@ def dispersion(
     springs: Potential | Sequence[Potential],
     masses: float | Sequence[float],
     wavenumbers: ArrayLike,
+    ground: Potential | Sequence[Potential] | None = None,
 ) -> Array:
     """Dispersion relation of a periodic chain: the angular frequencies of its linear waves.
 
@@ -213,6 +215,8 @@ def dispersion(
         Masses of one cell [kg], > 0: one for each spring, or one for all.
     wavenumbers : array_like, (wavenumbers,)
         Phase difference between adjacent cells [rad].
+    ground : Potential or sequence of Potential, optional
+        Springs between the masses of a cell and the ground, measured from their equilibrium.
 
     Returns
     -------
@@ -236,31 +240,43 @@ def dispersion(
     array([[0.    , 1.7321],
            [1.    , 1.4142]])
     """
-    given = _cell("springs", springs)
-    for number, spring in enumerate(given):
-        check.kind(f"spring {number}", spring, Potential)
-    stiffness = np.array([float(spring.stiffness(0.0)) for spring in given])
-    bad = np.flatnonzero(~(np.isfinite(stiffness) & (stiffness >= 0)))
-    if bad.size:
-        raise TensegrityError(
-            f"stiffness {stiffness[bad[0]]:g} N/m of spring {bad[0]} at rest must be at least 0"
-        )
+    stiffness = _stiffnesses("springs", springs)
+    held = np.zeros(1) if ground is None else _stiffnesses("ground", ground)
     m = np.array(
         [check.number("mass", x, least=SMALLEST_MASS, unit="kg") for x in _cell("masses", masses)]
     )
-    count = max(len(stiffness), len(m))
-    if {len(stiffness), len(m)} - {1, count}:
-        raise TensegrityError(f"{len(stiffness)} springs and {len(m)} masses make no cell")
+    count = max(len(stiffness), len(m), len(held))
+    if {len(stiffness), len(m), len(held)} - {1, count}:
+        more = "" if ground is None else f", {len(held)} springs to the ground"
+        raise TensegrityError(f"{len(stiffness)} springs{more} and {len(m)} masses make no cell")
     q = check.floats("wavenumbers", wavenumbers)
     if q.ndim != 1:
         raise TensegrityError(f"wavenumbers have shape {q.shape}, must be (wavenumbers,)")
     q = check.vector("wavenumbers", q, q.shape)
-    stiffness, m = np.broadcast_to(stiffness, count), np.broadcast_to(m, count)
+    stiffness, m, held = (np.broadcast_to(x, count) for x in (stiffness, m, held))
     each = np.arange(count)
     ends = np.stack([each, (each + 1) % count], axis=1)
     next_cell = (each == count - 1).astype(np.int64)[:, None]
+    if ground is not None:  # one more node, of infinite mass
+        ends = np.concatenate([ends, np.stack([each, np.full(count, count)], axis=1)])
+        next_cell = np.concatenate([next_cell, 0 * next_cell])
+        stiffness, m = np.append(stiffness, held), np.append(m, np.inf)
     roots = np.sqrt(stiffness)[:, None, None]
-    return singular_frequencies(ends, next_cell, roots, m, q[:, None])
+    return singular_frequencies(ends, next_cell, roots, m, q[:, None])[:, -count:]
+
+
+def _stiffnesses(name: str, given: Any) -> Array:
+    """Stiffnesses at rest [N/m] of the springs of a cell."""
+    springs = _cell(name, given)
+    for number, spring in enumerate(springs):
+        check.kind(f"spring {number} of {name}", spring, Potential)
+    found = np.array([float(spring.stiffness(0.0)) for spring in springs])
+    bad = np.flatnonzero(~(np.isfinite(found) & (found >= 0)))
+    if bad.size:
+        raise TensegrityError(
+            f"stiffness {found[bad[0]]:g} N/m of spring {bad[0]} at rest must be at least 0"
+        )
+    return found
 
 
 def _cell(name: str, given: Any) -> tuple[Any, ...]:
