@@ -336,12 +336,13 @@ def test_a_response_on_springs_to_the_ground_returns():
     assert orbit.energy == pytest.approx(run.energy[0], rel=1e-12)
     flow, time = DrivenFlow(scene, 40, 2.1), 2.1
     u, v = np.array([0.02, 0.01, -0.01, 0.03]), np.zeros(4)
-    tangent, h = flow.tangents(u, v, time)[2], 1e-5
+    tangent, h = flow.tangents(u, v, time)[2], 2e-6
     for k in range(4):
         step = h * np.eye(4)[k]
         ends = [np.concatenate(flow.end(u + s * step, v, time)) for s in (1, -1)]
         assert np.abs((ends[0] - ends[1]) / (2 * h) - tangent[:, k]).max() < 1e-8
-    alone = Chain(LINEAR, 2, ends=("fixed", "free"), ground=[None, LINEAR],
-                  damping=Damping(ground=0.2), drive={1: Drive(force=0.1 * sp.cos(1.3 * T))})  # fmt: skip
+    drive = {1: Drive(force=0.1 * sp.cos(1.3 * T))}
+    given = {"drive": drive, "damping": Damping(ground=0.2), "ground": [None, LINEAR]}
+    alone = Chain(LINEAR, 2, ends=("fixed", "free"), **given)
     found = periodic_orbit(alone, alone.at_rest()).state.u[1]
     assert found == pytest.approx((0.1 / (2 - 1.69 + 0.26j)).real, abs=1e-12)
