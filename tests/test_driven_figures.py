@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from figures import driven_gap, driven_tuning
+from figures import driven_gap, driven_response, driven_tuning
 from tensegrity import Prism
 
 
@@ -32,3 +32,17 @@ def test_the_edges_of_prism_chains_go_with_the_root_of_the_axial_stiffness():
     assert high == pytest.approx(math.sqrt(2 * k / one), rel=1e-12)
     assert top == pytest.approx(math.sqrt(2 * k * (1 / one + 1 / other)), rel=1e-12)
     assert driven_tuning.edges(0.03, 0.02)[2] != pytest.approx(top, rel=1e-2)
+
+
+def test_ten_beads_pass_waves_one_way_beyond_their_torus_point():
+    """What multipliers say of two orientations, runs from rest show."""
+    near, far = driven_response.SIDES
+    events = driven_response.followed(near).events
+    assert [event.kind for event in events] == ["torus"]
+    assert events[0].value == pytest.approx(0.00649, abs=1e-5)
+    assert not driven_response.followed(far).events
+    assert driven_response.followed(far).stable.all()
+    for strength, least, most in ((0.004, 1.0, 1.5), (0.04, 1e3, 1e6)):
+        ahead, back = (driven_response.transmitted(light, strength)
+                       for light in driven_response.SIDES.values())  # fmt: skip
+        assert least < ahead / back < most

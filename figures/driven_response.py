@@ -1,0 +1,151 @@
+"""Responses of driven and damped chains, followed through their folds, with what is stable.
+
+A prism on a held base is driven by a force; ten beads, one of them light, stand between a wall that
+moves and one that does not.  Multipliers of each response say whether it is stable: it loses that
+at folds, and at torus points, beyond which motion is quasi-periodic.  Where the light bead is next
+to the moving wall, waves pass beyond such a point; turned round, the chain keeps them out.
+Source: Boechler, Theocharis & Daraio 2011, Bifurcation-based acoustic switching and rectification,
+for the chain of beads.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import sympy as sp
+
+from tensegrity import (
+    Chain,
+    Damping,
+    Drive,
+    PowerLaw,
+    Prism,
+    Record,
+    orbit_path,
+    periodic_orbit,
+    simulate,
+)
+
+NAME = "driven_response"
+GROUP = "driven"
+
+FORCES = (0.0003, 0.0006, 0.001)  # N
+GROUND, RANGE = 0.02, (1.55, 1.8)  # N s/m, rad/s
+BEADS, LIGHT, MOVED, LOSS = 10, 0.5, 0.02, 0.005
+SWEPT = (2.83, 2.75)
+SIDES = {"light bead near the drive": 2, "light bead at the far end": 9}
+TURNED, STRENGTHS = 2.81, np.geomspace(0.002, 0.06, 12)  # rad/s, m
+SETTLED, END, STEP = 1500.0, 3000.0, 0.05  # s
+W, T, SIZE = sp.symbols("W t A")
+
+
+def prism(force):
+    """A prism on a held base, driven by a force."""
+    drive = Drive(force=force * sp.cos(W * T), parameters={"W": RANGE[0]})
+    spring = Prism(1.0, 0.7, 0.1, 1.0).potential()
+    return Chain(spring, 2, ends=("fixed", "free"), drive={1: drive},
+                 damping=Damping(ground=GROUND))  # fmt: skip
+
+
+def beads(drive, light=2):
+    """Beads between walls, one of them light, the first wall moving; scaled Hertz contacts."""
+    mass = np.ones(BEADS + 2)
+    mass[light] = LIGHT
+    return Chain(PowerLaw(1.0, 1.5, preload=1.0), BEADS + 2, mass, ("free", "fixed"),
+                 drive={0: drive}, damping=Damping(ground=LOSS))  # fmt: skip
+
+
+@cache
+def followed(name):
+    """The path of a scene by the frequency, or by the strength of the drive for a side."""
+    if name in SIDES:
+        wall = Drive(displacement=SIZE * sp.cos(TURNED * T), parameters={"A": float(STRENGTHS[0])})
+        scene, by, until = beads(wall, SIDES[name]), "A", float(STRENGTHS[-1])
+    elif name == "beads":
+        wall = Drive(displacement=MOVED * sp.cos(W * T), parameters={"W": SWEPT[0]})
+        scene, by, until = beads(wall), "W", SWEPT[1]
+    else:
+        scene, by, until = prism(name), "W", RANGE[1]
+    return orbit_path(periodic_orbit(scene, scene.at_rest()), by=by, until=until)
+
+
+def transmitted(light, strength):
+    """Mean kinetic energy of the last bead in a run that begins at rest [J]."""
+    grown = 1 - sp.exp(-((T / 50) ** 2))
+    scene = beads(Drive(displacement=float(strength) * grown * sp.cos(TURNED * T)), light)
+    run = simulate(scene, scene.at_rest(), END, method="verlet", dt=STEP, record=Record(every=5))
+    return float(np.mean(run.v[run.t > SETTLED][:, BEADS] ** 2) / 2)
+
+
+def data():
+    tables = {}
+    for name in (*FORCES, "beads"):
+        path = followed(name)
+        tables[f"path {name}"] = {"W": path.columns["W"], "amplitude": path.amplitude,
+                                  "stable": np.asarray(path.stable, float)}  # fmt: skip
+        tables[f"events {name}"] = {
+            "kind": [event.kind for event in path.events],
+            "W": [float(event.value) for event in path.events],
+            "amplitude": [float(event.amplitude) for event in path.events],
+        }
+    tables["transmitted"] = {"drive": STRENGTHS} | {
+        side: np.array([transmitted(light, a) for a in STRENGTHS]) for side, light in SIDES.items()
+    }
+    lost = [[event.value for event in followed(side).events][:1] or [np.nan] for side in SIDES]
+    tables["lost"] = {"side": list(SIDES), "drive": np.array(lost)[:, 0]}
+    return tables
+
+
+def response(ax, tables, name, color, label=None):
+    """A path: what is not stable dashed, events as points."""
+    w, amplitude, stable = tables[f"path {name}"].values()
+    ax.plot(w, np.where(stable > 0, amplitude, np.nan), color)
+    ax.plot(w, np.where(stable > 0, np.nan, amplitude), color, ls="--", lw=1)
+    kinds, places, heights = tables[f"events {name}"].values()
+    for kind, x, y in zip(kinds, places, heights, strict=True):
+        ax.plot([x], [y], {"fold": "ko", "torus": "ks"}.get(kind, "kx"), ms=5, mfc="w")
+    if label:
+        at = int(np.argmax(amplitude))
+        ax.annotate(label, (w[at], amplitude[at]), color=color, ha="right", va="bottom")
+
+
+def draw(figure, tables):
+    figure.set_size_inches(11.5, 3.9)
+    prisms, row, sent = figure.subplots(1, 3)
+    for k, force in enumerate(FORCES):
+        response(prisms, tables, force, f"C{k}", f"{1e3 * force:g} mN ")
+    prisms.set(xlabel="frequency of the drive [rad/s]", ylabel="amplitude [m]")
+    prisms.set_title("(a) A prism's response folds over", fontsize=10)
+    response(row, tables, "beads", "C0")
+    row.plot([], [], "ko", mfc="w", ms=5, label="fold")
+    row.plot([], [], "ks", mfc="w", ms=5, label="torus point")
+    row.plot([], [], "C0--", lw=1, label="unstable")
+    row.legend(fontsize=8, frameon=False)
+    row.set(xlabel="frequency of the drive [rad/s]", ylabel="amplitude of a bead")
+    row.set_title("(b) Ten beads lose stability in two ways", fontsize=10)
+    drive, *found = tables["transmitted"].values()
+    for k, values in enumerate(found):
+        sent.loglog(drive, values, f"C{3 * k}o-", ms=4)
+    sent.annotate("light bead\nnear the drive", (drive[7], 3e-6), color="C0", ha="right")
+    sent.annotate("light bead\nat the far end", (drive[6], 6e-11), color="C3")
+    sent.xaxis.set_minor_formatter("")
+    sent.axvline(tables["lost"]["drive"][0], color="0.5", ls=":")
+    sent.annotate("torus point", (tables["lost"]["drive"][0] * 1.08, 3e-3), color="0.4", fontsize=8)
+    sent.set(xlabel="amplitude of the drive", ylabel="energy of the last bead")
+    sent.set_title("(c) One way waves pass, the other way not", fontsize=10)
+
+
+def table(tables):
+    rows = []
+    for name in (FORCES[-1], "beads"):
+        words = "ten beads" if name == "beads" else f"prism, {1e3 * name:g} mN"
+        for kind, w in zip(*list(tables[f"events {name}"].values())[:2], strict=True):
+            rows.append({"response": f"{words}, {kind}", "frequency [rad/s]": w})
+    for side, lost in zip(*tables["lost"].values(), strict=True):
+        shown = "none" if np.isnan(lost) else float(lost)
+        rows.append({"response": f"{side}, loses stability at a drive of", "drive": shown})
+    _, ahead, back = tables["transmitted"].values()
+    ratio = float((ahead / back).max())
+    rows.append({"response": "transmitted energy, one way over the other", "ratio": ratio})
+    return rows
