@@ -18,6 +18,7 @@ from tensegrity import (
     Potential,
     PowerLaw,
     Prism,
+    Record,
     State,
     TensegrityError,
     floquet,

@@ -20,7 +20,7 @@ MOST = 100  # names, those of the catalogue and the later ones apart
 LATER = {"catalogue", "interface", "phase_shift", "pulses", "read_curve", "transmission"}
 LATER |= {"Scatter", "robustness"}
 LATER |= {"Lattice", "bands", "moduli"}
-LATER |= {"floquet", "periodic_orbit"}
+LATER |= {"floquet", "orbit_path", "periodic_orbit"}
 LATER |= {"Force", "carretero_gonzalez", "hunt_crossley", "kuwabara_kono", "viscous"}
 HELD = Path(__file__).parent / "interface.txt"
 

@@ -153,7 +153,7 @@ class _Family:
 
     roots: tuple[str, ...] = ("end", "doubling", "torus")
     leaving = np.zeros(0, dtype=int)
-    longest = 0.02  # step, relative: two events within one are not seen
+    longest = 0.1  # step, relative: two events within one are not seen
     settled = 1e-11  # residual that twice as many steps may leave, over the size of the orbit
     flow: Any
 
@@ -281,7 +281,7 @@ class _Reversible(_Family):
     """Unknowns are u(0) of the free sites, T, and the energy where it is followed."""
 
     roots = ("end", "doubling", "stability")
-    longest, settled = 0.1, 1e-9
+    settled = 1e-9
 
     def __init__(self, orbit: Orbit, by: str, until: float, steps: int) -> None:
         self._half = half = HalfPeriod(orbit.scene, orbit.state.u, None)
