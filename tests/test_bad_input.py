@@ -257,6 +257,7 @@ CALLS = [  # where other arguments are needed, or several in one call
     (ts.solitary_wave, {"speed": 2 * WAVE.sound_speed}),
     (ts.periodic_orbit, {"scene": PAIR, "guess": SWUNG, "period": SWUNG.period}),
     (ts.periodic_orbit, {"scene": PAIR, "guess": SWUNG, "energy": SWUNG.energy}),
+    (ts.orbit_path, {"orbit": SWUNG, "by": "period", "until": 1.001 * SWUNG.period}),
     (ts.solitary_wave, {"amplitude": WAVE.amplitude}),
     (ts.solitary_wave, {"energy": WAVE.energy}),
     (ts.solitary_wave, {"excess": 0.5}),
