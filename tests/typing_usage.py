@@ -101,6 +101,7 @@ from tensegrity import (
     modes,
     moduli,
     objective,
+    orbit_path,
     peaks,
     periodic_orbit,
     phase_shift,
@@ -340,6 +341,7 @@ def waves(spring: Potential, chain: Chain) -> State:
     assert_type(orbit.state, State)
     assert_type(floquet(orbit).growth + orbit.energy + orbit.residual, float)
     assert_type(orbit.run(), Run)
+    assert_type(orbit_path(orbit, by="period", until=1.1).stable, Flags)
     assert_type(predict(spring), Prediction)
     assert_type(modes(Chain(spring, 5), count=3), Modes)
     shaker = Drive(displacement=sp.sin(sp.Symbol("t")))

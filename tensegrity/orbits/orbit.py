@@ -1,4 +1,5 @@
-"""Time-periodic orbits of undriven chains, by half-period shooting: `periodic_orbit`.
+"""Time-periodic orbits of chains: `periodic_orbit`, and those of undriven ones by half-period
+shooting.
 
 An orbit that is at rest at t = 0 and again at half its period returns along the same path: the
 unknowns are the displacements u(0), the equations v(T/2) = 0, and for a given energy T is one more
@@ -38,17 +39,20 @@ def periodic_orbit(
     period: float | None = None,
     energy: float | None = None,
 ) -> Orbit:
-    """A time-periodic orbit of a chain without drives and dashpots, at rest twice in a period.
+    """A time-periodic orbit of a chain: of an undriven one, at rest twice in a period, or the
+    response of one with drives, dashpots and forces of its own.
 
     Parameters
     ----------
     scene : Chain
     guess : State or Orbit
         Whose displacements are near those of a turning point; velocities are ignored.  An orbit
-        is followed by small changes of period or energy.
+        is followed by small changes of period or energy.  Of a driven chain the state at t = 0,
+        velocities included; `scene.at_rest()` leads to the response to weak drives.
     period, energy : float
         One of them: the period [s], or the energy above that at rest [J].  With an energy the guess
-        is an `Orbit`, whose period starts the search.
+        is an `Orbit`, whose period starts the search.  Of a driven chain the shortest period of its
+        drives by default, otherwise a whole multiple of it to 1e-9, and no energy.
 
     Returns
     -------
@@ -57,9 +61,9 @@ def periodic_orbit(
     Raises
     ------
     TensegrityError
-        Bad input, a scene that is driven, damped or has forces of its own, no orbit near the guess
-        (the message says which harmonic of the period lies in a band), or one that is the state at
-        rest.
+        Bad input, a drive without a period, drives whose periods do not fit together, springs that
+        change in time, no orbit near the guess (the message says which harmonic of the period lies
+        in a band), or one that is the state at rest.
 
     Examples
     --------
