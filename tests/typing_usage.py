@@ -367,6 +367,13 @@ def waves(spring: Potential, chain: Chain) -> State:
     assert_type(row.stability().kind, str)
     assert_type(Prism(1.0, 0.7, 0.1, 1.0, 5.0, 50.0).column(periodic=True), Lattice)
     assert_type(catalogue.column(periodic=True), Lattice)
+    for cell in (catalogue.square(), catalogue.triangular(), catalogue.honeycomb(side=1.0)):
+        assert_type(cell, Lattice)
+    assert_type(catalogue.kagome(), Lattice)
+    assert_type(catalogue.octahedra(layers=1), Lattice)
+    assert_type(catalogue.resonators(masses=(1.0, 2.0)), Lattice)
+    assert_type(catalogue.x_strip(), Lattice)
+    assert_type(catalogue.x_plate().network((2, 2)), Network)
     bands("x", [[0.1]])  # type: ignore[arg-type]
     dispersion("x", 1.0, [0.1])  # type: ignore[arg-type]
     lens = Lens(Prism(1.0, 0.8, 0.01, 1.0), chains=3)
