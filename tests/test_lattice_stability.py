@@ -75,6 +75,14 @@ def test_waves_that_travel_have_the_phases_of_bands(of, axis, across):
         assert (pairs.min(axis=0) < 1e-6 * np.abs(np.exp(1j * found))).all()
 
 
+def test_a_node_whose_own_stiffness_its_inertia_cancels():
+    """Own stiffness 2 less w^2 is 0, or round-off, at w = sqrt(2): the phase is pi/2."""
+    chain = Lattice([(0, 0)], [(1, 0)], [(0, 0, 1)], k_bar=1)
+    found = decay(chain, [math.sqrt(2), 2**0.5 * (1 - 1e-15), 1.4142])
+    assert np.allclose(np.abs(found[:2].real), math.pi / 2, atol=1e-14)
+    assert (found.imag == 0).all()
+
+
 def test_waves_that_end_within_their_cell_decay_without_bound():
     """Pairs of nodes of neighbouring cells that nothing else joins pass nothing on."""
     chain = Lattice([(0, 0), (0.3, 0)], [(1, 0)], [(0, 1, 1)], k_bar=1)
@@ -82,6 +90,18 @@ def test_waves_that_end_within_their_cell_decay_without_bound():
     assert found.shape == (2, 2)
     assert (found.real == 0).all()
     assert (np.abs(found.imag) == np.inf).all()
+
+
+@pytest.mark.parametrize("size", [1e-6, 2.0, 1e6])
+def test_decay_does_not_depend_on_the_size_of_the_cell(size):
+    """Octahedra pass few of the waves that their coupling allows; the others are not invented."""
+    one = np.abs(decay(catalogue.octahedra(), [0.7])[0].imag)
+    two = np.abs(decay(catalogue.octahedra(width=size), [0.7])[0].imag)
+    finite = np.isfinite(one)
+    assert np.array_equal(finite, np.isfinite(two))
+    assert np.sum(~finite) % 2 == 0
+    assert np.abs(one[finite] - two[finite]).max() < 1e-8
+    assert np.abs(one[finite][::2] - one[finite][1::2]).max() < 1e-8  # in pairs
 
 
 @pytest.mark.parametrize("q", [0.1, 0.4])

@@ -3,7 +3,8 @@
 With phases fixed along the other lattice vectors, waves u lambda^n along one of them obey
 (P lambda + D + P^H/lambda) u = 0, D = K - w^2 M of the cells of one layer, P the stiffness that
 joins a layer to the next.  P is singular as a rule: with P = L R^H of its rank r, a = R^H u and
-b = L^H u/lambda the pencil has 2r eigenvalues besides infinite ones, and needs no inverse.
+b = L^H u/lambda the pencil has 2r eigenvalues besides infinite ones, and needs no inverse.  Those
+of waves that end within their cell are 0 or infinite, and are removed first.
 Source: Laude, Achaoui, Benchabane & Khelif 2009, Evanescent Bloch waves and the complex band
 structure of phononic crystals.
 """
@@ -20,9 +21,8 @@ from tensegrity.errors import TensegrityError
 from tensegrity.lattices.bands import angular_frequencies, bloch_matrix
 from tensegrity.lattices.lattice import Lattice
 
-RANK = 1e-12  # singular values of the coupling that count as zero, over the largest
+RANK = 1e-12  # singular values that count as zero, over the largest stiffness
 SPLIT = 1e-7  # decay that counts as zero: double roots at edges of bands split by so much
-NEAREST = 1e-13  # of a pencil's eigenvalues: lambda that counts as zero
 
 
 def decay(
@@ -92,26 +92,46 @@ def decay(
 
 def _phases(own: Any, pair: Any, layers: int) -> Any:
     """Phases per cell of the waves of one frequency, by a supercell of `layers` cells."""
-    from scipy.linalg import eig
+    from scipy.linalg import eigvals
 
-    (left, right), (size, rank) = pair, pair[0].shape
-    scale = float(np.abs(own).max())
+    left, right = pair
+    scale = max(float(np.abs(own).max()), float(np.abs(left).max()))
+    own, left, (size, rank) = own / scale, left / scale, left.shape
     a, b = np.zeros((2, size + 2 * rank, size + 2 * rank), dtype=complex)
     first, second = slice(size, size + rank), slice(size + rank, None)
     a[:size, :size], a[:size, second], b[:size, first] = own, right, -left
-    a[first, :size], a[first, first] = scale * right.conj().T, -scale * np.eye(rank)
+    a[first, :size], a[first, first] = right.conj().T, -np.eye(rank)
     a[second, :size], b[second, second] = left.conj().T, np.eye(rank)
-    values, vectors = eig(a, b, homogeneous_eigvals=True)
-    values = values / np.hypot(*np.abs(values))
-    number = np.argsort(-np.abs(values[1]))[: 2 * rank]  # the others are infinite
-    ratio = np.maximum(np.abs(values[:, number]), np.finfo(float).tiny)
-    kappa = -1j * np.log(ratio[0] / ratio[1]) / layers
-    turned = values[0, number] * values[1, number].conj()
-    if layers > 1:  # the phase of a cell, which is that of the supercell but for whole turns
-        cells = vectors[:size, number].reshape(layers, -1, 2 * rank)
-        turned = np.sum(cells[:-1].conj() * cells[1:], axis=(0, 1))
-    kappa = np.angle(turned) + kappa
-    ends = ratio.min(axis=0) < NEAREST
-    kappa.real[ends], kappa.imag[ends] = 0, np.inf * np.sign(kappa.imag[ends])
+    b, a = _without_zero(*_without_zero(a, b)[::-1])
+    values = eigvals(a, b)
+    kappa = -1j * np.log(np.abs(values)) / layers
+    if layers == 1:
+        kappa += np.angle(values)
+    else:  # the phase of a cell, which is that of the supercell but for whole turns
+        kappa += [_turn(own, left @ right.conj().T, value, layers) for value in values]
     kappa[np.abs(kappa.imag) < SPLIT] = kappa[np.abs(kappa.imag) < SPLIT].real
-    return kappa[np.argsort(np.abs(kappa.imag), kind="stable")]
+    ends = np.zeros(2 * rank - len(kappa), dtype=complex)
+    ends.imag = np.where(np.arange(len(ends)) % 2, -np.inf, np.inf)
+    return np.concatenate([kappa[np.argsort(np.abs(kappa.imag), kind="stable")], ends])
+
+
+def _without_zero(a: Any, b: Any) -> tuple[Any, Any]:
+    """The pencil a x = lambda b x without its eigenvalue 0, which chains of vectors may have: as an
+    eigenvalue it would be found as some root of round-off (Van Dooren 1979).  Entries are of
+    order 1."""
+    while len(a):
+        _, sizes, vectors = np.linalg.svd(a)
+        rank = int(np.sum(sizes > RANK))
+        if rank == len(a):
+            break
+        rest, null = vectors[:rank].conj().T, vectors[rank:].conj().T
+        rows = np.linalg.qr(b @ null, mode="complete")[0][:, len(a) - rank :].conj().T
+        a, b = rows @ a @ rest, rows @ b @ rest
+    return a, b
+
+
+def _turn(own: Any, next_one: Any, value: complex, layers: int) -> float:
+    """The phase [rad] by which a wave turns from cell to cell in a supercell."""
+    whole = own + next_one * value + next_one.conj().T / value
+    cells = np.linalg.svd(whole)[2][-1].conj().reshape(layers, -1)
+    return float(np.angle(np.sum(cells[:-1].conj() * cells[1:])))
