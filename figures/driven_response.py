@@ -122,17 +122,17 @@ def draw(figure, tables):
     row.plot([], [], "ks", mfc="w", ms=5, label="torus point")
     row.plot([], [], "C0--", lw=1, label="unstable")
     row.legend(fontsize=8, frameon=False)
-    row.set(xlabel="frequency of the drive [rad/s]", ylabel="amplitude of a bead")
+    row.set(xlabel="frequency of the drive [rad/s]", ylabel="amplitude of a bead [m]")
     row.set_title("(b) Ten beads lose stability in two ways", fontsize=10)
     drive, *found = tables["transmitted"].values()
     for k, values in enumerate(found):
         sent.loglog(drive, values, f"C{3 * k}o-", ms=4)
-    sent.annotate("light bead\nnear the drive", (drive[7], 3e-6), color="C0", ha="right")
+    sent.annotate("light bead\nnear the drive", (0.0072, 3e-6), color="C0")
     sent.annotate("light bead\nat the far end", (drive[6], 6e-11), color="C3")
     sent.xaxis.set_minor_formatter("")
     sent.axvline(tables["lost"]["drive"][0], color="0.5", ls=":")
     sent.annotate("torus point", (tables["lost"]["drive"][0] * 1.08, 3e-3), color="0.4", fontsize=8)
-    sent.set(xlabel="amplitude of the drive", ylabel="energy of the last bead")
+    sent.set(xlabel="amplitude of the drive [m]", ylabel="energy of the last bead [J]")
     sent.set_title("(c) One way waves pass, the other way not", fontsize=10)
 
 
