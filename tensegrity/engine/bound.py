@@ -8,6 +8,7 @@ masses and the coefficients of a splitting, and one more for other methods.
 from __future__ import annotations
 
 import ctypes
+import math
 from itertools import pairwise
 
 import numpy as np
@@ -24,6 +25,14 @@ IMPLICIT = structure("implicit.c", "implicit")
 OPENINGS = structure("overlaps.c", "openings")
 CACHE = 8  # numbers in a cache line
 ROW = 1, 1, 2, 4  # numbers in a site's row of forces, by number of coordinates: as in simd.c
+
+
+def aligned(shape, dtype=float):
+    """Zeros from the beginning of a cache line on: where vectors of a loop do not straddle two
+    lines, they can be loaded right after they were stored."""
+    size = math.prod(shape) if isinstance(shape, tuple) else shape
+    room = np.zeros(size + CACHE, dtype=dtype)
+    return room[-room.ctypes.data // room.itemsize % CACHE :][:size].reshape(shape)
 
 
 class Bound:
@@ -90,10 +99,8 @@ class Bound:
     def _room(self, pieces):
         """Work arrays of the loop of a network."""
         fields, dtype, load = self._layout.fields, self._loop.dtype, self._bonds.contacts.load
-        size = pieces * len(load) * ROW[self._loop.dim]
-        room = np.zeros(size + CACHE, dtype=dtype)
-        pull = room[-room.ctypes.data // room.itemsize % CACHE :][:size]  # aligned to cache lines
-        pull.reshape(pieces, len(load), -1)[..., : self._loop.dim] = load
+        pull = aligned((pieces, len(load), ROW[self._loop.dim]), dtype)
+        pull[..., : self._loop.dim] = load
         return {
             "near": np.zeros((2, self.u.size) if pieces > 1 else 0, dtype=dtype),
             "pull": pull,

@@ -31,6 +31,7 @@ typedef struct {
     const integer *own_at;           /* (runs) where its own parameters begin */
     integer runs, bonds, entries, moving, objectives, wanted, stages, closing;
     integer room, apart; /* padded number of entries; stride of arrays over bonds */
+    integer together;    /* whether scratch k, d and pull have rows for all stages */
 } scene;
 
 /* Derivatives of each objective with respect to the states after steps number `begin` to `end`: to
@@ -124,24 +125,58 @@ static void gather(const scene *c)
     }
 }
 
-/* From derivatives with respect to velocities to those with respect to masses, parameters and u. */
-static void carry(const scene *c, real a, integer o)
+/* The numbers one place after those of a vector, where `after` is the vector after it. */
+PACKED pack shifted_back(pack here, pack after)
 {
-    const integer apart = c->apart;
-    const real *w = c->w, *vb = c->vb + o * c->entries, *k = c->k, *d = c->d;
-    real *ub = c->ub + o * c->entries, *wb = c->wb + o * c->entries;
-    real *pb = c->pb + o * c->wanted * apart;
-    pack before = wide(0);
-    for (integer i = 0; i < c->room; i += WIDE) {
-        const pack push = a * load(vb + i);
-        const pack bent = push * load(w + i) - a * load(vb + i + 1) * load(w + i + 1);
-        const pack back = bent * load(k + i);
-        store(wb + i, load(wb + i) + push * load(c->pull + i));
-        for (integer m = i; m < i + c->wanted * apart; m += apart)
-            store(pb + m, load(pb + m) + bent * load(d + m));
-        store(ub + i, load(ub + i) + shifted(before, back) - back);
-        before = back;
+#if WIDE == 8
+    return (pack)_mm512_alignr_epi64((__m512i)after, (__m512i)here, 1);
+#else
+    pack y;
+    LANES_OF(l) LANE(y, l) = l < WIDE - 1 ? LANE(here, l + 1) : LANE(after, 0);
+    return y;
+#endif
+}
+
+/* The drift b; then from derivatives with respect to velocities to those with respect to masses,
+   parameters and u.  Each vector waits for those of the stage before: several objectives at once. */
+#define UNROLLED(l, n) _Pragma("GCC unroll 4") for (int l = 0; l < n; l++)
+#define ROWS 4 /* objectives at once */
+
+PACKED void carry_rows(const scene *c, real a, real b, integer o, const int rows)
+{
+    const integer room = c->room, entries = c->entries, apart = c->apart, all = c->wanted * apart;
+    const real *w = c->w, *k = c->k, *d = c->d, *pull = c->pull;
+    real *ub = c->ub + o * entries, *vb = c->vb + o * entries, *wb = c->wb + o * entries;
+    real *pb = c->pb + o * all;
+    pack before[ROWS], u[ROWS], v[ROWS], moved[ROWS];
+    UNROLLED(l, rows) {
+        before[l] = wide(0), u[l] = load(ub + l * entries);
+        v[l] = load(vb + l * entries) + b * u[l], moved[l] = a * v[l] * load(w);
     }
+    for (integer i = 0; i < room; i += WIDE) {
+        const pack stiffness = load(k + i), force = load(pull + i), w_next = load(w + i + WIDE);
+        UNROLLED(l, rows) {
+            const integer at = l * entries + i, next = at + WIDE;
+            const pack next_u = load(ub + next), next_v = load(vb + next) + b * next_u;
+            const pack next_moved = a * next_v * w_next;
+            const pack bent = moved[l] - shifted_back(moved[l], next_moved);
+            const pack back = bent * stiffness;
+            store(vb + at, v[l]);
+            store(wb + at, load(wb + at) + a * v[l] * force);
+            for (integer m = i; m < i + all; m += apart)
+                store(pb + l * all + m, load(pb + l * all + m) + bent * load(d + m));
+            store(ub + at, u[l] + shifted(before[l], back) - back);
+            before[l] = back, u[l] = next_u, v[l] = next_v, moved[l] = next_moved;
+        }
+    }
+}
+
+static void carry(const scene *c, real a, real b, integer o, integer rows)
+{
+    if (rows == ROWS)
+        carry_rows(c, a, b, o, ROWS);
+    else
+        for (integer l = 0; l < rows; l++) carry_rows(c, a, b, o + l, 1);
 }
 #else
 #define AXES(q) for (int q = 0; q < DIM; q++)
@@ -180,13 +215,15 @@ static void gather(const scene *c)
         }
 }
 
-/* The force of a bond acts along it, and the bond rotates: k n n' + T/(L + r) (1 - n n'). */
-static void carry(const scene *c, real a, integer o)
+/* The same; the force of a bond acts along it, and the bond rotates: k n n' + T/(L + r) (1 - n n').
+ */
+#define ROWS 1
+static void carry(const scene *c, real a, real b, integer o, integer rows)
 {
     const integer n = c->bonds, apart = c->apart;
-    const real *vb = c->vb + o * c->entries;
-    real *wb = c->wb + o * c->entries;
+    real *vb = c->vb + o * c->entries, *wb = c->wb + o * c->entries;
     EACH(c->entries) {
+        vb[i] += b * c->ub[o * c->entries + i];
         c->turn[i] = a * c->w[i] * vb[i];
         wb[i] += a * vb[i] * c->pull[i];
     }
@@ -264,7 +301,8 @@ static void stage(const scene *c, real a, real b)
 }
 #endif
 
-static void reverse_stage(const scene *c, real a, real b)
+/* The state before a stage; tensions and stiffnesses of its kick go to the arrays of c. */
+static void invert(const scene *c, real a, real b)
 {
 #if EXACT
     const real *move = moves_of_u(c, b);
@@ -272,10 +310,6 @@ static void reverse_stage(const scene *c, real a, real b)
 #else
     EACH(c->room) c->u[i] -= b * c->v[i];
 #endif
-    for (integer o = 0; o < c->objectives; o++) {
-        real *ub = c->ub + o * c->entries, *vb = c->vb + o * c->entries;
-        EACH(c->room) vb[i] += b * ub[i];
-    }
     if (a == 0) return;
     place(c);
     evaluated(c, slopes);
@@ -288,7 +322,36 @@ static void reverse_stage(const scene *c, real a, real b)
     gather(c);
     EACH(c->room) c->v[i] -= a * c->w[i] * c->pull[i];
 #endif
-    for (integer o = 0; o < c->objectives; o++) carry(c, a, o);
+}
+
+/* Arrays for the kick of stage i; the objectives of a chain take all stages of a step one after the
+   other, some at a time, while their derivatives are in the nearest cache. */
+static scene of_stage(const scene *c, integer i)
+{
+    scene one = *c;
+    one.k += i * c->apart, one.d += i * c->wanted * c->apart, one.pull += i * c->entries;
+    return one;
+}
+
+static void reverse_stages(const scene *c, integer first, integer last, int before)
+{
+    scene stages[c->stages];
+    for (integer i = last; i >= first; i--) {
+        stages[i] = of_stage(c, last > first ? i : 0);
+        invert(&stages[i], KICK(c, i, before), c->drifts[i]);
+    }
+    for (integer o = 0; o < c->objectives; o += ROWS) {
+        const integer rows = c->objectives - o < ROWS ? c->objectives - o : ROWS;
+        const real *restrict ub = c->ub + o * c->entries;
+        real *restrict vb = c->vb + o * c->entries;
+        for (integer i = last; i >= first; i--) {
+            const real a = KICK(c, i, before), b = c->drifts[i];
+            if (a != 0)
+                carry(&stages[i], a, b, o, rows);
+            else
+                EACH(rows *c->entries) vb[i] += b * ub[i];
+        }
+    }
 }
 
 /* Add the derivatives of the objectives with respect to the state after step number k. */
@@ -308,8 +371,9 @@ void reverse(const scene *c, integer steps, integer opened, integer last, const 
 {
     FLUSH
     for (integer k = steps - 1; k >= 0; k--) {
-        for (integer i = c->stages - 1; i >= 0; i--)
-            reverse_stage(c, KICK(c, i, k > 0 || opened), c->drifts[i]);
+        const integer many = c->together ? c->stages : 1;
+        for (integer i = c->stages - many; i >= 0; i -= many)
+            reverse_stages(c, i, i + many - 1, k > 0 || opened);
         if (s) add_cotangents(c, s, last - (steps - k));
     }
 }
@@ -349,7 +413,7 @@ static void reverse_slope(const scene *c, const tangents *t, integer j, integer 
     EACH(n) of_u[i] = of_v[i] = 0;
     scene stage = *c;
     stage.k = t->k + j * c->apart, stage.ub = of_u, stage.vb = slope;
-    carry(&stage, 1, 0);
+    carry(&stage, 1, 0, 0, 1);
     for (integer e = 0; e < t->places; e++) {
         const integer first = t->first[e], second = t->second[e];
         const real bent = c->w[first] * slope[first] - c->w[second] * slope[second];

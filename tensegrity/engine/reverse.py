@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from tensegrity.engine.bonds import PAIR, WALL, integers, parameters
-from tensegrity.engine.bound import Bound, stages
+from tensegrity.engine.bound import Bound, aligned, stages
 from tensegrity.engine.codegen import reverse_text
 from tensegrity.engine.native import library, structure
 from tensegrity.once import once
@@ -148,8 +148,8 @@ class ReverseLoop:
         self.layout, self._totals = layout, totals
         b, dim, runs, room = layout.bonds, layout.dim, layout.bonds.runs, layout.room
         n, sites, size = len(runs.source), layout.sites, max(dim, 1)
-        self.u, self.v, w, load = np.zeros((4, *layout.shape))
-        self.ub, self.vb = np.zeros((2, totals.objectives, *layout.shape))
+        self.u, self.v, w, load = (aligned(layout.shape) for _ in range(4))
+        self.ub, self.vb = (aligned((totals.objectives, *layout.shape)) for _ in range(2))
         w[:sites] = b.inverse_mass[:, None] if dim else b.inverse_mass
         place = np.zeros((2, n))
         if dim:
@@ -158,14 +158,17 @@ class ReverseLoop:
         entries, (first, second) = self.u.size, (size * x[runs.source] for x in layout.ends)
         where = {"from": first, "to": second, "first": runs.first}
         where |= {"law": 2 * runs.law + runs.own, "wall": runs.kind == WALL}
-        scratch = {"r": room, "f": room + 2, "k": room, "bent": room, "d": (layout.most, room)}
-        scratch |= {"along": (dim, n), "pull": entries, "turn": entries}
+        together = not dim and totals.objectives > 1
+        rows = method.stages if together else 1
+        scratch = {"r": room, "f": room + 2, "bent": room, "k": (rows, room)}
+        scratch |= {"d": (rows, layout.most, room), "pull": (rows, entries)}
+        scratch |= {"along": (dim, n), "turn": entries}
         scratch |= {"low": n, "high": n, "travel": 1}
         self.scene = SCENE(
             **stages(method, dt),
             **layout.parameters(b),
             **{name: integers(x) for name, x in where.items()},
-            **{name: np.zeros(size) for name, size in scratch.items()},
+            **{name: aligned(size) for name, size in scratch.items()},
             u=self.u,
             v=self.v,
             w=w,
@@ -185,6 +188,7 @@ class ReverseLoop:
             objectives=totals.objectives,
             wanted=layout.most,
             room=entries if dim else entries - PACK,
+            together=together,
         )
         self._address = ctypes.addressof(self.scene)
 
@@ -333,8 +337,8 @@ class Totals:
     def __init__(self, layout, objectives):
         self.objectives, self._layout = objectives, layout
         self.arrays = (
-            np.zeros((objectives, *layout.shape)),
-            np.zeros((objectives, layout.most, layout.room)),
+            aligned((objectives, *layout.shape)),
+            aligned((objectives, layout.most, layout.room)),
             np.zeros((objectives, len(layout.bonds.runs.source))),
         )
 
