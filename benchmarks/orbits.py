@@ -1,9 +1,9 @@
 """A step of Newton's method for a breather of 80 prisms, beside SciPy and numba.
 
-Each computes v(T/2) and its derivatives by the 80 displacements at rest, to 1e-8 of the largest, and
-solves for the correction: SciPy's DOP853 with the variational equations in NumPy, and in numba the
-same splitting as here, as an expert writes it, its columns side by side.  Each takes the coarsest
-tolerance or the fewest steps that suffice.  Processor time, minima over repeats in one run.
+Each computes v(T/2) and its derivatives by the 80 displacements at rest, to 1e-8 of the largest,
+and solves for the correction: SciPy's DOP853 with the variational equations in NumPy, and in numba
+the same splitting as here, as an expert writes it, its columns side by side.  Each takes the
+coarsest tolerance or the fewest steps that suffice.  Processor time, minima over repeats in one run.
 """
 
 from __future__ import annotations
@@ -154,7 +154,8 @@ def main():
         setting, run, off = sufficient(contestant, orbit, settings, exact)
         times[name] = seconds(run)
         ratio = times[name] / times["tensegrity"]
-        rows.append((name, f"{setting:g}", f"{off:.1e}", f"{1e3 * times[name]:.3g}", f"{ratio:.3g}"))
+        cells = (f"{setting:g}", f"{off:.1e}", f"{1e3 * times[name]:.3g}", f"{ratio:.3g}")
+        rows.append((name, *cells))
         if ratio != 1:
             record("orbits", "a step of Newton's method", f"over {name}", 1.0, ratio)
     columns = ["", "steps or tol", "error", "CPU [ms]", "over ours"]

@@ -4,8 +4,10 @@ import math
 
 import numpy as np
 import pytest
+import sympy as sp
 from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
+from scipy.special import ellipk
 
 from tensegrity import (
     Chain,
@@ -16,6 +18,7 @@ from tensegrity import (
     State,
     TensegrityError,
     floquet,
+    orbit_path,
     periodic_orbit,
 )
 from tensegrity.orbits.flow import Flow
@@ -183,6 +186,36 @@ def test_an_orbit_of_given_energy_is_that_of_its_period():
     found = periodic_orbit(by_period.scene, near, energy=by_period.energy)
     assert found.period == pytest.approx(by_period.period, rel=1e-10)
     assert np.allclose(found.state.u, by_period.state.u, atol=1e-9)
+
+
+def test_a_mode_becomes_unstable_where_hills_equation_does():
+    """Masses 1, 2 and 4, 5 of five move oppositely, the middle one rests: a'' = -a - a^3."""
+    symmetric = np.array([[1, 0, 0, 0, 1], [0, 1, 0, 1, 0], [0, 0, 1, 0, 0]])
+
+    def side(t, y):
+        a, k = y[0], np.diag(1 + 3 * y[0] ** 2 * np.array([1, 0, 1, 1, 0, 1]))
+        both = np.eye(6, 5) - np.eye(6, 5, -1)
+        hill = -(both.T @ k @ both) @ symmetric.T  # on motions that keep the symmetry
+        x, v = y[2:].reshape(2, 3, 6)
+        return np.concatenate([[y[1], -a - a**3], v.ravel(), (hill[:3] @ x).ravel()])
+
+    def beyond(a):
+        start = np.concatenate([[a, 0], np.eye(6).ravel()])
+        period = 4 * ellipk(a**2 / (2 + 2 * a**2)) / math.sqrt(1 + a**2)
+        y = solve_ivp(side, (0, period), start, method="DOP853", rtol=1e-13, atol=1e-13).y[:, -1]
+        return np.linalg.det(y[2:].reshape(6, 6) - np.eye(6))
+
+    r = sp.Symbol("r")
+    chain = Chain(Potential(r**2 / 2 + r**4 / 4, r), 7, ends=("fixed", "fixed"))
+    a = 0.1 * np.array([0, 1, 1, 0, -1, -1, 0])
+    orbit = periodic_orbit(chain, State(a, 0 * a), period=2 * math.pi / math.sqrt(1.0075))
+    path = orbit_path(orbit, by="energy", until=0.8)
+    assert [event.kind for event in path.events] == ["stability"]
+    (event,) = path.events
+    amplitude = brentq(beyond, 0.45, 0.6, xtol=1e-12)
+    assert event.value == pytest.approx(2 * amplitude**2 + amplitude**4, rel=1e-8)
+    assert path.stable[path.energy < 0.5].all()  # two pairs leave the circle together at .55
+    assert not path.stable[path.energy > event.value].any()
 
 
 def test_an_orbit_returns_in_a_run():

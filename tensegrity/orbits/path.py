@@ -58,7 +58,9 @@ class OrbitPath(Table):
         Located points, with the columns and `value`, that of the first column, as attributes.  The
         kinds are "fold" (the followed quantity is stationary), "doubling" (a multiplier is -1: the
         period doubles), "torus" (two complex ones lie on the unit circle) and "stability" (the
-        stability changes in another way, as where branches intersect).
+        stability changes in another way, as where branches intersect).  Undriven orbits have none
+        where four complex multipliers leave the circle: waves reflected at the ends of a chain
+        cause many of these, and `stable` shows them to a row.
     end : str
         Why the path ends.
     """
@@ -116,7 +118,7 @@ def orbit_path(orbit: Orbit, by: str, until: float) -> OrbitPath:
     if until == begin or (not driven and until <= 0):
         words = "differ from it" if driven else "differ from it and be above 0"
         raise TensegrityError(f"until {until:g} must {words}: the path begins at {by} {begin:g}")
-    steps, towards = FINER * orbit.steps, 1 if until > begin else -1
+    steps, towards = orbit.steps * (1 if orbit.opens else FINER), 1 if until > begin else -1
     for _ in range(REFINED):
         family = (_Driven if driven else _Reversible)(orbit, by, until, steps)
         problem, settings = ManyProblem(family), Settings(points=POINTS, largest=family.longest)
@@ -124,7 +126,8 @@ def orbit_path(orbit: Orbit, by: str, until: float) -> OrbitPath:
             branch = trace(problem, family.start, (), settings, towards, ("end",))
         except ContinuationError as error:
             raise TensegrityError(f"the path by {by} does not reach {until:g}: {error}") from None
-        if family.resolved(_events_and_ends(family, branch)[1]):
+        # what kinks leave hardly falls with the steps, of which the first orbit has many then
+        if orbit.opens or family.resolved(_events_and_ends(family, branch)[1]):
             break
         steps *= FINER
     return family.path(branch)
@@ -315,12 +318,16 @@ class _Reversible(_Family):
         return np.append(v / unit, missing), matrix
 
     def tests(self, u: Array) -> Array:
-        """Functions that vanish at the end, at a doubling and where the stability changes, (3,)."""
+        """Functions that vanish at the end, at a doubling, and where a real pair leaves 1, (3,).
+
+        Of a pair mu, 1/mu the sum counts, which passes 2 and -2 linearly."""
         if not np.isfinite(self.found(u)[0]).all():
             return np.full(len(self.roots), math.nan)
         found = self.multipliers(u)
-        inside = 1 + STABLE - float(np.abs(found).max(initial=0.0))
-        return np.array([u[-1] - self.until, _least(1 + found), inside])
+        real = found[found.imag == 0]
+        halves = [x[: len(x) // 2] for x in (real[real.real > 0], real[real.real < 0])]
+        one = np.concatenate([found[found.imag > 0], *halves])
+        return np.array([u[-1] - self.until, _least(2 + one + 1 / one), _least(2 - one - 1 / one)])
 
     def multipliers(self, u: Array) -> Multipliers:
         return floquet(self.orbit(u)).multipliers
