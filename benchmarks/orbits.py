@@ -3,7 +3,7 @@
 Each computes v(T/2) and its derivatives by the 80 displacements at rest, to 1e-8 of the largest,
 and solves for the correction: SciPy's DOP853 with the variational equations in NumPy, and in numba
 the same splitting as here, as an expert writes it, its columns side by side.  Each takes the
-coarsest tolerance or the fewest steps that suffice.  Processor time, minima over repeats in one run.
+coarsest tolerance or the fewest steps that suffice.  Processor time, minima over repeats.
 """
 
 from __future__ import annotations
