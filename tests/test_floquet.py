@@ -14,6 +14,7 @@ from tensegrity import (
     ResolutionError,
     TensegrityError,
     floquet,
+    predict,
     solitary_wave,
 )
 from tensegrity.orbits.flow import Flow
@@ -194,3 +195,23 @@ def test_neutral_multipliers_that_do_not_close_are_refused():
     wave = solitary_wave(OPENS, amplitude=1.2)
     with pytest.raises(ResolutionError, match=r"neutral multipliers .* must be within 1e-06"):
         floquet(wave)
+
+
+def test_a_family_names_the_speeds_at_which_it_is_unstable():
+    potential = Potential(R**2 / 2 + 0.02 * R**4 / 4 + R**8 / 8, R)
+    twice = predict(potential)["rarefaction"]
+    ((low, high),) = twice.unstable()
+    assert high == pytest.approx(1.02907398672, abs=2e-11)
+    assert 1.0 + 1e-6 < low < 1.002  # near the speed of sound the fourth power counts more
+    for speed in (low, high):
+        slopes = twice.curve(speed=speed * np.array([0.9999, 1.0001])).energy_slope
+        assert slopes[0] * slopes[1] < 0
+    assert not floquet(solitary_wave(potential, speed=1.01)).stable
+
+
+@pytest.mark.parametrize("prestrain", [0.01, 0.1, 0.4])
+def test_the_energy_of_waves_of_prisms_rises_with_their_speed(prestrain):
+    families = predict(Prism(1.0, 0.7, prestrain, 1.0).potential()).families
+    assert [family.name for family in families] == ["compression", "rarefaction"]
+    assert [family.unstable(12) for family in families] == [(), ()]
+    assert families[0].curve(4).stable.tolist() == [True] * 4

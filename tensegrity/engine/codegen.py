@@ -97,7 +97,7 @@ def _force(number, force):
 
 
 def reverse_text(laws, own, wanted, dim, exact):
-    """C source of the reverse loop: `reverse.c`.
+    """C source of the reverse loop: `reverse.c`, for chains with `reverse_nystrom.c`.
 
     Parameters
     ----------
@@ -132,7 +132,8 @@ def reverse_text(laws, own, wanted, dim, exact):
             p = _packs(law, own[number] if kind else (), "wide(shared[{}])")
             given, name = [["load(r + g * WIDE)"], p], f"slopes_{number}_{kind}"
             packed.append(simd.text(function, name, arguments, given, [found]))
-    parts, lists = ["reverse.c", *["steps.c"] * exact], {"RUNS": runs, "SCALARS": scalars}
+    parts = ["reverse.c", *["steps.c"] * exact, *["reverse_nystrom.c"] * (not dim)]
+    lists = {"RUNS": runs, "SCALARS": scalars}
     return whole(laws, own, hooks, dim, packed, lists, {"EXACT": exact}, parts)
 
 

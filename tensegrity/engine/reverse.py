@@ -20,7 +20,7 @@ from tensegrity.once import once
 
 SCENE = structure("reverse.c", "scene")
 COTANGENTS = structure("reverse.c", "cotangents")
-TANGENTS = structure("reverse.c", "tangents")
+TANGENTS = structure("reverse_nystrom.c", "tangents")
 PACK = 8  # numbers that C may write or read beyond the last one
 
 

@@ -8,14 +8,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
+from tensegrity.root import root
 from tensegrity.springs.potential import Potential
-from tensegrity.typing import Array
+from tensegrity.typing import Array, Flags
 from tensegrity.waves.solitary import SolitaryWave, solitary_wave
 
 FAR, FARTHER = 4.0, 1.5  # m, and times the first amplitude: so far goes a family without end
@@ -53,6 +55,17 @@ class FamilyCurve:
 
     def __len__(self) -> int:
         return len(self.waves)
+
+    @cached_property
+    def energy_slope(self) -> Array:
+        """As of `SolitaryWave` [J s/site]."""
+        return np.array([wave.energy_slope for wave in self.waves])
+
+    @property
+    def stable(self) -> Flags:
+        """Where the energy rises with the speed, without which a wave is unstable; `floquet` of a
+        wave counts all perturbations."""
+        return self.energy_slope > 0
 
 
 def along(
@@ -109,6 +122,40 @@ def along(
             if not whole:
                 raise
     return _table(tuple(found))
+
+
+def falling(
+    curve: FamilyCurve, family: str, speeds: tuple[float, float]
+) -> tuple[tuple[float, float], ...]:
+    """Ranges of the speed [sites/s] in which the energy falls with it.
+
+    There one real multiplier of a wave is above 1 (G. Friesecke, R. Pego, Nonlinearity 15, 1343
+    (2002)); `floquet` finds all of them.
+
+    Parameters
+    ----------
+    curve : FamilyCurve
+        Changes are sought between its waves.
+    family : str
+    speeds : (float, float)
+        Where a range ends that contains the first or the last of the waves.
+
+    Returns
+    -------
+    tuple of (float, float)
+        In the order of the amplitudes.
+    """
+    law, mass, stable = curve.waves[0].potential, curve.waves[0].mass, curve.stable
+
+    def at(amplitude: float) -> SolitaryWave:
+        return solitary_wave(law, mass, amplitude=amplitude, family=family)
+
+    ends = [] if stable[0] else [speeds[0]]
+    for k in np.flatnonzero(stable[1:] != stable[:-1]):
+        low, high = curve.amplitude[k : k + 2].tolist()
+        ends.append(at(root(lambda a: at(a).energy_slope, low, high, 1e-12)).speed)
+    ends += [] if stable[-1] else [speeds[1]]
+    return tuple(zip(ends[::2], ends[1::2], strict=True))
 
 
 def amplitudes(first: float, last: float, ends: str, points: int) -> Array:

@@ -20,7 +20,7 @@ from tensegrity.printing import filled
 from tensegrity.root import root
 from tensegrity.springs.potential import Potential
 from tensegrity.waves.asymptotics import decay_rate
-from tensegrity.waves.curve import FamilyCurve, along
+from tensegrity.waves.curve import FamilyCurve, along, falling
 from tensegrity.waves.family import NEAREST, SIGNS, STEADY, Family
 from tensegrity.waves.nonlinear_part import grows_from_rest, nonlinear_part
 
@@ -147,6 +147,21 @@ class PredictedFamily:
             "energy": energy,
         }  # fmt: skip
         return along(self._potential, self._mass, self.name, self.crests, self.ends, points, given)
+
+    def unstable(self, points: int = 28) -> tuple[tuple[float, float], ...]:
+        """Ranges of the speed in which waves are unstable because their energy falls with it.
+
+        Parameters
+        ----------
+        points : int, optional
+            Waves of the `curve` between which changes are sought.
+
+        Returns
+        -------
+        tuple of (float, float)
+            [sites/s] in the order of the amplitudes, to about 1e-9; see `curve.falling`.
+        """
+        return falling(self.curve(points), self.name, self.speeds)
 
     def small_peak(self, excess: float) -> float:
         """Peak elongation [m] of a wave with c/cs - 1 = `excess`, to second order in `excess`.

@@ -444,7 +444,7 @@ def _by_gmres(grid, symbol, slope, column, row, corner, right, accuracy):
         return np.append(upper, row @ step[:-1] + corner * step[-1])
 
     operator = LinearOperator((len(right), len(right)), matvec=tangent, dtype=float)
-    step, failed = gmres(operator, right, rtol=accuracy, restart=100, maxiter=1)
+    step, failed = gmres(operator, right, rtol=accuracy, restart=100, maxiter=4)
     if failed:
         raise NoWaveError("the linear solver of the travelling wave did not converge")
     return step
