@@ -1,5 +1,7 @@
 """Springs between sites and the ground: energy, motion, modes and waves against other methods."""
 
+import math
+
 import numpy as np
 import pytest
 import sympy as sp
@@ -11,6 +13,7 @@ from tensegrity import (
     Ensemble,
     EquilibriumError,
     Force,
+    LockingError,
     Network,
     Potential,
     Prism,
@@ -19,6 +22,7 @@ from tensegrity import (
     State,
     TensegrityError,
     budget,
+    catalogue,
     dispersion,
     gradient,
     modes,
@@ -177,3 +181,14 @@ ELASTIC = Prism(1.0, 0.7, 0.1, 1.0, k_base=10.0, k_bar=100.0).potential()
 def test_what_the_ground_cannot_be_is_refused(words, make):
     with pytest.raises(TensegrityError, match=words):
         make()
+
+
+def test_a_site_that_reaches_the_end_of_its_spring_to_the_ground_is_named():
+    unit = catalogue.twin_strings(prestrain=0.1)  # its bars meet at a twist of 2 pi/3
+    chain = Chain(Potential(U**2 / 2000, U), sites=2, ground=unit)
+    start = State(np.zeros(2), np.ones(2))
+    with pytest.raises(LockingError, match=r"2\.0944 m.*ground got there at t = 2\.") as found:
+        simulate(chain, start, t_end=6.0, tol=1e-8)
+    assert found.value.run.u.max() < 2 * math.pi / 3
+    near = simulate(chain, State(np.zeros(2), 0.1 * np.ones(2)), t_end=6.0, tol=1e-8)
+    assert near.energy_error < 1e-7

@@ -13,6 +13,7 @@ from tensegrity.engine.forced import largest_decay
 from tensegrity.engine.methods import Nystrom, Splitting
 from tensegrity.errors import LockingError, StabilityError, TensegrityError
 from tensegrity.runs.motion import Motion, MotionState
+from tensegrity.scenes.force import on_site
 from tensegrity.scenes.forcing import check_start, forcing_of
 from tensegrity.springs.tuned import Tuned
 from tensegrity.typing import Array
@@ -284,7 +285,13 @@ class ForcedMotion(Motion):
         where = self.dynamics.where_extreme(0, self._bound.u[: self._sites], side)
         return type(error)(f"{error}: the spring {where} got there at t = {locked.t:.6g} s")
 
-    def _diverged(self, t: float) -> StabilityError:
+    def _diverged(self, t: float) -> LockingError | StabilityError:
+        scene, point = self.problem.scene, self.point
+        u, v = (x.reshape(-1)[: self._sites * max(scene.dim, 1)] for x in (point.u, point.v))
+        try:  # where the sites are after two steps at the velocities of the last state
+            on_site(scene, 0, (u + 2 * self.dt * v).reshape(scene.shape))
+        except LockingError as error:
+            return LockingError(f"{error}: a spring to the ground got there at t = {t:.6g} s")
         return StabilityError(f"the motion is no longer finite at t = {t:.6g} s: dt too large")
 
     def _barrier(self, spring: Any, side: int) -> None:
