@@ -317,3 +317,23 @@ def test_the_picture_of_speeds_agrees_with_runs_and_ends_where_fronts_are_pinned
     assert front.speed < picture.continuum(0.25, 0.3, 0.7) < 1.08 * front.speed
     assert picture.threshold(0.1) == pytest.approx(0.455129892, abs=1e-9)
     assert picture.threshold(0.2) == pytest.approx(0.494331052706, abs=1e-9)
+
+
+def test_a_struck_row_of_discs_switches_from_its_upper_wells_and_stops_at_a_defect():
+    from figures import transition_switch as picture
+
+    struck, back, stopped = (picture.run(*row) for row in picture.ROWS.values())
+    ground = picture.unit(picture.TORQUE)
+    high, low = picture.wells(ground)
+    assert np.abs(ground.tension([high, low])).max() < 1e-14
+    assert struck.u[0, 0] == pytest.approx(high, abs=1e-15)
+    assert (struck.u[-1] > 0).all()
+    assert struck.u[-1, :20] == pytest.approx(low, abs=1e-3)
+    front = picture.front(picture.TORQUE, picture.DASHPOT)
+    assert picture.measured(struck) == pytest.approx(front.speed, rel=2e-3)
+    assert front.released == pytest.approx(
+        float(ground.energy(high) - ground.energy(low)), rel=1e-9
+    )
+    assert back.u[-1] == pytest.approx(low, abs=1e-6)
+    assert np.array_equal(stopped.u[-1] > 0, np.arange(picture.SITES) < picture.DEFECT)
+    assert np.abs(stopped.v[-1]).max() < 1e-4
