@@ -25,7 +25,9 @@ def twin_strings(
     those at twist 0.  Beyond the prestrain base^2 cot^2(pi/sides)/(2 (height^2 + base^2)) equal
     strings make two wells of equal depth; unequal prestrains, or a torque, lift one of them.  The
     wells end where one hand is slack while the other is longest: with equal sides and bars beyond
-    the prestrain 0.1260 of triangles and 0.4142 of squares.
+    the prestrain 0.1260 of triangles and 0.4142 of squares.  Each well has a barrier on its outer
+    side as well, where the taut strings are longest: a unit that passes it turns on until its bars
+    meet, at the end of the domain.
 
     Parameters
     ----------
