@@ -209,6 +209,15 @@ def test_a_family_names_the_speeds_at_which_it_is_unstable():
     assert not floquet(solitary_wave(potential, speed=1.01)).stable
 
 
+@pytest.mark.parametrize(("length", "stiffness", "mass"), [(1e-6, 1e3, 1e-9), (1e3, 1e-3, 1e4)])
+def test_unstable_speeds_do_not_depend_on_units(length, stiffness, mass):
+    eighth = stiffness * (R**2 / 2 + R**8 / 8 / length**6)
+    potential = Potential(eighth, R)
+    ((low, high),) = predict(potential, mass)["compression"].unstable(12)
+    sound = potential.sound_speed(mass)
+    assert [low / sound, high / sound] == pytest.approx([1, CRITICAL], rel=1e-10)
+
+
 @pytest.mark.parametrize("prestrain", [0.01, 0.1, 0.4])
 def test_the_energy_of_waves_of_prisms_rises_with_their_speed(prestrain):
     families = predict(Prism(1.0, 0.7, prestrain, 1.0).potential()).families

@@ -18,10 +18,13 @@ from tensegrity.errors import TensegrityError
 from tensegrity.root import root
 from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array, Flags
+from tensegrity.waves.nonlinear_part import nonlinear_part
 from tensegrity.waves.solitary import SolitaryWave, solitary_wave
 
-FAR, FARTHER = 4.0, 1.5  # m, and times the first amplitude: so far goes a family without end
+FAR, FARTHER = 8.0, 1.5  # times the spring's scale, and the first amplitude: so far goes a family
+WITHOUT_SCALE = 4.0  # m: the same where all waves are similar
 NEAR_START, HALF, NEAR_END = 3e-3, 0.5, 0.4  # parts of the way from the first amplitude to the last
+CLOSE = 1e-12  # of the amplitude at which the energy is least or largest
 AT_FRONT, AT_WALL = 1e-5, 1e-2  # parts of it that are left at a front and at other ends
 
 
@@ -110,7 +113,9 @@ def along(
     if len(targets) > 1:
         raise TensegrityError(f"{' and '.join(targets)} given: give at most one of them")
     whole = not targets
-    ((name, wanted),) = (targets or {"amplitude": amplitudes(*peaks, ends, points)}).items()
+    scale = nonlinear_part(potential).scale
+    far = FAR * scale if math.isfinite(scale) else WITHOUT_SCALE
+    ((name, wanted),) = (targets or {"amplitude": amplitudes(*peaks, ends, points, far)}).items()
     values = check.floats(name, wanted)
     if values.ndim != 1 or not values.size:
         raise TensegrityError(f"{name} has shape {values.shape}, must be (n,), n > 0")
@@ -153,22 +158,23 @@ def falling(
     ends = [] if stable[0] else [speeds[0]]
     for k in np.flatnonzero(stable[1:] != stable[:-1]):
         low, high = curve.amplitude[k : k + 2].tolist()
-        ends.append(at(root(lambda a: at(a).energy_slope, low, high, 1e-12)).speed)
+        ends.append(at(root(lambda a: at(a).energy_slope, low, high, CLOSE * abs(high))).speed)
     ends += [] if stable[-1] else [speeds[1]]
     return tuple(zip(ends[::2], ends[1::2], strict=True))
 
 
-def amplitudes(first: float, last: float, ends: str, points: int) -> Array:
+def amplitudes(first: float, last: float, ends: str, points: int, far: float) -> Array:
     """Amplitudes along a family, refined towards both of its limits.
 
     Parameters
     ----------
     first, last : float
-        Limits of the amplitude [m], extension > 0.  An infinite last one is replaced by 4 m, or
-        1.5 times the first one if that is larger.
+        Limits of the amplitude [m], extension > 0.
     ends : str
         How the family ends, as of `PredictedFamily`.
     points : int
+    far : float
+        In place of an infinite limit, or 1.5 times the first one if that is larger [m].
 
     Returns
     -------
@@ -176,7 +182,7 @@ def amplitudes(first: float, last: float, ends: str, points: int) -> Array:
         [m].
     """
     if math.isinf(last):
-        last = math.copysign(max(FAR, FARTHER * abs(first)), last)
+        last = math.copysign(max(far, FARTHER * abs(first)), last)
     near = np.geomspace(NEAR_START, HALF, points // 2)
     left = AT_FRONT if ends == "front" else AT_WALL
     parts = np.concatenate([near, 1 - np.geomspace(NEAR_END, left, points - near.size)])

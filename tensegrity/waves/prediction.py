@@ -120,7 +120,7 @@ class PredictedFamily:
         ----------
         points : int, optional
             How many waves where nothing else is given, 4 at least: from close to the start to
-            close to the end, or up to an amplitude of 4 m where there is none.  Waves that are
+            close to the end, or far into the nonlinear range where there is none.  Waves that are
             not found are left out: near a threshold the first amplitude is an estimate.
         speed, speed_ratio, excess, amplitude, energy : array_like, (waves,), optional
             At most one: a value for each wave, as `solitary_wave` takes it.
