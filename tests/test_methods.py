@@ -2,6 +2,7 @@
 
 from math import factorial
 
+import mpmath
 import numpy as np
 import pytest
 import sympy as sp
@@ -21,6 +22,7 @@ from tensegrity import (
     simulate,
 )
 from tensegrity.engine.methods import RK8, Corrected, Method, default, find, nystrom_of
+from tensegrity.engine.openings import zetas
 from tensegrity.errors import TensegrityError
 
 EXPLICIT = [method for method in METHODS.values() if method.explicit]
@@ -267,3 +269,16 @@ def test_rk8_has_its_order_and_limits():
     assert METHODS["rk4"].decay_limit == pytest.approx(2.785293563, abs=1e-3)
     assert 5 < RK8.decay_limit < 6.5
     RK8.check()
+
+
+@pytest.mark.parametrize("first", np.linspace(1.0, 2.9, 20))
+def test_corrections_have_their_tables_at_every_exponent(first):
+    """Zeta functions against mpmath, also where the highest coefficient is exactly 0, which
+    depends on the exponent and the machine."""
+    for exponent in first + np.linspace(0.0, 0.1, 10):
+        orders = -exponent, -exponent - 1, 1 - exponent
+        for s, powers in zip(orders, zetas(float(exponent)), strict=True):
+            values = [float(mpmath.zeta(s, 1 + q)) for q in (0.0, 0.3, 1.0)]
+            assert Polynomial(powers)(np.array([-1.0, -0.4, 1.0])) == pytest.approx(
+                values, abs=1e-13
+            )

@@ -25,7 +25,7 @@ def hurwitz(s, q):
     Computed from the first terms and the Euler-Maclaurin sum of the rest; SciPy's function is NaN
     for s < 1.
     """
-    q = np.asarray(q, dtype=np.longdouble)  # large terms nearly cancel
+    q, s = np.asarray(q, dtype=np.longdouble), np.longdouble(s)  # large terms nearly cancel
     total = sum((q + n) ** -s for n in range(TERMS))
     far = q + TERMS
     total = total + far ** (1 - s) / (s - 1) + far**-s / 2
@@ -45,8 +45,11 @@ def zetas(exponent):
 
     t = chebyshev.chebpts1(DEGREE + 8)
     orders = -exponent, -exponent - 1, 1 - exponent
-    found = [chebyshev.chebfit(t, hurwitz(s, 1 + (1 + t) / 2), DEGREE) for s in orders]
-    return np.array([chebyshev.cheb2poly(one) for one in found])
+    found = np.zeros((len(orders), DEGREE + 1))
+    for row, s in zip(found, orders, strict=True):  # NumPy drops highest coefficients that are 0
+        powers = chebyshev.cheb2poly(chebyshev.chebfit(t, hurwitz(s, 1 + (1 + t) / 2), DEGREE))
+        row[: len(powers)] = powers
+    return found
 
 
 def beta(exponent):
