@@ -171,8 +171,14 @@ def elastic():
     return network, pushed(network)
 
 
+def graded():
+    """Each bond has constants of its own."""
+    chain = Chain([Prism(1.0, 0.8, p, 1.0).potential() for p in np.linspace(0.02, 0.1, 69)], 70)
+    return chain, chain.at_rest({0: 0.01, 50: -0.01})
+
+
 @pytest.mark.parametrize("flag", WITHOUT[1:])
-@pytest.mark.parametrize("make", [tuned, elastic])
+@pytest.mark.parametrize("make", [tuned, elastic, graded])
 def test_processors_agree(flag, make, monkeypatch):
     (scene, state), runs = make(), []
     for given in ("", flag):

@@ -237,7 +237,7 @@ def _tensions(number, kind, law, own, change, dim):
     Also the number of vectors that are stored between the two functions."""
     shared, one = ("pack", "p[{}]") if dim else ("real", "wide(p[{}])")
     arguments = f"const pack *r, const {shared} *p, const real *own, integer all, pack *f"
-    p = _packs(law, own if kind else (), one, "GROUP")
+    p = _packs(law, own if kind else (), one, "GROUP" if dim else "WIDE")
     function, found = functions(law)["tension"], [["f[g]"]]
     if change and not dim:
         p = _packs(change, (), one)
