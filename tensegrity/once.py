@@ -50,6 +50,7 @@ def once(build: Function) -> Function:
                     entry.value = build(*arguments)
         return entry.value
 
+    get.cache_clear = made.clear  # type: ignore[attr-defined]  # as of functools.cache
     return get  # type: ignore[return-value]
 
 

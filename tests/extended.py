@@ -1,9 +1,12 @@
-"""The loops of the toolkit in extended precision, as a reference for those in double."""
+"""The loops of the toolkit in extended precision, as a reference for those in double, and for
+processors with narrower vectors."""
+
+import shutil
 
 import numpy as np
 
 from tensegrity import METHODS
-from tensegrity.engine.compiled import Compiled
+from tensegrity.engine.compiled import Compiled, compiled
 from tensegrity.engine.kernel import bind
 from tensegrity.scenes.dynamics import dynamics
 
@@ -35,3 +38,9 @@ def rows(scene, state, t_end, steps, at):
         done, shown = k, bound.output if k else (bound.u, bound.v)
         found.append([x[: scene.sites].astype(float) for x in shown])
     return np.moveaxis(found, 1, 0)
+
+
+def lacking(monkeypatch, flag):
+    """Compile for a processor without what a flag says; scenes made before keep their kernels."""
+    monkeypatch.setenv("CC", f"{shutil.which('cc') or shutil.which('gcc')} {flag}")
+    compiled.cache_clear()

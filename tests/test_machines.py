@@ -7,12 +7,12 @@ $TENSEGRITY_THREADS.
 import math
 import multiprocessing
 import os
-import shutil
 import warnings
 
 import numpy as np
 import pytest
 import sympy as sp
+from extended import lacking
 from networks import patch, pushed
 from oracle import stepped
 from scenes import prism_chain
@@ -33,11 +33,6 @@ WITHOUT = ["", "-mno-avx512f", "-mno-avx"]
 LONG = 70_001  # sites of a chain that threads share
 R = sp.Symbol("r", positive=True)
 HALF, QUARTER = sp.Rational(1, 2), sp.Rational(1, 4)
-
-
-def lacking(monkeypatch, flag):
-    """Compile for a processor without what a flag says."""
-    monkeypatch.setenv("CC", f"{shutil.which('cc') or shutil.which('gcc')} {flag}")
 
 
 ROOTS = {  # in extended precision, and the units of round-off that they may be off
@@ -180,9 +175,10 @@ def graded():
 @pytest.mark.parametrize("flag", WITHOUT[1:])
 @pytest.mark.parametrize("make", [tuned, elastic, graded])
 def test_processors_agree(flag, make, monkeypatch):
-    (scene, state), runs = make(), []
+    runs = []
     for given in ("", flag):
         lacking(monkeypatch, given)
+        scene, state = make()  # a scene keeps its kernel
         runs.append(simulate(scene, state, 4.0, dt=0.1, method="rkn6"))
     for name in ("u", "v", "elongation_range"):
         one, two = (getattr(run, name) for run in runs)
