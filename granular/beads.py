@@ -91,14 +91,14 @@ class Bead:
     def of_mass(cls, mass: float, material: Material) -> Bead:
         """A bead of the given mass [kg], > 0, whose diameter follows from the density.
 
-        The heavy striker of seeds/001 is specified by its mass alone.
+        The heavy striker of the paper is specified by its mass alone.
         """
         mass = check.number("mass", mass, above=0, unit="kg")
         _require("material", material, Material)
         return cls((6 * mass / (math.pi * material.density)) ** (1 / 3), material, mass)
 
     def coated(self, coating: Material, thickness: float) -> Bead:
-        """This bead with a soft coating, modelled as in seeds/001: a homogeneous sphere.
+        """This bead with a soft coating, modelled, as in the paper, as a homogeneous sphere.
 
         Mass and lattice spacing remain those of the core; the contact takes the elastic constants
         of the coating and the outer radius.  The model neglects the dynamics of the layer and

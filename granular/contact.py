@@ -2,7 +2,7 @@
 
 Hertz's law for smooth, frictionless, linear elastic spheres and small contacts; a plane wall is
 the limit of a large radius.  The constants are evaluated from `derivations.contact`.
-Source: seeds/000, part II, "Hertz interaction potentials"; seeds/001, eqs. (3), (4).
+Source: the talk, part II, "Hertz interaction potentials"; the paper, eqs. (3), (4).
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 All beads are equal spheres in contact; a striker touches a bead of the top layer or row, or starts
 at a distance from it.
-Source: seeds/000, part II, "3D granular crystals/systems" (833 beads of 9.53 mm: 17 layers of 7 x
+Source: the talk, part II, "3D granular crystals/systems" (833 beads of 9.53 mm: 17 layers of 7 x
 7), "2D granular crystals/systems"; layers and rows as such are our reading of its pictures.
 """
 

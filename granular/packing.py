@@ -4,7 +4,7 @@ Model: as for the guides, frictionless contacts without rotation, by default Her
 walls at rest.  Pairs of beads, and beads and walls, with an initial gap below 1e-9 diameters touch:
 their contacts are listed with a gap of exactly 0.  Any other contact that forms ends a run with an
 error (contacts "fixed") or is found before it acts ("follow").
-Source: seeds/000, part II, "2D granular crystals/systems", "3D granular crystals/systems".
+Source: the talk, part II, "2D granular crystals/systems", "3D granular crystals/systems".
 """
 
 from __future__ import annotations
@@ -364,8 +364,8 @@ def pack(
     Raises
     ------
     TensegrityError
-        Beads that overlap each other or a wall, or stand behind one; what is not a Bead, a Wall or
-        a Material; shapes that do not fit.
+        Beads that overlap each other or a wall, or stand behind one; arguments of another type or
+        shape.
     EquilibriumError
         A bead that finds no rest under the loads within a tenth of its radius.
     """

@@ -2,7 +2,7 @@
 
 The forms of `derivations` are evaluated in multiple precision, at the values of a prism taken as
 exact.  With rigid bases and bars the potential and the path are closed forms as well.  Source:
-seeds/000, part III; for the assembly from natural lengths `derivations.polygon`, "From cut
+the talk, part III; for the assembly from natural lengths `derivations.polygon`, "From cut
 lengths".
 """
 
@@ -395,7 +395,7 @@ def assembled(
     (squared,) = squared_height((length, side, sine))
     if not squared > 0:
         raise EquilibriumError(
-            f"these members make no prism: h^2 = {squared:.6g} m^2 must be above 0 (cross strings "
+            f"these members form no prism: h^2 = {squared:.6g} m^2 must be above 0 (cross strings "
             f"of {length:g} m with a base of {side:g} m)"
         )
     return side, math.sqrt(squared), density / (stiffness[0] - density)

@@ -6,7 +6,7 @@ Pego, Nonlinearity 12, 1601 (1999)); the tent profile is the high-energy limit i
 locking stroke is unbounded (Friesecke and Matthies, Physica D 171, 211 (2002)).  A prism stores a
 finite energy: its waves approach the tent but do not tend to it, neither as the peak approaches the
 locking stroke nor as the prestrain vanishes.  Both formulas are those of `derivations.waves`.
-Source: seeds/000, part III, "Tensegrity metamaterials".
+Source: the talk, part III, "Tensegrity metamaterials".
 """
 
 from __future__ import annotations
