@@ -134,6 +134,14 @@ class Striker:
     ------
     TensegrityError
         A striker at rest or moving away.
+
+    Examples
+    --------
+    >>> from granular import Bead, Striker, materials
+    >>> bead = Bead(diameter=10e-3, material=materials["steel"])
+    >>> print(Striker(bead, speed=0.5))
+    striker at 0.5 m/s, a bead of steel: diameter 0.01 m, mass 0.00418879 kg,
+        contact radius 0.005 m
     """
 
     bead: Bead

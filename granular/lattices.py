@@ -206,6 +206,15 @@ def hexagonal_pack(
     ------
     TensegrityError
         As `fcc_pack`; a gap with fixed contacts; directions without length.
+
+    Examples
+    --------
+    >>> from granular import Bead, hexagonal_pack, materials
+    >>> bead = Bead(diameter=10e-3, material=materials["steel"])
+    >>> walls = {"floor": materials["steel"], "sides": materials["ptfe"]}
+    >>> print(hexagonal_pack(rows=3, columns=4, bead=bead, **walls))
+    Pack(row 1: 4, row 2: 3, row 3: 4) on Network(11 sites in 2 dimensions,
+        20 bonds, 3 walls with 8 contacts)
     """
     rows, columns = check.whole("rows", rows, least=1), check.whole("columns", columns, least=1)
     if rows > 1 and columns < 2:

@@ -107,6 +107,16 @@ def wall_force(run: Run, name: str, each: bool = False) -> Array:
     ------
     TensegrityError
         No such wall; a bead that can touch it was not recorded.
+
+    Examples
+    --------
+    >>> from granular import Bead, Striker, chain, materials, simulate, wall_force
+    >>> steel = materials["steel"]
+    >>> bead = Bead(diameter=10e-3, material=steel)
+    >>> beads = chain([bead] * 20, striker=Striker(bead, speed=0.5), end=steel)
+    >>> run = simulate(beads, beads.start(), t_end=5e-4, tol=1e-6)
+    >>> f"{wall_force(run, 'end').max():.1f} N"
+    '176.3 N'
     """
     scene = crystal_of(run)
     each = check.truth("each", each)

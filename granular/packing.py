@@ -368,6 +368,17 @@ def pack(
         shape.
     EquilibriumError
         A bead that finds no rest under the loads within a tenth of its radius.
+
+    Examples
+    --------
+    A bead flies into another one, from a distance of one diameter:
+
+    >>> from granular import Bead, materials, pack, simulate
+    >>> bead = Bead(diameter=10e-3, material=materials["steel"])
+    >>> pair = pack([(0.0, 0.0), (0.02, 0.0)], bead)
+    >>> run = simulate(pair, pair.at_rest({0: (1.0, 0.0)}), t_end=0.03)
+    >>> run.final.v[:, 0].round(6) + 0.0
+    array([0., 1.])
     """
     return Pack(
         places, beads, walls, contacts, gravity=gravity, preload=preload, drive=drive,

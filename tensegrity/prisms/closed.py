@@ -329,6 +329,14 @@ def member_stiffness(modulus: float, area: float, length: float) -> float:
     ------
     TensegrityError
         If a value, or the result, is not finite and positive.
+
+    Examples
+    --------
+    A steel bar of 0.1623 m:
+
+    >>> from tensegrity import member_stiffness
+    >>> f"{member_stiffness(modulus=210e9, area=36.6e-6, length=0.1623):.6g} N/m"
+    '4.73567e+07 N/m'
     """
     modulus = check.number("modulus", modulus, above=0, unit="Pa")
     area = check.number("area", area, above=0, unit="m^2")
