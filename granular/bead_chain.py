@@ -5,7 +5,7 @@ open during any motion.  Gravity and precompression are constant loads W_i on th
 elongations count from the equilibrium under all loads, so that the energy of the contacts includes
 the potential of the loads.  A striker that falls on a loaded chain starts in contact without
 overlap.
-Source: seeds/000, part II, "Discrete element modeling" (the potentials W_i).
+Source: the talk, part II, "Discrete element modeling" (the potentials W_i).
 """
 
 from __future__ import annotations

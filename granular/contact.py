@@ -2,7 +2,7 @@
 
 Hertz's law for smooth, frictionless, linear elastic spheres and small contacts; a plane wall is
 the limit of a large radius.  The constants are evaluated from `derivations.contact`.
-Source: seeds/000, part II, "Hertz interaction potentials"; seeds/001, eqs. (3), (4).
+Source: the talk, part II, "Hertz interaction potentials"; the paper, eqs. (3), (4).
 """
 
 from __future__ import annotations
@@ -131,6 +131,14 @@ def hertz(bead: Bead, other: Bead | Material) -> Contact:
     ------
     TensegrityError
         `bead` is not a Bead, or `other` is neither a Bead nor a Material.
+
+    Examples
+    --------
+    >>> from granular import Bead, hertz, materials
+    >>> steel = materials["steel"]
+    >>> bead = Bead(diameter=10e-3, material=steel)
+    >>> [f"{hertz(bead, other).constant:.4g} N/m^1.5" for other in (bead, steel)]
+    ['7.07e+09 N/m^1.5', '9.998e+09 N/m^1.5']
     """
     if not isinstance(bead, Bead):
         raise TensegrityError(f"{check.shown(bead)} is not a Bead")

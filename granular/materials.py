@@ -1,6 +1,6 @@
 """Elastic constants and densities of the beads and walls.
 
-Source: seeds/000, part II, "Analyzed systems and materials" (six materials); seeds/001, Table I
+Source: the talk, part II, "Analyzed systems and materials" (six materials); the paper, Table I
 (three materials; its values for steel and PTFE agree with those of the talk).
 """
 

@@ -4,7 +4,7 @@ Model: as for the guides, frictionless contacts without rotation, by default Her
 walls at rest.  Pairs of beads, and beads and walls, with an initial gap below 1e-9 diameters touch:
 their contacts are listed with a gap of exactly 0.  Any other contact that forms ends a run with an
 error (contacts "fixed") or is found before it acts ("follow").
-Source: seeds/000, part II, "2D granular crystals/systems", "3D granular crystals/systems".
+Source: the talk, part II, "2D granular crystals/systems", "3D granular crystals/systems".
 """
 
 from __future__ import annotations
@@ -364,10 +364,21 @@ def pack(
     Raises
     ------
     TensegrityError
-        Beads that overlap each other or a wall, or stand behind one; what is not a Bead, a Wall or
-        a Material; shapes that do not fit.
+        Beads that overlap each other or a wall, or stand behind one; arguments of another type or
+        shape.
     EquilibriumError
         A bead that finds no rest under the loads within a tenth of its radius.
+
+    Examples
+    --------
+    A bead flies into another one, from a distance of one diameter:
+
+    >>> from granular import Bead, materials, pack, simulate
+    >>> bead = Bead(diameter=10e-3, material=materials["steel"])
+    >>> pair = pack([(0.0, 0.0), (0.02, 0.0)], bead)
+    >>> run = simulate(pair, pair.at_rest({0: (1.0, 0.0)}), t_end=0.03)
+    >>> run.final.v[:, 0].round(6) + 0.0
+    array([0., 1.])
     """
     return Pack(
         places, beads, walls, contacts, gravity=gravity, preload=preload, drive=drive,

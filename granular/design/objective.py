@@ -16,7 +16,7 @@ errors, which chaos amplifies: 1e-2 was observed in chains of soft and hard bead
 therefore verifies its
 result with finer steps.  Any other scene of beads, built from a design by a function, is run on
 its own (`wall_peak`).
-Source: seeds/000, part II, "Hertz interaction potentials".
+Source: the talk, part II, "Hertz interaction potentials".
 """
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ def peak_force(
     Raises
     ------
     TensegrityError
-        What is no bead, striker or material; a wave that does not arrive before `t_end`.
+        Arguments of another type; a wave that does not arrive before `t_end`.
     CompilerError
         No C compiler.
 

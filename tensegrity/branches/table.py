@@ -205,7 +205,7 @@ class Table:
         Raises
         ------
         TensegrityError
-            What is no axes, or no column.
+            `ax` is not a Matplotlib axes, or a name is not that of a column.
         """
         usual = [name if name in self.columns else "" for name in ("shortening", "load")]
         usual = usual if all(usual) else list(self.columns)[:2]

@@ -151,8 +151,7 @@ class Splitting(Method):
     --------
     Suzuki's fourth-order composition of five steps of Verlet, in a run:
 
-    >>> from tensegrity import Chain, Prism, simulate
-    >>> from tensegrity.engine.methods import Splitting
+    >>> from tensegrity import Chain, Prism, Splitting, simulate
     >>> a = 1 / (4 - 4 ** (1 / 3))
     >>> parts = (a, a, 1 - 4 * a, a, a)
     >>> kicks = [(x + y) / 2 for x, y in zip((0, *parts), (*parts, 0))]

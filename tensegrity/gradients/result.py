@@ -120,7 +120,7 @@ class Gradient:
             raise TensegrityError(f"by {name!r}: these derivatives are the attribute .{name}")
         if name not in self._names:
             known = ", ".join(self._names) or "nothing"
-            raise TensegrityError(f"by {check.shown(name)}: this gradient knows {known}")
+            raise TensegrityError(f"by {check.shown(name)}: this gradient has {known}")
         of = dynamics(self._scene)
         if name in of.arguments:
             return of.by_argument(name, self.mass, self._along, self.shift)
@@ -144,7 +144,7 @@ class Gradient:
         Raises
         ------
         TensegrityError
-            What is no axes, or a name that this gradient does not know.
+            `ax` is not a Matplotlib axes, or this gradient has no such derivatives.
         """
         name = by if by is not None else (*self._names, "mass")[0]
         found = self.mass if name == "mass" else self.by(name)
@@ -153,7 +153,7 @@ class Gradient:
         label = f"derivative by {name}" + (f" [value per {unit}]" if unit else "")
         of_sites = name == "mass" or name in dynamics(scene).arguments
         if isinstance(scene, Network) and found.ndim == 2:
-            raise TensegrityError(f"{found.shape[1]} gradients in one: no map shows them all")
+            raise TensegrityError(f"a map shows one gradient, not {found.shape[1]}")
         if isinstance(scene, Network):
             picture = Picture(scene, ax, facecolors=None if of_sites else "0.95")
             image = picture.paint(found, of_sites)

@@ -51,6 +51,14 @@ def interface(
     ------
     TensegrityError
         Bad input.
+
+    Examples
+    --------
+    >>> from tensegrity import Prism, interface
+    >>> hard, soft = (Prism(1.0, 0.7, p, 1.0).potential() for p in (0.1, 0.02))
+    >>> chain = interface(hard, soft, sites=(30, 20))
+    >>> print(chain.sites, len(set(chain.springs)))
+    50 2
     """
     check.kind("near", near, Potential)
     check.kind("far", far, Potential)

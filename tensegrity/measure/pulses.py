@@ -413,7 +413,7 @@ def _same(outgoing: list[Pulse], incident: Pulse) -> Pulse:
     ]  # fmt: skip
     if not alike:
         raise TensegrityError(
-            f"no wave of the last row goes on from the one at {incident.place:g} of amplitude "
+            f"no wave of the last row continues the one at {incident.place:g} of amplitude "
             f"{incident.amplitude:g} m"
         )
     return min(alike, key=lambda pulse: abs(pulse.amplitude - incident.amplitude))

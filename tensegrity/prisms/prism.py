@@ -2,7 +2,7 @@
 
 A prism consists of two regular polygons of strings with n sides, joined by n bars and n cross
 strings; n is 3 by default, and members have no thickness.  The reference is the self-stressed
-state at twist pi/2 + pi/n, which is 5 pi/6 for triangles.  Source: seeds/000, part III; the forms
+state at twist pi/2 + pi/n, which is 5 pi/6 for triangles.  Source: the talk, part III; the forms
 for any n are those of `derivations.polygon`.
 """
 
@@ -323,7 +323,7 @@ class Prism:
         """Axial stiffness K_h0 of the whole prism at the reference state [N/m], >= 0.
 
         It vanishes with the prestrain, where the reference becomes a sonic vacuum.  The closed
-        form contains the compliances of the members, which are zero for rigid ones (seeds/000,
+        form contains the compliances of the members, which are zero for rigid ones (the talk,
         part III, "Axial stiffness").
         """
         (stiffness,) = exact("axial stiffness", self)

@@ -330,7 +330,7 @@ class Run:
         Raises
         ------
         TensegrityError
-            What is no axes; a run in which not all sites were recorded.
+            `ax` is not a Matplotlib axes; a run in which not all sites were recorded.
         """
         return energy_density(self, ax)
 

@@ -102,7 +102,7 @@ class Drive:
     def __post_init__(self) -> None:
         given = [name for name in ("displacement", "force") if getattr(self, name) is not None]
         if len(given) != 1:
-            raise TensegrityError(f"a drive has {len(given)} of displacement and force, must be 1")
+            raise TensegrityError(f"a drive needs one of displacement and force, not {len(given)}")
         if not isinstance(self.parameters, Mapping):
             raise TensegrityError(f"parameters {check.shown(self.parameters)} must be a dict")
         values = {

@@ -4,7 +4,7 @@ Model: bonds, and contacts with plane walls, whose force acts along the line of 
 on their elongation only; constant loads.  The list of contacts is either fixed, and for sites with
 a radius the run verifies that no other contact forms (`tensegrity.scenes.clearance`), or it is
 updated as contacts form and open (`tensegrity.scenes.neighbour_list`).
-Source: seeds/001, eqs. (1)-(6).
+Source: the paper, eqs. (1)-(6).
 """
 
 from __future__ import annotations
@@ -313,13 +313,13 @@ class Network(Scene):
         Returns
         -------
         matplotlib.axes.Axes
-            The width of a line is the force; the title says how much the widest line carries.
+            The width of a line is proportional to the force; the title states the largest one.
             Forces count as those of `bond_tension`, from the state at rest of preloaded springs.
 
         Raises
         ------
         TensegrityError
-            What is no axes or no displacements of this network.
+            `ax` is not a Matplotlib axes, or `u` not of this network's shape.
         """
         at = self.at_rest().u if u is None else check.vector("displacement", u, self.shape)
         picture = Picture(self, ax)

@@ -52,6 +52,13 @@ class State:
     TensegrityError
         Values that are not real numbers (complex numbers, Booleans, text) or not finite, or
         shapes that differ.
+
+    Examples
+    --------
+    >>> from tensegrity import State
+    >>> state = State(u=[0, 0, 0], v=[0.1, 0, 0])
+    >>> print(state.u, state.v)
+    [0. 0. 0.] [0.1 0.  0. ]
     """
 
     u: Array

@@ -76,7 +76,7 @@ class Modes:
         Raises
         ------
         TensegrityError
-            What is no axes, or no mode.
+            `ax` is not a Matplotlib axes, or there is no such mode.
         """
         number = check.whole("number", number, least=0, below=len(self))
         of = self.structure

@@ -1,7 +1,7 @@
 """A structure of bars and strings: description, prestress, stiffness and modes.
 
 Masses are lumped at the nodes; members are massless and straight, and their tension is
-proportional to their elongation.  Source: seeds/000, part III, "Elastic problem", for members;
+proportional to their elongation.  Source: the talk, part III, "Elastic problem", for members;
 Pellegrino & Calladine 1986 for self-stress and mechanisms.
 """
 
@@ -296,7 +296,7 @@ class Structure(Framework):
         Raises
         ------
         TensegrityError
-            What is no axes, or not of the dimension of the structure.
+            `ax` is not a Matplotlib axes, or not of the dimension of the structure.
         """
         drawn: Axes = plotting.axes(ax, in_space=self.dim == 3)
         members = self.ends, self.is_string, self.slack, self.tensions

@@ -2,7 +2,7 @@
 
 A wave is computed to round-off from its speed, its peak elongation or its energy.  The equation
 and its solution are in `travelling`.  Sources:
-G. Friesecke, J. Wattis, Commun. Math. Phys. 161, 391 (1994) (existence); seeds/000, part III.
+G. Friesecke, J. Wattis, Commun. Math. Phys. 161, 391 (1994) (existence); the talk, part III.
 """
 
 from __future__ import annotations
@@ -201,7 +201,7 @@ class TravellingWave:
         Raises
         ------
         TensegrityError
-            What is no axes.
+            `ax` is not a Matplotlib axes.
         """
         drawn: Axes = plotting.axes(ax)
         near = np.abs(self.x) <= self.reach(PLOTTED)
