@@ -73,8 +73,9 @@ function prismRow({ pen, width, height }, row, colour) {
 }
 
 /* Sites at `places` (flat, `dim` each) with a radius, or joined by `bonds`; `shade` from 0 to 1 for
-   each.  The frame is [[left, bottom], [right, top]] [m]; a body in space turns about the vertical. */
-function sites({ pen, width, height }, { places, dim, radius, shade, bonds, thick, walls, frame, turn }, colour) {
+   each, and where given the angle of a `needle`.  The frame is [[left, bottom], [right, top]] [m]; a body in space turns about the vertical. */
+function sites({ pen, width, height }, scene, colour) {
+  const { places, dim, radius, shade, bonds, thick, walls, frame, turn, needle } = scene;
   const [low, high] = frame, room = 14, wide = (high[0] - low[0]) || 1, tall = (high[1] - low[1]) || wide / 40;
   const scale = Math.min((width - 2 * room) / wide, (height - 2 * room) / tall);
   const [cos, sin] = [Math.cos(turn || 0), Math.sin(turn || 0)];
@@ -98,12 +99,16 @@ function sites({ pen, width, height }, { places, dim, radius, shade, bonds, thic
   if (radius)
     for (let i = 0; i < radius.length; i++) {
       pen.globalAlpha = 1;
-      [pen.fillStyle, pen.strokeStyle, pen.lineWidth] = [colour.panel, colour.line, 1];
+      [pen.fillStyle, pen.strokeStyle, pen.lineWidth] = [colour.panel, colour.soft, 0.7];
       disc(i).fill();
       [pen.globalAlpha, pen.fillStyle] = [FLOOR + (1 - FLOOR) * Math.sqrt(Math.min(1, shade[i])), colour.chain];
       pen.fill();
       pen.globalAlpha = 1;
       pen.stroke();
+      if (!needle) continue;
+      const [x, y] = at(i), end = [0.8, -0.8].map((part) => part * scale * radius[i]);
+      [pen.strokeStyle, pen.lineWidth] = [colour.ink, 1.5];
+      line(pen, end.map((d) => [x + d * Math.sin(needle(i)), y - d * Math.cos(needle(i))]));
     }
   (bonds || []).forEach(([i, j], k) => {
     const part = thick ? thick(k) : 0;

@@ -19,6 +19,7 @@ FOLDER = Path(__file__).parent
 METHOD = METHODS["rkn6"]
 ELASTIC_PRISM = Prism(1.0, 0.5, 0.4, 1.0, k_base=2.0, k_bar=20.0)
 ELASTIC = ELASTIC_PRISM.potential(preload=0.05)  # it softens
+EXPORT = "#define EXPORT(name) __attribute__((export_name(#name)))"
 FLAGS = ("-O3", "-target", "wasm32-wasi", "-msimd128", "-mexec-model=reactor", "-Wl,--no-entry",
          "-Wl,--strip-all", "-Wl,--gc-sections", "-ffunction-sections", "-fno-math-errno",
          "-Wl,-z,stack-size=65536")  # fmt: skip
@@ -56,6 +57,7 @@ def text() -> str:
     }
     return "\n".join([
         loop,
+        EXPORT,
         *(f"#define {name} {value}" for name, value in numbers.items()),
         f"static const real elastic_numbers[] = {{{own}}};",
         program_text("rigid_parameters", programs["parameters"]),
@@ -126,12 +128,27 @@ def program_text(name: str, program: dict) -> str:
     return f"static void {name}(const long double *given, long double *found)\n{{\n{body}\n}}"
 
 
-def wasm() -> bytes:
-    """The C of the page, compiled."""
+def net_text(laws) -> str:
+    """The C of networks in the plane."""
+    return "\n".join([EXPORT, c_text(laws, dim=2), (FOLDER / "net.c").read_text()])
+
+
+def wasm(source_text: str, *flags: str) -> bytes:
+    """C of the page, compiled."""
     with tempfile.TemporaryDirectory() as folder:
         source, made = Path(folder) / "live.c", Path(folder) / "live.wasm"
-        source.write_text(text())
-        command = [sys.executable, "-m", "ziglang", "cc", *FLAGS, str(source), "-o", str(made)]
+        source.write_text(source_text)
+        command = [
+            sys.executable,
+            "-m",
+            "ziglang",
+            "cc",
+            *FLAGS,
+            *flags,
+            str(source),
+            "-o",
+            str(made),
+        ]
         answer = subprocess.run(command, capture_output=True, text=True, timeout=600)
         if answer.returncode:
             raise RuntimeError(f"{' '.join(command[:4])} failed: {answer.stderr[-2000:]}")

@@ -4,11 +4,6 @@
    Numbers of a prism are worked out in long double, which is quadruple precision here: rounded
    once, they are those that are taken elsewhere from arithmetic of 40 decimals. */
 
-#ifdef __wasm__
-#define EXPORT(name) __attribute__((export_name(#name)))
-#else
-#define EXPORT(name)
-#endif
 #define SITES 401
 #define SEGMENTS 2
 #define SAMPLES 64           /* of a curve, where its largest stiffness or load is looked for */

@@ -20,7 +20,6 @@ const COLOURS = ["ground", "panel", "ink", "soft", "line", "chain", "exact", "se
 
 const view = { running: false, tops: {}, sizes: {}, written: -Infinity, spoken: -Infinity, own: null, shown: "" };
 let chain = null;
-const net = { shown: false, settings: () => [] };
 
 /* ---- numbers in words ---- */
 
@@ -54,11 +53,15 @@ function load(scene, units, own, pluck) {
   view.trail = [];
   view.over = false;
   view.focus = null;
+  const c = chain.c, most = chain.waves.length
+    ? 1.4 * Math.max(...chain.waves.map(({ wave }) => Math.abs(TABLES.waves[wave].peak)))
+    : 0.8 * Math.max(c.reached(0, chain.energy, 1), -c.reached(0, chain.energy, 0));
+  view.top = most / chain.lengths[0] || 1;
   remap();
   const given = chain.scene, spring = chain.springs[0];
   for (const button of $("scenes").children)
     button.setAttribute("aria-pressed", String(!own && button.dataset.scene === scene));
-  $("note").textContent = own
+  $("note").textContent = chain.pluck ? "One mass was pulled aside and let go; all else was at rest." : own
     ? "Your own chain: equal rigid prisms, one mass of which is struck or plucked." : given.note;
   for (const name of OWN.slice(0, 3)) {
     put(name, spring[name]);
@@ -359,10 +362,6 @@ function strains() {
 /* The space-time map anew, from the states that were kept. */
 function remap() {
   if (!view.colour) colours();
-  const c = chain.c, most = chain.waves.length
-    ? 1.4 * Math.max(...chain.overlays().map(({ peak }) => Math.abs(peak)))
-    : 0.8 * Math.max(c.reached(0, chain.energy, 1), -c.reached(0, chain.energy, 0));
-  view.top = most / chain.lengths[0] || 1;
   view.map = new SpaceTime(chain.units, chain.last, view.top);
   for (const { time, u } of chain.kept)
     view.map.add(time, Array.from({ length: chain.units }, (_, b) =>
@@ -637,10 +636,12 @@ function listen() {
     setTimeout(() => ($("link").textContent = "Copy link"), WAIT);
   });
   plucking($("prisms"));
+  net.listen();
   document.addEventListener("keydown", (event) => {
     if (event.target.matches("input, button, summary, pre") && event.key === " ") return;
     if (event.ctrlKey || event.metaKey || event.altKey) return;
-    const key = { " ": "run", s: "step", r: "restart" }[event.key];
+    const keys = net.shown ? { " ": "net-run", r: "net-restart" } : { " ": "run", s: "step", r: "restart" };
+    const key = keys[event.key];
     if (!key) return;
     event.preventDefault();
     $(key).click();
@@ -666,6 +667,10 @@ function asked() {
   $("pace").dispatchEvent(new Event("input"));
   for (const name of CHECKS) if (given.has(name)) $(name).checked = given.get(name) === "1";
   load(scene, within("units", 2, 400, NaN) || undefined, own, pull && site >= 0 ? { site, pull } : null);
+  if (given.get("tab") === "net") {
+    net.open(true, given.get("net"), Number(given.get("hit")) || 0);
+    return;
+  }
   const steps = Math.floor(within("steps", 0, 1e6, 0));
   if (steps) {
     chain.run(steps);
@@ -676,14 +681,3 @@ function asked() {
     draw();
   } else running(!matchMedia("(prefers-reduced-motion: reduce)").matches);
 }
-
-started(CODE, TABLES).then((found) => {
-  chain = found;
-  $("method").textContent = TABLES.method;
-  $("back").hidden = !location.pathname.endsWith("/live.html");
-  listen();
-  asked();
-}).catch((error) => {
-  $("message").hidden = false;
-  $("message").textContent = `This browser cannot run the chain: ${error.message}`;
-});
