@@ -75,7 +75,7 @@ function prismRow({ pen, width, height }, row, colour) {
 /* Sites at `places` (flat, `dim` each) with a radius, or joined by `bonds`; `shade` from 0 to 1 for
    each, and where given the angle of a `needle`.  The frame is [[left, bottom], [right, top]] [m]; a body in space turns about the vertical. */
 function sites({ pen, width, height }, scene, colour) {
-  const { places, dim, radius, shade, bonds, thick, walls, frame, turn, needle } = scene;
+  const { places, dim, radius, shade, bonds, bars, thick, walls, frame, turn, needle } = scene;
   const [low, high] = frame, room = 14, wide = (high[0] - low[0]) || 1, tall = (high[1] - low[1]) || wide / 40;
   const scale = Math.min((width - 2 * room) / wide, (height - 2 * room) / tall);
   const [cos, sin] = [Math.cos(turn || 0), Math.sin(turn || 0)];
@@ -114,7 +114,8 @@ function sites({ pen, width, height }, scene, colour) {
     const part = thick ? thick(k) : 0;
     if (thick && !(Math.abs(part) > FLOOR)) return;
     pen.strokeStyle = part < 0 ? colour.exact : colour.ink;
-    pen.lineWidth = thick ? Math.max(0.6, 5 * Math.min(1, Math.abs(part))) : 1.6;
+    pen.lineWidth = thick ? Math.max(0.6, 5 * Math.min(1, Math.abs(part))) : bars[k] ? 3.5 : 1;
+    if (!thick) pen.strokeStyle = bars[k] ? colour.ink : colour.chain;
     line(pen, [at(i), at(j)]);
   });
   return scale;

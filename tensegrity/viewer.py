@@ -70,13 +70,14 @@ def shown(run: Any) -> Shown:
     speed = np.abs(v) if v.ndim == 2 else np.linalg.norm(v, axis=-1)
     data = {"t": run.t[rows].tolist(), "shade": _packed(speed / (speed.max() or 1.0))}
     if not isinstance(scene, Chain):
-        return Shown(data | drawing(scene) | {"places": _packed(scene.positions + u)})
+        places = scene.positions + u
+        return Shown(data | drawing(scene, places) | {"places": _packed(places)})
     springs = [scene.springs[k] for k in range(scene.sites - 1)]
     if all(provenance(spring)[1] for spring in springs):
         return Shown(data | _prisms(scene, u))
     lengths = np.array([spring.length or 1.0 for spring in springs])
     place = np.append(0.0, np.cumsum(lengths))
-    frame = [[float(place[0] - lengths[0]), -1.0], [float(place[-1] + lengths[-1]), 1.0]]
+    frame = [[float(place[0] - lengths[0]), 0.0], [float(place[-1] + lengths[-1]), 0.0]]
     radius = 0.49 * np.minimum(np.append(lengths, lengths[-1]), np.append(lengths[0], lengths))
     data |= {"dim": 1, "radius": radius.tolist(), "walls": [], "bonds": [], "frame": frame}
     return Shown(data | {"places": _packed(place + u)})
@@ -101,26 +102,29 @@ def _prisms(scene: Chain, u: Array) -> dict[str, Any]:
     return packed | {"strain": _packed(strain), "first": float(different[group[0]].length or 0.0)}
 
 
-def drawing(scene: Any) -> dict[str, Any]:
-    """What a canvas needs of a network that does not move.
+def drawing(scene: Any, places: Array) -> dict[str, Any]:
+    """What a canvas needs of a network, whatever its motion.
 
     Parameters
     ----------
     scene : Network
+    places : ndarray, (..., sites, dim)
+        Of the sites, all of which are in the frame [m].
 
     Returns
     -------
     dict
-        "dim"; "radius" [m] of the sites or None; "bonds", pairs of sites; "walls", lines [m]; and
+        "dim"; "radius" [m] of the sites or None; "bonds", pairs of sites, and
+        "bars", which of them have no kink, as strings have; "walls", lines [m]; and
         "frame", the lower and the upper corner of what is seen [m], in space with the depth.
     """
-    x, radius = scene.positions, scene.radius
-    size = np.zeros(len(x)) if radius is None else np.asarray(radius)
-    low, high = (x - size[:, None]).min(axis=0), (x + size[:, None]).max(axis=0)
+    x, radius = places.reshape(-1, scene.sites, scene.dim), scene.radius
+    size = np.zeros(scene.sites) if radius is None else np.asarray(radius)
+    low, high = (x - size[:, None]).min(axis=(0, 1)), (x + size[:, None]).max(axis=(0, 1))
     seen = {1: [0, 0], 2: [0, 1], 3: [0, 2, 1]}[scene.dim]
     corners = np.stack([low[seen], high[seen]])
     if scene.dim == 1:
-        corners[:, 1] = (-1, 1)
+        corners[:, 1] = 0.0
     if scene.dim == 3:  # it is turned
         middle, half = corners[:, 0].mean(), np.hypot(*(high - low)[:2]) / 2
         corners[:, 0] = middle - half, middle + half
@@ -129,6 +133,7 @@ def drawing(scene: Any) -> dict[str, Any]:
         "dim": scene.dim,
         "radius": None if radius is None else size.tolist(),
         "bonds": scene.bonds.tolist(),
+        "bars": [not scene.springs[k].kinks for k in range(len(scene.bonds))],
         "walls": [line.tolist() for line in lines if line is not None],
         "frame": corners.tolist(),
     }

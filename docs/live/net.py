@@ -115,7 +115,7 @@ def _table(given):
     parts = {name: [min(sites), max(sites)] for name, sites in getattr(scene, "parts", {}).items()}
     drag = given.get("drag", 0.0)
     words = {key: given[key] for key in ("note", "last", "hit", "of", "most", "unit")}
-    return words | drawing(scene) | {
+    return words | drawing(scene, scene.positions) | {
         "fields": [_field(fields[name]) for name in SCENE.kinds],
         "pointers": [kind is c_void_p for kind in SCENE.kinds.values()],
         "names": list(SCENE.kinds),
