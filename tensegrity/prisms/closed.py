@@ -288,7 +288,7 @@ def _tension_side(prism: Any, potential: Potential, max_height: float) -> Array:
 def _rigid_columns(prism: Any, potential: Potential, r: Array, locked: bool = False) -> Columns:
     """Columns at elongations r; at a locked end the load is 0 and the stiffness infinite."""
     shared = len(rigid_law().parameters)  # without the number of sides
-    (half,) = run(program_of(_half_turn), np, (r, *potential.values[:shared]))
+    (half,) = run(program_of(half_turn), np, (r, *potential.values[:shared]))
     load = np.zeros_like(r) if locked else -potential.tension(r)
     stiff = np.full(r.shape, np.inf) if locked else potential.stiffness(r)
     return {
@@ -301,7 +301,7 @@ def _rigid_columns(prism: Any, potential: Potential, r: Array, locked: bool = Fa
     }
 
 
-def _half_turn() -> tuple[list[Any], tuple[Any, ...]]:
+def half_turn() -> tuple[list[Any], tuple[Any, ...]]:
     """Tangent of half the change of twist, from constant lengths of bars and bases."""
     from derivations import rigid_elastic as form
 

@@ -334,6 +334,34 @@ class Run:
         """
         return energy_density(self, ax)
 
+    def show(self) -> Any:
+        """Play the run in a notebook: prisms that shorten and twist, the beads of a chain, guide or
+        pack, or the members of a structure.
+
+        Returns
+        -------
+        object
+            That a notebook shows as a page of its own, with a slider of the time; it needs no
+            network, and no kernel once it is made.  At most 300 instants are shown.  A body in
+            space is turned by dragging.
+
+        Raises
+        ------
+        TensegrityError
+            Sites or instants that were not recorded; the runs of an ensemble.
+
+        Examples
+        --------
+        >>> from tensegrity import Chain, Prism, Record, simulate
+        >>> chain = Chain(Prism(1.0, 0.7, 0.01, 1.0).potential(), sites=20)
+        >>> run = simulate(chain, chain.at_rest({0: 0.09}), 10.0, record=Record(interval=1.0))
+        >>> run.show()
+        11 instants of a run, shown in a notebook
+        """
+        from tensegrity.viewer import shown
+
+        return shown(self)
+
     def __str__(self) -> str:
         estimate = "" if self.error_estimate is None else f", estimated {self.error_estimate:.1e}"
         end = f"{self.t[-1]:.6g}" if len(self.t) else "0"
