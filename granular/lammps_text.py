@@ -253,6 +253,10 @@ def _net(scene: Assembly) -> tuple[Array, Array, list[Plane]]:
     """Places and loads of the beads of a guide or a pack, and its walls."""
     if scene.radius is None:
         raise TensegrityError("beads that pass through each other have no like in LAMMPS")
+    if scene._arguments.get("gaps"):
+        raise TensegrityError(
+            "gaps of a guide are no property of beads: LAMMPS has no like of them"
+        )
     of = dynamics(scene)
     if of.follows and not scene._hertzian:
         raise TensegrityError("contacts that form by another law than Hertz's: LAMMPS has his only")
