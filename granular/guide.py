@@ -108,7 +108,7 @@ class Guide(Assembly):
         self._arguments = {
             "layout": given, "beads": beads, "wall": wall, "striker": striker, "end": end,
             "gravity": gravity, "preload": preload, "friction": _checked_friction(friction),
-            "gaps": apart, "forces": check.sequence("forces", forces, "forces"),
+            "gaps": apart or 0.0, "forces": check.sequence("forces", forces, "forces"),
         }  # fmt: skip
         if apart:
             wall_gaps[behind] = apart[len(bonds) :]
