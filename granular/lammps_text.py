@@ -253,6 +253,8 @@ def _net(scene: Assembly) -> tuple[Array, Array, list[Plane]]:
     """Places and loads of the beads of a guide or a pack, and its walls."""
     if scene.radius is None:
         raise TensegrityError("beads that pass through each other have no equivalent in LAMMPS")
+    if scene._arguments.get("gaps"):
+        raise TensegrityError("gaps between the beads of a guide have no equivalent in LAMMPS")
     of = dynamics(scene)
     if of.follows and not scene._hertzian:
         raise TensegrityError("contacts that form must obey Hertz's law for LAMMPS")
