@@ -163,6 +163,15 @@ def stored_energy(of: Polygon = TRIANGLE) -> sp.Expr:
     return sum(n * c * change * (change + 2 * start) / 2 for n, c, change, start in members)
 
 
+def energy_at_twist(of: Polygon = TRIANGLE) -> sp.Expr:
+    """U - U0 in base tension, half turn and rise, of elastic bars: their tension follows from the
+    coordinates."""
+    squared = prism.bar_length_squared(None, of)
+    bar, more = reference_length(squared, of), gain(squared, of)
+    change = more / (sp.sqrt(bar**2 + more) + bar) / bar_compliance
+    return stored_energy(of).subs(bar_tension, change)
+
+
 def upright_twist(of: Polygon = TRIANGLE) -> sp.Expr:
     """Twist at which a cross string stands upright, s = h: 2 pi/n."""
     if of is ANY:

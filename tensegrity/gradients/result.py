@@ -19,6 +19,7 @@ from tensegrity.errors import TensegrityError
 from tensegrity.printing import filled, span
 from tensegrity.prisms.closed import polygon, rigid_law
 from tensegrity.prisms.condensed import ElasticPotential
+from tensegrity.prisms.plates import PlateLaw
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.network import Network
 from tensegrity.scenes.picture import Picture
@@ -228,7 +229,7 @@ def refuse(spring: Potential) -> None:
             f"exponent {spring.exponent:g} of {spring!r} is below 1: its stiffness has no bound "
             "where the contact opens, and no derivative exists there"
         )
-    if not isinstance(spring.law, Law):
+    if not isinstance(spring.law, (Law, PlateLaw)):
         raise TensegrityError(
             f"{spring!r} has no parameters with respect to which to differentiate"
         )

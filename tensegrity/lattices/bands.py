@@ -12,7 +12,13 @@ from numpy.typing import ArrayLike
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
-from tensegrity.lattices.bloch import BlochMatrix, chunks, lowest_waves, singular_frequencies
+from tensegrity.lattices.bloch import (
+    BlochMatrix,
+    PeriodicBonds,
+    chunks,
+    lowest_waves,
+    singular_frequencies,
+)
 from tensegrity.lattices.cell import Cell
 from tensegrity.minimum import DENSE, ZERO
 from tensegrity.typing import Array
@@ -64,7 +70,7 @@ class Bands:
 
 
 def bands(
-    lattice: Cell,
+    lattice: Cell | PeriodicBonds,
     wavenumbers: ArrayLike,
     velocities: bool = False,
     shapes: bool = False,
@@ -74,8 +80,9 @@ def bands(
 
     Parameters
     ----------
-    lattice : Lattice
-        With its nodes in equilibrium; a macroscopic stress is allowed.
+    lattice : Lattice or PeriodicBonds
+        With its nodes in equilibrium; a macroscopic stress is allowed.  The second are columns of
+        plates, `Prism.column`.
     wavenumbers : array_like, (points, d)
         Phase differences between adjacent cells along each lattice vector [rad].
     velocities, shapes : bool, optional
@@ -112,7 +119,8 @@ def bands(
     array([[0.6325, 2.    ],
            [0.3162, 1.    ]])
     """
-    check.kind("lattice", lattice, Cell)
+    if not isinstance(lattice, PeriodicBonds):
+        check.kind("lattice", lattice, Cell)
     q = phases(lattice, wavenumbers)
     velocities, shapes = check.truth("velocities", velocities), check.truth("shapes", shapes)
     lattice.refuse_unbalanced()
@@ -146,7 +154,9 @@ def bands(
     return Bands(q, w, found, moved)
 
 
-def _lowest(lattice: Cell, q: Array, count: int, velocities: bool, shapes: bool) -> Bands:
+def _lowest(
+    lattice: Cell | PeriodicBonds, q: Array, count: int, velocities: bool, shapes: bool
+) -> Bands:
     """The lowest branches."""
     size = lattice.positions.size
     count = check.whole("count", count, least=1, below=size + 1)
@@ -156,7 +166,7 @@ def _lowest(lattice: Cell, q: Array, count: int, velocities: bool, shapes: bool)
         whole = bands(lattice, q, shapes=shapes)
         moved = None if whole.shapes is None else whole.shapes[:, :count]
         return Bands(q, whole.frequencies[:, :count], None, moved)
-    blocks = lattice.members.blocks(lattice.positions)
+    blocks = lattice.blocks
     each = np.repeat(np.abs(blocks).sum(axis=2).max(axis=1), 2)
     stiffest = float(np.bincount(lattice.ends.ravel(), each).max())
     w = np.empty((len(q), count))
@@ -172,14 +182,14 @@ def _lowest(lattice: Cell, q: Array, count: int, velocities: bool, shapes: bool)
     return Bands(q, w, None, moved)
 
 
-def bloch_matrix(lattice: Cell, weighted: bool = True) -> BlochMatrix:
+def bloch_matrix(lattice: Cell | PeriodicBonds, weighted: bool = True) -> BlochMatrix:
     """M^-1/2 K(kappa) M^-1/2 of a lattice, or K(kappa) itself."""
     mass = lattice.mass if weighted else np.ones(lattice.nodes)
-    blocks = lattice.members.blocks(lattice.positions)
+    blocks = lattice.blocks
     return BlochMatrix.of(lattice.ends, lattice.offsets, blocks, mass)
 
 
-def phases(lattice: Cell, wavenumbers: ArrayLike) -> Array:
+def phases(lattice: Cell | PeriodicBonds, wavenumbers: ArrayLike) -> Array:
     """Phases per cell (points, d) [rad], checked."""
     q, d = check.floats("wavenumbers", wavenumbers), len(lattice.vectors)
     if q.ndim != 2 or q.shape[1] != d:
@@ -199,14 +209,14 @@ def angular_frequencies(frequencies: ArrayLike) -> Array:
     return w
 
 
-def _frequencies(lattice: Cell, squares: Array, q: Array, largest: float) -> Array:
+def _frequencies(lattice: Cell | PeriodicBonds, squares: Array, q: Array, largest: float) -> Array:
     """Frequencies of eigenvalues, 0 where they are round-off, or singular values there; `largest`
     bounds the eigenvalues."""
     least = ZERO * largest
     w = np.sign(squares) * np.sqrt(np.abs(np.where(np.abs(squares) <= least, 0.0, squares)))
     slow = np.flatnonzero(np.abs(squares).min(axis=1) < SLOW**2 * largest)
-    if slow.size and (lattice.tensions >= 0).all():
-        values, vectors = np.linalg.eigh(lattice.members.blocks(lattice.positions))
+    if slow.size and lattice.has_roots:
+        values, vectors = np.linalg.eigh(lattice.blocks)
         root = (vectors * np.sqrt(np.maximum(values, 0))[:, None]) @ vectors.swapaxes(1, 2)
         exact = singular_frequencies(lattice.ends, lattice.offsets, root, lattice.mass, q[slow])
         w[slow] = 0

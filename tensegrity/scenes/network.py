@@ -31,6 +31,7 @@ from tensegrity.scenes.network_input import (
     numbers,
     per_site,
     plane_walls,
+    refuse_beside_plates,
     refuse_too_many,
     site_number,
     springs_of,
@@ -182,6 +183,7 @@ class Network(Scene):
             raise TensegrityError(
                 "a driven or damped network, or one with further forces, has 'fixed' contacts only"
             )
+        refuse_beside_plates(of)
 
     def _dynamics(self) -> NetworkDynamics:
         return NetworkDynamics(self)

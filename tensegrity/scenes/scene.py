@@ -206,7 +206,7 @@ class Scene(HasDynamics):
         u, r, along = self._elongated(u)
         of = dynamics(self)
         tension, stiffness = (of.springs.evaluate(x, r) for x in ("tension", "stiffness"))
-        found = forces.tangent(of.contact_bonds, r, along, tension, stiffness)
+        found = forces.tangent(of.contact_bonds, r, along, tension, stiffness, u)
         free = np.ones(u.shape, dtype=bool)
         free[list(self.held)] = False
         ground = on_site(self, 2, u) * free
