@@ -203,9 +203,9 @@ class Pack(Assembly):
                 k = int(np.argmin(gap))
                 one, other = (site_name(self, int(end)) for end in ends[k])
                 raise TensegrityError(
-                    f"{one} and {other} overlap by {-gap[k]:.6g} m at the start, at most "
-                    f"{room[k]:.1g} m is taken for touching: their centres are {apart[k]:.6g} m "
-                    f"apart, their radii add up to {first[k] + second[k]:.6g} m"
+                    f"{one} and {other} overlap by {-gap[k]:.6g} m at the start, must be at "
+                    f"most {room[k]:.1g} m: the distance of their centres is {apart[k]:.6g} m, the "
+                    f"sum of their radii {first[k] + second[k]:.6g} m"
                 )
             touching[some] = gap <= room
         touched = [np.zeros((0, 2), dtype=int)]

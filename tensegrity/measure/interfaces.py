@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.measure.pulses import FRACTION, Instant, Pulse, chain_of, check_fraction, check_row
+from tensegrity.printing import filled
 from tensegrity.runs.run import Run
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.scene import State
@@ -104,6 +105,20 @@ class Transmission:
     transmitted_delays: Array = field(repr=False)
     reflected_energy: float
     transmitted_energy: float
+
+    def __str__(self) -> str:
+        groups = {
+            "incident": (self.incident,),
+            f"reflected, {100 * self.reflected_energy:.6g} % of the energy": self.reflected,
+            f"transmitted, {100 * self.transmitted_energy:.6g} % of the energy": self.transmitted,
+        }
+        lines = [f"interface at site {self.site}"]
+        for name, found in groups.items():
+            lines.append(f"  {name}" + ("" if found else ": no pulse"))
+            lines += [f"    {' '.join(str(pulse).split())}" for pulse in found]
+        return filled("\n".join(lines))
+
+    __repr__ = __str__
 
 
 def transmission(run: Run, row: int = -1, fraction: float = FRACTION) -> Transmission:

@@ -73,6 +73,8 @@ class Floquet:
             f"neutral ones closed to {np.abs(self.neutral - 1).max(initial=0):.1e}"
         )
 
+    __repr__ = __str__
+
 
 def floquet(of: SolitaryWave | Orbit) -> Floquet:
     """Stability of an exact wave or of a periodic orbit from its Floquet multipliers.

@@ -40,6 +40,9 @@ class NaturalLengths(NamedTuple):
     base: float
     bar: float
 
+    def __str__(self) -> str:
+        return f"cross {self.cross:.6g} m, base {self.base:.6g} m, bar {self.bar:.6g} m"
+
 
 @dataclass(frozen=True)
 class Prism:
