@@ -215,7 +215,7 @@ def test_an_engineer_reads_displacements_tensions_and_slack():
     squeezed = ball.at(ball.positions * [1, 1, 0.8])
     numbers = ", ".join(map(str, np.flatnonzero(squeezed.slack)))
     assert f"slack: strings {numbers}" in str(squeezed)
-    assert str(ball.modes(3)).startswith("modes 1 to 3 of 30, rigid motions out")
+    assert str(ball.modes(3)).startswith("modes 1 to 3 of 30, without rigid motions")
     assert str(modes(CHAIN, count=2)).startswith("modes 1 to 2 of 30\n")
     stress = ball.self_stress()
     assert str(stress).startswith(f"{len(stress.states)} state of self-stress of 30 members")

@@ -116,8 +116,8 @@ def moduli(lattice: Cell, frequency: float = 0.0) -> Moduli:
     lattice : Lattice
         With its nodes in equilibrium; a macroscopic stress is allowed.
     frequency : float, optional
-        Angular frequency at which the inner motions answer [rad/s]: their inertia enters, that of
-        the cell as a whole does not.
+        Angular frequency of the inner motions [rad/s], whose inertia is included; that of the cell
+        as a whole is not.
 
     Returns
     -------

@@ -39,14 +39,14 @@ def interface(
     near, far : Potential
         Of the bonds between the sites of either chain; the bond that joins both is a near one.
     sites : (int, int), optional
-        How many of the near and of the far chain, 1 at least.
+        Numbers of sites of the near and of the far chain, at least 1.
     mass : (float, float), optional
         Of each site of the near and of the far chain [kg], > 0.
 
     Returns
     -------
     Chain
-        Site `sites[0]` is the first one of the far chain: that is where the interface is.
+        The interface lies at site `sites[0]`, the first one of the far chain.
 
     Raises
     ------
@@ -143,8 +143,8 @@ def transmission(run: Run, row: int = -1, fraction: float = FRACTION) -> Transmi
     Raises
     ------
     TensegrityError
-        Another scene or a chain without an interface; not one incident pulse; the incident one
-        has not met the interface; an end bond was deformed in a recorded row up to this one.
+        Another scene or a chain without an interface; no or several incident pulses; one that has
+        not reached the interface; an end bond that was deformed in a recorded row up to this one.
 
     Examples
     --------
