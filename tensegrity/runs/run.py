@@ -336,15 +336,13 @@ class Run:
         return energy_density(self, ax)
 
     def show(self) -> Any:
-        """Play the run in a notebook: prisms that shorten and twist, the beads of a chain, guide or
-        pack, or the members of a structure.
+        """Play the run in a notebook, drawn as prisms, beads or members.
 
         Returns
         -------
         object
-            That a notebook shows as a page of its own, with a slider of the time; it needs no
-            network, and no kernel once it is made.  At most 300 instants are shown.  A body in
-            space is turned by dragging.
+            A notebook displays it as a page with a slider of the time, which needs no network and
+            no kernel.  At most 300 instants are shown.  Dragging turns a body in space.
 
         Raises
         ------
