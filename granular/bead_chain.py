@@ -266,7 +266,7 @@ def chain(
     >>> bead = Bead(diameter=10e-3, material=steel)
     >>> print(chain([bead] * 20, striker=Striker(bead, speed=0.5), end=steel))
     BeadChain(striker: 1, chain: 20, wall: 1, struck at 0.5 m/s) on Chain(22 sites,
-        2 different spring(s), ends ('free', 'fixed'))
+        2 kinds of springs, ends ('free', 'fixed'))
     """
     beads = _beads(beads)
     if striker is not None:

@@ -148,7 +148,7 @@ class Striker:
     speed: float
 
     def __str__(self) -> str:
-        return filled(f"striker at {self.speed:.6g} m/s, a {self.bead}")
+        return filled(f"striker at {self.speed:.6g} m/s, a {' '.join(str(self.bead).split())}")
 
     def __post_init__(self) -> None:
         _require("striker", self.bead, Bead)

@@ -18,7 +18,7 @@ from granular.dissipation import ELASTIC, Dissipation, collision
 from granular.materials import Material
 from tensegrity import PowerLaw, TensegrityError, check
 from tensegrity.engine.programs import derived, run
-from tensegrity.printing import printed
+from tensegrity.printing import concise, filled
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -51,7 +51,10 @@ class Contact:
     exponent: float = 1.5
     dissipation: Dissipation | None = None
 
-    __str__ = printed(constant="N/m^exponent")
+    def __str__(self) -> str:
+        parts = [f"{self.constant:.6g} N/m^{self.exponent:g}", f"exponent {self.exponent:g}"]
+        parts += [] if self.dissipation is None else [concise(self.dissipation)]
+        return filled(f"Contact: constant {', '.join(parts)}")
 
     def __post_init__(self) -> None:
         constant = check.number("contact constant", self.constant, above=0, unit="N/m^n")

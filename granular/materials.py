@@ -57,6 +57,9 @@ class Material:
 class _Catalogue(dict[str, Material]):
     """Materials by name; an unknown name raises a TensegrityError that lists the known ones."""
 
+    def __str__(self) -> str:
+        return filled(f"materials: {', '.join(self)}")
+
     def __getitem__(self, name: str) -> Material:
         return super().__getitem__(name) if isinstance(name, str) else self.__missing__(name)
 

@@ -18,6 +18,7 @@ from granular.crystal import Crystal, beads_by_site, crystal_of, rows, whole
 from tensegrity import TensegrityError, check
 from tensegrity.measure.observables import speed_in
 from tensegrity.measure.records import first_peak, largest_peak
+from tensegrity.printing import filled, span
 from tensegrity.runs.run import Run
 from tensegrity.typing import Array
 
@@ -170,6 +171,13 @@ class BeadEnergies:
     kinetic: Array
     stored: Array
     parts: dict[str, Array]
+
+    def __str__(self) -> str:
+        rows, beads = self.kinetic.shape
+        parts = [f"  {name}: {span(energy, 'J')}" for name, energy in self.parts.items()]
+        return filled("\n".join([f"energies of {beads} beads at {rows} instants", *parts]))
+
+    __repr__ = __str__
 
     @property
     def fractions(self) -> Array:

@@ -203,9 +203,9 @@ class Pack(Assembly):
                 k = int(np.argmin(gap))
                 one, other = (site_name(self, int(end)) for end in ends[k])
                 raise TensegrityError(
-                    f"{one} and {other} overlap by {-gap[k]:.6g} m at the start, at most "
-                    f"{room[k]:.1g} m is taken for touching: their centres are {apart[k]:.6g} m "
-                    f"apart, their radii add up to {first[k] + second[k]:.6g} m"
+                    f"{one} and {other} overlap by {-gap[k]:.6g} m at the start, must be at "
+                    f"most {room[k]:.1g} m: the distance of their centres is {apart[k]:.6g} m, the "
+                    f"sum of their radii {first[k] + second[k]:.6g} m"
                 )
             touching[some] = gap <= room
         touched = [np.zeros((0, 2), dtype=int)]
@@ -266,7 +266,7 @@ class Pack(Assembly):
         return self.at_rest({self.sites - 1: velocity})
 
     def distance(self, part: str, numbers: tuple[int, int]) -> float:
-        """Straight way between the centres of two different beads of a part at the start [m]."""
+        """Initial distance between the centres of two different beads of a part [m]."""
         super().distance(part, numbers)  # refuses what are no two different beads of it
         first, second = (self.positions[self.site(part, number)] for number in numbers)
         return float(np.linalg.norm(second - first))
@@ -325,7 +325,7 @@ def pack(
     law: ContactLaw = hertz,
     forces: Sequence[Force] = (),
 ) -> Pack:
-    """Beads at any places, on a line, in the plane or in space.
+    """Beads at arbitrary positions on a line, in the plane or in space.
 
     Parameters
     ----------
@@ -343,7 +343,7 @@ def pack(
         that is not there at the start.
     gravity : float, optional
         [m/s^2], >= 0, downward along the last axis.  States of the pack start from its static
-        equilibrium, `equilibrium`; beads that find none near their places are an error.
+        equilibrium, `equilibrium`; if there is none near the given positions, an error is raised.
     preload : dict of int to array_like (dim,), optional
         Constant force [N] on these beads, {site: force}; as gravity.
     drive : dict of int to Drive, optional
@@ -367,7 +367,7 @@ def pack(
         Beads that overlap each other or a wall, or stand behind one; arguments of another type or
         shape.
     EquilibriumError
-        A bead that finds no rest under the loads within a tenth of its radius.
+        No equilibrium under the loads within a tenth of the radius of a bead.
 
     Examples
     --------

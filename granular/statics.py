@@ -57,7 +57,7 @@ class Equilibrium(ReadOnly):
         way = np.linalg.norm(self.u, axis=-1)
         return filled(
             f"{len(self.u)} beads at rest under their loads: {self.contacts} contacts carry, "
-            f"{self.residual:.1e} N are left over\n"
+            f"{self.residual:.1e} N are unbalanced\n"
             f"  displacements up to {way.max():.6g} m, of site {int(way.argmax())}"
         )
 

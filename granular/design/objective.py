@@ -181,7 +181,9 @@ def step_count(unit: float, t_end: float, dt: float | None) -> int:
         )
     wanted = t_end / (STEP_FRACTION * unit if dt is None else dt)
     if not wanted <= MOST:
-        raise TensegrityError(f"t_end {t_end:g} s takes {wanted:.3g} steps, at most {MOST:g} go")
+        raise TensegrityError(
+            f"t_end {t_end:g} s takes {wanted:.3g} steps, must be at most {MOST:g}"
+        )
     if dt is None:
         wanted = 2 ** (math.ceil(PER_DOUBLING * math.log2(max(wanted, 1.0))) / PER_DOUBLING)
     return max(math.ceil(wanted), 1)

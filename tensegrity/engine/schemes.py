@@ -17,6 +17,7 @@ from tensegrity import check
 from tensegrity.engine.disk_cache import cached
 from tensegrity.engine.openings import TREATED, is_treated
 from tensegrity.errors import TensegrityError
+from tensegrity.printing import filled
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -90,6 +91,12 @@ class Method:
         """Default dt over the stability limit, or over 1/omega where there is none, for forces that
         grow from kinks with these exponents."""
         return self.default_fraction * min((self._kinked(n) for n in exponents), default=1.0)
+
+    def __str__(self) -> str:
+        limit = f"{self.stages} force evaluations per step, stable to dt omega = "
+        parts = [f"{self.name}: order {self.order}, {limit}{self.stability_limit:.6g}"]
+        parts += [f"  {words}" for words in (self.reference, self.limitations) if words]
+        return filled("\n".join(parts))
 
     def _kinked(self, exponent: float) -> float:
         """Factor of the default step for a kink of this exponent, < 1 if it lowers the order."""

@@ -183,7 +183,7 @@ class Gradient:
         return filled(
             f"value {span(self.value)}, {self.digits:.3g} digits not lost to round-off\n"
             f"derivatives by u, v, mass, and by {known}\n"
-            f"the pass backwards returned to the start within {self.reversal:.1e} m, m/s"
+            f"the reverse pass returned to the initial state within {self.reversal:.1e} m, m/s"
         )
 
     __repr__ = __str__

@@ -73,6 +73,8 @@ class Floquet:
             f"neutral ones closed to {np.abs(self.neutral - 1).max(initial=0):.1e}"
         )
 
+    __repr__ = __str__
+
 
 def floquet(of: SolitaryWave | Orbit) -> Floquet:
     """Stability of an exact wave or of a periodic orbit from its Floquet multipliers.
@@ -85,16 +87,16 @@ def floquet(of: SolitaryWave | Orbit) -> Floquet:
     Returns
     -------
     Floquet
-        Multipliers per site that a wave passes, or per period of an orbit.  Those of an orbit are
-        of its chain: complex ones off the unit circle that change with the number of sites are due
-        to waves reflected at its ends.
+        Multipliers per site that a wave passes, or per period of an orbit.  Those of an orbit
+        belong to its finite chain: complex ones off the unit circle that change with the number of
+        sites are due to waves reflected at the ends.
 
     Raises
     ------
     TensegrityError
-        Something else than a wave or an orbit, or a wave too wide for a window.
+        Not a wave or an orbit, or a wave that is too wide for a window.
     ResolutionError
-        The neutral multipliers do not come closer to 1 than 1e-6 with the smallest steps, or an
+        The neutral multipliers deviate from 1 by more than 1e-6 with the smallest steps, or an
         unstable multiplier depends on the window.
 
     Examples

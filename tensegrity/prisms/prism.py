@@ -40,6 +40,9 @@ class NaturalLengths(NamedTuple):
     base: float
     bar: float
 
+    def __str__(self) -> str:
+        return f"cross {self.cross:.6g} m, base {self.base:.6g} m, bar {self.bar:.6g} m"
+
 
 @dataclass(frozen=True)
 class Prism:
@@ -205,8 +208,9 @@ class Prism:
         Parameters
         ----------
         count : int, optional
-            Number of units; 5 by default, in a periodic column the fewest that repeat: two, of
-            the same hand 4/gcd(4, sides + 2), between heavy plates one.
+            Number of units; by default 5, or in a periodic column the smallest number after which
+            units repeat: 2 if they alternate, 4/gcd(4, sides + 2) if all have the same handedness,
+            1 between heavy plates.
         chirality : {"alternate", "same"}, optional
             Whether neighbouring units twist in opposite senses or in the same one.
         plates : bool or (float, float), optional
@@ -216,7 +220,7 @@ class Prism:
             the radius of gyration [m] of heavy plates, which a unit turns as it is compressed: the
             nodes of both neighbours slide without mass along spokes of the plate.
         periodic : bool, optional
-            If true, the units are the cell of an endless column.
+            If true, the units form the cell of an infinite column.
 
         Returns
         -------
@@ -235,9 +239,10 @@ class Prism:
         Notes
         -----
         The chain of condensed prisms, `Chain(prism.potential(), ...)`, is the limit of long waves
-        of an alternating column, 1 % off at 41 units a wave; of columns of one hand it is none,
-        for there axial and torsional waves are coupled.  Heavy plates have both: with the mass of
-        the nodes and their circumradius as that of gyration long waves are exact for either hand.
+        of an alternating column, with an error of 1 % at 41 units per wavelength.  It is not that
+        of a column of one handedness, in which axial and torsional waves are coupled.  With heavy
+        plates, of the mass of the nodes and their circumradius as radius of gyration, long waves
+        are exact for either handedness.
         `simulate`, `gradient` and `modes` take the network, with drives and held plates as other
         arguments of `Network(column.positions, column.bonds, column.springs[0], mass=...)`;
         `bands` takes the periodic column.  Its springs are smooth: strings carry compression, and

@@ -245,7 +245,8 @@ class Chain(Scene):
 
     def __repr__(self) -> str:
         kinds = len(dynamics(self).springs)
-        return f"Chain({self.sites} sites, {kinds} different spring(s), ends {self.ends})"
+        springs = "equal springs" if kinds == 1 else f"{kinds} kinds of springs"
+        return f"Chain({self.sites} sites, {springs}, ends {self.ends})"
 
 
 class ChainDynamics(Dynamics):

@@ -272,7 +272,7 @@ class SolitaryWave(TravellingWave):
         )
 
     def reach(self, tail: float = 1e-12) -> float:
-        """Distance from the peak, in sites, beyond which less than `tail` times it is left."""
+        """Distance from the peak [sites] beyond which the wave is below `tail` times the peak."""
         tail = check.number("tail", tail, above=0, below=1)
         left = np.maximum(*(np.abs(half) / np.abs(half).max() for half in self._halves)) >= tail
         return float(self.x[len(self.x) // 2 + np.flatnonzero(left)[-1]])
