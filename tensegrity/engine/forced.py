@@ -177,7 +177,7 @@ def largest_decay(
         law, at = one.law, one.places
         if law.law is not None:
             stiffness[at] += np.abs(one.stored(2, u))
-        if not law.dissipates:
+        if not (law.dissipates and len(at)):
             continue
         if law.on == SITE:
             x = np.concatenate([y.reshape(sites, -1)[at].T for y in (u, v)])

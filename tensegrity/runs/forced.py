@@ -13,8 +13,8 @@ from tensegrity.engine.forced import largest_decay
 from tensegrity.engine.methods import Nystrom, Splitting
 from tensegrity.errors import LockingError, StabilityError, TensegrityError
 from tensegrity.runs.motion import Motion, MotionState
-from tensegrity.scenes.force import on_site
-from tensegrity.scenes.forcing import check_start, forcing_of
+from tensegrity.scenes.forcing import check_start, forcing_between, forcing_of
+from tensegrity.scenes.on_site import on_site
 from tensegrity.springs.tuned import Tuned
 from tensegrity.typing import Array
 
@@ -45,7 +45,10 @@ class ForcedMotion(Motion):
             if key not in known:
                 known[key] = Tuned(problem.dynamics.springs.different[0], scene.tune, key)
             self.tuning = known[key]
-        self.forcing = forcing_of(scene, problem.t_end, self.tuning)
+        listed = problem.dynamics.listed(
+            problem.state.u if start is None else start.output[0][: problem.dynamics.sites]
+        )
+        self.forcing = forcing_of(listed.scene, problem.t_end, self.tuning)
         self.problem: Any = problem
         self._damped_out: StabilityError | None = None
         self._limit_damping(problem, dt)
@@ -92,6 +95,8 @@ class ForcedMotion(Motion):
 
     def _bind(self, listed: Any) -> Any:
         u, v = listed.arrays(self.problem.state)
+        if listed.loop_bonds is not self.forcing.bonds and self.tuning is None:
+            self.forcing = forcing_between(self.forcing, listed.scene)
         return driven.bind(self.forcing, u, v, self.problem.method, self.dt)
 
     def release(self) -> None:
