@@ -28,12 +28,13 @@ class ForcedMotion(Motion):
 
     def __init__(self, problem: Any, dt: float, allowed: float, start: Any = None) -> None:
         scene, method = problem.scene, problem.method
-        if problem.dynamics.has_forces and not getattr(method, "rates", ()):
+        as_forces = bool(getattr(method, "rates", ())) and not scene.tune
+        if problem.dynamics.has_forces and not as_forces:
             raise TensegrityError(
                 f"method {method.name!r} has no rows for velocities, which scenes with forces of "
                 "their own need, such as rk4 and rk8"
             )
-        if not problem.dynamics.has_forces and not isinstance(method, Splitting):
+        if not as_forces and not isinstance(method, Splitting):
             raise TensegrityError(
                 f"method {method.name!r} is no splitting of kicks and drifts, which driven, damped "
                 "and tuned scenes need, such as verlet and rkn6"
@@ -48,7 +49,7 @@ class ForcedMotion(Motion):
         listed = problem.dynamics.listed(
             problem.state.u if start is None else start.output[0][: problem.dynamics.sites]
         )
-        self.forcing = forcing_of(listed.scene, problem.t_end, self.tuning)
+        self.forcing = forcing_of(listed.scene, problem.t_end, self.tuning, as_forces)
         self.problem: Any = problem
         self._damped_out: StabilityError | None = None
         self._limit_damping(problem, dt)
@@ -130,7 +131,7 @@ class ForcedMotion(Motion):
             self._locked = locked
             return False
         for one in wanted:
-            if len(one.at) and not one.raw:
+            if len(one.at) and not one.raw and one.places is None:
                 sums = np.zeros((len(one.at), 2)) if one.sums is None else one.sums
                 self._add_prescribed(one.at * self.dt, one.u, one.v, sums)
         sites, t = self._sites, np.array([end * self.dt])

@@ -440,5 +440,5 @@ def forcing_between(forcing: Forcing, scene: Any) -> Forcing:
         forcing,
         bonds=dynamics(scene).loop_bonds,
         bond=np.zeros(len(scene.springs)),
-        applied=applied_forces(scene),
+        applied=applied_forces(scene, bool(forcing.applied)),
     )
