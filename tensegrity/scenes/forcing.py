@@ -20,7 +20,7 @@ from tensegrity.errors import TensegrityError
 from tensegrity.printing import concise, printed
 from tensegrity.readonly import FixedDict, fixed
 from tensegrity.scenes.dynamics import dynamics
-from tensegrity.scenes.force import checked_forces, dashpots, no_force, place_counts
+from tensegrity.scenes.force import applied_forces, checked_forces, place_counts
 from tensegrity.scenes.signals import (
     RTOL,
     check_signals,
@@ -434,10 +434,11 @@ def forcing_of(scene: Any, t_end: float, tuning: Any = None, as_forces: bool = F
     )
 
 
-def applied_forces(scene: Any, as_forces: bool = False) -> tuple[Any, ...]:
-    """The forces of a scene that has any, its dashpots among them; if these shall be forces, at
-    least one force."""
-    if not (scene._forces or as_forces):
-        return ()
-    found = [*scene._forces, *dashpots(scene)]
-    return tuple(one._applied(scene) for one in found or [no_force(scene)])
+def forcing_between(forcing: Forcing, scene: Any) -> Forcing:
+    """The forcing of a scene whose contacts have changed."""
+    return replace(
+        forcing,
+        bonds=dynamics(scene).loop_bonds,
+        bond=np.zeros(len(scene.springs)),
+        applied=applied_forces(scene, bool(forcing.applied)),
+    )

@@ -15,8 +15,8 @@ from tensegrity.errors import TensegrityError
 from tensegrity.printing import concise, printed
 from tensegrity.readonly import FixedDict
 from tensegrity.scenes.dynamics import HasDynamics, dynamics
-from tensegrity.scenes.force import on_site
 from tensegrity.scenes.forcing import checked_forcing
+from tensegrity.scenes.on_site import on_site
 from tensegrity.typing import Motion
 
 if TYPE_CHECKING:
