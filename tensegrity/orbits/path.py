@@ -21,11 +21,10 @@ from tensegrity.errors import TensegrityError
 from tensegrity.orbits.driven_orbit import WholePeriod
 from tensegrity.orbits.orbit import HalfPeriod
 from tensegrity.orbits.period import DrivePeriod
-from tensegrity.orbits.shooting import Orbit, above_rest
+from tensegrity.orbits.shooting import Orbit
 from tensegrity.orbits.stability import STABLE, floquet
-from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.dynamics import dynamics
-from tensegrity.scenes.scene import State
+from tensegrity.scenes.scene import Scene
 
 if TYPE_CHECKING:
     from tensegrity.orbits.stability import Multipliers
@@ -44,7 +43,7 @@ class OrbitPath(Table):
     Attributes
     ----------
     amplitude : ndarray, (rows,)
-        Half of the largest extent of the displacement of a site [m]; of an undriven chain between
+        Half of the largest extent of the displacement of a site [m]; of an undriven scene between
         the two turning points.
     period, energy : ndarray, (rows,)
         [s], and above that at rest [J].
@@ -139,7 +138,7 @@ def _events_and_ends(family: _Family, branch: Branch) -> tuple[list[Array], list
     return at, [branch.z[0], branch.z[-1], *at]
 
 
-def _names(scene: Chain) -> dict[str, float]:
+def _names(scene: Scene) -> dict[str, float]:
     """The parameters of all drives, each with its value."""
     found: dict[str, float] = {}
     for drive in scene.drive.values():
@@ -287,16 +286,16 @@ class _Reversible(_Family):
     longest, settled = 0.1, 1e-9
 
     def __init__(self, orbit: Orbit, by: str, until: float, steps: int) -> None:
-        self._half = half = HalfPeriod(orbit.scene, orbit.state.u, None)
+        self._half = half = HalfPeriod(orbit.scene, orbit.state.u.ravel())
         self.flow, half.flow.steps, self._first = half.flow, steps, orbit.period
-        u, size = orbit.state.u[half.free], float(np.ptp(orbit.state.u))
+        u, size = orbit.state.u.ravel()[half.free], half.extent(orbit.state.u.ravel())
         more = [orbit.period, orbit.energy][: 1 + (by == "energy")]
         scale = np.append(np.full(len(u), size), more)
         super().__init__(orbit, by, until, np.append(u, more), scale)
 
     def _state(self, u: Array) -> tuple[Array, float]:
-        """u(0) of all sites, and T/2."""
-        found = np.zeros(self._half.scene.sites)
+        """u(0) of all entries, and T/2."""
+        found = np.zeros(len(self._half.inverse_mass))
         found[self._half.free] = u[: len(self._half.free)]
         return found, float(u[len(self._half.free)]) / 2
 
@@ -310,10 +309,10 @@ class _Reversible(_Family):
         if self.by == "period":
             return v / unit, rows
         energy = self.scale[-1]
-        missing = (above_rest(self._half.scene, State(x, 0 * x)) - u[-1]) / energy
+        missing = (self._half.above_rest(x, 0 * x) - u[-1]) / energy
         matrix = np.zeros((len(u) - 1, len(u)))
         matrix[:-1, :-1] = rows
-        matrix[-1, : len(v)] = -self._half.scene.forces(x)[self._half.free] / energy
+        matrix[-1, : len(v)] = -self._half.forces(x)[self._half.free] / energy
         matrix[-1, -1] = -1 / energy
         return np.append(v / unit, missing), matrix
 
@@ -337,5 +336,5 @@ class _Reversible(_Family):
         return self._half.found(np.append(x, half), float(np.abs(self.found(u)[0]).max()))
 
     def amplitude(self, orbit: Orbit) -> float:
-        u = orbit.state.u
+        u = orbit.state.u.ravel()
         return float(np.abs(self._half.flow.end(u, 0 * u, orbit.period / 2)[0] - u).max() / 2)
