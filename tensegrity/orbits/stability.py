@@ -149,26 +149,42 @@ def floquet(of: SolitaryWave | Orbit) -> Floquet:
 
 
 def _of_orbit(orbit: Orbit) -> Floquet:
-    """The multipliers of one period, without those of the neutral motions.
+    """The multipliers of one period, without those of the neutral motions."""
+    if dynamics(orbit.scene).is_driven:  # nothing is neutral
+        found = _descending(whole_multipliers(orbit))
+        return _verdict(found, found[:0], 1 / orbit.period)
+    u = orbit.state.u.ravel()
+    half = HalfPeriod(orbit.scene, u)
+    half.flow.steps = orbit.steps
+    return _verdict(*half_multipliers(half, u, orbit.period / 2), 1 / orbit.period)
+
+
+def half_multipliers(half: HalfPeriod, u: Array, time: float) -> tuple[Multipliers, Multipliers]:
+    """The multipliers of an undriven orbit in descending modulus, and the neutral ones.
 
     Motions that the period leaves as they are, along the orbit and of the whole scene, have a
     symplectic complement that is invariant and contains them; the multipliers sought are those in
     it modulo these motions, and each of these motions stands for a pair of neutral ones.
+
+    Parameters
+    ----------
+    half : HalfPeriod
+    u : ndarray, (entries,)
+        At a turning point [m].
+    time : float
+        Half the period [s].
+
+    Returns
+    -------
+    multipliers, neutral : ndarray of complex
     """
-    if dynamics(orbit.scene).is_driven:  # nothing is neutral
-        found = _descending(whole_multipliers(orbit))
-        return _verdict(found, found[:0], 1 / orbit.period)
-    scene, u = orbit.scene, orbit.state.u.ravel()
-    half, flow = HalfPeriod(scene, u), Flow(scene, orbit.steps)
     free, count = half.free, len(half.free)
-    root = np.sqrt(np.repeat(scene.mass, scene.dim)[free])  # makes the form that of J
+    root = 1 / np.sqrt(half.inverse_mass[free])  # makes the form that of canonical variables
     here, roots = np.append(free, len(u) + free), np.tile(root, 2)
-    tangent = flow.tangents(u, 0 * u, orbit.period / 2)[2][np.ix_(here, here)]
+    tangent = half.flow.tangents(u, 0 * u, time)[2][np.ix_(here, here)]
     tangent = roots[:, None] * tangent / roots
-    form, reversal = (
-        np.kron([[0, 1], [-1, 0]], np.eye(count)),
-        np.repeat([1.0, -1.0], count)[:, None],
-    )
+    form = np.kron([[0, 1], [-1, 0]], np.eye(count))
+    reversal = np.repeat([1.0, -1.0], count)[:, None]
     whole = reversal * (-form @ tangent.T @ form @ (reversal * tangent))
     motions = np.zeros((2 * count, 1 + half.shifts.shape[1]))
     motions[count:, 0] = half.forces(u)[free] / root
@@ -176,8 +192,7 @@ def _of_orbit(orbit: Orbit) -> Floquet:
     basis, neutral = np.linalg.qr(motions)[0], motions.shape[1]
     rest = np.linalg.qr(np.hstack([basis, form @ basis]), mode="complete")[0][:, 2 * neutral :]
     ones = np.linalg.eigvals(basis.T @ whole @ basis).astype(complex)
-    found = _multipliers(rest.T @ whole @ rest)
-    return _verdict(found, _descending(np.append(ones, 1 / ones)), 1 / orbit.period)
+    return _multipliers(rest.T @ whole @ rest), _descending(np.append(ones, 1 / ones))
 
 
 def _passed(wave: SolitaryWave, flow: Flow, x: Array) -> Array:
