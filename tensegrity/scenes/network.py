@@ -10,7 +10,6 @@ Source: the paper, eqs. (1)-(6).
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from copy import copy
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -43,7 +42,7 @@ from tensegrity.scenes.walls import Wall
 from tensegrity.springs.potential import Potential
 
 if TYPE_CHECKING:
-    from typing import Any, Self
+    from typing import Self
 
     from matplotlib.axes import Axes
     from numpy.typing import ArrayLike
@@ -224,12 +223,6 @@ class Network(Scene):
             before a site has moved by an eighth of the mean radius; otherwise this network.
         """
         return dynamics(self).listed(u).scene
-
-    def _varied(self, **changed: Any) -> Self:
-        """This network with other springs or contacts."""
-        other = copy(self)
-        other.__dict__.update(changed)
-        return other
 
     # states
 
