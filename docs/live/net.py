@@ -21,7 +21,7 @@ from tensegrity.engine.bound import SCENE
 from tensegrity.engine.compiled import compiled
 from tensegrity.engine.kernel import bind
 from tensegrity.scenes.dynamics import dynamics
-from tensegrity.viewer import drawing
+from tensegrity.runs.viewer import drawing
 
 BEAD = Bead(diameter=10e-3, material=materials["steel"])
 SPEED = 1.0  # m/s, of the strikers
