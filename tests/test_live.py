@@ -116,13 +116,6 @@ def test_page_says_what_is_missing(monkeypatch, capsys, tmp_path):
 
 
 @pytest.fixture(scope="module")
-def page(tmp_path_factory):
-    path = tmp_path_factory.mktemp("live") / "index.html"
-    assert main([str(path)]) == 0
-    return path
-
-
-@pytest.fixture(scope="module")
 def ask(page):
     """What the page's own model, run by node, says of scenes after so many steps."""
     driver = page.with_name("driver.js")
