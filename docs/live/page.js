@@ -582,15 +582,13 @@ function plucking(canvas) {
     const x = metres(event), places = view.drawn.place;
     const site = places.reduce((best, y, j) => (Math.abs(y - x) < Math.abs(places[best] - x) ? j : best), 0);
     canvas.setPointerCapture(event.pointerId);
-    view.pulled = { site, from: x };
-    view.held = view.drawn.held = Math.max(DRAWN / 2, Math.min(chain.units - DRAWN / 2, view.focus));
+    view.pulled = { site, from: event.offsetX };
+    view.held = Math.max(DRAWN / 2, Math.min(chain.units - DRAWN / 2, view.focus));
   });
   canvas.addEventListener("pointermove", (event) => {
     if (!view.pulled) return;
-    const { site, from } = view.pulled, now = event.offsetX;
-    view.pulled.x ??= now;
+    const { site, from } = view.pulled, pull = (event.offsetX - from) / view.drawn.scale;
     running(false);
-    const pull = (now - view.pulled.x) / view.drawn.scale;
     if (pull || chain.pluck) load(chain.name, chain.units, view.own, { site, pull });
   });
   const loose = () => {
