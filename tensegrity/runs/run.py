@@ -342,9 +342,8 @@ class Run:
         Returns
         -------
         object
-            That a notebook shows as a page of its own, with a slider of the time; it needs no
-            network, and no kernel once it is made.  At most 300 instants are shown.  A body in
-            space is turned by dragging.
+            That a notebook shows as a page with a slider of the time, of at most 300 instants; it
+            needs no network.  A body in space is turned by dragging.
 
         Raises
         ------
@@ -355,11 +354,10 @@ class Run:
         --------
         >>> from tensegrity import Chain, Prism, Record, simulate
         >>> chain = Chain(Prism(1.0, 0.7, 0.01, 1.0).potential(), sites=20)
-        >>> run = simulate(chain, chain.at_rest({0: 0.09}), 10.0, record=Record(interval=1.0))
-        >>> run.show()
+        >>> simulate(chain, chain.at_rest({0: 0.09}), 10.0, record=Record(interval=1.0)).show()
         11 instants of a run, shown in a notebook
         """
-        from tensegrity.viewer import shown
+        from tensegrity.runs.viewer import shown
 
         return shown(self)
 
