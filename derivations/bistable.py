@@ -149,7 +149,20 @@ def limit(bias: sp.Symbol) -> list[tuple[sp.Expr, sp.Expr]]:
 
 
 def limit_of(bias: sp.Symbol, length: sp.Expr, at: sp.Symbol) -> list[tuple[sp.Expr, sp.Expr]]:
-    """The limits for a given squared length, as functions of x."""
+    """The limits for a given squared length.
+
+    Parameters
+    ----------
+    bias : sympy.Symbol
+    length : sympy.Expr
+        Squared length of the strings of the first hand as a function of `at`.
+    at : sympy.Symbol
+
+    Returns
+    -------
+    list of (sympy.Expr, sympy.Expr)
+        As of `limit`, functions of x.
+    """
     roots = {one: sp.sqrt(length.subs(at, sign * x)) for one, sign in ((longer, 1), (shorter, -1))}
     values = {name: one.subs(roots).doit() for one, name in DERIVATIVES.items()}
     return [tuple(one.subs(values) for one in pair) for pair in limit(bias)]

@@ -19,7 +19,7 @@ import numpy as np
 from granular import sensitivity
 from granular.beads import Bead, Striker, beads_of
 from granular.contact import checked_law, contact_of, hertz
-from granular.crystal import Crystal, needed_velocities, separations
+from granular.crystal import Crystal, needed_velocities
 from granular.damped_contact import forces_of
 from granular.materials import Material
 from tensegrity import Chain, State, TensegrityError, check
@@ -289,8 +289,25 @@ def chain(
     weights = [gravity * bead.mass for bead in ((striker.bead,) if striker else ()) + beads]
     weights[1 if striker else 0] += preload
     law = checked_law(law)
-    apart = separations(gaps, len(beads) + others - 1, any(weights), start_wall and end)
-    return BeadChain(beads, striker, weights, end, law, start_wall, drive, damping, apart, forces)
+    separations = _gaps(gaps, len(beads) + others - 1, any(weights), start_wall and end)
+    return BeadChain(
+        beads, striker, weights, end, law, start_wall, drive, damping, separations, forces
+    )
+
+
+def _gaps(gaps: ArrayLike, contacts: int, is_loaded: bool, walls: object) -> tuple[float, ...]:
+    """The separations in all contacts [m]; none where all beads touch."""
+    given = check.floats("gaps", gaps)
+    if given.ndim and given.shape != (contacts,):
+        raise TensegrityError(f"gaps have shape {given.shape}, must be ({contacts},), a contact")
+    for number, gap in enumerate(given.ravel()):
+        check.number(f"gap {number}", gap, least=0, unit="m")
+    if not given.any():
+        return ()
+    for excluded, words in ((is_loaded, "gravity and preload 0"), (walls, "one wall at most")):
+        if excluded:
+            raise TensegrityError(f"gaps up to {given.max():g} m require {words}")
+    return tuple(np.broadcast_to(given, contacts).tolist())
 
 
 def _beads(beads: Sequence[Bead]) -> tuple[Bead, ...]:

@@ -157,38 +157,3 @@ def needed_velocities(scene: Any, v: ArrayLike | None) -> Array:
     if v is None:
         raise TensegrityError("the forces of contacts that dissipate depend on v: give v")
     return check.rows("velocities", v, scene.shape)
-
-
-def separations(
-    gaps: ArrayLike, contacts: int, is_loaded: object, walls: object = None
-) -> tuple[float, ...]:
-    """The initial separations in all contacts [m]; none where all beads touch.
-
-    Parameters
-    ----------
-    gaps : float or array_like, (contacts,)
-        [m], >= 0.
-    contacts : int
-    is_loaded, walls : object
-        Whether gravity or a preload acts, and whether walls fix both ends; both exclude gaps.
-
-    Returns
-    -------
-    tuple of float, (contacts,) or ()
-
-    Raises
-    ------
-    TensegrityError
-        A negative gap, another number than the contacts, or gaps that are excluded.
-    """
-    given = check.floats("gaps", gaps)
-    if given.ndim and given.shape != (contacts,):
-        raise TensegrityError(f"gaps have shape {given.shape}, must be ({contacts},), a contact")
-    for number, gap in enumerate(given.ravel()):
-        check.number(f"gap {number}", gap, least=0, unit="m")
-    if not given.any():
-        return ()
-    for excluded, words in ((is_loaded, "gravity and preload 0"), (walls, "one wall at most")):
-        if excluded:
-            raise TensegrityError(f"gaps up to {given.max():g} m require {words}")
-    return tuple(np.broadcast_to(given, contacts).tolist())

@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from granular.assembly import Assembly, AssemblyDynamics, SharedSprings
+from granular.bead_chain import _gaps
 from granular.beads import Bead, Striker
 from granular.contact import checked_law, hertz
-from granular.crystal import separations
 from granular.damped_contact import friction_of
 from granular.layout import TOUCH, Layout, diamond_layout, y_layout
 from granular.materials import Material, materials
@@ -104,7 +104,7 @@ class Guide(Assembly):
         touched = np.add(layout.wall_contacts(), (first, 0))
         lengths, wall_gaps = None, layout.wall_gaps()
         behind = np.flatnonzero(touched[:, 1] >= sides)
-        apart = separations(gaps, len(bonds) + len(behind), gravity or preload)
+        apart = _gaps(gaps, len(bonds) + len(behind), bool(gravity or preload), None)
         self._arguments = {
             "layout": given, "beads": beads, "wall": wall, "striker": striker, "end": end,
             "gravity": gravity, "preload": preload, "friction": _checked_friction(friction),

@@ -162,9 +162,9 @@ class Pack(Assembly):
         loads = _loads(filled, places.shape, gravity, preload)
         in_bonds = springs.between(filled[bonds[:, 0]], filled[bonds[:, 1]])
         at_walls = springs.between(filled[touched[:, 0]], Repeated.of(solids)[touched[:, 1]])
-        self._losses = springs.losses(filled, bonds, solids, touched)
-        if springs.dissipate and followed is not None:
-            raise TensegrityError("contacts that dissipate need contacts='fixed'")
+        if followed is not None and not self._hertzian:
+            springs.try_all(filled, solids)
+        self._losses = springs.losses(filled, bonds, solids, touched, followed is not None)
         super().__init__(
             places,
             bonds,
@@ -181,6 +181,18 @@ class Pack(Assembly):
             forces=(*self._losses, *self._arguments["forces"]),
             **forcing,
         )
+
+    def _forces_between(self, bonds: Array, wall_contacts: Array) -> dict[str, Any]:
+        """The forces of these contacts, and those of the user."""
+        if self._hertzian:
+            return {}
+        springs = self._law.given.springs
+        losses = springs.losses(self.beads, bonds, self._wall_materials, wall_contacts, True)
+        if losses and not self._losses:
+            raise TensegrityError(
+                "a contact that formed dissipates, others of the same materials do not"
+            )
+        return {"_losses": losses, "_forces": (*losses, *self._arguments["forces"])}
 
     def _touching(
         self, places: Array, radius: Array, walls: Sequence[Wall]
@@ -347,14 +359,13 @@ def pack(
     preload : dict of int to array_like (dim,), optional
         Constant force [N] on these beads, {site: force}; as gravity.
     drive : dict of int to Drive, optional
-        {site: Drive}: motions that are prescribed, and forces that depend on time; with "fixed"
-        contacts.
+        {site: Drive}: motions that are prescribed, and forces that depend on time.
     damping : Damping, optional
-        Dashpots in the contacts of beads, open ones too, and to the ground; likewise.
+        Dashpots to the ground, and with "fixed" contacts in those of beads, open ones too.
     law : callable (Bead, Bead or Material) -> Contact, optional
-        `hertz`, `power(constant, exponent)`, or with "fixed" contacts one that dissipates.
+        `hertz`, `power(constant, exponent)`, or one that dissipates, such as `kuwabara_kono(c)`.
     forces : sequence of Force, optional
-        Forces of time, displacement and velocity; with "fixed" contacts.
+        Forces of time, displacement and velocity, as of `Network`.
 
     Returns
     -------

@@ -369,3 +369,28 @@ def test_a_row_of_discs_on_unequal_units_switches_one_way():
 def test_wrong_units_are_refused(words, given):
     with pytest.raises(TensegrityError, match=words):
         catalogue.twin_strings(**given)
+
+
+def test_the_picture_of_units_counts_wells_where_the_derivation_has_them():
+    from figures import transition_units as picture
+
+    for sides, height in ((3, 0.8), (4, 1.3)):
+        least, most = picture.threshold(sides, height), picture.last(sides, [height])[0]
+        for prestrain, count in ((0.96 * least, 1), (1.04 * least, 2), (0.97 * most, 2),
+                                 (1.03 * most, 0)):  # fmt: skip
+            shape = picture.of_shape(sides, height, prestrain)
+            assert len(picture.wells(shape, sides)) == count
+    at, torque, folds = picture.pushed(0.1)
+    exact = picture.of_shape(3, 1.0, 0.1).tension(at)
+    assert np.abs(torque - exact)[np.abs(at) < 0.4].max() < 1e-5
+    assert at[0] < folds[0] < 0 < folds[1] < at[-1]
+
+
+def test_two_rows_that_meet_compute_and_or_or_by_one_torque():
+    from figures import transition_logic as picture
+
+    for gate, one in (("AND", 0), ("OR", picture.DISCS)):
+        found = [picture.run(picture.GATES[gate], inputs).u[-1, :, 0] for inputs in ("A", "AB")]
+        single, both = (picture.switched(twist) for twist in found)
+        assert single == {"A": picture.DISCS, "B": 0, "output": one}
+        assert both == dict.fromkeys(picture.PARTS, picture.DISCS)

@@ -243,18 +243,21 @@ class Chain {
     return this.springs.length > 1 ? this.c.energy(this.near) / this.energy : null;
   }
 
-  /* How far the first of two launched waves runs ahead of its undisturbed position [units]; null
-     before it has met the other. */
+  /* How far the first of two launched waves is ahead of its undisturbed position [units], both
+     extrapolated to the instant of meeting, as by `phase_shift`; null before they have parted. */
   get shift() {
     if (this.waves.length < 2) return null;
     const { wave, at } = this.waves[0], speed = this.tables.waves[wave].speed;
-    const meeting = (this.place(this.waves[1].at) - at) / 2 / speed;
+    const meeting = (this.place(this.waves[1].at) - at) / 2 / speed, undisturbed = at + speed * meeting;
     const latest = this.numbers(this.c.last_passage(), this.units);
+    const parted = (b) => latest[b] > meeting && latest[b] <= this.time
+      && Math.abs(b + 0.5 - at - speed * latest[b]) < 2;
     let front = this.units - 1;
-    const undisturbed = (b) => (b + 0.5 - at) / speed;
-    while (front > 0 && !(latest[front] <= this.time && latest[front] > meeting
-                          && Math.abs(latest[front] - undisturbed(front)) * speed < 2)) front--;
-    return front > at + speed * meeting + 12 ? speed * (undisturbed(front) - latest[front]) : null;
+    while (front > 0 && !parted(front)) front--;
+    const back = front - TIMED;
+    if (back < undisturbed + TIMED) return null;
+    const left = TIMED / (latest[front] - latest[back]);
+    return front + 0.5 + left * (meeting - latest[front]) - undisturbed;
   }
 
   /* Whether waves are about to meet, or one to meet an interface: then all goes slower. */

@@ -17,6 +17,7 @@ enum { FINE, LOCKED, TOO_LONG };
 static real u[SITES], v[SITES], w[SITES], u_before[SITES], v_before[SITES];
 static real bond[SITES], passed[SITES], latest[SITES], peak[SITES];
 static real shared[SEGMENTS * PARAMETERS], domain[SEGMENTS][2];
+static real unloaded[SEGMENTS][PARAMETERS], shift[SEGMENTS]; /* of rigid prisms without preload */
 static real lowest[BLOCK * SEGMENTS], highest[BLOCK * SEGMENTS]; /* at each place of a block */
 static integer first[SEGMENTS + 1], law[SEGMENTS], own_at[SEGMENTS];
 static const integer met_at[SEGMENTS + 1] = {0, BLOCK, 2 * BLOCK};
@@ -99,11 +100,12 @@ EXPORT(rigid) real rigid(int segment, real height, real prestrain, real k_cross,
         }
         for (int k = 0; k < RIGID_PARAMETERS; k++) parameters(segment)[k] = found[k];
         set_domain(segment, 0);
-        if (preload == 0) break;
         if (twice == 0) {
-            const real shift = loaded(segment, preload);
-            if (shift == 0) return 0;
-            length += shift;
+            for (int k = 0; k < RIGID_PARAMETERS; k++) unloaded[segment][k] = found[k];
+            shift[segment] = preload == 0 ? 0 : loaded(segment, preload);
+            if (preload == 0) break;
+            if (shift[segment] == 0) return 0;
+            length += shift[segment];
         }
     }
     return length;
@@ -159,11 +161,12 @@ EXPORT(resume) void resume(real time)
     }
 }
 
-/* Twist of a rigid prism [rad]: at the upper end of the domain it is 0. */
+/* Twist of a rigid prism [rad], from the parameters without preload: where the bars stand upright
+   it is 0. */
 EXPORT(twist) real twist(int segment, real r)
 {
-    const real *p = parameters(segment);
-    return 2 * (atan(half_turn_0(r, p)) - atan(half_turn_0(domain[segment][1], p)));
+    const real *p = unloaded[segment];
+    return 2 * (atan(half_turn_0(shift[segment] + r, p)) - atan(half_turn_0(p[STROKE], p)));
 }
 
 /* Largest stiffness of a segment between two elongations. */

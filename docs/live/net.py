@@ -20,8 +20,8 @@ from tensegrity import Network, Potential, State, catalogue, simulate
 from tensegrity.engine.bound import SCENE
 from tensegrity.engine.compiled import compiled
 from tensegrity.engine.kernel import bind
+from tensegrity.runs.viewer import drawing
 from tensegrity.scenes.dynamics import dynamics
-from tensegrity.viewer import drawing
 
 BEAD = Bead(diameter=10e-3, material=materials["steel"])
 SPEED = 1.0  # m/s, of the strikers

@@ -205,7 +205,7 @@ function say() {
     words.push(`Leading ${lead.peak < 0 ? "compression" : "extension"} pulse at unit `
       + `${lead.bond + 1}, ${sounds(lead.speed)}.`);
   const shift = chain.shift, sent = chain.transmitted;
-  if (shift !== null) words.push(`The wave runs ${digits(shift, 3)} units ahead of its undisturbed position.`);
+  if (shift !== null) words.push(`The wave emerges ${digits(shift, 3)} units ahead.`);
   if (sent !== null) words.push(`Transmitted: ${(100 * sent).toFixed(1)} % of the energy.`);
   words.push(`Energy error ${digits(chain.energy_error, 2)}.`);
   $("summary").textContent = words.join(" ");
@@ -276,7 +276,7 @@ function ticks(low, high, count) {
 /* A canvas with axes; gives the functions from numbers to places. */
 function axes(id, { x: [left, right], y: [bottom, top], across, up }) {
   const { pen, width, height } = fitted($(id), view.sizes[id] ||= [$(id).clientWidth, $(id).clientHeight]);
-  const box = { l: 62, r: width - 14, t: 12, b: height - 40 };
+  const box = { l: 70, r: width - 14, t: 12, b: height - 40 };
   const px = (x) => box.l + (box.r - box.l) * (x - left) / (right - left);
   const py = (y) => box.b - (box.b - box.t) * (y - bottom) / (top - bottom);
   pen.lineWidth = 1;
@@ -480,6 +480,7 @@ function dots(paper, points) {
   if (apart < 3.5) return;
   paper.pen.fillStyle = view.colour.chain;
   for (const [x, y] of points) {
+    if (paper.px(x) < paper.box.l - 1 || paper.px(x) > paper.box.r + 1) continue;
     paper.pen.beginPath();
     paper.pen.arc(paper.px(x), paper.py(y), Math.min(2.6, apart / 2.4), 0, 7);
     paper.pen.fill();
@@ -487,7 +488,7 @@ function dots(paper, points) {
 }
 
 function interface_({ pen, px, box }) {
-  if (chain.springs.length < 2) return;
+  if (chain.springs.length < 2 || px(chain.near) < box.l || px(chain.near) > box.r) return;
   pen.strokeStyle = view.colour.soft;
   pen.setLineDash([3, 4]);
   line(pen, [[px(chain.near), box.t], [px(chain.near), box.b]]);
@@ -581,15 +582,13 @@ function plucking(canvas) {
     const x = metres(event), places = view.drawn.place;
     const site = places.reduce((best, y, j) => (Math.abs(y - x) < Math.abs(places[best] - x) ? j : best), 0);
     canvas.setPointerCapture(event.pointerId);
-    view.pulled = { site, from: x };
-    view.held = view.drawn.held = Math.max(DRAWN / 2, Math.min(chain.units - DRAWN / 2, view.focus));
+    view.pulled = { site, from: event.offsetX };
+    view.held = Math.max(DRAWN / 2, Math.min(chain.units - DRAWN / 2, view.focus));
   });
   canvas.addEventListener("pointermove", (event) => {
     if (!view.pulled) return;
-    const { site, from } = view.pulled, now = event.offsetX;
-    view.pulled.x ??= now;
+    const { site, from } = view.pulled, pull = (event.offsetX - from) / view.drawn.scale;
     running(false);
-    const pull = (now - view.pulled.x) / view.drawn.scale;
     if (pull || chain.pluck) load(chain.name, chain.units, view.own, { site, pull });
   });
   const loose = () => {

@@ -77,8 +77,7 @@ def c_text(laws, own=None, dim=0, steps="", forces=(), helpers=()):
     rows, functions_of_forces, before = _forces(forces)
     parts += [f"{loop}.c", *before, "steps.c", *STEPS[steps], *["evaluate.c"] * alone]
     hooks = [*scalars, *helpers, *functions_of_forces]
-    if steps == "implicit" and geometry.own(laws):
-        hooks.append(geometry.tangent(geometry.own(laws)))
+    hooks += geometry.tangents(laws, steps == "implicit")
     return whole(laws, own, hooks, dim, packed, lists | rows, flags, parts)
 
 
@@ -123,8 +122,7 @@ def reverse_text(laws, own, wanted, dim, exact):
         "const real *own, integer all"
     )
     hooks, packed, runs, scalars = [], [], [], []
-    if geometry.own(laws):
-        hooks.append(geometry.tangent(geometry.own(laws)))
+    hooks += geometry.tangents(laws)
     for number, law in enumerate(laws):
         function, count = law_function(law, wanted[number]), len(wanted[number])
         mine = [(number, kind) for kind in (0, 1)[: 1 + (own[number] is not None)]]

@@ -50,14 +50,16 @@ def helpers(dim, law):
         )
 
 
-def tangent(law):
-    """The function of second derivatives of the elongation, and the C by which it is called."""
-    return (
+def tangents(laws, needed=True):
+    """The function of second derivatives of a law's own geometry, and the C by which it is called,
+    if `needed`."""
+    law = own(laws) if needed else None
+    return [] if law is None else [(
         law.geometry()["tangent"],
         "static inline void pair_tangent(const real *d, const real *w, real g, real length, "
         "real *second) { const real *arg[] = {d, w, &g, &length}; real *res[] = {second}; "
         "geometry_tangent(arg, res, 0, 0, 0); }\n#define OWN_TANGENT",
-    )
+    )]  # fmt: skip
 
 
 def side_by_side(dim, law):

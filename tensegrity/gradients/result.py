@@ -93,11 +93,13 @@ class Gradient:
         ----------
         name : str
             "prestrain", "height", "k_cross" of prisms; "stiffness" (at fixed preload), "preload"
-            of power laws; a symbol of a user's own `Potential`; "diameter", "modulus" of beads.
+            of power laws; a symbol of a user's own `Potential`; a parameter of a `Force`, which in
+            bonds may be that of the spring; "diameter", "modulus" of beads, at the same constants
+            of dissipation.
 
         Returns
         -------
-        ndarray, (bonds,), of beads (sites,)
+        ndarray, (bonds,), of beads and of forces on sites (sites,)
             0 where a bond has no such argument; (springs,) in a network.
 
         Raises
@@ -125,7 +127,9 @@ class Gradient:
         of = dynamics(self._scene)
         if name in of.arguments:
             return of.by_argument(name, self.mass, self._along, self.shift)
-        return self._along(name)
+        if any(name in names(spring) for spring in of.springs.different):
+            return self._along(name)
+        return self.parameters[name]
 
     def plot(self, ax: Axes | None = None, by: str | None = None) -> Axes:
         """Draw derivatives by an argument, or by the masses.

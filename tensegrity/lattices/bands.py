@@ -180,7 +180,7 @@ def _lowest(
         whole = bands(lattice, q, shapes=shapes)
         moved = None if whole.shapes is None else whole.shapes[:, :count]
         return Bands(q, whole.frequencies[:, :count], None, moved)
-    blocks = lattice.blocks
+    blocks = _blocks(lattice)
     each = np.repeat(np.abs(blocks).sum(axis=2).max(axis=1), 2)
     stiffest = float(np.bincount(lattice.ends.ravel(), each).max())
     w = np.empty((len(q), count))
@@ -199,8 +199,15 @@ def _lowest(
 def bloch_matrix(lattice: Cell | PeriodicBonds, weighted: bool = True) -> BlochMatrix:
     """M^-1/2 K(kappa) M^-1/2 of a lattice, or K(kappa) itself."""
     mass = lattice.mass if weighted else np.ones(lattice.nodes)
-    blocks = lattice.blocks
+    blocks = _blocks(lattice)
     return BlochMatrix.of(lattice.ends, lattice.offsets, blocks, mass)
+
+
+def _blocks(lattice: Cell | PeriodicBonds) -> Array:
+    """Tangent stiffness of each member [N/m], (members, dim, dim)."""
+    if isinstance(lattice, PeriodicBonds):
+        return lattice.blocks
+    return lattice.members.blocks(lattice.positions)
 
 
 def phases(lattice: Cell | PeriodicBonds, wavenumbers: ArrayLike) -> Array:
@@ -229,8 +236,8 @@ def _frequencies(lattice: Cell | PeriodicBonds, squares: Array, q: Array, larges
     least = ZERO * largest
     w = np.sign(squares) * np.sqrt(np.abs(np.where(np.abs(squares) <= least, 0.0, squares)))
     slow = np.flatnonzero(np.abs(squares).min(axis=1) < SLOW**2 * largest)
-    if slow.size and lattice.has_roots:
-        values, vectors = np.linalg.eigh(lattice.blocks)
+    if slow.size and (isinstance(lattice, PeriodicBonds) or (lattice.tensions >= 0).all()):
+        values, vectors = np.linalg.eigh(_blocks(lattice))
         root = (vectors * np.sqrt(np.maximum(values, 0))[:, None]) @ vectors.swapaxes(1, 2)
         exact = singular_frequencies(lattice.ends, lattice.offsets, root, lattice.mass, q[slow])
         w[slow] = 0

@@ -119,11 +119,6 @@ class PeriodicBonds:
         """Number of nodes of a cell."""
         return len(self.mass)
 
-    @property
-    def has_roots(self) -> bool:
-        """Whether all blocks have a real square root."""
-        return True
-
     def refuse_unbalanced(self) -> None:
         """Bonds are measured from their equilibrium."""
 

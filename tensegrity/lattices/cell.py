@@ -94,16 +94,6 @@ class Cell(Framework):
         return ~self.members.taut(self.lengths) & self.is_string
 
     @property
-    def blocks(self) -> Array:
-        """Tangent stiffness of each member [N/m], (members, dim, dim)."""
-        return self.members.blocks(self.positions)
-
-    @property
-    def has_roots(self) -> bool:
-        """Whether the tangent stiffness of each member has a real square root."""
-        return bool((self.tensions >= 0).all())
-
-    @property
     def span(self) -> float:
         """Size of a cell: the longest lattice vector [m]."""
         return float(np.sqrt(np.sum(self.vectors**2, axis=1)).max())

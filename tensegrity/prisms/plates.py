@@ -68,7 +68,7 @@ class PlateLaw:
 
 
 @once
-def _geometry(law: PlateLaw) -> dict[str, Any]:
+def _geometry(law: Any) -> dict[str, Any]:
     import casadi as ca
 
     from derivations import mixed as derived
@@ -119,7 +119,7 @@ class PlateSpring(Potential):
         if math.isinf(prism.k_bar):
             raise TensegrityError("k_bar inf N/m must be finite: rigid bars leave no twist")
         self.prism, k = prism, prism.k_cross
-        law = PlateLaw(prism.height / prism.base, prism.prestrain, k / prism.k_base,
+        law: Any = PlateLaw(prism.height / prism.base, prism.prestrain, k / prism.k_base,
                        k / prism.k_bar, prism.sides)  # fmt: skip
         domain = -SNAPPED * prism.base, math.inf
         ends = "the unit has less energy than at rest", ""
@@ -138,7 +138,7 @@ class PlateSpring(Potential):
         -------
         ndarray, (states, 2, 2)
         """
-        found = self.law.geometry()["tangent"].map(w.shape[1])(apart, w, 0, 0)
+        found = _geometry(self.law)["tangent"].map(w.shape[1])(apart, w, 0, 0)
         return self.values[0] * np.array(found).reshape(2, -1, 2).swapaxes(0, 1)
 
     def largest_stiffness(self, apart: Array, elongation: float) -> float:
@@ -146,7 +146,7 @@ class PlateSpring(Potential):
         the largest one at points of a grid with up to `MARGIN` times the energy."""
         line = FARTHEST * np.linspace(-1, 1, GRID)
         w = apart[:, None] * np.stack(np.meshgrid(line, line)).reshape(2, -1)
-        r = np.array(self.law.geometry()["pair"].map(w.shape[1])(apart, w, 0, 0)[0])[0]
+        r = np.array(_geometry(self.law)["pair"].map(w.shape[1])(apart, w, 0, 0)[0])[0]
         inside = (r <= MARGIN * elongation) | ~w.any(axis=0)
         return float(np.linalg.eigvalsh(self.tangent(apart, w[:, inside])).max())
 
@@ -154,7 +154,26 @@ class PlateSpring(Potential):
 def plate_column(
     prism: Any, count: int, chirality: str, plates: Any, periodic: bool
 ) -> Network | PeriodicBonds:
-    """The column of `Prism.column` between plates of a mass [kg] and a radius of gyration [m]."""
+    """A column between heavy plates; see `Prism.column`.
+
+    Parameters
+    ----------
+    prism : Prism
+    count : int
+    chirality : {"alternate", "same"}
+    plates : (float, float)
+        Mass [kg] and radius of gyration [m].
+    periodic : bool
+
+    Returns
+    -------
+    Network or PeriodicBonds
+
+    Raises
+    ------
+    TensegrityError
+        Rigid bars, or numbers that are not above 0.
+    """
     if len(plates) != 2:
         raise TensegrityError(f"{len(plates)} numbers of the plates must be 2, mass and gyration")
     mass, gyration = (

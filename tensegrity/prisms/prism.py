@@ -186,6 +186,12 @@ class Prism:
 
     @overload
     def column(
+        self, count: int | None = None, chirality: str = "alternate", plates: bool = False,
+        periodic: bool = False,
+    ) -> Structure | Lattice: ...  # fmt: skip
+
+    @overload
+    def column(
         self, count: int | None = None, chirality: str = "alternate", *,
         plates: tuple[float, float], periodic: Literal[False] = False,
     ) -> Network: ...  # fmt: skip

@@ -105,7 +105,7 @@ def _checked(prism: Any, count: int | None, chirality: str, plates: Any, periodi
 
 
 def _levels(
-    prism: Any, count: int, chirality: str, plates: bool
+    prism: Any, count: int, chirality: str, plates: Any
 ) -> tuple[list[Array], list[tuple[int, int]], list[tuple[int, int]], float]:
     """Polygons from below, bars and cross strings unit by unit, and the angle of the last polygon
     to the first [rad]."""

@@ -280,7 +280,9 @@ class CheckpointData(NamedTuple):
         check.whole("done", self.done, least=0, below=self.steps + 1)
         check.whole("count", self.count, least=0)
         shape = dyn.arrays(self.state)[0].shape
-        count, springs = (4, len(dyn.springs)) if dyn.is_driven else (2, None)
+        count, springs = 4 if dyn.is_driven else 2, None
+        if dyn.is_driven and not dyn.follows:
+            springs = len(dyn.springs)
         if len(check.sequence("seen", self.seen, "arrays")) != count:
             raise TensegrityError(f"seen has {len(self.seen)} arrays, must have {count}")
         for x in (self.u, self.v, *self.seen[:2]):

@@ -248,7 +248,6 @@ class Run:
         (T[, dim]).
 
         It is constant if no other external force acts; the impulse on held sites is not recorded.
-        A batch has none: take that of one of its runs.
 
         Raises
         ------
@@ -341,8 +340,8 @@ class Run:
         Returns
         -------
         object
-            A notebook displays it as a page with a slider of the time, which needs no network and
-            no kernel.  At most 300 instants are shown.  Dragging turns a body in space.
+            A notebook displays it as a page with a slider of the time, of at most 300 instants; it
+            needs no network.  Dragging turns a body in space.
 
         Raises
         ------
@@ -353,11 +352,10 @@ class Run:
         --------
         >>> from tensegrity import Chain, Prism, Record, simulate
         >>> chain = Chain(Prism(1.0, 0.7, 0.01, 1.0).potential(), sites=20)
-        >>> run = simulate(chain, chain.at_rest({0: 0.09}), 10.0, record=Record(interval=1.0))
-        >>> run.show()
+        >>> simulate(chain, chain.at_rest({0: 0.09}), 10.0, record=Record(interval=1.0)).show()
         11 instants of a run, shown in a notebook
         """
-        from tensegrity.viewer import shown
+        from tensegrity.runs.viewer import shown
 
         return shown(self)
 

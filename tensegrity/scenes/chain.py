@@ -18,8 +18,8 @@ from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.readonly import fixed
 from tensegrity.scenes.dynamics import Dynamics, dynamics
-from tensegrity.scenes.force import on_site, on_site_springs
 from tensegrity.scenes.forcing import start_driven_sites
+from tensegrity.scenes.on_site import on_site, on_site_springs
 from tensegrity.scenes.scene import BYTES_PER_SITE, SMALLEST_MASS, Scene, State, velocities
 from tensegrity.springs.potential import Potential
 

@@ -224,7 +224,8 @@ class NetworkDynamics(Dynamics):
         if not geometry.own(self.springs.table[0]):
             return super().stiffness_bounds(ranges, numbers)
         (spring,) = self.springs.different
-        apart = self.contact_bonds.contacts.geometry[:-2, 0]
+        contacts: Any = self.contact_bonds.contacts
+        apart = contacts.geometry[:-2, 0]
         return np.array([spring.largest_stiffness(apart, float(ranges[0, 1]))])
 
     def bond_frequency_bound(self, stiffness: Array) -> float:

@@ -196,8 +196,19 @@ def _seen(x: Array) -> Array:
 
 
 def edge(wall: Wall, low: Array, high: Array) -> Array | None:
-    """The line on which a wall is seen, (2, 2), as long as it is or the box is; None where the
-    picture shows its face."""
+    """The line on which a wall is seen.
+
+    Parameters
+    ----------
+    wall : Wall
+    low, high : ndarray, (2,)
+        Corners of the picture [m].
+
+    Returns
+    -------
+    ndarray, (2, 2), or None
+        As long as the wall or the picture; None where its face is seen.
+    """
     middle, normal = _seen(wall.point[None])[0], _seen(wall.normal[None])[0]
     size = float(np.linalg.norm(normal))
     if size < 0.5:

@@ -1,4 +1,4 @@
-/* A recorded run, played on the page of `viewer.html`: see `tensegrity/viewer.py` for the data. */
+/* A recorded run, played on the page of `viewer.html`: see `viewer.py` for the data. */
 
 const AROUND = 12;        // prisms that are drawn
 const SECONDS = 8;        // that a run takes

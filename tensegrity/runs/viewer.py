@@ -9,13 +9,15 @@ from __future__ import annotations
 import base64
 import html
 import json
+import math
 from importlib.resources import files
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tensegrity.errors import TensegrityError
-from tensegrity.prisms.path import equilibrium_path
+from tensegrity.prisms.closed import rigid_path
+from tensegrity.prisms.elastic_path import elastic_path
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.picture import edge
@@ -91,15 +93,25 @@ def _prisms(scene: Chain, u: Array) -> dict[str, Any]:
     for k, spring in enumerate(different):
         which = group == k
         height: Array = spring.length + elongation[:, which]
-        path = equilibrium_path(provenance(spring)[1][0], max_height=float(height.max()) * 1.001)
-        order = np.argsort(path.height)
+        path = _path(provenance(spring)[1][0], float(height.max()))
+        order = np.argsort(path["height"])
         found["height"][:, which] = height
         for name in ("twist", "base"):
-            values = getattr(path, name)[order]
-            found[name][:, which] = np.interp(height, path.height[order], values)
+            found[name][:, which] = np.interp(height, path["height"][order], path[name][order])
     strain = elongation / np.array([spring.length for spring in different])[group]
     packed = {name: _packed(values) for name, values in found.items()}
     return packed | {"strain": _packed(strain), "first": float(different[group[0]].length or 0.0)}
+
+
+def _path(prism: Any, highest: float) -> dict[str, Array]:
+    """Columns of the equilibrium path of a prism up to a height [m]."""
+    above = max(highest, prism.height) * 1.001
+    if prism.is_rigid:
+        parts = rigid_path(prism, 0.0, math.inf, above)[0]
+    else:
+        parts = elastic_path(prism, 0.0, math.inf, above, False)[0]
+    names = ("height", "twist", "base")
+    return {name: np.concatenate([part[name] for part in parts]) for name in names}
 
 
 def drawing(scene: Any, places: Array) -> dict[str, Any]:
