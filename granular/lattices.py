@@ -87,7 +87,7 @@ def fcc_pack(
         Dashpots to the ground and between beads in contact, which also act while contacts are
         open; only with fixed contacts.
     law : callable (Bead, Bead or Material) -> Contact, optional
-        `hertz`, `power(constant, exponent)`, or with fixed contacts one that dissipates.
+        `hertz`, `power(constant, exponent)`, or one that dissipates, such as `kuwabara_kono(c)`.
 
     Returns
     -------
