@@ -4,7 +4,7 @@ Model: as for the guides, frictionless contacts without rotation, by default Her
 walls at rest.  Pairs of beads, and beads and walls, with an initial gap below 1e-9 diameters touch:
 their contacts are listed with a gap of exactly 0.  Any other contact that forms ends a run with an
 error (contacts "fixed") or is found before it acts ("follow").
-Source: seeds/000, part II, "2D granular crystals/systems", "3D granular crystals/systems".
+Source: the talk, part II, "2D granular crystals/systems", "3D granular crystals/systems".
 """
 
 from __future__ import annotations
@@ -215,9 +215,9 @@ class Pack(Assembly):
                 k = int(np.argmin(gap))
                 one, other = (site_name(self, int(end)) for end in ends[k])
                 raise TensegrityError(
-                    f"{one} and {other} overlap by {-gap[k]:.6g} m at the start, at most "
-                    f"{room[k]:.1g} m is taken for touching: their centres are {apart[k]:.6g} m "
-                    f"apart, their radii add up to {first[k] + second[k]:.6g} m"
+                    f"{one} and {other} overlap by {-gap[k]:.6g} m at the start, must be at "
+                    f"most {room[k]:.1g} m: the distance of their centres is {apart[k]:.6g} m, the "
+                    f"sum of their radii {first[k] + second[k]:.6g} m"
                 )
             touching[some] = gap <= room
         touched = [np.zeros((0, 2), dtype=int)]
@@ -278,7 +278,7 @@ class Pack(Assembly):
         return self.at_rest({self.sites - 1: velocity})
 
     def distance(self, part: str, numbers: tuple[int, int]) -> float:
-        """Straight way between the centres of two different beads of a part at the start [m]."""
+        """Initial distance between the centres of two different beads of a part [m]."""
         super().distance(part, numbers)  # refuses what are no two different beads of it
         first, second = (self.positions[self.site(part, number)] for number in numbers)
         return float(np.linalg.norm(second - first))
@@ -337,7 +337,7 @@ def pack(
     law: ContactLaw = hertz,
     forces: Sequence[Force] = (),
 ) -> Pack:
-    """Beads at any places, on a line, in the plane or in space.
+    """Beads at arbitrary positions on a line, in the plane or in space.
 
     Parameters
     ----------
@@ -355,7 +355,7 @@ def pack(
         that is not there at the start.
     gravity : float, optional
         [m/s^2], >= 0, downward along the last axis.  States of the pack start from its static
-        equilibrium, `equilibrium`; beads that find none near their places are an error.
+        equilibrium, `equilibrium`; if there is none near the given positions, an error is raised.
     preload : dict of int to array_like (dim,), optional
         Constant force [N] on these beads, {site: force}; as gravity.
     drive : dict of int to Drive, optional
@@ -375,10 +375,21 @@ def pack(
     Raises
     ------
     TensegrityError
-        Beads that overlap each other or a wall, or stand behind one; what is not a Bead, a Wall or
-        a Material; shapes that do not fit.
+        Beads that overlap each other or a wall, or stand behind one; arguments of another type or
+        shape.
     EquilibriumError
-        A bead that finds no rest under the loads within a tenth of its radius.
+        No equilibrium under the loads within a tenth of the radius of a bead.
+
+    Examples
+    --------
+    A bead flies into another one, from a distance of one diameter:
+
+    >>> from granular import Bead, materials, pack, simulate
+    >>> bead = Bead(diameter=10e-3, material=materials["steel"])
+    >>> pair = pack([(0.0, 0.0), (0.02, 0.0)], bead)
+    >>> run = simulate(pair, pair.at_rest({0: (1.0, 0.0)}), t_end=0.03)
+    >>> run.final.v[:, 0].round(6) + 0.0
+    array([0., 1.])
     """
     return Pack(
         places, beads, walls, contacts, gravity=gravity, preload=preload, drive=drive,

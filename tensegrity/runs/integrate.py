@@ -77,8 +77,8 @@ def simulate(
     t_end : float
         Duration [s], >= 0.
     method : str or Method, optional
-        Name of a method, `tensegrity.engine.methods.METHODS`, or a `Splitting` or `Nystrom` of
-        `tensegrity.engine.methods` with rows of your own.  By default "rkn6"; "verlet" where `dt`
+        Name of a method in `tensegrity.METHODS`, or a `Splitting` or `Nystrom` with other
+        coefficients.  By default "rkn6"; "verlet" where `dt`
         is given; otherwise "corrected6" where contacts of exponents from 1 to 3 can be lost, or a
         force has a kink of such an exponent, unless `tol` is 1e-3 or looser.
     dt : float, optional

@@ -1,4 +1,4 @@
-"""Forces of one's own: SymPy expressions of time, displacement and velocity, on sites, in bonds, or
+"""User-defined forces: SymPy expressions of time, displacement and velocity, on sites, in bonds, or
 at walls.
 
 A `Force` adds to the springs of a scene: drag, friction, gravity, dashpots, contacts that
@@ -320,7 +320,7 @@ class Force:
         if given != needed or (scene.dim > 1 and self.on == "sites") > self._along_axes:
             raise TensegrityError(
                 f"{given} expressions of a force on {self.on} of a scene with {scene.dim} "
-                f"coordinates a site: give {needed}"
+                f"coordinates per site: give {needed}"
             )
         count = counts[self.on]
         places: Indices = np.arange(count) if self.at is None else np.array(self.at, dtype=int)

@@ -4,14 +4,13 @@ Model: bonds, and contacts with plane walls, whose force acts along the line of 
 on their elongation only; constant loads.  The list of contacts is either fixed, and for sites with
 a radius the run verifies that no other contact forms (`tensegrity.scenes.clearance`), or it is
 updated as contacts form and open (`tensegrity.scenes.neighbour_list`).
-Source: seeds/001, eqs. (1)-(6).
+Source: the paper, eqs. (1)-(6).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from copy import copy
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -31,6 +30,7 @@ from tensegrity.scenes.network_input import (
     numbers,
     per_site,
     plane_walls,
+    refuse_beside_plates,
     refuse_too_many,
     site_number,
     springs_of,
@@ -42,7 +42,7 @@ from tensegrity.scenes.walls import Wall
 from tensegrity.springs.potential import Potential
 
 if TYPE_CHECKING:
-    from typing import Any, Self
+    from typing import Self
 
     from matplotlib.axes import Axes
     from numpy.typing import ArrayLike
@@ -180,6 +180,7 @@ class Network(Scene):
         _ = of.loop_bonds  # refuses springs that the compiled loop cannot take
         of.refuse_unlisted(np.zeros(self.shape))
         self._set_forcing(drive, damping, tune, forces)
+        refuse_beside_plates(of)
         if of.follows:
             self._refuse_changing()
 
@@ -222,12 +223,6 @@ class Network(Scene):
             before a site has moved by an eighth of the mean radius; otherwise this network.
         """
         return dynamics(self).listed(u).scene
-
-    def _varied(self, **changed: Any) -> Self:
-        """This network with other springs or contacts."""
-        other = copy(self)
-        other.__dict__.update(changed)
-        return other
 
     # states
 
@@ -325,13 +320,13 @@ class Network(Scene):
         Returns
         -------
         matplotlib.axes.Axes
-            The width of a line is the force; the title says how much the widest line carries.
+            The width of a line is proportional to the force; the title states the largest one.
             Forces count as those of `bond_tension`, from the state at rest of preloaded springs.
 
         Raises
         ------
         TensegrityError
-            What is no axes or no displacements of this network.
+            `ax` is not a Matplotlib axes, or `u` not of this network's shape.
         """
         at = self.at_rest().u if u is None else check.vector("displacement", u, self.shape)
         picture = Picture(self, ax)
