@@ -2,7 +2,7 @@
 
 The forms of `derivations` are evaluated in multiple precision, at the values of a prism taken as
 exact.  With rigid bases and bars the potential and the path are closed forms as well.  Source:
-seeds/000, part III; for the assembly from natural lengths `derivations.polygon`, "From cut
+the talk, part III; for the assembly from natural lengths `derivations.polygon`, "From cut
 lengths".
 """
 
@@ -329,6 +329,14 @@ def member_stiffness(modulus: float, area: float, length: float) -> float:
     ------
     TensegrityError
         If a value, or the result, is not finite and positive.
+
+    Examples
+    --------
+    A steel bar of 0.1623 m:
+
+    >>> from tensegrity import member_stiffness
+    >>> f"{member_stiffness(modulus=210e9, area=36.6e-6, length=0.1623):.6g} N/m"
+    '4.73567e+07 N/m'
     """
     modulus = check.number("modulus", modulus, above=0, unit="Pa")
     area = check.number("area", area, above=0, unit="m^2")
@@ -395,7 +403,7 @@ def assembled(
     (squared,) = squared_height((length, side, sine))
     if not squared > 0:
         raise EquilibriumError(
-            f"these members make no prism: h^2 = {squared:.6g} m^2 must be above 0 (cross strings "
+            f"these members form no prism: h^2 = {squared:.6g} m^2 must be above 0 (cross strings "
             f"of {length:g} m with a base of {side:g} m)"
         )
     return side, math.sqrt(squared), density / (stiffness[0] - density)
