@@ -80,8 +80,7 @@ class Chain {
     this.dt = frame / this.steps;
     const way = this.waves.length ? this.waves[0].at : this.pluck
       ? Math.min(this.pluck.site, this.units - this.pluck.site) : 0;
-    this.last = given.lasts && this.waves.length ? given.lasts
-      : LASTS * (this.units - way) / this.expected_speed();
+    this.last = LASTS * (this.units - way) / this.expected_speed();
     this.keep();
     return "";
   }
