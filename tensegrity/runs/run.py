@@ -342,8 +342,7 @@ class Run:
         Returns
         -------
         object
-            That a notebook shows as a page with a slider of the time, of at most 300 instants; it
-            needs no network.  A body in space is turned by dragging.
+            Shown by a notebook with a slider over at most 300 instants; drag to turn a body.
 
         Raises
         ------
