@@ -8,7 +8,7 @@ that all forms are algebraic.  All unknowns are changes from the self-stressed s
 that cancel there are eliminated symbolically.
 
 Lengths are in units of the base l0, forces in units of k1 l0.  The equations are the gradient of
-`prism.energy()` at fixed height (seeds/000, part III, "Elastic problem": g1 = g2 = 0) and the
+`prism.energy()` at fixed height (the talk, part III, "Elastic problem": g1 = g2 = 0) and the
 compatibility of the bars; the load is -dU/dh.
 
 Above the height at which base strings and bars unload together the state is a closed form: the

@@ -21,6 +21,7 @@ from tensegrity.lattices.bloch import (
 )
 from tensegrity.lattices.cell import Cell
 from tensegrity.minimum import DENSE, ZERO
+from tensegrity.printing import filled, span
 from tensegrity.typing import Array
 
 SLOW = 1e-5  # lowest over highest frequency below which singular values are computed
@@ -28,6 +29,7 @@ EQUAL = 1e-6  # of the highest frequency: branches nearer to each other have vel
 GENERIC = np.array([1.0, 0.618, 0.414])  # a direction of phases without symmetry
 FASTEST = 1e100  # bound of frequencies, whose squares are finite [rad/s]
 OPEN = 1e-9  # of the highest frequency: the least gap
+SHOWN = 4  # gaps that are printed
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +53,18 @@ class Bands:
     frequencies: Array
     velocities: Array | None = field(repr=False)
     shapes: Array | None = field(repr=False)
+
+    def __str__(self) -> str:
+        points, branches = self.frequencies.shape
+        of = f"{branches} branches at {points} wavenumbers: frequencies "
+        text = of + span(self.frequencies, "rad/s")
+        found = self.gaps if points > 1 else np.zeros((0, 2))
+        widest = found[np.argsort(found[:, 0] - found[:, 1])[:SHOWN]]
+        gaps = ", ".join(span(gap, "rad/s") for gap in np.sort(widest, axis=0)) or "none"
+        more = f"{len(found)}, the widest " if len(found) > SHOWN else ""
+        return filled(f"{text}\n  gaps: {more}{gaps}")
+
+    __repr__ = __str__
 
     @property
     def gaps(self) -> Array:

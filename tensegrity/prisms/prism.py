@@ -2,7 +2,7 @@
 
 A prism consists of two regular polygons of strings with n sides, joined by n bars and n cross
 strings; n is 3 by default, and members have no thickness.  The reference is the self-stressed
-state at twist pi/2 + pi/n, which is 5 pi/6 for triangles.  Source: seeds/000, part III; the forms
+state at twist pi/2 + pi/n, which is 5 pi/6 for triangles.  Source: the talk, part III; the forms
 for any n are those of `derivations.polygon`.
 """
 
@@ -39,6 +39,9 @@ class NaturalLengths(NamedTuple):
     cross: float
     base: float
     bar: float
+
+    def __str__(self) -> str:
+        return f"cross {self.cross:.6g} m, base {self.base:.6g} m, bar {self.bar:.6g} m"
 
 
 @dataclass(frozen=True)
@@ -211,8 +214,9 @@ class Prism:
         Parameters
         ----------
         count : int, optional
-            Number of units; 5 by default, in a periodic column the fewest that repeat: two, of
-            the same hand 4/gcd(4, sides + 2), between heavy plates one.
+            Number of units; by default 5, or in a periodic column the smallest number after which
+            units repeat: 2 if they alternate, 4/gcd(4, sides + 2) if all have the same handedness,
+            1 between heavy plates.
         chirality : {"alternate", "same"}, optional
             Whether neighbouring units twist in opposite senses or in the same one.
         plates : bool or (float, float), optional
@@ -222,7 +226,7 @@ class Prism:
             the radius of gyration [m] of heavy plates, which a unit turns as it is compressed: the
             nodes of both neighbours slide without mass along spokes of the plate.
         periodic : bool, optional
-            If true, the units are the cell of an endless column.
+            If true, the units form the cell of an infinite column.
 
         Returns
         -------
@@ -241,9 +245,10 @@ class Prism:
         Notes
         -----
         The chain of condensed prisms, `Chain(prism.potential(), ...)`, is the limit of long waves
-        of an alternating column, 1 % off at 41 units a wave; of columns of one hand it is none,
-        for there axial and torsional waves are coupled.  Heavy plates have both: with the mass of
-        the nodes and their circumradius as that of gyration long waves are exact for either hand.
+        of an alternating column, with an error of 1 % at 41 units per wavelength.  It is not that
+        of a column of one handedness, in which axial and torsional waves are coupled.  With heavy
+        plates, of the mass of the nodes and their circumradius as radius of gyration, long waves
+        are exact for either handedness.
         `simulate`, `gradient` and `modes` take the network, with drives and held plates as other
         arguments of `Network(column.positions, column.bonds, column.springs[0], mass=...)`;
         `bands` takes the periodic column.  Its springs are smooth: strings carry compression, and
@@ -348,7 +353,7 @@ class Prism:
         """Axial stiffness K_h0 of the whole prism at the reference state [N/m], >= 0.
 
         It vanishes with the prestrain, where the reference becomes a sonic vacuum.  The closed
-        form contains the compliances of the members, which are zero for rigid ones (seeds/000,
+        form contains the compliances of the members, which are zero for rigid ones (the talk,
         part III, "Axial stiffness").
         """
         (stiffness,) = exact("axial stiffness", self)

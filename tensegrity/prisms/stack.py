@@ -1,6 +1,6 @@
 """Nodes and members of a column of prisms, for `column` and `Prism.structure`.
 
-Members have no thickness.  Source: seeds/000, part III, chains of prisms.
+Members have no thickness.  Source: the talk, part III, chains of prisms.
 """
 
 from __future__ import annotations
