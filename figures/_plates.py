@@ -1,4 +1,4 @@
-"""Waves of permanent form in a column of heavy plates of one hand: extension and twist together.
+"""Waves of permanent form in columns of plates and one handedness: extension and twist together.
 
 With r(x - c t) the differences of both coordinates from plate to plate, x in units, the equation is
 m c^2 r = K T(r), where T is the gradient of a unit's energy and K the convolution with the tent of
@@ -16,7 +16,7 @@ PER_UNIT = 8  # points of the grid
 
 
 class Waves:
-    """Waves of a column of one hand; `half` is half the length of the grid in units."""
+    """Waves of a column of one handedness; `half` is half the length of the grid in units."""
 
     def __init__(self, prism, plates, half=20):
         self.points = np.arange(half * PER_UNIT + 1) / PER_UNIT

@@ -1,7 +1,7 @@
 """The model between the chain and the column of nodes: heavy plates that move and turn.
 
-In columns of one hand extension and twist travel together: waves of permanent form exist, faster
-than both sounds, and a run of one radiates nothing.  In an alternating column the wave of the chain
+In columns of one handedness extension and twist travel together: waves of permanent form exist,
+faster than both sounds, and a run of one radiates nothing.  In an alternating column the wave of the chain
 of condensed prisms, launched without twist, loses its energy to torsion on the way.
 Source: seeds/000, part III, "chains of tensegrity prisms", where plates have no rotary inertia.
 """
@@ -22,7 +22,9 @@ PLATES = MASS, GYRATION
 PHASES = np.linspace(0.02, np.pi, 80)  # from unit to unit [rad]
 HIGHEST = 4.2  # rad/s
 WAVES = 40.0, 20.0, 10.0  # units a wave
-BRANCHES = "alternating, torsional", "alternating, axial", "one hand, slow", "one hand, fast"
+KINDS = "alternating", "one handedness"
+BRANCHES = [f"{KINDS[0]}, {x}" for x in ("torsional", "axial")]
+BRANCHES += [f"{KINDS[1]}, {x}" for x in ("slow", "fast")]
 RATIOS = (1.02, 1.04, 1.06, 1.1)  # of the speed to that of the faster sound, one after the other
 UNITS, START, TRAVEL = 200, 30, 140
 LONG, SHED = 220, 120  # units of the alternating column, and of travel in it
@@ -52,7 +54,7 @@ def errors(hand, units):
 
 
 def permanent():
-    """The wave of one hand: grid, differences (points, 2), residual, speed, and its state."""
+    """The wave of one handedness: grid, differences (points, 2), residual, speed, and its state."""
     column = Waves(PRISM, PLATES)
     r = column.small(RATIOS[0])
     for before, ratio in zip((RATIOS[0], *RATIOS), RATIOS, strict=False):
@@ -122,7 +124,7 @@ def draw(figure, tables):
     left.annotate("plates", (0.75, 2.6), color="C0")
     left.annotate("chain", (2.3, 1.25), color="C3")
     left.set(xlabel="phase from unit to unit [rad]", ylabel="frequency [rad/s]", ylim=(0, HIGHEST))
-    left.set_title("(a) one hand: long waves of plates are exact")
+    left.set_title("(a) one handedness: long waves of plates are exact")
     wave, after = tables["wave"], tables["after"]
     for name, colour in (("extension", "C0"), ("twist", "C1")):
         both = np.concatenate([wave[name][:0:-1], wave[name]])
@@ -133,7 +135,7 @@ def draw(figure, tables):
     middle.annotate("twist", (2.6, 32), color="C1")
     middle.set(xlim=(-8, 8), xlabel="distance from the peak [units]")
     middle.set_ylabel("difference from plate to plate [mm]")
-    middle.set_title(f"(b) one hand: a wave that lasts {TRAVEL} units")
+    middle.set_title(f"(b) one handedness: a wave that lasts {TRAVEL} units")
     for n, name in enumerate(GYRATIONS):
         right.plot(tables[name]["units"], tables[name]["share"], f"C{n + 2}")
         right.plot(tables[name]["units"], tables[name]["loose"], ".", color=f"C{n + 2}", ms=4)
@@ -150,8 +152,8 @@ def table(tables):
         for units, *each in zip(*tables["models"].values(), strict=True)
     ]
     for tolerance, off, behind, residual, speed in zip(*tables["travel"].values(), strict=True):
-        rows.append({"wave": f"one hand, {TRAVEL} units at tol {tolerance:g}", "off": float(off),
-                     "left behind": float(behind), "residual": float(residual),
+        rows.append({"wave": f"{KINDS[1]}, {TRAVEL} units at tol {tolerance:g}",
+                     "off": float(off), "left behind": float(behind), "residual": float(residual),
                      "speed [units/s]": float(speed)})  # fmt: skip
     for name in GYRATIONS:
         rows.append({"wave": f"alternating, gyration {name}, {SHED} units",
