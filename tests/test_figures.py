@@ -177,9 +177,6 @@ INSIDE = {
     "tensegrity.prisms.stability.first_loss": "stability of a prism on given supports",
     "tensegrity.scenes.dynamics.dynamics": "steps beyond the bounds that `simulate` sets",
     "tensegrity.springs.kinks.TAUT": "a tolerance that is explained",
-    "tensegrity.springs.polynomial.polynomial_of_coefficients": "equal degrees, for a batch",
-    "tensegrity.waves.family.Family": "waves to four digits, for a search",
-    "tensegrity.waves.solitary.approximate_wave": "waves to four digits, for a search",
     "tensegrity.waves.transition.standing_forces": "what pins fronts, without looking for one",
     "tensegrity.waves.limit.largest_speed": "its error, from two extrapolations",
 }

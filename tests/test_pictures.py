@@ -15,7 +15,6 @@ from tests.rules import broken
 matplotlib.use("Agg")
 QUICK = 1.2  # s; pictures that take longer are slow tests
 PENDING = {
-    "composite",
     "constitutive_rigid",
     "derivations_ledger",
     "driven_gap",
@@ -25,7 +24,6 @@ PENDING = {
     "gradients_guide",
     "gradients_pack",
     "gradients_protector",
-    "gradients_wave",
     "granular_energy",
     "granular_fig2",
     "granular_fig3",
@@ -37,13 +35,11 @@ PENDING = {
     "granular_motion",
     "granular_quasiparticle",
     "granular_sensitivity",
-    "granular_steps",
     "granular_trapping",
     "granular_uniform",
     "lens_errors",
     "lens_focus",
     "lens_moved",
-    "limits_bits",
     "limits_contacts",
     "limits_drift",
     "limits_locking",
@@ -88,8 +84,6 @@ PENDING = {
     "transition_speed",
     "transition_switch",
     "wave_collision",
-    "wave_composite",
-    "wave_composite_map",
     "wave_mitigation",
     "wave_power_law",
     "wave_softening",
