@@ -56,7 +56,7 @@ def to_lammps(
     t_end, dt : float
         [s], > 0; the step is the largest not above dt that divides t_end evenly, as `simulate`'s.
     path : str or path
-        Of the input; the data file is beside it, with .data added.  A run in that folder
+        Of the input; the data file has the same name with .data added.  A run in that folder
         (`lmp -in NAME`) writes NAME.dump and NAME.last: number, position and velocity of every bead
         at every `every`-th step and at the last; NAME.walls: the force of all beads on each wall,
         the walls named in the first line as strings of JSON.  LAMMPS reads names of printable ASCII

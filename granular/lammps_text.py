@@ -194,12 +194,12 @@ class Laid:
 
 
 def _file(name: str, ending: str) -> str:
-    """A file beside the input as one word of LAMMPS's language, in marks where it needs them."""
+    """A file in the folder of the input as one word for LAMMPS, quoted if necessary."""
     marks = [mark for mark in ('"', "'", '"""') if mark not in name]
     if name == "none" or not marks or not re.fullmatch("[ -~]+", name) or set("*%") & set(name):
         raise TensegrityError(
-            f"{check.shown(name)} cannot be the name of an input of LAMMPS, which is printable "
-            "ASCII without *, % or, beside an apostrophe, three quotation marks, and not none"
+            f"{check.shown(name)} cannot be the name of an input of LAMMPS, which must be "
+            "printable ASCII without * and %, other than none, and not with both kinds of quotes"
         )
     mark = "" if re.fullmatch(r"[\w.-]+", name) else marks[0]
     return f"{mark}{name}.{ending}{mark}"
@@ -252,10 +252,12 @@ def _line(scene: BeadChain) -> tuple[Array, Array, list[Plane]]:
 def _net(scene: Assembly) -> tuple[Array, Array, list[Plane]]:
     """Places and loads of the beads of a guide or a pack, and its walls."""
     if scene.radius is None:
-        raise TensegrityError("beads that pass through each other have no like in LAMMPS")
+        raise TensegrityError("beads that pass through each other have no equivalent in LAMMPS")
+    if scene._arguments.get("gaps"):
+        raise TensegrityError("gaps between the beads of a guide have no equivalent in LAMMPS")
     of = dynamics(scene)
     if of.follows and not scene._hertzian:
-        raise TensegrityError("contacts that form by another law than Hertz's: LAMMPS has his only")
+        raise TensegrityError("contacts that form must obey Hertz's law for LAMMPS")
     table, group = of.springs, of.springs.group
     known = set()
     solids = scene._wall_materials
@@ -272,8 +274,8 @@ def _net(scene: Assembly) -> tuple[Array, Array, list[Plane]]:
         listed = scene.wall_contacts[scene.wall_contacts[:, 1] == number, 0].tolist()
         if wall.extent is not None and of.follows:
             raise TensegrityError(
-                f"wall {name!r} has an end and contacts come and go: LAMMPS would have to know "
-                "its edge; leave out its extent"
+                f"wall {name!r} has an end and contacts come and go: its edge "
+                "cannot be expressed in LAMMPS; leave out its extent"
             )
         point, normal = (_in_space(x[None])[0] for x in (wall.point, wall.normal))
         members = None if wall.extent is None else tuple(listed)
@@ -288,7 +290,7 @@ def _refuse_other_law(constant: float, exponent: float, one: Any, other: Any) ->
     if exponent != expected.exponent or abs(constant / expected.constant - 1) > 1e-9:
         raise TensegrityError(
             f"a contact of constant {constant:.6g} and exponent {exponent:g} is not Hertz's, "
-            f"{expected.constant:.6g} and {expected.exponent:g}: LAMMPS is told of those only"
+            f"{expected.constant:.6g} and {expected.exponent:g}, which alone LAMMPS evaluates"
         )
 
 

@@ -392,7 +392,7 @@ def test_bad_input_says_what_and_why():
     def moved(x):
         return lambda: {"drive": {0: Drive(displacement=x)}}
 
-    refused("has 0 of displacement and force", moved(None))
+    refused("one of displacement and force, not 0", moved(None))
     refused(r"ground damping -0\.1 N s/m must be at least 0",
             lambda: {"damping": Damping(ground=-0.1)})  # fmt: skip
     refused("depends on w, must depend on t alone", moved(sp.Symbol("w") * T))

@@ -133,7 +133,7 @@ def test_a_law_without_preload_has_no_derivative_by_it():
     """The overlap at rest is a root of the preload."""
     chain = Chain(PowerLaw(1.0, 1.5), 3)
     found = gradient(o.displacement(1), chain, chain.at_rest({0: 0.1}), 1.0, dt=0.05)
-    with pytest.raises(TensegrityError, match="this gradient knows stiffness"):
+    with pytest.raises(TensegrityError, match="this gradient has stiffness"):
         found.by("preload")
 
 

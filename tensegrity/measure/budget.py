@@ -91,7 +91,9 @@ def budget(run: Run, bond: int) -> Budget:
     if not isinstance(chain, Chain):
         raise TensegrityError(f"the scene of the run is {type(chain).__name__}, not a Chain")
     if chain.tune:
-        raise TensegrityError("the springs change in time: their work passes through no bond")
+        raise TensegrityError(
+            "the work of springs that change in time does not pass through a bond"
+        )
     if dynamics(chain).has_forces:
         raise TensegrityError("forces besides those of the springs act on the chain: no budget")
     bond = check.whole("bond", bond, least=0, below=chain.sites - 1)
