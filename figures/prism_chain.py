@@ -76,7 +76,7 @@ def draw(figure, tables):
     for k in range(UNITS + 1):
         size = 2 * radius * np.sin(TILT) + DISC, 2.1 * radius
         axes.add_patch(Ellipse((k * pitch, 0), *size, fc="0.85", ec="0.4", alpha=0.75, zorder=1))
-        axes.text(k * pitch, 0, "m", ha="center", va="center", fontsize=11, style="italic")
+        axes.text(k * pitch, -1.12 * radius, "m", ha="center", va="top", style="italic")
     top, end = 1.25 * radius, UNITS * pitch
     arrow = {"arrowstyle": "-|>", "color": "k", "lw": 1.8}
     for tip, tail in ((-0.35, -0.95), (end + 0.35, end + 0.95)):
@@ -87,11 +87,11 @@ def draw(figure, tables):
                       arrowprops={"arrowstyle": "->", "color": "C0"})  # fmt: skip
         axes.plot([k * pitch] * 2, [0.1, top], "C0", lw=0.8, ls=":")
         axes.text(k * pitch + 0.2, top + 0.06, f"$u_{{{name}}}$", color="C0", ha="center")
-    axes.text(1.5 * pitch, -1.3 * radius, "prism: a spring of energy $V(r_n)$\n"
+    axes.text(1.3 * pitch, -1.5 * radius, "prism: a spring of energy $V(r_n)$\n"
               "elongation $r_n = u_{n+1} - u_n$", ha="center", va="top")  # fmt: skip
-    for place, name in ((2.4, "bars"), (2.9, "cross"), (3.5, "base")):
-        axes.text(place * pitch, -1.3 * radius, KINDS[name][2].split(":")[0], va="top", ha="center",
+    for place, name in ((2.5, "bars"), (3.2, "cross"), (4.1, "base")):
+        axes.text(place * pitch, -1.5 * radius, KINDS[name][2].split(":")[0], va="top", ha="center",
                   color=KINDS[name][0])  # fmt: skip
-    axes.set(xlim=(-1.4, end + 1.4), ylim=(-1.95 * radius, 1.75 * radius), aspect="equal")
+    axes.set(xlim=(-1.4, end + 1.4), ylim=(-2.1 * radius, 1.75 * radius), aspect="equal")
     axes.set_title("Prisms under a preload are the springs between lumped masses", fontsize=12)
     axes.set_axis_off()
