@@ -132,7 +132,10 @@ def table(tables):
         value = dict(zip(tables[name]["quantity"], tables[name]["value"], strict=True))
         rows.append({
             "what": f"prisms, {name}",
-            **{f"{KINDS[where]}s": in_words(solitary(tables, name, where)) for where in KINDS},
+            "reflected rarefactions": in_words(solitary(tables, name, "back")),
+            "reflected compressions": in_words(solitary(tables, name, "pressed")),
+            "transmitted rarefactions": in_words(solitary(tables, name, "on")),
+            "transmitted compressions": in_words(solitary(tables, name, "train")),
             "sound takes per far bond": f"{value['time of sound over a far bond [s]']:.1f} s",
             "momentum near, far, compressions": ", ".join(
                 f"{value[f'momentum of the {part}']:+.5f}"
