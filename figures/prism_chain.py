@@ -1,7 +1,7 @@
 """A chain: masses lumped at the bases of prisms, which are its springs, under a preload.
 
 Between two masses stands a prism with rigid bases and bars, shortened and twisted by the preload
-as its equilibrium path says.  Along the axis it is a spring whose energy V is a function of its
+from its self-stressed state.  Along the axis it is a spring whose energy V is a function of its
 elongation alone.
 """
 
@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.patches import Ellipse
 
 from figures.prism_drawing import KINDS
-from tensegrity import Prism, equilibrium_path
+from tensegrity import Prism
 
 NAME = "prism_chain"
 GROUP = "start"
@@ -23,14 +23,11 @@ DISC = 0.16  # thickness of a mass, drawn
 
 def data():
     """Height and twist of a prism under the preload; its nodes, the axis along z."""
-    path = equilibrium_path(PRISM).columns
-    order = np.argsort(path["load"])
-    height = PRISM.potential(PRELOAD).length
-    near = int(np.argmin(np.abs(path["height"][order] - height)))
-    twist = float(path["twist"][order][near])
+    height, radius = PRISM.potential(PRELOAD).length, PRISM.base / np.sqrt(3)
+    straight = PRISM.height**2 - height**2  # what the rigid bars gain across
+    twist = np.arccos(np.cos(np.radians(150)) - straight / (2 * radius**2))
     turns = np.radians(120) * np.arange(3)
     angles = np.concatenate([turns, turns + twist])
-    radius = PRISM.base / np.sqrt(3)
     nodes = {"x": radius * np.cos(angles), "y": radius * np.sin(angles),
              "z": np.repeat([0.0, height], 3)}  # fmt: skip
     names = ["height without preload", "height under preload", "twist under preload [deg]"]
