@@ -184,7 +184,7 @@ def draw(figure, tables):
     density.axvline(before, color="w", lw=0.8, ls=":")
     density.set_xlim(before - 750, before + 195)
     for x, y, words in (
-        (-560, 0.45, "reflected\nrarefaction"), (105, 0.45, "delayed\ncompressions"),
+        (-560, 0.45, "reflected\nrarefaction"), (75, 0.22, "delayed\ncompressions"),
     ):  # fmt: skip
         density.text(before + x, y * density.get_ylim()[1], words, color="w", va="top", fontsize=9)
     for (name, words), letter in zip(SHOWN.items(), "bcd", strict=True):
