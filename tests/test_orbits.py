@@ -265,7 +265,9 @@ def test_a_path_to_large_amplitudes_has_the_periods_of_the_elliptic_integral():
 
 
 def test_a_path_that_ends_says_why():
-    with pytest.raises(TensegrityError, match=r"does not reach 1: .*close to the end of its domain"):
+    with pytest.raises(
+        TensegrityError, match=r"does not reach 1: .*close to the end of its domain"
+    ):
         orbit_path(oscillator((-1.0, 1.0)), by="energy", until=1.0)
 
 

@@ -390,4 +390,4 @@ def _sums(found: Multipliers) -> Multipliers:
     real = found[found.imag == 0]
     halves = [x[: len(x) // 2] for x in (real[real.real > 0], real[real.real < 0])]
     one = np.concatenate([found[found.imag > 0], *halves])
-    return one + 1 / one
+    return np.asarray(one + 1 / one, dtype=complex)
