@@ -377,34 +377,6 @@ def solitary_wave(
     return _wave(side, mass, sound, *solution)
 
 
-def approximate_wave(side: Family, mass: float, size: float) -> SolitaryWave:
-    """A wave of a family on the first grid, several times faster than `solitary_wave`.
-
-    Parameters
-    ----------
-    side : Family
-        The family of one potential and sign, which can serve for many waves.
-    mass : float
-        Of each site [kg], > 0.
-    size : float
-        Magnitude of the peak elongation [m], > 0.
-
-    Returns
-    -------
-    SolitaryWave
-        Accurate to about 1e-4 of its peak; `residual` is that of this approximation.
-
-    Raises
-    ------
-    TensegrityError
-        No such wave exists, or no grid resolves it.
-    """
-    mass = check.number("mass", mass, above=0, unit="kg")
-    profile = side.wave(check.number("size", size, above=0, unit="m"))
-    sound = side.potential.sound_speed(mass)
-    return _wave(side, mass, sound, *_characteristics(profile, profile.residual()))
-
-
 def _characteristics(profile, residual):
     """m c^2 [N/m], m c^2/V''(0) - 1, amplitude [m], energy [J], residual and shape of a profile
     given by Fourier series."""
