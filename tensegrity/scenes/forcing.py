@@ -449,13 +449,3 @@ def forcing_of(scene: Any, t_end: float, tuning: Any = None, as_forces: bool = F
         tuning,
         applied,
     )
-
-
-def forcing_between(forcing: Forcing, scene: Any) -> Forcing:
-    """The forcing of a scene whose contacts have changed."""
-    return replace(
-        forcing,
-        bonds=dynamics(scene).loop_bonds,
-        bond=np.zeros(len(scene.springs)),
-        applied=applied_forces(scene, bool(forcing.applied)),
-    )
