@@ -356,7 +356,8 @@ def test_no_tolerance_is_missed_by_random_packs_that_dissipate(seed):
         count, dim = int(random.integers(2, 6)), int(random.integers(1, 4))
         beads = [Bead(d, STEEL) for d in random.uniform(3e-3, 5e-3, count)]
         places = np.zeros((count, dim))
-        places[:, 0] = np.cumsum([b.radius for b in beads]) * 2.05
+        radii = np.array([bead.radius for bead in beads])
+        places[1:, 0] = 1.02 * np.cumsum(radii[1:] + radii[:-1])
         places[:, 1:] = random.uniform(-5e-4, 5e-4, (count, dim - 1))
         law = LAWS_OF_A_BLOW[random.integers(4)](lambda low, high: float(random.uniform(low, high)))
         scene = pack(places + 5e-3, beads, law=law)
