@@ -1,4 +1,4 @@
-"""Ledger of the talk (seeds/000), part III from "Properties of the elastic potential" on, and of
+"""Ledger of the talk, part III from "Properties of the elastic potential" on, and of
 results that are not in the sources: the families of localised waves and their ends."""
 
 from random import Random

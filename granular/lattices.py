@@ -2,7 +2,7 @@
 
 All beads are equal spheres in contact; a striker touches a bead of the top layer or row, or starts
 at a distance from it.
-Source: seeds/000, part II, "3D granular crystals/systems" (833 beads of 9.53 mm: 17 layers of 7 x
+Source: the talk, part II, "3D granular crystals/systems" (833 beads of 9.53 mm: 17 layers of 7 x
 7), "2D granular crystals/systems"; layers and rows as such are our reading of its pictures.
 """
 
@@ -206,6 +206,15 @@ def hexagonal_pack(
     ------
     TensegrityError
         As `fcc_pack`; a gap with fixed contacts; directions without length.
+
+    Examples
+    --------
+    >>> from granular import Bead, hexagonal_pack, materials
+    >>> bead = Bead(diameter=10e-3, material=materials["steel"])
+    >>> walls = {"floor": materials["steel"], "sides": materials["ptfe"]}
+    >>> print(hexagonal_pack(rows=3, columns=4, bead=bead, **walls))
+    Pack(row 1: 4, row 2: 3, row 3: 4) on Network(11 sites in 2 dimensions,
+        20 bonds, 3 walls with 8 contacts)
     """
     rows, columns = check.whole("rows", rows, least=1), check.whole("columns", columns, least=1)
     if rows > 1 and columns < 2:

@@ -65,7 +65,7 @@ MADE_BY_OTHERS = {
 }  # fmt: skip
 INNER = {  # what runs, paths and searches ask of their objects, and nobody else
     "Best", "Budget", "Corrected", "Floquet", "Method", "Midpoint", "Modes", "Nystrom", "Objective",
-    "Orbit", "Prediction", "Pulse", "Splitting", "Trace", "arrays", "at",
+    "Orbit", "Prediction", "Pulse", "Splitting", "StructureModes", "Trace", "arrays", "at",
     "available_energy", "beyond", "bind", "by_beads", "check", "check_room", "children",
     "columns", "contacts_at", "contacts_within", "cosines", "default", "derivative", "designs",
     "each", "energies", "extreme", "fastest", "finer_share", "freedom", "frequency",

@@ -24,6 +24,7 @@ from tensegrity import check
 from tensegrity.errors import ResolutionError, TensegrityError
 from tensegrity.orbits.driven_orbit import whole_multipliers
 from tensegrity.orbits.flow import DrivenFlow, Flow
+from tensegrity.orbits.orbit import HalfPeriod
 from tensegrity.orbits.shooting import Orbit
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.dynamics import dynamics
@@ -75,6 +76,8 @@ class Floquet:
             f"neutral ones closed to {np.abs(self.neutral - 1).max(initial=0):.1e}"
         )
 
+    __repr__ = __str__
+
 
 def floquet(of: SolitaryWave | TransitionWave | Orbit) -> Floquet:
     """Stability of an exact wave, a front or a periodic orbit from its Floquet multipliers.
@@ -87,16 +90,16 @@ def floquet(of: SolitaryWave | TransitionWave | Orbit) -> Floquet:
     Returns
     -------
     Floquet
-        Multipliers per site that a wave passes, or per period of an orbit.  Those of an orbit are
-        of its chain: complex ones off the unit circle that change with the number of sites are due
-        to waves reflected at its ends.
+        Multipliers per site that a wave passes, or per period of an orbit.  Those of an orbit
+        belong to its finite chain: complex ones off the unit circle that change with the number of
+        sites are due to waves reflected at the ends.
 
     Raises
     ------
     TensegrityError
-        Something else than these, a front of bonds alone, or a wave too wide for a window.
+        Not a wave or an orbit, a front of bonds alone, or a wave that is too wide for a window.
     ResolutionError
-        The neutral multipliers do not come closer to 1 than 1e-6 with the smallest steps, or an
+        The neutral multipliers deviate from 1 by more than 1e-6 with the smallest steps, or an
         unstable multiplier depends on the window.
 
     Examples
@@ -160,27 +163,50 @@ def floquet(of: SolitaryWave | TransitionWave | Orbit) -> Floquet:
 
 
 def _of_orbit(orbit: Orbit) -> Floquet:
-    """The multipliers of one period, without those of the neutral motions.
-
-    The symplectic complement of these is invariant, and the projection on it changes no other
-    multiplier.
-    """
+    """The multipliers of one period, without those of the neutral motions."""
     if dynamics(orbit.scene).is_driven:  # nothing is neutral
         found = _descending(whole_multipliers(orbit))
         return _verdict(found, found[:0], 1 / orbit.period)
-    tangent, motions = _half_map(orbit)
-    sites = orbit.scene.sites
-    mass = np.diag(orbit.scene.mass)
-    form, reversal = np.kron([[0, 1], [-1, 0]], mass), np.repeat([1.0, -1.0], sites)[:, None]
-    inverse = np.linalg.solve(form, tangent.T @ form)
-    whole = reversal * (inverse @ (reversal * tangent))
-    left = np.linalg.solve(motions.T @ form @ motions, motions.T @ form)
-    neutral = _multipliers(left @ whole @ motions)
-    rest = whole - whole @ motions @ left
-    rest -= motions @ (left @ rest)
-    moving = np.tile(dynamics(orbit.scene).inverse_mass > 0, 2)
-    found = _multipliers(rest[np.ix_(moving, moving)])
-    return _verdict(found[: len(found) - motions.shape[1]], neutral, 1 / orbit.period)
+    u = orbit.state.u.ravel()
+    half = HalfPeriod(orbit.scene, u)
+    half.flow.steps = orbit.steps
+    return _verdict(*half_multipliers(half, u, orbit.period / 2), 1 / orbit.period)
+
+
+def half_multipliers(half: HalfPeriod, u: Array, time: float) -> tuple[Multipliers, Multipliers]:
+    """The multipliers of an undriven orbit in descending modulus, and the neutral ones.
+
+    Motions that the period leaves as they are, along the orbit and of the whole scene, have a
+    symplectic complement that is invariant and contains them; the multipliers sought are those in
+    it modulo these motions, and each of these motions stands for a pair of neutral ones.
+
+    Parameters
+    ----------
+    half : HalfPeriod
+    u : ndarray, (entries,)
+        At a turning point [m].
+    time : float
+        Half the period [s].
+
+    Returns
+    -------
+    multipliers, neutral : ndarray of complex
+    """
+    free, count = half.free, len(half.free)
+    root = 1 / np.sqrt(half.inverse_mass[free])  # makes the form that of canonical variables
+    here, roots = np.append(free, len(u) + free), np.tile(root, 2)
+    tangent = half.flow.tangents(u, 0 * u, time)[2][np.ix_(here, here)]
+    tangent = roots[:, None] * tangent / roots
+    form = np.kron([[0, 1], [-1, 0]], np.eye(count))
+    reversal = np.repeat([1.0, -1.0], count)[:, None]
+    whole = reversal * (-form @ tangent.T @ form @ (reversal * tangent))
+    motions = np.zeros((2 * count, 1 + half.shifts.shape[1]))
+    motions[count:, 0] = half.forces(u)[free] / root
+    motions[:count, 1:] = root[:, None] * half.shifts
+    basis, neutral = np.linalg.qr(motions)[0], motions.shape[1]
+    rest = np.linalg.qr(np.hstack([basis, form @ basis]), mode="complete")[0][:, 2 * neutral :]
+    ones = np.linalg.eigvals(basis.T @ whole @ basis).astype(complex)
+    return _multipliers(rest.T @ whole @ rest), _descending(np.append(ones, 1 / ones))
 
 
 def _passed(wave: SolitaryWave | TransitionWave, flow: Flow | DrivenFlow, x: Array) -> Array:
@@ -219,33 +245,3 @@ def _verdict(multipliers: Multipliers, neutral: Multipliers, rate: float) -> Flo
     largest = float(np.abs(multipliers).max(initial=0.0))
     stable = largest <= 1 + STABLE
     return Floquet(multipliers, neutral, 0.0 if stable else rate * math.log(largest), stable)
-
-
-def _half_map(orbit: Orbit) -> tuple[Array, Array]:
-    """The tangent of half a period, and the directions that leave an orbit periodic.
-
-    Parameters
-    ----------
-    orbit : Orbit
-
-    Returns
-    -------
-    tangent : ndarray, (2 sites, 2 sites)
-        With held sites at rest.
-    motions : ndarray, (2 sites, 2 or 4)
-        Pairs: change of the period and phase of the orbit; in a free chain its shift and boost.
-    """
-    scene, u = orbit.scene, orbit.state.u
-    of, sites = dynamics(scene), scene.sites
-    flow, free = Flow(scene, orbit.steps), np.flatnonzero(of.inverse_mass > 0)
-    end, _, tangent = flow.tangents(u, 0 * u, orbit.period / 2)
-    is_free = float(len(free) == sites)
-    jacobian = tangent[sites:, :sites][np.ix_(free, free)]
-    jacobian += is_free * float(np.abs(jacobian).max()) / sites
-    by_period, nothing = np.zeros((2, sites))
-    acceleration = [scene.forces(x) * of.inverse_mass for x in (u, end)]
-    by_period[free] = np.linalg.solve(jacobian, -acceleration[1][free] / 2)
-    motions = [by_period, nothing, nothing, acceleration[0]]
-    if is_free:
-        motions += [nothing + 1, nothing, nothing, nothing + 1]
-    return tangent, np.reshape(motions, (-1, 2 * sites)).T

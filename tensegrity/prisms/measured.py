@@ -53,7 +53,7 @@ def read_curve(
     y: str = "N",
     columns: Sequence[int | str] = (0, 1),
 ) -> MeasuredCurve:
-    """Shortening and load of a file from the laboratory, for `fit` and for plots.
+    """Read shortening and load from a file of measurements, for `fit` and for plots.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def read_curve(
     Returns
     -------
     MeasuredCurve
-        As recorded but for units and signs: neither sorted nor shifted to zero (`fit` has an
+        As recorded, except for units and signs: neither sorted nor shifted to zero (`fit` has an
         `offset`).
 
     Raises

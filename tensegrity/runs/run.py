@@ -116,8 +116,8 @@ class Run:
         Work done on the scene since the start by drives and by the change of its springs [J],
         where the scene is driven, damped or tuned.
     loss : ndarray, (T,), or None
-        Energy dissipated by dashpots since the start [J], where there is `work`.  Energy - work
-        + loss is constant.
+        Energy dissipated by dashpots and other forces since the start [J], where there is `work`.
+        Energy - work + loss is constant.
     stopped : str or None
         Which observer ended the run, and when.
 
@@ -244,10 +244,11 @@ class Run:
         return self
 
     def momentum(self) -> Array:
-        """Momentum of all sites, and of what walls have taken since the start [N s], (T[, dim]).
+        """Momentum of all sites plus the impulse that walls have received since the start [N s],
+        (T[, dim]).
 
-        Constant where no other force acts from outside: a held site takes an impulse that is not
-        recorded.  Of a batch take that of one of its runs.
+        It is constant if no other external force acts; the impulse on held sites is not recorded.
+        A batch has none: take that of one of its runs.
 
         Raises
         ------
@@ -330,9 +331,34 @@ class Run:
         Raises
         ------
         TensegrityError
-            What is no axes; a run in which not all sites were recorded.
+            `ax` is not a Matplotlib axes; a run in which not all sites were recorded.
         """
         return energy_density(self, ax)
+
+    def show(self) -> Any:
+        """Play the run in a notebook: prisms that shorten and twist, the beads of a chain, guide or
+        pack, or the members of a structure.
+
+        Returns
+        -------
+        object
+            Shown by a notebook with a slider over at most 300 instants; drag to turn a body.
+
+        Raises
+        ------
+        TensegrityError
+            Sites or instants that were not recorded; the runs of an ensemble.
+
+        Examples
+        --------
+        >>> from tensegrity import Chain, Prism, Record, simulate
+        >>> chain = Chain(Prism(1.0, 0.7, 0.01, 1.0).potential(), sites=20)
+        >>> simulate(chain, chain.at_rest({0: 0.09}), 10.0, record=Record(interval=1.0)).show()
+        11 instants of a run, shown in a notebook
+        """
+        from tensegrity.runs.viewer import shown
+
+        return shown(self)
 
     def __str__(self) -> str:
         estimate = "" if self.error_estimate is None else f", estimated {self.error_estimate:.1e}"

@@ -82,7 +82,7 @@ class Picture:
         low, high = (places - self._radius).min(axis=0), (places + self._radius).max(axis=0)
         self._unit, unit = plotting.metres((high - low).max())
         for wall in scene.walls:
-            line = _edge(wall, low, high)
+            line = edge(wall, low, high)
             if line is not None:
                 self.ax.plot(*self._unit * line.T, "0.3", lw=1.2, zorder=1)
         if scene.radius is None and not self.crowded:
@@ -195,9 +195,20 @@ def _seen(x: Array) -> Array:
     return x[..., [0, -1]]
 
 
-def _edge(wall: Wall, low: Array, high: Array) -> Array | None:
-    """The line on which a wall is seen, (2, 2), as long as it is or the box is; None where the
-    picture shows its face."""
+def edge(wall: Wall, low: Array, high: Array) -> Array | None:
+    """The line on which a wall is seen.
+
+    Parameters
+    ----------
+    wall : Wall
+    low, high : ndarray, (2,)
+        Corners of the picture [m].
+
+    Returns
+    -------
+    ndarray, (2, 2), or None
+        As long as the wall or the picture; None where its face is seen.
+    """
     middle, normal = _seen(wall.point[None])[0], _seen(wall.normal[None])[0]
     size = float(np.linalg.norm(normal))
     if size < 0.5:

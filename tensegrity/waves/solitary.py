@@ -2,7 +2,7 @@
 
 A wave is computed to round-off from its speed, its peak elongation or its energy.  The equation
 and its solution are in `travelling`.  Sources:
-G. Friesecke, J. Wattis, Commun. Math. Phys. 161, 391 (1994) (existence); seeds/000, part III.
+G. Friesecke, J. Wattis, Commun. Math. Phys. 161, 391 (1994) (existence); the talk, part III.
 """
 
 from __future__ import annotations
@@ -201,7 +201,7 @@ class TravellingWave:
         Raises
         ------
         TensegrityError
-            What is no axes.
+            `ax` is not a Matplotlib axes.
         """
         drawn: Axes = plotting.axes(ax)
         near = np.abs(self.x) <= self.reach(PLOTTED)
@@ -272,7 +272,7 @@ class SolitaryWave(TravellingWave):
         )
 
     def reach(self, tail: float = 1e-12) -> float:
-        """Distance from the peak, in sites, beyond which less than `tail` times it is left."""
+        """Distance from the peak [sites] beyond which the wave is below `tail` times the peak."""
         tail = check.number("tail", tail, above=0, below=1)
         left = np.maximum(*(np.abs(half) / np.abs(half).max() for half in self._halves)) >= tail
         return float(self.x[len(self.x) // 2 + np.flatnonzero(left)[-1]])
