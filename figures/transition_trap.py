@@ -4,9 +4,9 @@ Twenty squares with strings of both hands join 21 discs, the last of which is he
 struck.  In one well the blow runs through the chain to the wall.  With two, the bonds near the blow
 switch to their upper wells and keep part of its energy there, and the blow pushes the wall with at
 most the torque that ends a well, as long as there are bonds to switch; what is thrown back later
-pulls with more (S. Shan et al., Adv. Mater. 27, 4296
-(2015), for compression).  The prestrain, the same of all bonds, is optimised over its range, and
-that of four groups of bonds by gradients of the peak.
+pulls with more (S. Shan et al., Adv. Mater. 27, 4296 (2015), for compression).  The prestrain, the
+same of all bonds, is optimised over its range, and that of four groups of bonds by gradients of the
+peak.
 """
 
 from __future__ import annotations

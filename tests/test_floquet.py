@@ -215,6 +215,22 @@ def test_a_family_names_the_speeds_at_which_it_is_unstable():
     assert not floquet(solitary_wave(potential, speed=1.01)).stable
 
 
+def test_a_prediction_says_which_waves_are_unstable_and_their_curve_is_dashed():
+    import matplotlib.pyplot as plt
+
+    family = predict(EIGHTH)["compression"]
+    assert "unstable from 1 to 1.03137 sites/s" in str(family)
+    assert "no unstable wave was found" in str(predict(STIFF)["rarefaction"])
+    curve = family.curve(speed=np.array([1.01, 1.02, 1.03, 1.04, 1.05]))
+    axes = curve.plot(x="speed", y="energy")
+    assert [line.get_linestyle() for line in axes.lines] == ["-", "--"]
+    assert np.isfinite(axes.lines[0].get_ydata()).tolist() == [False] * 3 + [True] * 2
+    assert axes.get_xlabel() == "speed [sites/s]"
+    plt.close(axes.figure)
+    with pytest.raises(TensegrityError, match="column 'sped'"):
+        curve.plot(x="sped")
+
+
 @pytest.mark.parametrize(("length", "stiffness", "mass"), [(1e-6, 1e3, 1e-9), (1e3, 1e-3, 1e4)])
 def test_unstable_speeds_do_not_depend_on_units(length, stiffness, mass):
     eighth = stiffness * (R**2 / 2 + R**8 / 8 / length**6)
