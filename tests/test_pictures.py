@@ -67,7 +67,6 @@ PENDING = {
     "softening_orders",
     "solitary_errors",
     "solitary_families",
-    "solitary_largest_speed",
     "solitary_profiles",
     "structures_beam",
     "structures_columns",
@@ -87,7 +86,6 @@ PENDING = {
     "wave_softening",
     "wave_speeds",
     "wave_supercompact",
-    "wave_supersonic",
     "wave_tuning",
 }
 """Pictures that do not yet keep them: who redoes one takes it out."""
