@@ -146,6 +146,8 @@ def draw(figure, tables):
         for axes, what in ((left, "steps"), (right, "times")):
             t = tables[what]
             axes.loglog(t["ratio"], t[name], "o-", ms=4, color=COLOURS[name], label=name)
+    left.set_title("explicit methods: steps grow with the root", fontsize=10)
+    right.set_title("what these steps take", fontsize=10)
     left.set(xlabel="ratio of stiffnesses", ylabel=f"steps for an error of {ERROR:g}")
     right.set(xlabel="ratio of stiffnesses", ylabel="time over the slowest")
     for axes in (left, right):

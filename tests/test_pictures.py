@@ -44,7 +44,6 @@ PENDING = {
     "limits_locking",
     "limits_round_off",
     "limits_stability",
-    "limits_stiffness",
     "models_ladder",
     "packs_floor",
     "packs_forming",
