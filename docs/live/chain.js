@@ -80,8 +80,7 @@ class Chain {
     this.dt = frame / this.steps;
     const way = this.waves.length ? this.waves[0].at : this.pluck
       ? Math.min(this.pluck.site, this.units - this.pluck.site) : 0;
-    this.last = given.lasts && this.waves.length ? given.lasts
-      : LASTS * (this.units - way) / this.expected_speed();
+    this.last = LASTS * (this.units - way) / this.expected_speed();
     this.keep();
     return "";
   }
@@ -293,14 +292,22 @@ class Chain {
   exact(peak) {
     const c = this.c;
     if (!this.found || !(Math.abs(peak / this.found.peak - 1) < ALIKE)) {
-      const near = [c.wave(0, peak * (1 + NEARBY)), c.wave_energy(0, peak * (1 + NEARBY))];
-      const speed = c.wave(0, peak), count = c.wave_points() + 1;
-      const slope = near[0] ? (near[1] - c.wave_energy(0, peak)) / (near[0] - speed) : 0;
+      const speed = c.wave(0, peak), count = c.wave_points() + 1, chain = this;
       const copied = (address) => Array.from(this.numbers(address, count));
-      this.found = { peak, speed, slope, step: c.wave_reach() / (count - 1),
-                     elongation: copied(c.wave_elongation()), velocity: copied(c.wave_velocity()) };
+      this.found = { peak, speed, step: c.wave_reach() / (count - 1),
+                     elongation: copied(c.wave_elongation()), velocity: copied(c.wave_velocity()),
+                     get slope() { return (this.known ??= chain.slope(peak)); } };
     }
     return this.found.speed ? this.found : null;
+  }
+
+  /* dH/dc of the exact waves at a peak [J s/site], 0 where it is not found: positive of stable ones. */
+  slope(peak) {
+    const [near, here] = [1 + NEARBY, 1].map((part) => {
+      const speed = this.c.wave(0, part * peak);
+      return { speed, energy: this.c.wave_energy(0, part * peak) };
+    });
+    return near.speed && here.speed ? (near.energy - here.energy) / (near.speed - here.speed) : 0;
   }
 
   /* What is to be drawn over the chain: [{place, way, wave, speed}], wave null where unknown. */

@@ -150,19 +150,16 @@ const net = {
       sites(paper, { ...given, places, shade, thick: (k) => overlap[k] / this.largest }, view.colour);
     }
     put_text("net-time", this.clock());
-    for (const [name, x] of Object.entries(this.facts())) {
-      let one = document.querySelector(`[data-fact="${name}"]`);
-      if (!one) {
-        $("net-facts").replaceChildren(...(one ? [] : [...$("net-facts").children].filter((old) =>
-          Object.hasOwn(this.facts(), old.lastChild.dataset.fact))));
+    const facts = Object.entries(this.facts()), names = facts.map(([name]) => name).join();
+    if (names !== this.listed)
+      $("net-facts").replaceChildren(...facts.map(([name]) => {
         const row = document.createElement("div");
-        row.append(document.createElement("dt"), one = document.createElement("dd"));
+        row.append(document.createElement("dt"), document.createElement("dd"));
         row.firstChild.textContent = name;
-        one.dataset.fact = name;
-        $("net-facts").append(row);
-      }
-      if (one.textContent !== x) one.textContent = x;
-    }
+        return row;
+      }));
+    this.listed = names;
+    facts.forEach(([, x], k) => ($("net-facts").children[k].lastChild.textContent = x));
   },
 
   /* Show this tab, or the chain. */

@@ -42,7 +42,7 @@ from tensegrity.scenes.walls import Wall
 from tensegrity.springs.potential import Potential
 
 if TYPE_CHECKING:
-    from typing import Self
+    from typing import Any, Self
 
     from matplotlib.axes import Axes
     from numpy.typing import ArrayLike

@@ -32,7 +32,7 @@ from tensegrity.waves.travelling import NoWaveError, Series
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-LEAST_LEVEL = 1e-8  # of the peak, at which a width is asked for
+LEAST_LEVEL = 1e-8  # of the peak, at which a width is computed
 PLOTTED = 1e-3  # of the peak, where a picture ends
 
 
