@@ -64,7 +64,9 @@ def table(tables):
 
 def draw(figure, tables):
     """The beads in position, coloured by either derivative."""
-    figure.set_size_inches(9, 3.6)
+    from matplotlib.ticker import MaxNLocator
+
+    figure.set_size_inches(9, 3.9)
     figure.suptitle(__doc__.splitlines()[0].rstrip("."), fontsize=11)
     beads = tables["beads"]
     places = np.stack([beads["x"], beads["y"]], axis=1)
@@ -79,6 +81,7 @@ def draw(figure, tables):
         axes.set(ylabel="y [mm]", title=title)
         axes.autoscale_view()
         axes.margins(0.05)
-        axes.annotate("measured here", 1e3 * places[20], (-8, 10), textcoords="offset points",
-                      ha="right", fontsize=9)  # fmt: skip
-        figure.colorbar(dots, ax=axes, location="bottom", shrink=0.8, label=unit)
+        axes.annotate("measured here", 1e3 * places[20], (-30, 0), textcoords="offset points",
+                      ha="right", va="center", fontsize=9)  # fmt: skip
+        bar = figure.colorbar(dots, ax=axes, location="bottom", shrink=0.9, label=unit)
+        bar.locator = MaxNLocator(5)

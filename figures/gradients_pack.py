@@ -90,7 +90,8 @@ def draw(figure, tables):
         most = np.abs(np.asarray(tables[name]["percent per um"])).max()
         dots.set(array=value, clim=(-most, most))
         edge = 1e3 * _packs.D * np.array([-0.7, 0.7])
-        axes.set(ylabel="height z [mm]", title=title, xlim=1e3 * np.array([x.min(), x.max()]) + edge,
-                 ylim=1e3 * np.array([z.min(), z.max()]) + edge)  # fmt: skip
+        axes.set(ylabel="height z [mm]", title=title)
+        axes.set_xlim(1e3 * np.array([x.min(), x.max()]) + edge)
+        axes.set_ylim(1e3 * np.array([z.min(), z.max()]) + edge)
         figure.colorbar(dots, ax=axes, shrink=0.9, location="bottom",
                         label="% of the floor's peak per µm of diameter")  # fmt: skip

@@ -190,10 +190,11 @@ def draw(figure, tables):
         left.stairs(highest, loads["t"][::width], color=colour, lw=1.2)
         left.axhline(peak, color=colour, ls="--", lw=0.8)
         left.annotate(f"{name}, peak {peak:.2g} N", (loads["t"][-1], peak), (0, 4), ha="right",
-                      textcoords="offset points", color=colour)  # fmt: skip
+                      textcoords="offset points", color=colour,
+                      bbox={"fc": "w", "ec": "none", "pad": 0.5})  # fmt: skip
         right.semilogy(prestrains["bond"], prestrains[name], ".-", lw=0.8, color=colour)
-        right.annotate(name, (30, prestrains[name][30]), (0, 9 if colour == "C0" else -34),
+        right.annotate(name, (30, prestrains[name][30]), (0, 9 if colour == "C0" else -38),
                        textcoords="offset points", color=colour)  # fmt: skip
     left.set(xlabel="time [s]", ylabel=f"largest load in {span:g} s on the wall [N]",
              yscale="log", ylim=(1e-4, 0.2))  # fmt: skip
-    right.set(xlabel="bond, from the struck end", ylabel="prestrain", ylim=(7e-4, 0.2))
+    right.set(xlabel="bond, from the struck end", ylabel="prestrain", ylim=(5e-4, 0.2))

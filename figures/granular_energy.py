@@ -88,9 +88,9 @@ def draw(figure, tables):
         one, chosen = tables[name], tables[f"{name} by default"]
         for k, method in enumerate(NAMES):
             axes.loglog(1e6 * one["dt [s]"], one[method], f"C{k}o-", ms=3, lw=1)
-            words = f"{method}, order {METHODS[method].order}\nhere {order(one, method):.1f}"
-            axes.annotate(words, (1e6 * one["dt [s]"][0], one[method][0]), (6, 10 * (1 - k)),
-                          textcoords="offset points", va="center", color=f"C{k}", fontsize=8)  # fmt: skip
+            words = f"{method}, order {METHODS[method].order}:\nhere {order(one, method):.1f}"
+            axes.annotate(words, (1e6 * one["dt [s]"][0], one[method][0]), (6, (-12, 12, 0)[k]),
+                          textcoords="offset points", va="center", color=f"C{k}")  # fmt: skip
         axes.plot(1e6 * PAPER_STEP, PAPER_ERROR, "k*", ms=9)
         axes.annotate("paper", (1e6 * PAPER_STEP, PAPER_ERROR), (-4, 6), ha="right",
                       textcoords="offset points")  # fmt: skip
@@ -98,5 +98,6 @@ def draw(figure, tables):
         axes.plot(*at, "ks", mfc="none", ms=7)
         axes.annotate("default of simulate", at, (0, -14), ha="center",
                       textcoords="offset points")  # fmt: skip
-        axes.set(xlabel="step [µs]", title=f"half guide, {name}", xlim=(0.02, 90), ylim=(1e-13, 10))
+        axes.set(xlabel="step [µs]", title=f"half guide, {name}", xlim=(0.02, 99),
+                 ylim=(1e-13, 10))  # fmt: skip
     figure.axes[0].set_ylabel("largest relative error of the energy")

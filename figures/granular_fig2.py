@@ -169,7 +169,7 @@ def draw(figure, tables):
         right.plot(1e6 * clock["phase [s]"], clock[name], f"C{k}.", ms=3)
         right.axhline(exact, color=f"C{k}", lw=1)
         right.axhline(printed, color=f"C{k}", lw=1, ls=":")
-        words = f"${name}$: {exact:.4f} by located peaks, {printed} in the paper (dotted)"
-        right.text(0.05, 1.19 - 0.05 * k, words, color=f"C{k}", fontsize=8)
+        words = f"${name}$ = {exact:.4f}, in the paper {printed}"
+        right.text(0.05, 1.19 - 0.05 * k, words, color=f"C{k}")
     right.set(xlabel="phase of the sampling [µs]", ylabel="ratio of speeds", ylim=(0.6, 1.25),
-              title="dots: sampled every 3 µs")  # fmt: skip
+              title="dots: read every 3 µs")  # fmt: skip

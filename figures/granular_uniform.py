@@ -167,7 +167,7 @@ def draw(figure, tables):
     for text, place, colour in (
         ("exact\nwave", (1.05, 0.62), "C1"),
         ("in a chain", (1.5, 0.3), "C0"),
-        ("long wave,\n$\\cos^4$", (-3.9, 0.2), "C2"),
+        ("long wave,\n$\\cos^4$", (-4.1, 0.2), "C2"),
     ):
         shape_axes.text(*place, text, color=colour)
     shape_axes.set(xlabel="distance from the peak [beads]", ylabel="compression over its peak")
@@ -190,4 +190,5 @@ def draw(figure, tables):
             axis.set_major_formatter("{x:g}")
             axis.set_minor_formatter("")
         axes.set_xticks([0.05, 0.1, 0.2, 0.5, 1])
+        axes.set_ylim(0.012 if power > 1 else 0.44)
         axes.set_yticks([0.02, 0.05, 0.1, 0.2, 0.4] if power > 1 else [0.45, 0.5, 0.6, 0.7, 0.8])

@@ -137,13 +137,12 @@ def draw(figure, tables):
             t, force = 1e3 * forces["t [s]"], forces[f"{kind} [N]"]
             top = int(np.argmax(force))
             axes.plot(t, force, style, lw=1.6 if kind == "best" else 0.9)
-            axes.annotate(kind, (t[top], force[top]), (3, 3), textcoords="offset points",
+            up = 14 if kind == least else 2
+            axes.annotate(kind, (t[top], force[top]), (3, up), textcoords="offset points",
                           color=style, clip_on=False)  # fmt: skip
-        axes.set(
-            xlabel="time [ms]", ylabel="force on the wall [N]", ylim=(0, None), xlim=(0, t[-1])
-        )
+        axes.set(xlabel="time [ms]", ylabel="force on the wall [N]", xlim=(0, t[-1]))
         axes.set_title(f"{name}: {scene.title}", fontsize=9)
-        axes.margins(y=0.12)
+        axes.set_ylim(0, 1.15 * axes.get_ylim()[1])
     for axes, kind in zip(panels[4:], ("stepped", "best"), strict=True):
         one = dict(tables[f"T1 {kind} shares"])
         instants = 1e3 * one.pop("t [s]")

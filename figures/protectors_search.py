@@ -121,17 +121,25 @@ def draw(figure, tables):
             middle = np.median(several, axis=0)
             axes.plot(marks[:shortest], middle, color=colour)
             words = {"ga": "evolution", "cma": "evolution (cma)"}.get(method, method)
-            axes.annotate(words, (marks[shortest - 1], middle[-1]), (0, 6), ha="right",
+            axes.annotate(words, (marks[shortest - 1], middle[-1]),
+                          (0, 10 if method == "random" else -14), ha="right",
                           textcoords="offset points", color=colour)  # fmt: skip
-        for kind in ("stepped", "random, median"):
-            axes.axhline(known[kind], color="0.3", ls=":", lw=1)
-            axes.text(40000, 1.02 * known[kind], kind, color="0.3", ha="right")
+        words = {known[kind]: kind for kind in ("random, median", "stepped")}
+        low, high = sorted(words)
+        for force, side in ((high, "bottom"), (low, "top")):
+            axes.axhline(force, color="0.3", ls=":", lw=1)
+            axes.text(0.99, force, words[force], color="0.3", ha="right", va=side,
+                      transform=axes.get_yaxis_transform())  # fmt: skip
         axes.set(xscale="log", yscale="log", xlabel="designs computed",
                  ylabel="largest wall force [N]")  # fmt: skip
         axes.set_title(f"{name}: {scene.title}", fontsize=9)
+        axes.set_ylim(0.92 * axes.get_ylim()[0])
         axes.yaxis.set_major_formatter("{x:g}")
-        axes.yaxis.set_minor_formatter("{x:g}")
-        axes.tick_params(axis="y", which="minor", labelsize=8)
+        axes.yaxis.set_minor_formatter("")
+        least, most = axes.get_ylim()
+        axes.set_yticks(
+            [x for x in (2, 3, 4, 6, 8, 10, 15, 20, 30, 40, 60, 80) if least < x < most]
+        )
 
 
 def text(tables):

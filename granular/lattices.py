@@ -82,12 +82,11 @@ def fcc_pack(
         Constant downward force on each bead of the top layer [N], >= 0; the initial state is then
         the static equilibrium.
     drive : dict of int to Drive, optional
-        {site: Drive}: prescribed motions, and forces that depend on time; only with fixed contacts.
+        {site: Drive}: prescribed motions, and forces that depend on time.
     damping : Damping, optional
-        Dashpots to the ground and between beads in contact, which also act while contacts are
-        open; only with fixed contacts.
+        Dashpots to the ground; with fixed contacts also in the contacts of beads, even open ones.
     law : callable (Bead, Bead or Material) -> Contact, optional
-        `hertz`, `power(constant, exponent)`, or with fixed contacts one that dissipates.
+        `hertz`, `power(constant, exponent)`, or one that dissipates, such as `kuwabara_kono(c)`.
 
     Returns
     -------

@@ -361,7 +361,7 @@ def pack(
     drive : dict of int to Drive, optional
         {site: Drive}: motions that are prescribed, and forces that depend on time.
     damping : Damping, optional
-        Dashpots to the ground, and with "fixed" contacts in those of beads, open ones too.
+        Dashpots to the ground; with "fixed" contacts also in those of beads, even open ones.
     law : callable (Bead, Bead or Material) -> Contact, optional
         `hertz`, `power(constant, exponent)`, or one that dissipates, such as `kuwabara_kono(c)`.
     forces : sequence of Force, optional

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from granular.assembly import Assembly
     from tensegrity.typing import Array
 
-GUESS = 1e-6  # overlap of a contact that only touches, in radii, where its spring is asked for
+GUESS = 1e-6  # overlap of a contact that only touches, in radii, where its spring is evaluated
 FLOOR = 1e-3  # of the stiffest such spring: a contact that is open
 LONGEST, FARTHEST = 0.02, 0.1  # radii: of one step, and of all
 CARRIED = 1e-11  # of the sum of all loads: what may be left over
@@ -101,7 +101,7 @@ def settle(scene: Assembly) -> Equilibrium:
 
 
 class _Listed:
-    """A scene with the contacts that it lists near the displacements it is asked about: a
+    """A scene with the contacts that it lists near given displacements: a
     `minimum.Energy`."""
 
     def __init__(self, scene: Assembly) -> None:

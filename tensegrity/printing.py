@@ -1,4 +1,4 @@
-"""What objects say of themselves in print: lines of at most 80 columns, numbers of six digits.
+"""The printed form of objects: lines of at most 80 columns, numbers of six digits.
 
 The text of a `repr` that reads back keeps all digits, so that equal texts are equal objects; what
 `print` shows is made here.

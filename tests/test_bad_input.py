@@ -71,8 +71,8 @@ INNER = {  # what runs, paths and searches ask of their objects, and nobody else
     "each", "energies", "extreme", "fastest", "finer_share", "freedom", "frequency",
     "frequency_of", "is_alike", "listed", "listings",
     "mutants", "name", "name_of", "needed", "nystrom_of", "of", "opened",
-    "palindrome", "parts", "places_of", "plan", "present_ranges", "projected", "random",
-    "rows", "steps", "stiffest", "stiffness_within", "stored_by_site",
+    "palindrome", "parts", "placed", "places_of", "plan", "present_ranges", "projected", "random",
+    "refuse_open", "rows", "steps", "stiffest", "stiffness_within", "stored_by_site",
     "stretch", "varied", "walls_hold", "walls_named", "with_springs", "worth",
 }  # fmt: skip
 

@@ -141,6 +141,17 @@ def test_a_gradient_without_losses_is_that_of_the_splitting():
     np.testing.assert_allclose(two.by("k"), one.by("k"), rtol=0, atol=1e-10)
 
 
+def test_springs_to_the_ground_are_forces():
+    """The same derivatives by the stiffness of on-site springs as by that of forces written out."""
+    goal = objective.p_norm(objective.load(bond=1), 4)
+    held = Chain(SPRING, SITES, MASS, ground=Potential(B * U**4 / 4, U, {"b": 0.7}))
+    pulled = Chain(SPRING, SITES, MASS, forces=(Force(-C * U**3, parameters={"c": 0.7}),))
+    one, two = (gradient(goal, x, x.at_rest(START), 3.0, dt=DT) for x in (held, pulled))
+    np.testing.assert_allclose(one.by("b"), two.by("c"), rtol=1e-12)
+    np.testing.assert_allclose(one.mass, two.mass, rtol=1e-11, atol=1e-15)
+    assert np.abs(one.by("b")).min() > 1e-8
+
+
 def test_the_energy_of_sites_of_a_driven_chain():
     """Richardson's differences of whole runs; |v| v has a corner in its slope."""
     goal = objective.p_norm(objective.energy(sites=[2, 3]), p=2)

@@ -248,6 +248,29 @@ def test_two_pairs_leave_the_circle_together_where_those_of_scipy_meet():
     assert squares[2] == pytest.approx(2 * squares[1], rel=0.02)  # from 0 at the event to 2e-8
 
 
+def oscillator(domain=(-math.inf, math.inf)):
+    """A mass on a spring r + r^3 that leads to no more than the domain."""
+    r = sp.Symbol("r")
+    chain = Chain(Potential(r**2 / 2 + r**4 / 4, r, domain=domain), 2, ends=("fixed", "free"))
+    guess = State(np.array([0.0, 0.1]), np.zeros(2))
+    return periodic_orbit(chain, guess, period=2 * math.pi / math.sqrt(1.0075))
+
+
+def test_a_path_to_large_amplitudes_has_the_periods_of_the_elliptic_integral():
+    path = orbit_path(oscillator(), by="energy", until=5e3)  # of 5e-3
+    squared = np.sqrt(1 + 4 * path.energy) - 1  # of the amplitude
+    periods = 4 * ellipk(squared / (2 + 2 * squared)) / np.sqrt(1 + squared)
+    assert np.allclose(path.period, periods, rtol=1e-9, atol=0)
+    assert path.energy[-1] == pytest.approx(5e3, rel=1e-12)
+
+
+def test_a_path_that_ends_says_why():
+    with pytest.raises(
+        TensegrityError, match=r"does not reach 1: .*close to the end of its domain"
+    ):
+        orbit_path(oscillator((-1.0, 1.0)), by="energy", until=1.0)
+
+
 def test_an_orbit_returns_in_a_run():
     orbit = breather(20, 1.1)
     run = orbit.run()

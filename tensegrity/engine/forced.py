@@ -257,6 +257,13 @@ def _evaluated(one: AppliedForce, name: str, t: Array, u: Array, v: Array) -> Ar
     return found.T.reshape(-1, len(t), len(at))
 
 
+def values_on_chain(one: AppliedForce, t: Array, u: Array, v: Array) -> Array:
+    """A force of a chain at times t [s] (times,) in states u, v (times, sites), (times, places):
+    on sites towards higher sites, in bonds a tension [N]."""
+    values: Array = _evaluated(one, "values", t, u, v)[0]
+    return values
+
+
 def pull_back(
     applied: tuple[AppliedForce, ...], bonds: Bonds, t: Array, u: Array, v: Array, slopes: Array
 ) -> tuple[list[Array], Array]:

@@ -36,6 +36,8 @@ MEET = 1e-6  # imaginary part of mu + 1/mu up to which a pair lies on the unit c
 SAME_PLACE = 1e-9  # relative difference of two events of one kind that are one
 REFINED = 3  # largest number of traces with more and more steps
 POINTS = 2000  # largest number of rows
+NEAR_END = 1e-3  # distance from the end of a spring's domain over its range, that is close
+CLOSED = 1e-13  # residual above which it may be what ends a path
 FINENESS = 16  # parts into which a step is divided where the extent of a motion is computed
 
 
@@ -126,7 +128,8 @@ def orbit_path(orbit: Orbit, by: str, until: float) -> OrbitPath:
         try:
             branch = trace(problem, family.start, (), settings, towards, ("end",))
         except ContinuationError as error:
-            raise TensegrityError(f"the path by {by} does not reach {until:g}: {error}") from None
+            words = f"the path by {by} does not reach {until:g}"
+            raise TensegrityError(f"{words}: {family.stopped(error)}") from None
         # what kinks leave hardly falls with the steps, of which the first orbit has many then
         if orbit.opens or family.resolved(_events_and_ends(family, branch)[1]):
             break
@@ -232,6 +235,25 @@ class _Family:
         size = max(float(np.abs(u[:-1] / self.scale[:-1]).max()) for u in points)
         return max(found) < self.settled * size
 
+    def stopped(self, error: ContinuationError) -> str:
+        """Words on the last orbit before an error, and why it may be the last."""
+        if error.branch is None:
+            return str(error)
+        orbit, row = self.row(error.branch.z[-1])
+        low, high = dynamics(orbit.scene).springs.computable_domain.T
+        left = np.minimum(self.flow.ranges[:, 0] - low, high - self.flow.ranges[:, 1])
+        near = left < NEAR_END * np.ptp(self.flow.ranges, axis=1)
+        reasons = {
+            "a spring is close to the end of its domain there": near.any(),
+            "springs pass kinks, where tangents are not smooth": orbit.opens,
+            f"its equations close to {orbit.residual:.1e} only": orbit.residual > CLOSED,
+            f"it has {POINTS} rows": len(error.branch.z) >= POINTS,
+        }
+        found = [words for words, holds in reasons.items() if holds]
+        at = ", ".join(f"{name} {row[name]:.6g}" for name in (self.by, "amplitude", "period"))
+        why = "; ".join(found) or "steps become too short, as near other branches"
+        return f"its last orbit is that of {at}: {why}"
+
     def path(self, branch: Branch) -> OrbitPath:
         """The orbits of a branch, and those events that are events of the orbits."""
         rows, events = [self.row(u) for u in branch.z], list[Event]()
@@ -319,11 +341,12 @@ class _Reversible(_Family):
         if half <= 0 or not self._half.inside(x):
             return u[:-1] + math.nan, np.zeros((len(u) - 1, len(u)))
         v, jacobian, acceleration = self._half.equations(x, half)
-        unit = 2 * math.pi * self.scale[0] / self._first
+        size = max(self.scale[0], self._half.extent(x))  # round-off grows with the orbit
+        unit = math.pi * size / min(self._first / 2, half)
         rows = np.column_stack([jacobian, acceleration / 2]) / unit
         if self.by == "period":
             return v / unit, rows
-        energy = self.scale[-1]
+        energy = max(self.scale[-1], abs(u[-1]))
         missing = (self._half.above_rest(x, 0 * x) - u[-1]) / energy
         matrix = np.zeros((len(u) - 1, len(u)))
         matrix[:-1, :-1] = rows
@@ -367,4 +390,4 @@ def _sums(found: Multipliers) -> Multipliers:
     real = found[found.imag == 0]
     halves = [x[: len(x) // 2] for x in (real[real.real > 0], real[real.real < 0])]
     one = np.concatenate([found[found.imag > 0], *halves])
-    return one + 1 / one
+    return np.asarray(one + 1 / one, dtype=complex)

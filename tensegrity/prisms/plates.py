@@ -111,7 +111,7 @@ class PlateSpring(Potential):
     Notes
     -----
     The separation of two plates at rest is the height along the axis, and across it the twist of
-    the unit times the radius of gyration of the plates, below 0 for a unit of the opposite hand.
+    the unit times the radius of gyration of the plates, below 0 for the opposite handedness.
     The elongation is a measure of the energy only: `energy` and `tension` are linear in it.
     """
 

@@ -248,7 +248,6 @@ class Run:
         (T[, dim]).
 
         It is constant if no other external force acts; the impulse on held sites is not recorded.
-        A batch has none: take that of one of its runs.
 
         Raises
         ------
@@ -336,13 +335,13 @@ class Run:
         return energy_density(self, ax)
 
     def show(self) -> Any:
-        """Play the run in a notebook: prisms that shorten and twist, the beads of a chain, guide or
-        pack, or the members of a structure.
+        """Play the run in a notebook, drawn as prisms, beads or members.
 
         Returns
         -------
         object
-            Shown by a notebook with a slider over at most 300 instants; drag to turn a body.
+            A notebook displays it as a page with a slider over at most 300 instants; dragging turns a
+            body in space.
 
         Raises
         ------

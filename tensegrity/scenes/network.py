@@ -10,7 +10,7 @@ Source: the paper, eqs. (1)-(6).
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -42,7 +42,7 @@ from tensegrity.scenes.walls import Wall
 from tensegrity.springs.potential import Potential
 
 if TYPE_CHECKING:
-    from typing import Self
+    from typing import Any, Self
 
     from matplotlib.axes import Axes
     from numpy.typing import ArrayLike

@@ -1,4 +1,4 @@
-"""The softest modes of a structure: how stiff and how fast they are, and what moves."""
+"""The softest modes of a structure: stiffness, frequency and shape."""
 
 from __future__ import annotations
 
