@@ -41,7 +41,6 @@ PENDING = {
     "lens_focus",
     "lens_moved",
     "limits_drift",
-    "models_ladder",
     "packs_floor",
     "packs_forming",
     "packs_mitigation",
