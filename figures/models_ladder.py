@@ -198,20 +198,23 @@ def draw(figure, tables):
     panels = figure.subplots(2, 3, sharey=True)
     for axes, letter, (scene, one) in zip(panels.flat, "abcdef", tables.items(), strict=True):
         low, high = one["time"].min(), one["time"].max()
-        middle = np.sqrt(low * high)
+        middle, last = np.sqrt(low * high), np.inf
         for name, error, seconds in sorted(zip(*one.values(), strict=True), key=lambda x: -x[1]):
             exact = error < FLOOR
             height = max(error, FLOOR)
             axes.loglog(seconds, height, "C0v" if exact else "C0o", ms=6)
+            at = np.log10(height)
+            last = min(at, last - 1)  # a decade is as high as a name
             axes.annotate(
                 f"{name}, reference" if error == 0 else name, (seconds, height),
-                (-7 if seconds > middle else 7, 0), textcoords="offset points", va="center",
+                (-7 if seconds > middle else 7, 11 * (last - at)), va="center",
+                textcoords="offset points",
                 ha="right" if seconds > middle else "left", fontsize=8,
             )  # fmt: skip
         for level in LEVELS:
             axes.axhline(level, color="0.6", lw=0.7, ls=":")
         room = max((high / low) ** 0.6, 3.0)
-        axes.set(xlim=(low / room, high * room), ylim=(FLOOR / 30, 30))
+        axes.set(xlim=(low / room, high * room), ylim=(FLOOR / 1e4, 30))
         axes.set_title(f"({letter}) {scene.replace('_', ' ')}", fontsize=10)
     figure.supxlabel("time over that of the slowest model", fontsize=10)
     figure.supylabel("error, relative to the largest value (triangles: below 1e-15)", fontsize=10)

@@ -27,8 +27,6 @@ PENDING = {
     "lens_focus",
     "lens_moved",
     "limits_drift",
-    "limits_locking",
-    "models_ladder",
     "packs_forming",
     "packs_mixed",
     "protectors_pack",
