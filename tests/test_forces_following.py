@@ -19,7 +19,6 @@ from granular import (
     viscous,
     wall_force,
 )
-from granular.damped_contact import forces_of
 from tensegrity import (
     Damping,
     Drive,
@@ -32,7 +31,6 @@ from tensegrity import (
     Wall,
     resume,
 )
-from tensegrity.scenes.dynamics import dynamics
 
 STEEL = Material("steel", density=0.45e-3 / (math.pi / 6 * 4.76e-3**3), modulus=193e9, poisson=0.3)
 BEAD = Bead(4.76e-3, STEEL)
@@ -54,6 +52,22 @@ T, R, RATE, U_X, V_X, V_Y, SPEED, C = sp.symbols("t r rate u_x v_x v_y speed c")
 KELVIN = Force(-C * sp.Max(-R, 0) * sp.Max(-RATE, 0), "bonds", parameters={"c": 2e7})
 
 
+def written_out(name, stiffness, on):
+    """What a law adds to a Hertz contact, by its formula."""
+    d, rate = sp.Max(-R, 0), -RATE
+    elastic = stiffness * d ** sp.Rational(3, 2)
+    loss = {
+        "kuwabara_kono": sp.Rational(3, 2) * 1e-6 * stiffness * sp.sqrt(d) * rate,
+        "hunt_crossley": 0.2 * elastic * rate,
+        "viscous": sp.Piecewise((2.0 * rate, d > 0), (0, True)),
+        "carretero_gonzalez": sp.Piecewise(
+            (2.0 * sp.sign(rate) * sp.Abs(rate) ** sp.Rational(3, 2), d > 0), (0, True)
+        ),
+    }[name]
+    added = sp.Max(elastic + loss, 0) - elastic
+    return Force(added if on == "walls" else -added, on)
+
+
 def loose(count, seed, **more):
     """Beads apart from each other in the plane, and their velocities."""
     draw = np.random.default_rng(seed)
@@ -72,9 +86,8 @@ def test_a_list_that_changes_gives_what_a_list_of_all_pairs_gives(name):
     touched = list(itertools.product(range(9), range(4)))
     between, at_wall = law(BEAD, BEAD), law(BEAD, STEEL)
     losses = [
-        *forces_of([between] * len(pairs), [0.0] * len(pairs)),
-        *forces_of([at_wall] * len(touched), [0.0] * len(touched), "walls"),
-    ]
+        written_out(name, between.constant, "bonds"), written_out(name, at_wall.constant, "walls")
+    ]  # fmt: skip
     net = Network(
         scene.places, pairs, between.spring(), lengths=D, mass=BEAD.mass, radius=D / 2,
         walls=[*SIDES.values()], wall_contacts=touched, wall_spring=at_wall.spring(), forces=losses,
@@ -85,19 +98,23 @@ def test_a_list_that_changes_gives_what_a_list_of_all_pairs_gives(name):
     )
     lists = {tuple(map(tuple, scene.listed(u).bonds.tolist())) for u in one.u}
     assert len(lists) > 4
-    np.testing.assert_allclose(one.u, two.u, rtol=0, atol=1e-13 * abs(two.u).max())
-    np.testing.assert_allclose(one.loss, two.loss, rtol=1e-12)
+    np.testing.assert_allclose(one.u, two.u, rtol=0, atol=1e-11 * abs(two.u).max())
+    np.testing.assert_allclose(one.loss, two.loss, rtol=1e-9)
     assert one.loss[-1] > 0.1 * one.energy[0]
     load = net.wall_load(two.u)
-    load += losses[-1].values(dynamics(net).elongations(two.u)[:, 36:], _rates_at_walls(two))
+    load += losses[-1].values(*_at_walls(two))
     expected = load[:, [k for k, (_, wall) in enumerate(touched) if wall == 0]].sum(axis=1)
-    np.testing.assert_allclose(wall_force(one, "floor"), expected, rtol=0, atol=1e-9 * load.max())
+    np.testing.assert_allclose(wall_force(one, "floor"), expected, rtol=0, atol=1e-7 * load.max())
 
 
-def _rates_at_walls(run):
-    normals = np.array([wall.normal for wall in run.scene.walls])
-    sites, walls = run.scene.wall_contacts.T
-    return np.einsum("tsk,sk->ts", run.v[:, sites], normals[walls])
+def _at_walls(run):
+    """Gaps of contacts with walls through the origin or opposite to it, and their rates."""
+    scene = run.scene
+    normals, points = (np.array([getattr(w, x) for w in scene.walls]) for x in ("normal", "point"))
+    sites, walls = scene.wall_contacts.T
+    place = (scene.positions + run.u)[:, sites] - points[walls]
+    gap, rate = (np.einsum("tsk,sk->ts", x, normals[walls]) for x in (place, run.v[:, sites]))
+    return gap - D / 2, rate
 
 
 @pytest.mark.parametrize("name", LAWS)

@@ -271,15 +271,8 @@ def _of_scene(task: _Task, scene: Any, state: Any) -> list[Gradient]:
     for spring in of.springs.different:
         result.refuse(spring)
     traces = tuple(dict.fromkeys(trace for one in task.objectives for trace in one.traces))
-    if of.is_driven:
-        check_forced(scene, task.exact, traces)
-    of_forces = parameters_of(scene) if of.is_driven else {}
-    stored = any(trace.kind == "energy" for trace in traces)
-    names, numbers = _requested(scene, task.wanted, stored, of_forces)
-    steps = step_count(task, task.dt)
-    dt = task.t_end / steps if steps else task.dt
-    forced = ForcedBackward(scene, numbers, task.method, steps, dt) if of.is_driven else None
-    layout = forced.layout if forced else Layout(of.loop_bonds, numbers, task.exact)
+    names, of_forces, forced, layout = _prepared(task, scene, traces)
+    steps, dt = _steps(task)
     samples = TraceSamples(scene, layout, traces)
     windows = [_window(one, steps, dt) for one in task.objectives]
     first, last = min(w[0] for w in windows), max(w[1] for w in windows)
@@ -294,7 +287,7 @@ def _of_scene(task: _Task, scene: Any, state: Any) -> list[Gradient]:
     record = Record(every=max(1, -(-steps // ROWS)))
     problem = Problem(scene, state, task.t_end, task.method, record, bind=bind)
     stride = max(1, -(-steps // states))
-    stride = min(stride, forced.stride) if forced else stride
+    stride = min(stride, forced.stride if forced else stride)
     forward = Forward(problem, steps, samples, (first, last), stride)
     run = forward.run()
     if not run.complete:
@@ -302,26 +295,14 @@ def _of_scene(task: _Task, scene: Any, state: Any) -> list[Gradient]:
     t = dt * np.arange(first, last + 1, dtype=float)
     given = forced.complete(samples, t, forward.rows) if forced else ()
     sampled = forward.rows, forward.closing
-    y = samples.values(*sampled)
-    values, each = [], []
-    for one, (start, stop) in zip(task.objectives, windows, strict=True):
-        inside, mine = slice(start - first, stop - first + 1), list(map(traces.index, one.traces))
-        value, slope = one.rule(t[inside], y[mine, inside])
-        if not (np.isfinite(value) and np.isfinite(slope).all()):
-            raise TensegrityError(f"{one!r} is {value} with derivatives that are not finite")
-        slopes = np.zeros(y.shape)
-        np.add.at(slopes[:, inside], mine, slope)
-        values.append(float(value))
-        each.append(samples.pullback(slopes, *sampled))
+    values, slopes = _valued(task, traces, t, samples.values(*sampled), windows, first)
+    each = [samples.pullback(one, *sampled) for one in slopes]
     by_rows, p, g, m, w = map(np.array, zip(*each, strict=True))
     by_rows[..., given] = 0.0
     cotangents = OutputCotangents(by_rows, samples.places, samples.u_count, first)
-    back: Any = forced
-    if forced:
-        forced.go(forward.states, cotangents, len(windows))
-    else:
-        back = Backward(layout, task.method, dt, len(windows), grid)
-        back.go(forward.states, cotangents, forward.recompute, every)
+    back = forced or Backward(layout, task.method, dt, len(windows), grid)
+    more = (len(windows),) if forced else (forward.recompute, every)
+    back.go(forward.states, cotangents, *more)
     p += back.totals.p
     g += back.totals.g
     w += back.totals.w.reshape(*w.shape, -1).sum(axis=-1)
@@ -336,6 +317,44 @@ def _of_scene(task: _Task, scene: Any, state: Any) -> list[Gradient]:
         )
         for k, value in enumerate(values)
     ]  # fmt: skip
+
+
+def _valued(
+    task: _Task, traces: Any, t: Array, y: Array, windows: Any, first: int
+) -> tuple[list[float], list[Array]]:
+    """The objectives of traces y at times t, from step `first` on, and their derivatives."""
+    values, found = [], []
+    for one, (start, stop) in zip(task.objectives, windows, strict=True):
+        inside, mine = slice(start - first, stop - first + 1), list(map(traces.index, one.traces))
+        value, slope = one.rule(t[inside], y[mine, inside])
+        if not (np.isfinite(value) and np.isfinite(slope).all()):
+            raise TensegrityError(f"{one!r} is {value} with derivatives that are not finite")
+        slopes = np.zeros(y.shape)
+        np.add.at(slopes[:, inside], mine, slope)
+        values.append(float(value))
+        found.append(slopes)
+    return values, found
+
+
+def _steps(task: _Task) -> tuple[int, float]:
+    """Number of steps, and the step [s]."""
+    steps = step_count(task, task.dt)
+    return steps, task.t_end / steps if steps else task.dt
+
+
+def _prepared(task: _Task, scene: Any, traces: Any) -> tuple[Any, Any, Any, Layout]:
+    """The names for `Gradient.by`, the parameters of forces, the reverse pass of a driven scene or
+    None, and the layout."""
+    of = dynamics(scene)
+    stored = any(trace.kind == "energy" for trace in traces)
+    if not of.is_driven:
+        names, numbers = _requested(scene, task.wanted, stored, {})
+        return names, {}, None, Layout(of.loop_bonds, numbers, task.exact)
+    check_forced(scene, task.exact, traces)
+    of_forces = parameters_of(scene)
+    names, numbers = _requested(scene, task.wanted, stored, of_forces)
+    forced = ForcedBackward(scene, numbers, task.method, *_steps(task))
+    return names, of_forces, forced, forced.layout
 
 
 def _requested(

@@ -65,7 +65,8 @@ class ForcedBackward:
         self._method, self._dt, self._shape = method, dt, (2, scene.sites)
         places = sum(len(one.places) for one in self._forcing.applied)
         self.stride = max(1, NUMBERS // (method.stages * 4 * (scene.sites + places)))
-        self._loop = driven.bind(self._forcing, *np.zeros(self._shape), method, dt)
+        u, v = np.zeros(self._shape)
+        self._loop = driven.bind(self._forcing, u, v, method, dt)
         self._stages = Stages(self._forcing, method, dt)
         self.reversal = 0.0
 
@@ -211,7 +212,8 @@ def parameters_of(scene: Any) -> dict[str, str]:
     TensegrityError
         A name of parameters on sites and in bonds, or of other values in a spring and a force.
     """
-    of, found = dynamics(scene), {}
+    of = dynamics(scene)
+    found: dict[str, str] = {}
     symbols = {str(s): s for law in of.springs.table[0] for s in law.parameters}
     for one in of.further_forces:
         applied = one._applied(scene)
