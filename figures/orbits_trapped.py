@@ -146,14 +146,20 @@ def draw(figure, tables):
     site, run, orbit = tables["shape"].values()
     shape.plot(site, run, "C0-", lw=1.2, label="run, when largest")
     shape.plot(site, orbit, "ko", ms=4, mfc="none", label="breather")
-    shape.set(xlabel="site, from the light one", ylabel="displacement [m]", xlim=(-12, 12))
-    shape.legend(frameon=False, fontsize=9)
+    shape.set(
+        xlabel="site, from the light one",
+        ylabel="displacement [m]",
+        xlim=(-12, 12),
+        ylim=(-0.011, 0.026),
+    )
+    shape.legend(frameon=False, fontsize=9, loc="upper left")
     shape.set_title("(a) What is left has the breather's shape", fontsize=10)
     curve.plot(tables["family"]["energy"], tables["family"]["frequency"], "k-", lw=1.2)
     curve.plot(tables["struck"]["energy trapped"], tables["struck"]["frequency in the run"], "C0o")
-    curve.annotate("breather", (0.0065, 0.642), ha="right")
+    curve.annotate("breather", (0.0063, 0.656), ha="right")
     curve.annotate("runs", (0.0024, 0.622), color="C0")
     curve.set(xlabel="energy near the light mass [J]", ylabel="frequency [Hz]")
+    curve.set_xticks([0, 0.004, 0.008, 0.012])
     curve.set_title("(b) and its frequency", fontsize=10)
     ratio = tables["struck"]["speed ratio"]
     for name, color in (("trapped", "C0"), ("at a heavy mass", "C3")):

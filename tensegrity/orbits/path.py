@@ -19,7 +19,7 @@ from tensegrity.branches.many import ManyProblem
 from tensegrity.branches.table import Event, Table
 from tensegrity.errors import TensegrityError
 from tensegrity.orbits.driven_orbit import WholePeriod
-from tensegrity.orbits.orbit import HalfPeriod
+from tensegrity.orbits.half_period import HalfPeriod
 from tensegrity.orbits.period import DrivePeriod
 from tensegrity.orbits.shooting import Orbit
 from tensegrity.orbits.stability import STABLE, half_multipliers

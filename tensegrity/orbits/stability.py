@@ -24,7 +24,7 @@ from tensegrity import check
 from tensegrity.errors import ResolutionError, TensegrityError
 from tensegrity.orbits.driven_orbit import whole_multipliers
 from tensegrity.orbits.flow import DrivenFlow, Flow
-from tensegrity.orbits.orbit import HalfPeriod
+from tensegrity.orbits.half_period import HalfPeriod
 from tensegrity.orbits.shooting import Orbit
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.dynamics import dynamics

@@ -56,8 +56,7 @@ class Drive:
     force : sympy.Expr, float, (t, values), or sequence of expressions, optional
         Force [N], > 0 along the axis, in addition to the forces of the bonds and loads.
     parameters : dict of str to float, optional
-        Values of further symbols of the expressions, which `orbit_path` can follow, and `varied`
-        changes.
+        Values of further symbols, which `orbit_path` can follow and `varied` changes.
 
     Raises
     ------
@@ -115,21 +114,7 @@ class Drive:
         object.__setattr__(self, "prescribes", given[0] == "displacement")
 
     def varied(self, values: Mapping[str, float]) -> Drive:
-        """The same drive with other values of some of its parameters, as for a sweep.
-
-        Parameters
-        ----------
-        values : dict of str to float
-
-        Returns
-        -------
-        Drive
-
-        Raises
-        ------
-        TensegrityError
-            No dict, a value that is not finite, or a parameter that the drive does not have.
-        """
+        """The same drive with other values of some of its parameters, as for a sweep."""
         if not isinstance(values, Mapping):
             raise TensegrityError(f"parameters {check.shown(values)} must be a dict")
         return replace(self, parameters={**self.parameters, **values})
