@@ -101,20 +101,24 @@ def name_curves(axes, *, spread=11.0, at=-1):
     axes : matplotlib.axes.Axes
     spread : float, optional
         Least distance between two labels [pt].
-    at : int, optional
-        The point of a curve at which its label stands: -1 the last one, 0 the first.
+    at : int or callable, optional
+        The point of a curve at which its label stands: -1 the last one, 0 the first; or a function
+        of its values that finds it, such as `numpy.argmax`.
     """
     figure = axes.figure
     lines = [one for one in axes.lines if not one.get_label().startswith("_")]
-    ends = [axes.transData.transform(np.transpose(one.get_data())[at]) for one in lines]
+    points = [at(one.get_ydata()) if callable(at) else at for one in lines]
+    places = [np.transpose(one.get_data())[k] for one, k in zip(lines, points, strict=True)]
+    ends = axes.transData.transform(places)
     scale, last = figure.dpi / 72, -np.inf
     for k in sorted(range(len(lines)), key=lambda k: ends[k][1]):
         y = max(ends[k][1], last + spread * scale)
         last = y
         axes.annotate(
-            lines[k].get_label(), np.transpose(lines[k].get_data())[at],
-            (4 if at else -4, (y - ends[k][1]) / scale), textcoords="offset points", va="center",
-            ha="left" if at else "right", color=lines[k].get_color(), fontsize=9,
+            lines[k].get_label(), places[k],
+            (4 if points[k] else -4, (y - ends[k][1]) / scale),
+            textcoords="offset points", va="center",
+            ha="left" if points[k] else "right", color=lines[k].get_color(), fontsize=9,
             annotation_clip=False,
         )  # fmt: skip
 

@@ -118,11 +118,12 @@ def draw(figure, tables):
     for k, (name, mark) in enumerate(zip(names, MARKS, strict=True)):
         change = np.array([np.nan if x is None else x for x in changes(cases[name])[1:]])
         label = name.removesuffix(" [N]").replace("F_i/F_t", "$F_i/F_t$")
-        axes.plot(change, rows + 0.11 * (2.5 - k), mark, ms=7, mec="w",
+        axes.plot(change, rows + 0.11 * (2.5 - k), mark, ms=8, mew=0,
                   label=label.replace("F_i/F_r", "$F_i/F_r$"))  # fmt: skip
     axes.axvline(0, color="k", lw=0.8)
     for edge in rows[:-1] - 0.5:
         axes.axhline(edge, color="0.8", lw=0.6)
-    axes.set(xlabel="change against our reading of the paper [%]", ylim=(-0.5, rows[0] + 0.5))
+    axes.set(xlabel="change against our reading of the paper [%]", ylabel="what differs",
+             ylim=(-0.5, rows[0] + 0.5))  # fmt: skip
     axes.set_yticks(rows, [case.replace(" deg", "°") for case in cases["case"][1:]])
     figure.legend(loc="outside lower center", ncols=2, fontsize=9)

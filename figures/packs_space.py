@@ -11,12 +11,12 @@ from functools import cache
 
 import numpy as np
 
+import tensegrity
 from figures import _packs
 from figures._packs import row
 from granular import energies
 from tensegrity import Record
 from tensegrity.animation import moving
-from tensegrity.plotting import film
 
 NAME = "packs_space"
 GROUP = "packs"
@@ -24,6 +24,7 @@ GROUP = "packs"
 END, FRAMES = 1e-3, 60
 FACTOR, MOST, FASTEST = 60, 60.0, 0.5  # of the displacements; N of the widest line; m/s
 SHOWN = (6, 18, 36)  # frames of the picture
+VIEW = (-60, 20)  # degrees, of the film
 TIMES = (4e-4, 1e-3)  # s
 LATERAL = {4e-4: 0.346, 1e-3: 0.259}
 UPPER = {4e-4: 0.5392, 1e-3: 0.5694}
@@ -99,8 +100,7 @@ def draw(figure, tables):
 
 
 def animate(tables, path):
-    """Animate the side view, with contact forces as lines."""
-    import matplotlib.pyplot as plt
-
-    figure, axes = plt.subplots(figsize=(5.5, 8), dpi=80, layout="constrained")
-    film(path, figure, range(FRAMES + 1), _moving(axes), rate=10)
+    """The pack in space, cut open by transparency: what moves is seen."""
+    speed = np.minimum(np.linalg.norm(motion().v, axis=-1), FASTEST)
+    how = {"frames": FRAMES + 1, "rate": 10, "factor": FACTOR, "view": VIEW}
+    tensegrity.animate(motion(), path, speed, label=f"speed, up to {FASTEST:g} [m/s]", **how)

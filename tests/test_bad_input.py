@@ -258,7 +258,7 @@ CALLS = [  # where other arguments are needed, or several in one call
                "wall_spring": SPRING, "wall_gaps": [0.95], "radius": 0.05,
                "loads": np.zeros((3, 2)), "held": [2]}),
     (ts.animate, {"run": SHORT_RUN, "path": f"{FOLDER.name}/made.gif", "show": "energy",
-                  "frames": 1, "rate": 10.0, "factor": 2.0, "label": "load [N]"}),
+                  "frames": 1, "rate": 10.0, "factor": 2.0, "label": "load [N]", "view": None}),
     (ts.Record, {"every": 1, "sites": [0, 1], "path": None}),
     (ts.Record, {"interval": 0.1, "path": FILE, "checkpoint": 1.0}),
     (ts.resume, {"path": FILE, "scene": None}),
