@@ -399,13 +399,9 @@ def _first_peak(side: Family) -> float:
     sizes = side.sizes[below]
     if not slower.size or slower[-1] + 1 >= sizes.size:
         return side.sign * side.rising_part.start
-    low, high = sizes[slower[-1]], sizes[slower[-1] + 1]
-    return side.sign * root(
-        lambda size: float(side.long_wave_at(size)) - side.rising_part.floor,
-        low,
-        high,
-        relative=1e-12,
-    )
+    ends = sizes[slower[-1]], sizes[slower[-1] + 1]
+    floor = side.rising_part.floor
+    return side.sign * root(lambda x: float(side.long_wave_at(x)) - floor, *ends, relative=1e-12)
 
 
 def _wall(side: Family) -> tuple[str, tuple[float, float], float, str]:
