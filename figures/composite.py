@@ -132,7 +132,10 @@ def table(tables):
         value = dict(zip(tables[name]["quantity"], tables[name]["value"], strict=True))
         rows.append({
             "what": f"prisms, {name}",
-            **{f"{KINDS[where]}s": in_words(solitary(tables, name, where)) for where in KINDS},
+            "reflected rarefactions": in_words(solitary(tables, name, "back")),
+            "reflected compressions": in_words(solitary(tables, name, "pressed")),
+            "transmitted rarefactions": in_words(solitary(tables, name, "on")),
+            "transmitted compressions": in_words(solitary(tables, name, "train")),
             "sound takes per far bond": f"{value['time of sound over a far bond [s]']:.1f} s",
             "momentum near, far, compressions": ", ".join(
                 f"{value[f'momentum of the {part}']:+.5f}"
@@ -177,12 +180,11 @@ def draw(figure, tables):
     axes = figure.subplot_mosaic([["map"] * 3, list(SHOWN)], height_ratios=(1.5, 1))
     before = tables["interface"]["site"][0]
     density = axes["map"]
-    _measure.draw_density(density, tables["density"], "(a) one wave comes, one goes back")
+    _measure.draw_density(density, tables["density"], "(a) energy, the interface dotted")
     density.axvline(before, color="w", lw=0.8, ls=":")
-    density.set_xlim(before - 750, before + 250)
+    density.set_xlim(before - 750, before + 195)
     for x, y, words in (
-        (-730, 0.55, "rarefaction\ncomes"), (-400, 0.92, "rarefaction\ngoes back"),
-        (30, 0.3, "soft chain:\ndelayed compressions"),
+        (-560, 0.45, "reflected\nrarefaction"), (75, 0.22, "delayed\ncompressions"),
     ):  # fmt: skip
         density.text(before + x, y * density.get_ylim()[1], words, color="w", va="top", fontsize=9)
     for (name, words), letter in zip(SHOWN.items(), "bcd", strict=True):
@@ -190,9 +192,10 @@ def draw(figure, tables):
         ax.plot(one["x"], one["exact"], "C1", lw=1.2)
         ax.plot(one["bond"], one["elongation"], "C0o", ms=4)
         ax.set(xlabel="bonds from the interface")
-        ax.set_title(f"({letter}) {words}", fontsize=10)
+        ax.locator_params(axis="x", nbins=3, integer=True)
+        ax.set_title(f"({letter}) " + words.replace(", ", "\n"), fontsize=10)
     axes["back 0"].set_ylabel("elongation [m]")
     for name in list(SHOWN)[1:]:
         axes[name].set_ylabel("elongation [m]")
-    figure.suptitle("A rarefaction comes back alone, compressions go on late\n"
+    figure.suptitle("A rarefaction wave comes back, compression waves go on late\n"
                     "dots: run; lines: exact waves of the same peak", fontsize=11)  # fmt: skip

@@ -132,7 +132,7 @@ def draw(figure, tables):
             label = label if how == "closed" and name == PLAIN else name
             axes.loglog(one["steps"], one["error"], color=COLOURS[name], lw=1.3, label=label)
         axes.set(
-            ylim=(1e-16, 1e2), xlim=(25, 9e3), xlabel="steps", yticks=10.0 ** np.arange(-16, 3, 4)
+            ylim=(1e-16, 1e2), xlim=(25, 3e4), xlabel="steps", yticks=10.0 ** np.arange(-16, 3, 4)
         )
         name_curves(axes)
     for name, colour in ((PLAIN, COLOURS[PLAIN]), (CORRECTED, COLOURS[CORRECTED])):
@@ -145,7 +145,7 @@ def draw(figure, tables):
         panels[2].annotate(words, (x[1], x[1] + more), (0, 4), ha="right", color="0.4",
                            textcoords="offset points", fontsize=9)  # fmt: skip
     panels[0].set(title="(a) closed: full order", ylabel="largest error of u and v at the end")
-    panels[1].set(title="(b) opening: order lost")
+    panels[1].set(title="(b) opening: order lost", ylabel="largest error of u and v at the end")
     panels[2].set(title="(c) orders, opening", xlabel="exponent of the contacts",
                   ylabel="measured order", ylim=(1, 6.5))  # fmt: skip
     for axes in panels:

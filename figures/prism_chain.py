@@ -1,7 +1,7 @@
 """A chain: masses lumped at the bases of prisms, which are its springs, under a preload.
 
 Between two masses stands a prism with rigid bases and bars, shortened and twisted by the preload
-as its equilibrium path says.  Along the axis it is a spring whose energy V is a function of its
+from its self-stressed state.  Along the axis it is a spring whose energy V is a function of its
 elongation alone.
 """
 
@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.patches import Ellipse
 
 from figures.prism_drawing import KINDS
-from tensegrity import Prism, equilibrium_path
+from tensegrity import Prism
 
 NAME = "prism_chain"
 GROUP = "start"
@@ -23,14 +23,11 @@ DISC = 0.16  # thickness of a mass, drawn
 
 def data():
     """Height and twist of a prism under the preload; its nodes, the axis along z."""
-    path = equilibrium_path(PRISM).columns
-    order = np.argsort(path["load"])
-    height = PRISM.potential(PRELOAD).length
-    near = int(np.argmin(np.abs(path["height"][order] - height)))
-    twist = float(path["twist"][order][near])
+    height, radius = PRISM.potential(PRELOAD).length, PRISM.base / np.sqrt(3)
+    straight = PRISM.height**2 - height**2  # what the rigid bars gain across
+    twist = np.arccos(np.cos(np.radians(150)) - straight / (2 * radius**2))
     turns = np.radians(120) * np.arange(3)
     angles = np.concatenate([turns, turns + twist])
-    radius = PRISM.base / np.sqrt(3)
     nodes = {"x": radius * np.cos(angles), "y": radius * np.sin(angles),
              "z": np.repeat([0.0, height], 3)}  # fmt: skip
     names = ["height without preload", "height under preload", "twist under preload [deg]"]
@@ -76,7 +73,7 @@ def draw(figure, tables):
     for k in range(UNITS + 1):
         size = 2 * radius * np.sin(TILT) + DISC, 2.1 * radius
         axes.add_patch(Ellipse((k * pitch, 0), *size, fc="0.85", ec="0.4", alpha=0.75, zorder=1))
-        axes.text(k * pitch, 0, "m", ha="center", va="center", fontsize=11, style="italic")
+        axes.text(k * pitch, -1.12 * radius, "m", ha="center", va="top", style="italic")
     top, end = 1.25 * radius, UNITS * pitch
     arrow = {"arrowstyle": "-|>", "color": "k", "lw": 1.8}
     for tip, tail in ((-0.35, -0.95), (end + 0.35, end + 0.95)):
@@ -87,11 +84,11 @@ def draw(figure, tables):
                       arrowprops={"arrowstyle": "->", "color": "C0"})  # fmt: skip
         axes.plot([k * pitch] * 2, [0.1, top], "C0", lw=0.8, ls=":")
         axes.text(k * pitch + 0.2, top + 0.06, f"$u_{{{name}}}$", color="C0", ha="center")
-    axes.text(1.5 * pitch, -1.3 * radius, "prism: a spring of energy $V(r_n)$\n"
+    axes.text(1.3 * pitch, -1.5 * radius, "prism: a spring of energy $V(r_n)$\n"
               "elongation $r_n = u_{n+1} - u_n$", ha="center", va="top")  # fmt: skip
-    for place, name in ((2.4, "bars"), (2.9, "cross"), (3.5, "base")):
-        axes.text(place * pitch, -1.3 * radius, KINDS[name][2].split(":")[0], va="top", ha="center",
+    for place, name in ((2.5, "bars"), (3.2, "cross"), (4.1, "base")):
+        axes.text(place * pitch, -1.5 * radius, KINDS[name][2].split(":")[0], va="top", ha="center",
                   color=KINDS[name][0])  # fmt: skip
-    axes.set(xlim=(-1.4, end + 1.4), ylim=(-1.95 * radius, 1.75 * radius), aspect="equal")
+    axes.set(xlim=(-1.4, end + 1.4), ylim=(-2.1 * radius, 1.75 * radius), aspect="equal")
     axes.set_title("Prisms under a preload are the springs between lumped masses", fontsize=12)
     axes.set_axis_off()

@@ -80,10 +80,11 @@ def draw(figure, tables):
             x, y = (np.array([found[c][j] for j in own]) for c in ("peak", "speed ratio"))
             order = np.argsort(np.abs(x))
             axes.plot(x[order], y[order], ".-", color=f"C{color}")
-            middle = order[len(order) // 2]
-            axes.annotate(family, (x[middle], y[middle]), (-6 if x[middle] > 0 else 6, 4),
-                          ha="right" if x[middle] > 0 else "left", textcoords="offset points",
-                          color=f"C{color}", fontsize=9)  # fmt: skip
+            wanted = (y.max() / y.min()) ** (0.75 if family == "compression" else 0.4) * y.min()
+            middle = int(np.argmin(np.abs(y - wanted)))
+            axes.annotate(family, (x[middle], y[middle]), (6, -10 if x[middle] > 0 else 4),
+                          textcoords="offset points", color=f"C{color}",
+                          fontsize=9)  # fmt: skip
             if math.isfinite(limits["highest"][k]):
                 axes.axhline(limits["highest"][k], color=f"C{color}", ls="--", lw=1)
             if math.isfinite(limits["last peak"][k]):

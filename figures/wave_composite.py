@@ -193,19 +193,17 @@ def data():
 def draw(figure, tables):
     """The last instant of each case, with the energy that went back."""
     figure.set_size_inches(9, 6.5)
-    for ax, name in zip(figure.subplots(2, 2, sharex=True).flat, cases(), strict=True):
+    for ax, name in zip(figure.subplots(2, 2).flat, cases(), strict=True):
         last, found = tables[f"{name} last"], _measure.from_table(tables[name])
         ax.plot(last["bond"], last["elongation"], "C0", lw=0.7)
         ax.axvline(0, color="0.5", lw=0.8, ls=":")
         energy, linear = 100 * found["energy"].value, 100 * found["acoustics"].value ** 2
-        ax.text(-460, ax.get_ylim()[1], f"goes back: {energy:.1f} % of the energy\n"
-                f"(acoustics: {linear:.1f} %)", va="top", fontsize=9)  # fmt: skip
-        ax.set_ylim(top=1.35 * ax.get_ylim()[1])
-        ax.set(xlim=(-480, 480), title=name.replace(" (", "\n("))
-        ax.title.set_fontsize(10)
+        ax.margins(x=0)
+        ax.set_title(f"{name}\n{energy:.1f} % of the energy back; acoustics: {linear:.1f} %",
+                     fontsize=10)  # fmt: skip
     figure.supxlabel("bonds from the interface", fontsize=10)
     figure.supylabel("elongation at last / peak of the incident wave", fontsize=10)
-    figure.suptitle("No interface reflects what acoustics tells", fontsize=12)
+    figure.suptitle("What goes back is not what acoustics tells", fontsize=12)
 
 
 def table(tables):

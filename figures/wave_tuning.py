@@ -202,15 +202,16 @@ def draw(figure, tables):
     for k, name in enumerate(RAMPS):
         t, energy, work = tables[f"{name} energy"].values()
         ax.plot(t, energy, f"C{k}")
-        ax.annotate(f"energy, {name}", (t[-1], energy[-1]), (-2, -6 if k else 6), color=f"C{k}",
+        ax.annotate(f"energy, {name}", (t[-1], energy[-1]), (-2, 6 if k else -6), color=f"C{k}",
                     textcoords="offset points", ha="right",
-                    va="top" if k else "bottom")  # fmt: skip
+                    va="bottom" if k else "top")  # fmt: skip
     ax.plot(t, energy - work, "k:")
     ax.annotate("energy less work, both", (t[-1], 1), (-2, -6), textcoords="offset points",
                 ha="right", va="top")  # fmt: skip
     ax.set(xlabel="time [s]", ylabel="over the initial energy", ylim=(0, 2.8))
     ax.set_title(f"({next(letters)}) the change does work on the wave", fontsize=10)
-    figure.suptitle("White: the bars meet below that peak (stiffening), or beyond the limit point "
+    figure.suptitle("Prestress tunes the speed and width of waves, even while one travels\n"
+                    "white: the bars meet below that peak (stiffening), or beyond the limit point "
                     "(softening)", fontsize=10)  # fmt: skip
 
 

@@ -1,6 +1,6 @@
 """Branched guides of beads between plane walls, two coordinates each: a `tensegrity.Network`.
 
-Model: seeds/001, eqs. (1)-(6): contacts without rotation, rigid walls at rest; by default without
+Model of the paper, eqs. (1)-(6): contacts without rotation, rigid walls at rest; by default without
 friction and dissipation.  Initially beads touch their neighbours and, up to a gap, their walls.
 The list of contacts is that of the layout; a run verifies that no other contact forms and that no
 bead slides off its wall.
@@ -289,7 +289,7 @@ def y_guide(
     friction: tuple[float, float] | None = None,
     forces: Sequence[Force] = (),
 ) -> Guide:
-    """A Y-shaped guide, the first half of that of seeds/001: a stem that splits into two branches.
+    """A Y-shaped guide, the first half of that of the paper: a stem that splits into two branches.
 
     Parameters
     ----------
@@ -383,7 +383,7 @@ def diamond_guide(
     friction: tuple[float, float] | None = None,
     forces: Sequence[Force] = (),
 ) -> Guide:
-    """The full guide of seeds/001: the branches rejoin in a second stem.
+    """The full guide of the paper: the branches rejoin in a second stem.
 
     Parameters
     ----------

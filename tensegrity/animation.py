@@ -62,16 +62,16 @@ def animate(
         Of a .gif, or of a .mp4, which needs the program ffmpeg.
     show : str or array_like (T, sites), optional
         Of a chain "elongation" (default), "velocity" or "energy", against bond or site; of a
-        network the colours of the sites, "speed" (default) or "energy".  Or values of one's own
+        network the colours of the sites, "speed" (default) or "energy".  Or given values
         for each recorded instant and site.
     frames : int, optional
-        Most instants that are shown, >= 1, evenly spaced among those that were recorded.
+        Largest number of frames, >= 1, evenly spaced among the recorded instants.
     rate : float, optional
         Frames in a second, at least 0.01.
     factor : float, optional
-        By which displacements in a map are magnified, > 0.
+        Magnification of the displacements in a map, > 0.
     label : str, optional
-        What values of one's own are, with their unit.
+        Name and unit of given values.
     view : (float, float), optional
         Azimuth and elevation [degrees] from which a network in space is seen; sites are the more
         transparent the smaller their value is.  By default it is seen along its second axis.

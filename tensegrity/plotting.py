@@ -50,7 +50,7 @@ def axes(ax: Any = None, in_space: bool = False) -> Any:
     Raises
     ------
     TensegrityError
-        What is no axes, or has two axes where three are needed, or the reverse.
+        Not a Matplotlib axes, or one with two axes where three are needed, or the reverse.
     """
     from matplotlib.axes import Axes
 
@@ -191,7 +191,7 @@ def film(
     Parameters
     ----------
     path : str or path
-        Of a .gif or a .mp4, written beside and renamed.
+        Of a .gif or a .mp4, written under another name and renamed.
     figure : matplotlib.figure.Figure
         Of a size that stays.
     frames : iterable

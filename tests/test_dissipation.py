@@ -297,7 +297,6 @@ def test_the_rest_of_a_guide_under_gravity_does_not_know_losses():
         ("coefficient of friction", lambda: y_guide(bead=BEAD, friction=(-0.1, 0.01))),
         ("speed of slip", lambda: y_guide(bead=BEAD, friction=(0.1, 0.0))),
         ("friction", lambda: y_guide(bead=BEAD, friction=0.1)),
-        ("contacts='fixed'", lambda: pack([[0.0], [BEAD.diameter]], BEAD, law=viscous(0.1))),
         ("not a function", lambda: pack([[0.0], [BEAD.diameter]], BEAD, law=1.0)),
         ("dissipation", lambda: Contact(1e9, 1.5, 3.0)),
     ],

@@ -5,6 +5,7 @@ in twice the steps, harmonic balance with 20 harmonics, and pyHarm 1.2.2 for Duf
 """
 
 import math
+from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from tensegrity import (
     Chain,
     Damping,
     Drive,
+    Ensemble,
     Force,
     Potential,
     PowerLaw,
@@ -24,6 +26,7 @@ from tensegrity import (
     orbit_path,
     periodic_orbit,
     simulate,
+    sweep,
 )
 from tensegrity.orbits.flow import DrivenFlow
 
@@ -323,6 +326,31 @@ def test_a_force_is_followed_as_well_as_a_frequency():
     assert np.allclose(path.amplitude / path.columns["F"], gain, rtol=1e-5, atol=0)
     assert np.allclose(path.period, 2 * math.pi / 1.3, rtol=1e-14, atol=0)
     assert path.orbits[-1].scene.drive[1].parameters == {"F": pytest.approx(0.05, rel=1e-12)}
+
+
+def motion_of_beads(frequency):
+    """The last displacements of the beads with the wall at another frequency, for `sweep`."""
+    of = beads()
+    drive = {0: of.drive[0].varied({"W": frequency})}
+    scene = Chain(of.springs, 12, of.mass, of.ends, damping=of.damping, drive=drive)
+    return scene, simulate(scene, scene.at_rest(), 30.0, tol=1e-10).final.u
+
+
+def test_parameters_of_drives_are_swept():
+    frequencies = [2.5, 2.83, 3.0]
+    scenes, alone = zip(*map(motion_of_beads, frequencies), strict=True)
+    batch = Ensemble(scenes)
+    together = simulate(batch, batch.at_rest(), 30.0, tol=1e-10).final.u
+    with ProcessPoolExecutor(1) as pool:
+        swept = sweep(motion_of_beads, frequencies, executor=pool)
+    assert np.ptp(alone, axis=0)[1:-1].min() > 1e-4  # the frequency counts
+    for k in range(3):
+        assert np.abs(together[:, k] - alone[k]).max() < 1e-10
+        assert np.array_equal(swept[k][1], alone[k])
+        assert swept[k][0] == scenes[k]
+    for values, words in (({"Q": 1.0}, "does not contain Q"), (3, "must be a dict")):
+        with pytest.raises(TensegrityError, match=words):
+            scenes[0].drive[0].varied(values)
 
 
 def test_a_response_on_springs_to_the_ground_returns():

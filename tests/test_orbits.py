@@ -188,6 +188,15 @@ def test_an_orbit_of_given_energy_is_that_of_its_period():
     assert np.allclose(found.state.u, by_period.state.u, atol=1e-9)
 
 
+def five_masses():
+    """Between walls; masses 1, 2 and 4, 5 move oppositely, the middle one rests."""
+    r = sp.Symbol("r")
+    chain = Chain(Potential(r**2 / 2 + r**4 / 4, r), 7, ends=("fixed", "fixed"))
+    a = 0.1 * np.array([0, 1, 1, 0, -1, -1, 0])
+    orbit = periodic_orbit(chain, State(a, 0 * a), period=2 * math.pi / math.sqrt(1.0075))
+    return orbit_path(orbit, by="energy", until=0.8)
+
+
 def test_a_mode_becomes_unstable_where_hills_equation_does():
     """Masses 1, 2 and 4, 5 of five move oppositely, the middle one rests: a'' = -a - a^3."""
     symmetric = np.array([[1, 0, 0, 0, 1], [0, 1, 0, 1, 0], [0, 0, 1, 0, 0]])
@@ -205,17 +214,61 @@ def test_a_mode_becomes_unstable_where_hills_equation_does():
         y = solve_ivp(side, (0, period), start, method="DOP853", rtol=1e-13, atol=1e-13).y[:, -1]
         return np.linalg.det(y[2:].reshape(6, 6) - np.eye(6))
 
-    r = sp.Symbol("r")
-    chain = Chain(Potential(r**2 / 2 + r**4 / 4, r), 7, ends=("fixed", "fixed"))
-    a = 0.1 * np.array([0, 1, 1, 0, -1, -1, 0])
-    orbit = periodic_orbit(chain, State(a, 0 * a), period=2 * math.pi / math.sqrt(1.0075))
-    path = orbit_path(orbit, by="energy", until=0.8)
-    assert [event.kind for event in path.events] == ["stability"]
-    (event,) = path.events
+    path = five_masses()
+    assert [event.kind for event in path.events] == ["torus", "stability"]
+    event = path.events[1]
     amplitude = brentq(beyond, 0.45, 0.6, xtol=1e-12)
     assert event.value == pytest.approx(2 * amplitude**2 + amplitude**4, rel=1e-8)
-    assert path.stable[path.energy < 0.5].all()  # two pairs leave the circle together at .55
-    assert not path.stable[path.energy > event.value].any()
+    meeting = path.events[0].value
+    assert np.array_equal(path.stable, path.energy < meeting)
+
+
+def test_two_pairs_leave_the_circle_together_where_those_of_scipy_meet():
+    """Five masses, about the orbit in closed form."""
+    event = five_masses().events[0]
+    both = np.eye(6, 5) - np.eye(6, 5, -1)
+
+    def sums(energy):
+        """mu + 1/mu of all pairs, of the tangent of a period."""
+        a = math.sqrt(math.sqrt(1 + energy) - 1)  # 2 a^2 + a^4 is the energy
+
+        def side(t, y):
+            k = np.diag(1 + 3 * y[0] ** 2 * np.array([1, 0, 1, 1, 0, 1]))
+            (x, v), own = y[2:].reshape(2, 5, 10), [y[1], -y[0] - y[0] ** 3]
+            return np.concatenate([own, v.ravel(), -(both.T @ k @ both @ x).ravel()])
+
+        period = 4 * ellipk(a**2 / (2 + 2 * a**2)) / math.sqrt(1 + a**2)
+        start = np.concatenate([[a, 0], np.eye(10).ravel()])
+        y = solve_ivp(side, (0, period), start, method="DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
+        found = np.linalg.eigvals(y[2:].reshape(10, 10))
+        return found + 1 / found
+
+    squares = [np.abs(sums(event.value + step).imag).max() ** 2 for step in (-1e-6, 1e-6, 2e-6)]
+    assert squares[0] < 1e-4 * squares[1]
+    assert squares[2] == pytest.approx(2 * squares[1], rel=0.02)  # from 0 at the event to 2e-8
+
+
+def oscillator(domain=(-math.inf, math.inf)):
+    """A mass on a spring r + r^3 that leads to no more than the domain."""
+    r = sp.Symbol("r")
+    chain = Chain(Potential(r**2 / 2 + r**4 / 4, r, domain=domain), 2, ends=("fixed", "free"))
+    guess = State(np.array([0.0, 0.1]), np.zeros(2))
+    return periodic_orbit(chain, guess, period=2 * math.pi / math.sqrt(1.0075))
+
+
+def test_a_path_to_large_amplitudes_has_the_periods_of_the_elliptic_integral():
+    path = orbit_path(oscillator(), by="energy", until=5e3)  # of 5e-3
+    squared = np.sqrt(1 + 4 * path.energy) - 1  # of the amplitude
+    periods = 4 * ellipk(squared / (2 + 2 * squared)) / np.sqrt(1 + squared)
+    assert np.allclose(path.period, periods, rtol=1e-9, atol=0)
+    assert path.energy[-1] == pytest.approx(5e3, rel=1e-12)
+
+
+def test_a_path_that_ends_says_why():
+    with pytest.raises(
+        TensegrityError, match=r"does not reach 1: .*close to the end of its domain"
+    ):
+        orbit_path(oscillator((-1.0, 1.0)), by="energy", until=1.0)
 
 
 def test_an_orbit_returns_in_a_run():

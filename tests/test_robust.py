@@ -131,7 +131,7 @@ def test_equal_gaps_keep_the_halves_of_a_diamond_equal_and_delay_the_wave_at_its
         (lambda: y_guide(3, 3, bead=BIG, end=STEEL, gaps=1e-6, gravity=9.81),
          "require gravity and preload 0"),
         (lambda: to_lammps(y_guide(3, 3, bead=BIG, gaps=1e-6), State(*np.zeros((2, 9, 2))),
-                           1e-5, 1e-6, "unwritten"), "gaps of a guide are no property of beads"),
+                           1e-5, 1e-6, "unwritten"), "gaps between the beads of a guide"),
         (lambda: chain([BIG] * 3, gaps=-1e-6), "gap 0 -1e-06 m must be at least 0"),
         (lambda: chain([BIG] * 3, gaps=[1e-6] * 3), r"must be \(2,\)"),
         (lambda: chain([BIG] * 3, gaps=1e-6, preload=1.0), "require gravity and preload 0"),

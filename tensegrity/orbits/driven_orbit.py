@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity.orbits.flow import DrivenFlow
-from tensegrity.orbits.shooting import Orbit, Shooting, above_rest
-from tensegrity.scenes.chain import Chain
-from tensegrity.scenes.scene import State
+from tensegrity.orbits.shooting import Orbit, Shooting
+from tensegrity.readonly import FixedDict
+from tensegrity.scenes.scene import Scene, State
 from tensegrity.typing import Array
 
 ANGLE, LEAST = 0.5, 16  # first dt times the bound on the frequency, and least number of steps
@@ -28,7 +28,7 @@ class WholePeriod(Shooting):
 
     Parameters
     ----------
-    scene : Chain
+    scene : Scene
     guess : State
         Its velocities count too.
     period : float
@@ -40,7 +40,7 @@ class WholePeriod(Shooting):
         Numbers of the sites whose motion is not prescribed.
     """
 
-    def __init__(self, scene: Chain, guess: State, period: float) -> None:
+    def __init__(self, scene: Scene, guess: State, period: float) -> None:
         super().__init__(scene, DrivenFlow(scene, 1, period))
         self._period, self._start = period, scene.at_rest()
         self._rate = period / (2 * math.pi)  # displacement over velocity [s]
@@ -158,13 +158,10 @@ class WholePeriod(Shooting):
                 site: one.varied({k: y for k, y in values.items() if k in one.parameters})
                 for site, one in scene.drive.items()
             }
-            scene = Chain(
-                scene.springs, scene.sites, scene.mass, scene.ends, drive=drive,
-                damping=scene.damping, forces=self.of.further_forces,
-            )  # fmt: skip
+            scene = scene._varied(drive=FixedDict(drive))
         self.flow.end(state.u, state.v, period, values)
         opens = bool(self.of.springs.kinks_within(self.flow.ranges))
-        energy = above_rest(scene, state)
+        energy = self.above_rest(state.u, state.v)
         return Orbit(scene, state, period, energy, residual, opens, self.flow.steps)
 
     def step(self, x: Array) -> tuple[Array, float]:

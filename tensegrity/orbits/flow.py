@@ -1,4 +1,4 @@
-"""The flow of a chain over a given time, and its tangents, by compiled loops.
+"""The flow of a scene over a given time, and its tangents, by compiled loops.
 
 A run of a splitting is followed by the reverse loop of `tensegrity.engine.reverse`, with one
 objective for each entry of the final state: what it propagates to the start are the rows of the
@@ -40,12 +40,14 @@ METHOD = Splitting(
 
 
 class Flow:
-    """The map of a chain's state over a given time, in steps of equal length.
+    """The map of a scene's state over a given time, in steps of equal length.
+
+    States are flattened; `entries` counts the coordinates of all sites.
 
     Parameters
     ----------
-    scene : Chain
-        Neither driven nor damped.
+    scene : Scene
+        Neither driven nor damped, its list of contacts fixed.
     steps : int
 
     Attributes
@@ -55,8 +57,9 @@ class Flow:
     """
 
     def __init__(self, scene: Scene, steps: int) -> None:
-        self.steps, self._bonds = steps, dynamics(scene).loop_bonds
-        self._u, self._v = np.zeros((2, scene.sites))
+        of, self.steps, self._shape = dynamics(scene), steps, scene.shape
+        self._bonds = of.loop_bonds
+        self._u, self._v = of.arrays(scene.at_rest())
         self._loop = kernel.bind(self._u, self._v, self._bonds, METHOD, 1.0, divided=False)
         self._layout = Layout(self._bonds, ((),) * len(self._bonds.laws))
         self._loops: dict[int, ReverseLoop] = {}
@@ -66,20 +69,23 @@ class Flow:
 
         Parameters
         ----------
-        u, v : ndarray, (sites,)
+        u, v : ndarray, (entries,)
             Initial state [m], [m/s].
         duration : float
             [s]
 
         Returns
         -------
-        u, v : ndarray, (sites,)
+        u, v : ndarray, (entries,)
         """
-        self._u[:], self._v[:] = u, v
+        arrays, sites = (self._u, self._v), self._shape[0]
+        for array, values in zip(arrays, (u, v), strict=True):
+            array[:sites] = values.reshape(self._shape)
         self._loop.set_step(duration / self.steps)
         self._loop.forget_range()
         self._loop.advance_open(self.steps, False)
-        return self._u.copy(), self._v.copy()
+        ends = [array[:sites].reshape(-1).copy() for array in arrays]
+        return ends[0], ends[1]
 
     def tangents(
         self, u: Array, v: Array, duration: float, of_u: bool = True
@@ -88,7 +94,7 @@ class Flow:
 
         Parameters
         ----------
-        u, v : ndarray, (sites,)
+        u, v : ndarray, (entries,)
             Initial state [m], [m/s].
         duration : float
             [s]
@@ -97,26 +103,27 @@ class Flow:
 
         Returns
         -------
-        u, v : ndarray, (sites,)
+        u, v : ndarray, (entries,)
             Final state.
-        tangent : ndarray, (2 sites, 2 sites), or (sites, 2 sites) of velocities alone
+        tangent : ndarray, (2 entries, 2 entries), or (entries, 2 entries) of velocities alone
             Derivatives of final u, then v, with respect to initial u, then v.
         """
-        final, sites = self.end(u, v, duration), len(u)
-        rows = sites * (1 + of_u)
+        final, entries = self.end(u, v, duration), len(u)
+        rows = entries * (1 + of_u)
         if rows not in self._loops:
             totals = Totals(self._layout, rows)
             self._loops[rows] = ReverseLoop(self._layout, METHOD, 1.0, totals)
-        loop, each = self._loops[rows], np.arange(sites)
+        loop, each = self._loops[rows], np.arange(entries)
         for name in ("kicks", "drifts"):
             loop.scene.filled[name][:] = stages(METHOD, duration / self.steps)[name]
-        loop.ub[:], loop.vb[:] = 0.0, 0.0
+        by_u, by_v = (array.reshape(rows, -1) for array in (loop.ub, loop.vb))  # views
+        by_u[:], by_v[:] = 0.0, 0.0
         if of_u:
-            loop.ub[each, each] = 1.0
-        loop.vb[rows - sites + each, each] = 1.0
-        loop.set(*final)
+            by_u[each, each] = 1.0
+        by_v[rows - entries + each, each] = 1.0
+        loop.set(*(x.reshape(loop.u[: self._shape[0]].shape) for x in final))
         loop.reverse(self.steps, self.steps, opened=False)
-        return *final, np.hstack([loop.ub[:, :sites], loop.vb[:, :sites]])
+        return *final, np.hstack([by_u[:, :entries], by_v[:, :entries]])
 
     @property
     def ranges(self) -> Array:

@@ -21,20 +21,23 @@ from tensegrity.errors import TensegrityError
 from tensegrity.orbits.driven_orbit import WholePeriod
 from tensegrity.orbits.orbit import HalfPeriod
 from tensegrity.orbits.period import DrivePeriod
-from tensegrity.orbits.shooting import Orbit, above_rest
-from tensegrity.orbits.stability import STABLE, floquet
-from tensegrity.scenes.chain import Chain
+from tensegrity.orbits.shooting import Orbit
+from tensegrity.orbits.stability import STABLE, half_multipliers
 from tensegrity.scenes.dynamics import dynamics
-from tensegrity.scenes.scene import State
+from tensegrity.scenes.scene import Scene
 
 if TYPE_CHECKING:
     from tensegrity.orbits.stability import Multipliers
     from tensegrity.typing import Array, Flags
 
 FINER = 2  # steps of the flow along a path over those of its first orbit
-ON_CIRCLE = 1e-6  # distance of a complex multiplier from the unit circle at a torus point
+ON_CIRCLE = 1e-6  # distance of a multiplier, or of a sum of a pair, from where its event is
+MEET = 1e-6  # imaginary part of mu + 1/mu up to which a pair lies on the unit circle
+SAME_PLACE = 1e-9  # relative difference of two events of one kind that are one
 REFINED = 3  # largest number of traces with more and more steps
 POINTS = 2000  # largest number of rows
+NEAR_END = 1e-3  # distance from the end of a spring's domain over its range, that is close
+CLOSED = 1e-13  # residual above which it may be what ends a path
 FINENESS = 16  # parts into which a step is divided where the extent of a motion is computed
 
 
@@ -44,7 +47,7 @@ class OrbitPath(Table):
     Attributes
     ----------
     amplitude : ndarray, (rows,)
-        Half of the largest extent of the displacement of a site [m]; of an undriven chain between
+        Half of the largest extent of the displacement of a site [m]; of an undriven scene between
         the two turning points.
     period, energy : ndarray, (rows,)
         [s], and above that at rest [J].
@@ -57,10 +60,10 @@ class OrbitPath(Table):
     events : tuple of Event
         Located points, with the columns and `value`, that of the first column, as attributes.  The
         kinds are "fold" (the followed quantity is stationary), "doubling" (a multiplier is -1: the
-        period doubles), "torus" (two complex ones lie on the unit circle) and "stability" (the
-        stability changes in another way, as where branches intersect).  Undriven orbits have none
-        where four complex multipliers leave the circle: waves reflected at the ends of a chain
-        cause many of these, and `stable` shows them to a row.
+        period doubles), "torus" (complex ones leave the unit circle) and "stability" (the
+        stability changes in another way, as where branches intersect).  At a torus point of an
+        undriven orbit two pairs meet on the circle and leave it together; waves reflected at the
+        ends of a long chain cause weak ones.
     end : str
         Why the path ends.
     """
@@ -125,7 +128,8 @@ def orbit_path(orbit: Orbit, by: str, until: float) -> OrbitPath:
         try:
             branch = trace(problem, family.start, (), settings, towards, ("end",))
         except ContinuationError as error:
-            raise TensegrityError(f"the path by {by} does not reach {until:g}: {error}") from None
+            words = f"the path by {by} does not reach {until:g}"
+            raise TensegrityError(f"{words}: {family.stopped(error)}") from None
         # what kinks leave hardly falls with the steps, of which the first orbit has many then
         if orbit.opens or family.resolved(_events_and_ends(family, branch)[1]):
             break
@@ -139,7 +143,7 @@ def _events_and_ends(family: _Family, branch: Branch) -> tuple[list[Array], list
     return at, [branch.z[0], branch.z[-1], *at]
 
 
-def _names(scene: Chain) -> dict[str, float]:
+def _names(scene: Scene) -> dict[str, float]:
     """The parameters of all drives, each with its value."""
     found: dict[str, float] = {}
     for drive in scene.drive.values():
@@ -154,14 +158,17 @@ def _names(scene: Chain) -> dict[str, float]:
 class _Family:
     """Equations of a family of orbits, as `tensegrity.branches.many` takes them."""
 
-    roots: tuple[str, ...] = ("end", "doubling", "torus")
+    kinds: tuple[str, ...] = ("doubling", "torus")  # of events of the multipliers
     leaving = np.zeros(0, dtype=int)
-    longest = 0.02  # step, relative: two events within one are not seen
+    longest = 0.02  # step, relative: what changes and changes back within one is not seen
     settled = 1e-11  # residual that twice as many steps may leave, over the size of the orbit
     flow: Any
 
-    def __init__(self, orbit: Orbit, by: str, until: float, start: Array, scale: Array) -> None:
-        self.by, self.until, self.start, self.scale = by, until, start, scale
+    def __init__(
+        self, orbit: Orbit, by: str, until: float, start: Array, scale: Array, count: int
+    ) -> None:
+        self.by, self.until, self.start, self.scale, self._count = by, until, start, scale, count
+        self.roots = ("end", *(f"{kind} {k}" for kind in self.kinds for k in range(count)))
         self.names = (*(f"unknown {k}" for k in range(len(start) - 1)), by)
         self.folds = {"fold": len(start) - 1}
         self._last: tuple[bytes, Any] = (b"", None)
@@ -198,12 +205,27 @@ class _Family:
         return self.found(u)[0]
 
     def tests(self, u: Array) -> Array:
-        """Functions that vanish at the end, at a doubling and at a torus point, (3,)."""
+        """Functions that vanish at the end and at events of the multipliers, (roots,).
+
+        Of each kind the values of `distances` in ascending order, as many of which are negative as
+        multipliers have passed: several that pass in one step are seen one by one."""
         if not np.isfinite(self.found(u)[0]).all():
             return np.full(len(self.roots), math.nan)
-        found = self.multipliers(u)
-        pairs = 1 - np.abs(found[found.imag > 0]) ** 2
-        return np.array([u[-1] - self.until, _least(1 + found), _least(pairs)])
+        rows = np.full((len(self.kinds), self._count), 1.0)
+        for row, values in zip(rows, self.distances(self.multipliers(u)), strict=True):
+            row[: len(values)] = np.sort(values)[: self._count]
+        return np.append(u[-1] - self.until, rows)
+
+    def distances(self, found: Multipliers) -> tuple[Array, ...]:
+        """For each kind of event, numbers that pass 0 there, of any count."""
+        return 1 + found.real, 1 - np.abs(found) ** 2
+
+    def is_event(self, kind: str, found: Multipliers) -> bool:
+        """Whether multipliers are those of an event of this kind, where one of its numbers is 0."""
+        if kind == "torus":
+            pairs = found[found.imag > 0]
+            return bool(np.abs(np.abs(pairs) - 1).min(initial=1.0) < ON_CIRCLE)
+        return kind != "doubling" or bool(np.abs(1 + found).min(initial=1.0) < ON_CIRCLE)
 
     def resolved(self, points: list[Array]) -> bool:
         """Whether twice as many steps of the flow find the same orbits."""
@@ -213,15 +235,36 @@ class _Family:
         size = max(float(np.abs(u[:-1] / self.scale[:-1]).max()) for u in points)
         return max(found) < self.settled * size
 
+    def stopped(self, error: ContinuationError) -> str:
+        """Words on the last orbit before an error, and why it may be the last."""
+        if error.branch is None:
+            return str(error)
+        orbit, row = self.row(error.branch.z[-1])
+        low, high = dynamics(orbit.scene).springs.computable_domain.T
+        left = np.minimum(self.flow.ranges[:, 0] - low, high - self.flow.ranges[:, 1])
+        near = left < NEAR_END * np.ptp(self.flow.ranges, axis=1)
+        reasons = {
+            "a spring is close to the end of its domain there": near.any(),
+            "springs pass kinks, where tangents are not smooth": orbit.opens,
+            f"its equations close to {orbit.residual:.1e} only": orbit.residual > CLOSED,
+            f"it has {POINTS} rows": len(error.branch.z) >= POINTS,
+        }
+        found = [words for words, holds in reasons.items() if holds]
+        at = ", ".join(f"{name} {row[name]:.6g}" for name in (self.by, "amplitude", "period"))
+        why = "; ".join(found) or "steps become too short, as near other branches"
+        return f"its last orbit is that of {at}: {why}"
+
     def path(self, branch: Branch) -> OrbitPath:
         """The orbits of a branch, and those events that are events of the orbits."""
-        rows, events = [self.row(u) for u in branch.z], []
+        rows, events = [self.row(u) for u in branch.z], list[Event]()
         for event, u in zip(branch.events, _events_and_ends(self, branch)[0], strict=True):
-            kind = "stability" if event.kind == "bifurcation" else event.kind
-            found = self.multipliers(u)
-            off = float(np.abs(np.abs(found[found.imag > 0]) - 1).min(initial=1.0))
-            if kind != "end" and not (kind == "torus" and off > ON_CIRCLE):
-                events.append(Event(kind, event.row, self.row(u)[1]))
+            kind = "stability" if event.kind == "bifurcation" else event.kind.split()[0]
+            if kind == "end" or not self.is_event(kind, self.multipliers(u)):
+                continue
+            new = Event(kind, event.row, self.row(u)[1])
+            if not any(kind == x.kind and math.isclose(x.value, new.value, rel_tol=SAME_PLACE)
+                       for x in events[-self._count :]):  # fmt: skip
+                events.append(new)
         columns = {name: np.array([row[name] for _, row in rows]) for name in rows[0][1]}
         path = OrbitPath(columns, events, f"{self.by} {self.until:g}")
         path.orbits = tuple(one for one, _ in rows)
@@ -236,15 +279,6 @@ class _Family:
         return orbit, row | {"multiplier": largest, "stable": largest <= 1 + STABLE}
 
 
-def _least(factors: Array | Multipliers) -> float:
-    """The smallest of some factors, with the sign of their product."""
-    if not factors.size:
-        return 1.0
-    sizes = np.abs(factors)
-    sign = np.prod(factors / np.maximum(sizes, 1e-300)).real
-    return float(math.copysign(sizes.min(), sign))
-
-
 class _Driven(_Family):
     """Unknowns are those of `WholePeriod`, and the parameter."""
 
@@ -254,7 +288,8 @@ class _Driven(_Family):
         self._whole, self._first, self._period = whole, orbit.period, DrivePeriod(orbit.scene)
         begin, size = _names(orbit.scene)[by], float(np.abs(whole.guess).max()) or 1.0
         scale = np.append(np.full(len(whole.guess), size), abs(begin) or abs(until))
-        super().__init__(orbit, by, until, np.append(whole.guess, begin), scale)
+        start = np.append(whole.guess, begin)
+        super().__init__(orbit, by, until, start, scale, len(whole.guess))
 
     def _evaluated(self, u: Array) -> tuple[Array, Array]:
         whole, values = self._whole, {self.by: float(u[-1])}
@@ -283,20 +318,21 @@ class _Driven(_Family):
 class _Reversible(_Family):
     """Unknowns are u(0) of the free sites, T, and the energy where it is followed."""
 
-    roots = ("end", "doubling", "stability")
+    kinds = ("doubling", "stability", "torus")
     longest, settled = 0.1, 1e-9
 
     def __init__(self, orbit: Orbit, by: str, until: float, steps: int) -> None:
-        self._half = half = HalfPeriod(orbit.scene, orbit.state.u, None)
+        self._half = half = HalfPeriod(orbit.scene, orbit.state.u.ravel())
         self.flow, half.flow.steps, self._first = half.flow, steps, orbit.period
-        u, size = orbit.state.u[half.free], float(np.ptp(orbit.state.u))
+        u, size = orbit.state.u.ravel()[half.free], half.extent(orbit.state.u.ravel())
         more = [orbit.period, orbit.energy][: 1 + (by == "energy")]
         scale = np.append(np.full(len(u), size), more)
-        super().__init__(orbit, by, until, np.append(u, more), scale)
+        pairs = len(u) - 1 - half.shifts.shape[1]
+        super().__init__(orbit, by, until, np.append(u, more), scale, pairs)
 
     def _state(self, u: Array) -> tuple[Array, float]:
-        """u(0) of all sites, and T/2."""
-        found = np.zeros(self._half.scene.sites)
+        """u(0) of all entries, and T/2."""
+        found = np.zeros(len(self._half.inverse_mass))
         found[self._half.free] = u[: len(self._half.free)]
         return found, float(u[len(self._half.free)]) / 2
 
@@ -305,37 +341,53 @@ class _Reversible(_Family):
         if half <= 0 or not self._half.inside(x):
             return u[:-1] + math.nan, np.zeros((len(u) - 1, len(u)))
         v, jacobian, acceleration = self._half.equations(x, half)
-        unit = 2 * math.pi * self.scale[0] / self._first
+        size = max(self.scale[0], self._half.extent(x))  # round-off grows with the orbit
+        unit = math.pi * size / min(self._first / 2, half)
         rows = np.column_stack([jacobian, acceleration / 2]) / unit
         if self.by == "period":
             return v / unit, rows
-        energy = self.scale[-1]
-        missing = (above_rest(self._half.scene, State(x, 0 * x)) - u[-1]) / energy
+        energy = max(self.scale[-1], abs(u[-1]))
+        missing = (self._half.above_rest(x, 0 * x) - u[-1]) / energy
         matrix = np.zeros((len(u) - 1, len(u)))
         matrix[:-1, :-1] = rows
-        matrix[-1, : len(v)] = -self._half.scene.forces(x)[self._half.free] / energy
+        matrix[-1, : len(v)] = -self._half.forces(x)[self._half.free] / energy
         matrix[-1, -1] = -1 / energy
         return np.append(v / unit, missing), matrix
 
-    def tests(self, u: Array) -> Array:
-        """Functions that vanish at the end, at a doubling, and where a real pair leaves 1, (3,).
+    def distances(self, found: Multipliers) -> tuple[Array, ...]:
+        """Of a pair mu, 1/mu the sum counts, which passes 2 and -2 linearly; where two pairs meet
+        on the circle and leave it, the square of the difference of their sums changes its sign."""
+        sums = _sums(found)
+        on = np.abs(sums.imag) < MEET
+        apart = np.diff(np.sort(sums.real[on])) ** 2
+        off = -4 * sums.imag[~on & (sums.imag > 0)] ** 2
+        return 2 + sums.real, 2 - sums.real, np.append(off, apart) + 4 * MEET**2
 
-        Of a pair mu, 1/mu the sum counts, which passes 2 and -2 linearly."""
-        if not np.isfinite(self.found(u)[0]).all():
-            return np.full(len(self.roots), math.nan)
-        found = self.multipliers(u)
-        real = found[found.imag == 0]
-        halves = [x[: len(x) // 2] for x in (real[real.real > 0], real[real.real < 0])]
-        one = np.concatenate([found[found.imag > 0], *halves])
-        return np.array([u[-1] - self.until, _least(2 + one + 1 / one), _least(2 - one - 1 / one)])
+    def is_event(self, kind: str, found: Multipliers) -> bool:
+        """Whether multipliers are those of an event of this kind, where one of its numbers is 0."""
+        sums = _sums(found)
+        if kind == "torus":
+            place = np.sort(sums[np.abs(sums.imag) < 2 * MEET].real)
+            near = np.argmin(np.diff(place)) if len(place) > 1 else 0
+            return len(place) > 1 and abs(place[near]) < 2
+        end = -2.0 if kind == "doubling" else 2.0
+        return bool(np.abs(sums - end).min(initial=1.0) < ON_CIRCLE)
 
     def multipliers(self, u: Array) -> Multipliers:
-        return floquet(self.orbit(u)).multipliers
+        return half_multipliers(self._half, *self._state(u))[0]
 
     def orbit(self, u: Array) -> Orbit:
         x, half = self._state(u)
         return self._half.found(np.append(x, half), float(np.abs(self.found(u)[0]).max()))
 
     def amplitude(self, orbit: Orbit) -> float:
-        u = orbit.state.u
+        u = orbit.state.u.ravel()
         return float(np.abs(self._half.flow.end(u, 0 * u, orbit.period / 2)[0] - u).max() / 2)
+
+
+def _sums(found: Multipliers) -> Multipliers:
+    """mu + 1/mu of each pair of multipliers, (pairs,)."""
+    real = found[found.imag == 0]
+    halves = [x[: len(x) // 2] for x in (real[real.real > 0], real[real.real < 0])]
+    one = np.concatenate([found[found.imag > 0], *halves])
+    return np.asarray(one + 1 / one, dtype=complex)

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from tensegrity.errors import TensegrityError
-from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.forcing import time_signals
+from tensegrity.scenes.scene import Scene
 
 MULTIPLES = 1000  # largest ratio of a common period to one of its parts
 FIT = 1e-9  # relative, of periods that are whole multiples of each other
@@ -26,7 +26,7 @@ class DrivePeriod:
 
     Parameters
     ----------
-    scene : Chain
+    scene : Scene
 
     Attributes
     ----------
@@ -39,7 +39,7 @@ class DrivePeriod:
         No function of time, one without a period, or several whose periods do not fit together.
     """
 
-    def __init__(self, scene: Chain) -> None:
+    def __init__(self, scene: Scene) -> None:
         rates: list[tuple[str, Any, dict[str, float]]] = []
         signals = time_signals(scene)
         for signal in signals:

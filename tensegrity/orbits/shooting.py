@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from tensegrity.errors import TensegrityError
 from tensegrity.runs.integrate import simulate
 from tensegrity.runs.run import Run
-from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.dynamics import dynamics
-from tensegrity.scenes.scene import State
+from tensegrity.scenes.scene import Scene, State
+from tensegrity.structures.supports import orthonormal, rigid_motions
 from tensegrity.typing import Array
 
 ITERATIONS, HALVINGS = 60, 8  # of Newton's method, and of one of its steps
@@ -21,6 +22,7 @@ CONVERGED = 1e-12  # last step of Newton's method over the largest displacement
 STUCK = 1e-9  # the same, below which round-off may end the iteration
 SETTLED = 1e-9  # change of the unknowns between two numbers of steps, over the largest
 FINEST = 4096  # steps of the flow
+FIXED = 1e-9  # part of a motion that counts as none
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,25 +31,25 @@ class Orbit:
 
     Attributes
     ----------
-    scene : Chain
+    scene : Scene
     state : State
-        Of a driven or damped chain at t = 0; else at rest, at the turning point that the guess
+        Of a driven or damped scene at t = 0; else at rest, at the turning point that the guess
         lies nearer to.
     period : float
         [s]
     energy : float
         Above that at rest [J].
     residual : float
-        Of a driven or damped chain the largest change of the state in a period over its size; else
+        Of a driven or damped scene the largest change of the state in a period over its size; else
         the largest |v| at half the period over the largest |v| that linear motion of the same
         displacements and period has.
     opens : bool
         Whether some spring passes a kink, such as the loss of contact: fewer digits then.
     steps : int
-        Steps of the period of a driven or damped chain, else of half a period.
+        Steps of the period of a driven or damped scene, else of half a period.
     """
 
-    scene: Chain = field(repr=False)
+    scene: Scene = field(repr=False)
     state: State = field(repr=False)
     period: float
     energy: float
@@ -61,6 +63,8 @@ class Orbit:
             f"periodic orbit of {self.scene.sites} sites, period {self.period:.6g} s, energy "
             f"{self.energy:.6g} J\nresidual {self.residual:.1e}{opens}"
         )
+
+    __repr__ = __str__
 
     def run(self, tol: float = 1e-9) -> Run:
         """A run of one period from `state`, with the tolerance of `simulate`."""
@@ -76,13 +80,23 @@ class Shooting:
 
     Parameters
     ----------
-    scene : Chain
+    scene : Scene
     flow : Flow or DrivenFlow
         Whose steps are chosen here.
+
+    Attributes
+    ----------
+    inverse_mass : ndarray, (entries,)
+        [1/kg], 0 at held sites.
+    rest : ndarray, shape of the scene
+        Displacements at rest [m]; of a driven chain 0.
     """
 
-    def __init__(self, scene: Chain, flow: Any) -> None:
+    def __init__(self, scene: Scene, flow: Any) -> None:
         self.scene, self.flow, self.of = scene, flow, dynamics(scene)
+        self.inverse_mass = np.repeat(self.of.inverse_mass, scene.dim)
+        self.rest = np.zeros(scene.shape) if scene.drive else scene.at_rest().u
+        self._least = scene.energy(State(self.rest, 0 * self.rest))
 
     def step(self, x: Array) -> tuple[Array, float]:
         """Newton's step from x, and the residual there; nan and inf outside of the springs'
@@ -97,10 +111,28 @@ class Shooting:
         """Refuse x that is no orbit."""
 
     def inside(self, u: Array) -> bool:
-        """Whether all springs are inside their domains."""
+        """Whether the scene can have these displacements, (entries,), and all springs are inside
+        their domains."""
         low, high = self.of.springs.computable_domain[self.of.springs.group].T
-        r = np.diff(u)
-        return not np.any((r <= low) | (r >= high))
+        u = u.reshape(self.scene.shape)
+        r = self.of.elongations(u)
+        if not np.all((low < r) & (r < high)):
+            return False
+        try:
+            if self.of.clearance is not None:
+                self.of.clearance.check(u)
+        except TensegrityError:
+            return False
+        return True
+
+    def above_rest(self, u: Array, v: Array) -> float:
+        """Energy of a state of (entries,) above that at rest [J]."""
+        state = State(u.reshape(self.scene.shape), v.reshape(self.scene.shape))
+        return self.scene.energy(state) - self._least
+
+    def forces(self, u: Array) -> Array:
+        """Forces of displacements [N], (entries,)."""
+        return self.scene.forces(u.reshape(self.scene.shape)).ravel()
 
     def settled(self, x: Array, steps: int) -> tuple[Array, float]:
         """The orbit near x and its residual, with as many steps as it needs.
@@ -152,7 +184,35 @@ class Shooting:
         raise NoOrbitError(f"the last Newton step is {size:.1e} of the displacements")
 
 
-def above_rest(scene: Chain, state: State) -> float:
-    """Energy of a state above that at rest [J]."""
-    nothing = np.zeros(scene.sites)
-    return scene.energy(state) - scene.energy(State(nothing, nothing))
+def symmetries(scene: Scene, u: Array) -> Array:
+    """Rigid motions of a whole scene that change neither its contacts nor the energy of its loads.
+
+    Parameters
+    ----------
+    scene : Scene
+    u : ndarray, (entries,)
+        Displacements at which it is moved [m].
+
+    Returns
+    -------
+    ndarray, (entries, motions)
+        Orthonormal.
+    """
+    dim, sites = scene.dim, scene.sites
+    at = u.reshape(sites, dim) + getattr(scene, "positions", 0.0)
+    motions = rigid_motions(at) if sites > 1 else np.eye(dim)
+    loads = np.broadcast_to(scene.loads, scene.shape).reshape(sites, dim)
+    walls: Any = getattr(scene, "walls", ())
+    touched = np.unique(getattr(scene, "wall_contacts", np.zeros((0, 2), int))[:, 1])
+    normals = np.reshape([walls[wall].normal for wall in touched], (-1, dim))
+    held = motions.reshape(sites, dim, -1)[list(scene.held)].reshape(-1, motions.shape[1])
+    rows, turning = [held], motions.shape[1] - dim
+    for kept, pulled in ((normals, normals), (loads[loads.any(axis=1)], loads.sum(axis=0)[None])):
+        rows.append(np.hstack([pulled, np.zeros((len(pulled), turning))]))
+        if len(kept) and turning:  # vectors that a rotation must not turn
+            turned = rigid_motions(np.concatenate([kept, -kept]))[:, dim:]
+            rows.append(np.hstack([np.zeros((len(turned), dim)), turned]))
+    _, sizes, right = np.linalg.svd(np.concatenate(rows))
+    rank = int(np.sum(sizes > FIXED * max(1.0, sizes.max(initial=0.0)))) if sizes.size else 0
+    found = motions @ right[rank:].T
+    return orthonormal(found) if found.size else found

@@ -1,11 +1,12 @@
-"""Floquet multipliers of exact waves and of periodic orbits: `floquet`.
+"""Floquet multipliers of exact waves, of fronts and of periodic orbits: `floquet`.
 
 A wave r(x - c t) returns to itself when it has run for 1/c and is moved back by one site.  The
 tangent of that map on an open window, whose perturbations are 0 ahead of it and are dropped behind
 it, has two multipliers 1, of the wave's shift and of its change with the speed.  Linear waves are
 slower than the wave and leave the window, so that their multipliers lie inside the unit circle and
 an instability of the wave stands alone.  On a ring, a wave meets its own radiation and is unstable
-by that.  An orbit that is at rest at t = 0 has the tangent M = R P^-1 R P of a period, P that of
+by that.  A front on springs to the ground, which dashpots damp, has one neutral motion, its shift.
+An orbit that is at rest at t = 0 has the tangent M = R P^-1 R P of a period, P that of
 half a period, and R the reversal of velocities.  Source: G. Friesecke, R. Pego, Nonlinearity 17,
 207 (2004), whose exponential weight is here the balancing of the matrix by LAPACK.
 """
@@ -22,13 +23,15 @@ from numpy.typing import NDArray
 from tensegrity import check
 from tensegrity.errors import ResolutionError, TensegrityError
 from tensegrity.orbits.driven_orbit import whole_multipliers
-from tensegrity.orbits.flow import Flow
+from tensegrity.orbits.flow import DrivenFlow, Flow
+from tensegrity.orbits.orbit import HalfPeriod
 from tensegrity.orbits.shooting import Orbit
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.typing import Array
 from tensegrity.waves.by_speed import neutral_motions
 from tensegrity.waves.solitary import SolitaryWave
+from tensegrity.waves.transition import TransitionWave
 
 Multipliers: TypeAlias = NDArray[np.complex128]
 
@@ -37,7 +40,7 @@ ORDER, MARGIN = 3, 1.2  # of the pair of 1s, which splits by the root of the err
 CLOSED = 1e-6  # largest distance of the neutral multipliers from 1
 AGREE = 1e-7  # of multipliers in two windows
 STABLE = 1e-6  # of a modulus beyond 1
-TAIL = 1e-12  # of the peak, left outside of the window
+TAIL, FRONT_TAIL = 1e-12, 1e-9  # of the peak or step, left outside of the window
 SHORTER = 0.08  # part of the sites by which the second window is shorter at each end
 LARGEST = 700  # sites of a window
 
@@ -73,28 +76,30 @@ class Floquet:
             f"neutral ones closed to {np.abs(self.neutral - 1).max(initial=0):.1e}"
         )
 
+    __repr__ = __str__
 
-def floquet(of: SolitaryWave | Orbit) -> Floquet:
-    """Stability of an exact wave or of a periodic orbit from its Floquet multipliers.
+
+def floquet(of: SolitaryWave | TransitionWave | Orbit) -> Floquet:
+    """Stability of an exact wave, a front or a periodic orbit from its Floquet multipliers.
 
     Parameters
     ----------
-    of : SolitaryWave or Orbit
-        What `solitary_wave` or `periodic_orbit` returns.
+    of : SolitaryWave, TransitionWave or Orbit
+        What `solitary_wave`, `transition_wave` with a ground, or `periodic_orbit` returns.
 
     Returns
     -------
     Floquet
-        Multipliers per site that a wave passes, or per period of an orbit.  Those of an orbit are
-        of its chain: complex ones off the unit circle that change with the number of sites are due
-        to waves reflected at its ends.
+        Multipliers per site that a wave passes, or per period of an orbit.  Those of an orbit
+        belong to its finite chain: complex ones off the unit circle that change with the number of
+        sites are due to waves reflected at the ends.
 
     Raises
     ------
     TensegrityError
-        Something else than a wave or an orbit, or a wave too wide for a window.
+        Something else than these, a front of bonds alone, or a wave too wide for a window.
     ResolutionError
-        The neutral multipliers do not come closer to 1 than 1e-6 with the smallest steps, or an
+        The neutral multipliers deviate from 1 by more than 1e-6 with the smallest steps, or an
         unstable multiplier depends on the window.
 
     Examples
@@ -110,20 +115,30 @@ def floquet(of: SolitaryWave | Orbit) -> Floquet:
     """
     if isinstance(of, Orbit):
         return _of_orbit(of)
-    check.kind("of", of, SolitaryWave)
-    half = math.ceil(of.reach(TAIL)) + 2
+    is_front = isinstance(of, TransitionWave)
+    if not is_front:
+        check.kind("of", of, SolitaryWave)
+    elif of.ground is None:
+        raise TensegrityError("stability of a front needs springs to the ground: with bonds alone "
+                              "its ends move")  # fmt: skip
+    half = math.ceil(of.reach(FRONT_TAIL if is_front else TAIL)) + 2
     sites = 2 * half + 1
     if sites > LARGEST:
         raise TensegrityError(
             f"the wave needs a window of {sites} sites, must be at most {LARGEST}: it decays "
             f"slowly, as its speed is only {of.speed_ratio:.9g} of the sound speed"
         )
-    chain = Chain(of.potential, sites, of.mass)
     x: Array = np.arange(-half, half + 1, dtype=np.float64)
-    motions = neutral_motions(of, x).reshape(2, 2 * sites).T
+    if is_front:
+        chain = Chain(of.potential, sites, of.mass, ground=of.ground, damping=of.damping)
+        flow = DrivenFlow(chain, FIRST, 1 / of.speed)
+        _passed(of, flow, x)
+        motions = np.concatenate(flow.rates_at_start(1 / of.speed))[:, None]  # of its shift
+    else:
+        flow = Flow(Chain(of.potential, sites, of.mass), FIRST)
+        motions = neutral_motions(of, x).reshape(2, 2 * sites).T
     place = np.tile(x, 2)  # of the entries of a state
     inner = np.flatnonzero(np.abs(place) <= half - math.floor(SHORTER * sites))
-    flow = Flow(chain, FIRST)
     while True:
         tangent = _passed(of, flow, x)
         rest, neutral = _deflated(tangent, motions, place)
@@ -148,30 +163,53 @@ def floquet(of: SolitaryWave | Orbit) -> Floquet:
 
 
 def _of_orbit(orbit: Orbit) -> Floquet:
-    """The multipliers of one period, without those of the neutral motions.
-
-    The symplectic complement of these is invariant, and the projection on it changes no other
-    multiplier.
-    """
+    """The multipliers of one period, without those of the neutral motions."""
     if dynamics(orbit.scene).is_driven:  # nothing is neutral
         found = _descending(whole_multipliers(orbit))
         return _verdict(found, found[:0], 1 / orbit.period)
-    tangent, motions = _half_map(orbit)
-    sites = orbit.scene.sites
-    mass = np.diag(orbit.scene.mass)
-    form, reversal = np.kron([[0, 1], [-1, 0]], mass), np.repeat([1.0, -1.0], sites)[:, None]
-    inverse = np.linalg.solve(form, tangent.T @ form)
-    whole = reversal * (inverse @ (reversal * tangent))
-    left = np.linalg.solve(motions.T @ form @ motions, motions.T @ form)
-    neutral = _multipliers(left @ whole @ motions)
-    rest = whole - whole @ motions @ left
-    rest -= motions @ (left @ rest)
-    moving = np.tile(dynamics(orbit.scene).inverse_mass > 0, 2)
-    found = _multipliers(rest[np.ix_(moving, moving)])
-    return _verdict(found[: len(found) - motions.shape[1]], neutral, 1 / orbit.period)
+    u = orbit.state.u.ravel()
+    half = HalfPeriod(orbit.scene, u)
+    half.flow.steps = orbit.steps
+    return _verdict(*half_multipliers(half, u, orbit.period / 2), 1 / orbit.period)
 
 
-def _passed(wave: SolitaryWave, flow: Flow, x: Array) -> Array:
+def half_multipliers(half: HalfPeriod, u: Array, time: float) -> tuple[Multipliers, Multipliers]:
+    """The multipliers of an undriven orbit in descending modulus, and the neutral ones.
+
+    Motions that the period leaves as they are, along the orbit and of the whole scene, have a
+    symplectic complement that is invariant and contains them; the multipliers sought are those in
+    it modulo these motions, and each of these motions stands for a pair of neutral ones.
+
+    Parameters
+    ----------
+    half : HalfPeriod
+    u : ndarray, (entries,)
+        At a turning point [m].
+    time : float
+        Half the period [s].
+
+    Returns
+    -------
+    multipliers, neutral : ndarray of complex
+    """
+    free, count = half.free, len(half.free)
+    root = 1 / np.sqrt(half.inverse_mass[free])  # makes the form that of canonical variables
+    here, roots = np.append(free, len(u) + free), np.tile(root, 2)
+    tangent = half.flow.tangents(u, 0 * u, time)[2][np.ix_(here, here)]
+    tangent = roots[:, None] * tangent / roots
+    form = np.kron([[0, 1], [-1, 0]], np.eye(count))
+    reversal = np.repeat([1.0, -1.0], count)[:, None]
+    whole = reversal * (-form @ tangent.T @ form @ (reversal * tangent))
+    motions = np.zeros((2 * count, 1 + half.shifts.shape[1]))
+    motions[count:, 0] = half.forces(u)[free] / root
+    motions[:count, 1:] = root[:, None] * half.shifts
+    basis, neutral = np.linalg.qr(motions)[0], motions.shape[1]
+    rest = np.linalg.qr(np.hstack([basis, form @ basis]), mode="complete")[0][:, 2 * neutral :]
+    ones = np.linalg.eigvals(basis.T @ whole @ basis).astype(complex)
+    return _multipliers(rest.T @ whole @ rest), _descending(np.append(ones, 1 / ones))
+
+
+def _passed(wave: SolitaryWave | TransitionWave, flow: Flow | DrivenFlow, x: Array) -> Array:
     """Tangent of the map: run for 1/c, then move back by one site."""
     sites = len(x)
     u, v = wave.displacement(x), -wave.speed * wave.rate(x)
@@ -207,33 +245,3 @@ def _verdict(multipliers: Multipliers, neutral: Multipliers, rate: float) -> Flo
     largest = float(np.abs(multipliers).max(initial=0.0))
     stable = largest <= 1 + STABLE
     return Floquet(multipliers, neutral, 0.0 if stable else rate * math.log(largest), stable)
-
-
-def _half_map(orbit: Orbit) -> tuple[Array, Array]:
-    """The tangent of half a period, and the directions that leave an orbit periodic.
-
-    Parameters
-    ----------
-    orbit : Orbit
-
-    Returns
-    -------
-    tangent : ndarray, (2 sites, 2 sites)
-        With held sites at rest.
-    motions : ndarray, (2 sites, 2 or 4)
-        Pairs: change of the period and phase of the orbit; in a free chain its shift and boost.
-    """
-    scene, u = orbit.scene, orbit.state.u
-    of, sites = dynamics(scene), scene.sites
-    flow, free = Flow(scene, orbit.steps), np.flatnonzero(of.inverse_mass > 0)
-    end, _, tangent = flow.tangents(u, 0 * u, orbit.period / 2)
-    is_free = float(len(free) == sites)
-    jacobian = tangent[sites:, :sites][np.ix_(free, free)]
-    jacobian += is_free * float(np.abs(jacobian).max()) / sites
-    by_period, nothing = np.zeros((2, sites))
-    acceleration = [scene.forces(x) * of.inverse_mass for x in (u, end)]
-    by_period[free] = np.linalg.solve(jacobian, -acceleration[1][free] / 2)
-    motions = [by_period, nothing, nothing, acceleration[0]]
-    if is_free:
-        motions += [nothing + 1, nothing, nothing, nothing + 1]
-    return tangent, np.reshape(motions, (-1, 2 * sites)).T

@@ -20,7 +20,7 @@ from tensegrity.errors import TensegrityError
 from tensegrity.printing import concise, printed
 from tensegrity.readonly import FixedDict, fixed
 from tensegrity.scenes.dynamics import dynamics
-from tensegrity.scenes.force import checked_forces, dashpots, no_force, place_counts
+from tensegrity.scenes.force import applied_forces, checked_forces, place_counts
 from tensegrity.scenes.signals import (
     RTOL,
     check_signals,
@@ -62,7 +62,8 @@ class Drive:
     force : sympy.Expr, float, (t, values), or sequence of expressions, optional
         Force [N], > 0 along the axis, in addition to the forces of the bonds and loads.
     parameters : dict of str to float, optional
-        Values of further symbols of the expressions, which `orbit_path` can follow.
+        Values of further symbols of the expressions, which `orbit_path` can follow, and `varied`
+        changes.
 
     Raises
     ------
@@ -102,7 +103,7 @@ class Drive:
     def __post_init__(self) -> None:
         given = [name for name in ("displacement", "force") if getattr(self, name) is not None]
         if len(given) != 1:
-            raise TensegrityError(f"a drive has {len(given)} of displacement and force, must be 1")
+            raise TensegrityError(f"a drive needs one of displacement and force, not {len(given)}")
         if not isinstance(self.parameters, Mapping):
             raise TensegrityError(f"parameters {check.shown(self.parameters)} must be a dict")
         values = {
@@ -120,7 +121,23 @@ class Drive:
         object.__setattr__(self, "prescribes", given[0] == "displacement")
 
     def varied(self, values: Mapping[str, float]) -> Drive:
-        """The same drive with other values of some of its parameters."""
+        """The same drive with other values of some of its parameters, as for a sweep.
+
+        Parameters
+        ----------
+        values : dict of str to float
+
+        Returns
+        -------
+        Drive
+
+        Raises
+        ------
+        TensegrityError
+            No dict, a value that is not finite, or a parameter that the drive does not have.
+        """
+        if not isinstance(values, Mapping):
+            raise TensegrityError(f"parameters {check.shown(values)} must be a dict")
         return replace(self, parameters={**self.parameters, **values})
 
     def at(self, t: ArrayLike, order: int = 0) -> Array:
@@ -434,10 +451,11 @@ def forcing_of(scene: Any, t_end: float, tuning: Any = None, as_forces: bool = F
     )
 
 
-def applied_forces(scene: Any, as_forces: bool = False) -> tuple[Any, ...]:
-    """The forces of a scene that has any, its dashpots among them; if these shall be forces, at
-    least one force."""
-    if not (scene._forces or as_forces):
-        return ()
-    found = [*scene._forces, *dashpots(scene)]
-    return tuple(one._applied(scene) for one in found or [no_force(scene)])
+def forcing_between(forcing: Forcing, scene: Any) -> Forcing:
+    """The forcing of a scene whose contacts have changed."""
+    return replace(
+        forcing,
+        bonds=dynamics(scene).loop_bonds,
+        bond=np.zeros(len(scene.springs)),
+        applied=applied_forces(scene, bool(forcing.applied)),
+    )

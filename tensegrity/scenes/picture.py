@@ -96,7 +96,7 @@ class Picture:
             for line in self._seen(_box(scene.positions, radius)):
                 self.ax.plot(*self._unit * line.T, "0.6", lw=0.8, zorder=1)
         for wall in scene.walls if view is None else ():
-            line = _edge(wall, low, high)
+            line = edge(wall, low, high)
             if line is not None:
                 self.ax.plot(*self._unit * line.T, "0.3", lw=1.2, zorder=1)
         if scene.radius is None and not self.crowded:
@@ -235,9 +235,20 @@ def _box(positions: Array, radius: Array) -> Array:
     return (low + corners * (high - low))[np.array(ends)]
 
 
-def _edge(wall: Wall, low: Array, high: Array) -> Array | None:
-    """The line on which a wall is seen, (2, 2), as long as it is or the box is; None where the
-    picture shows its face."""
+def edge(wall: Wall, low: Array, high: Array) -> Array | None:
+    """The line on which a wall is seen.
+
+    Parameters
+    ----------
+    wall : Wall
+    low, high : ndarray, (2,)
+        Corners of the picture [m].
+
+    Returns
+    -------
+    ndarray, (2, 2), or None
+        As long as the wall or the picture; None where its face is seen.
+    """
     axes = _axes(len(wall.point), None)[0]
     middle, normal = axes @ wall.point, axes @ wall.normal
     size = float(np.linalg.norm(normal))

@@ -4,6 +4,7 @@ with the energy, forces and tangent stiffness that follow from them."""
 from __future__ import annotations
 
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -15,13 +16,13 @@ from tensegrity.errors import TensegrityError
 from tensegrity.printing import concise, printed
 from tensegrity.readonly import FixedDict
 from tensegrity.scenes.dynamics import HasDynamics, dynamics
-from tensegrity.scenes.force import on_site
 from tensegrity.scenes.forcing import checked_forcing
+from tensegrity.scenes.on_site import on_site
 from tensegrity.typing import Motion
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
-    from typing import Any
+    from typing import Any, Self
 
     from numpy.typing import ArrayLike
 
@@ -52,6 +53,13 @@ class State:
     TensegrityError
         Values that are not real numbers (complex numbers, Booleans, text) or not finite, or
         shapes that differ.
+
+    Examples
+    --------
+    >>> from tensegrity import State
+    >>> state = State(u=[0, 0, 0], v=[0.1, 0, 0])
+    >>> print(state.u, state.v)
+    [0. 0. 0.] [0.1 0.  0. ]
     """
 
     u: Array
@@ -199,7 +207,7 @@ class Scene(HasDynamics):
         u, r, along = self._elongated(u)
         of = dynamics(self)
         tension, stiffness = (of.springs.evaluate(x, r) for x in ("tension", "stiffness"))
-        found = forces.tangent(of.contact_bonds, r, along, tension, stiffness)
+        found = forces.tangent(of.contact_bonds, r, along, tension, stiffness, u)
         free = np.ones(u.shape, dtype=bool)
         free[list(self.held)] = False
         ground = on_site(self, 2, u) * free
@@ -214,6 +222,12 @@ class Scene(HasDynamics):
         u = check.vector("displacement", u, self.shape)
         self.check(State(u, np.zeros(self.shape)))
         return u, *forces.elongations(dynamics(self).contact_bonds, u)
+
+    def _varied(self, **changed: Any) -> Self:
+        """This scene with other values of some attributes."""
+        other = copy(self)
+        other.__dict__.update(changed)
+        return other
 
     def _refuse_other(self, state: object) -> None:
         refuse_other(state, self.shape, self._shape_text)

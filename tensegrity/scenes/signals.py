@@ -57,6 +57,12 @@ class Expression:
         """Equal for equal functions of time."""
         return self.expression, tuple(self.parameters.items())
 
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Expression) and (self.name, self.key) == (other.name, other.key)
+
+    def __hash__(self) -> int:
+        return hash(self.key)
+
     def varied(self, values: Mapping[str, float]) -> Expression:
         """The same with other values of those parameters that it has."""
         changed = {k: values[k] for k in self.parameters if k in values}

@@ -7,25 +7,41 @@ near a threshold.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity import check
+from tensegrity.branches.table import Table
 from tensegrity.errors import TensegrityError
+from tensegrity.printing import printed
 from tensegrity.root import root
 from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array, Flags
 from tensegrity.waves.nonlinear_part import nonlinear_part
 from tensegrity.waves.solitary import SolitaryWave, solitary_wave
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 FAR, FARTHER = 8.0, 1.5  # times the spring's scale, and the first amplitude: so far goes a family
 WITHOUT_SCALE = 4.0  # m: the same where all waves are similar
 NEAR_START, HALF, NEAR_END = 3e-3, 0.5, 0.4  # parts of the way from the first amplitude to the last
+FEW = 12  # waves from which the stability of a family is told in words
 CLOSE = 1e-12  # of the amplitude at which the energy is least or largest
+COLUMNS = "amplitude", "speed", "excess", "energy", "momentum", "width", "residual"
 AT_FRONT, AT_WALL = 1e-5, 1e-2  # parts of it that are left at a front and at other ends
+
+
+class WaveTable(Table):
+    """Waves along a family."""
+
+    _units: ClassVar = {"amplitude": "m", "speed": "sites/s", "energy": "J", "momentum": "kg m/s",
+                        "width": "sites"}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +72,9 @@ class FamilyCurve:
     residual: Array
     waves: tuple[SolitaryWave, ...] = field(repr=False)
 
+    __str__ = printed(amplitude="m", speed="sites/s", energy="J", momentum="kg m/s", width="sites")
+    __repr__ = __str__
+
     def __len__(self) -> int:
         return len(self.waves)
 
@@ -69,6 +88,28 @@ class FamilyCurve:
         """Where the energy rises with the speed, without which a wave is unstable; `floquet` of a
         wave counts all perturbations."""
         return self.energy_slope > 0
+
+    def plot(self, ax: Axes | None = None, *, x: str = "speed", y: str = "amplitude") -> Axes:
+        """Draw one quantity against another, dashed where waves are not `stable`.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            By default of a new figure.
+        x, y : str, optional
+            Names of two of the arrays.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        TensegrityError
+            What is no axes, or no array.
+        """
+        columns = {name: getattr(self, name) for name in COLUMNS} | {"stable": self.stable}
+        return WaveTable(columns, (), "").plot(ax, x=x, y=y)
 
 
 def along(
@@ -149,7 +190,14 @@ def falling(
     -------
     tuple of (float, float)
         In the order of the amplitudes.
+
+    Raises
+    ------
+    TensegrityError
+        A curve without waves.
     """
+    if not len(curve):
+        raise TensegrityError(f"no wave of {family} was found")
     law, mass, stable = curve.waves[0].potential, curve.waves[0].mass, curve.stable
 
     def at(amplitude: float) -> SolitaryWave:
@@ -161,6 +209,28 @@ def falling(
         ends.append(at(root(lambda a: at(a).energy_slope, low, high, CLOSE * abs(high))).speed)
     ends += [] if stable[-1] else [speeds[1]]
     return tuple(zip(ends[::2], ends[1::2], strict=True))
+
+
+def stability_in_words(unstable: Callable[[int], tuple[tuple[float, float], ...]]) -> str:
+    """Words on the ranges of unstable waves.
+
+    Parameters
+    ----------
+    unstable : callable (points) -> ranges of the speed [sites/s]
+        As of `PredictedFamily`.
+
+    Returns
+    -------
+    str
+    """
+    try:
+        found = unstable(FEW)
+    except TensegrityError as error:
+        return f"stability is not known: {error}"
+    if not found:
+        return "no unstable wave was found: the energy rises with the speed"
+    ranges = " and ".join(f"from {low:.6g} to {high:.6g} sites/s" for low, high in found)
+    return f"unstable {ranges}, where the energy falls with the speed"
 
 
 def amplitudes(first: float, last: float, ends: str, points: int, far: float) -> Array:
@@ -190,6 +260,6 @@ def amplitudes(first: float, last: float, ends: str, points: int, far: float) ->
 
 
 def _table(waves: tuple[SolitaryWave, ...]) -> FamilyCurve:
-    names = "amplitude", "speed", "excess", "energy", "momentum", "residual"
+    names = [name for name in COLUMNS if name != "width"]
     columns = {name: np.array([getattr(wave, name) for wave in waves]) for name in names}
     return FamilyCurve(width=np.array([wave.width() for wave in waves]), waves=waves, **columns)

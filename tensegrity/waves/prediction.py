@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,7 +21,7 @@ from tensegrity.printing import filled
 from tensegrity.root import root
 from tensegrity.springs.potential import Potential
 from tensegrity.waves.asymptotics import decay_rate
-from tensegrity.waves.curve import FamilyCurve, along, falling
+from tensegrity.waves.curve import FamilyCurve, along, falling, stability_in_words
 from tensegrity.waves.family import NEAREST, SIGNS, STEADY, Family
 from tensegrity.waves.nonlinear_part import grows_from_rest, nonlinear_part
 
@@ -163,6 +164,11 @@ class PredictedFamily:
         """
         return falling(self.curve(points), self.name, self.speeds)
 
+    @cached_property
+    def stability(self) -> str:
+        """What `unstable` finds among fewer waves, in words; computed once, in .1 to 2 s."""
+        return stability_in_words(self.unstable)
+
     def small_peak(self, excess: float) -> float:
         """Peak elongation [m] of a wave with c/cs - 1 = `excess`, to second order in `excess`.
 
@@ -216,18 +222,16 @@ class PredictedFamily:
         low, high = self.speeds
         first, last = self.crests
         start = f"about {first:.6g} m" if self.starts == "threshold" else "0"
-        end = {"none": "no end"}.get(self.ends, self.ends)
-        return filled(
-            "\n".join(
-                [
-                    f"{self.name} waves:",
-                    f"  peak elongation from {start} ({self.starts}) to {last:.6g} m ({end})",
-                    f"  speed from {low:.6g} to {high:.6g} sites/s",
-                    f"  {self.why}",
-                    *(f"  {h}" for h in self.hypotheses),
-                ]
-            )
-        )
+        end = "no end" if self.ends == "none" else self.ends
+        lines = [
+            f"{self.name} waves:",
+            f"  peak elongation from {start} ({self.starts}) to {last:.6g} m ({end})",
+            f"  speed from {low:.6g} to {high:.6g} sites/s",
+            f"  {self.stability}",
+            f"  {self.why}",
+            *(f"  {h}" for h in self.hypotheses),
+        ]
+        return filled("\n".join(lines))
 
     __repr__ = __str__
 
@@ -338,6 +342,7 @@ def _predicted(side: Family, mass: float) -> PredictedFamily:
         ends, top = "front", part.ceiling
         why.append("2V/r^2 has a maximum, at which the waves become plateaus of unbounded width")
         if side.ends_in_plateau:
+            why[-1] += f", between fronts from 0 to {last:.9g} m (`transition_wave`)"
             rate = decay_rate((side.rest + top) / side.top_stiffness - 1)
         else:
             why.append(_describe_degenerate_front(side))
