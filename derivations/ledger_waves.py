@@ -6,7 +6,7 @@ from random import Random
 import sympy as sp
 
 from derivations import bistable as unit
-from derivations import hardening, one_well, prism, rigid_response, waves
+from derivations import hardening, one_well, prism, regular, rigid_response, waves
 from derivations import softening as own
 from derivations.argument import Entry, Verdict
 
@@ -249,8 +249,8 @@ OWN_ENTRIES = (
           note="per difference of the natural lengths, between wells at x and -x; f and g are the "
           "lengths of the strings at x"),
     Entry("ours.one_well", OWN, "one_well", sp.Symbol("S_q"),
-          one_well.ANY.sides * prism.base**2 * (1 + sp.sin(one_well.half_angle - prism.twist))
-          / sp.sin(one_well.half_angle), one_well.stress_form,
+          regular.ANY.sides * prism.base**2 * (1 + sp.sin(regular.half_angle - prism.twist))
+          / sp.sin(regular.half_angle), one_well.stress_form,
           note="sum of squared lengths weighted with the self-stress: never negative, so that no "
           "prestressed prism has a state without forces"),
     Entry("ours.one_well_slope", OWN, "one_well", sp.Symbol("dQ/ds"),

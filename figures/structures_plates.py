@@ -113,7 +113,7 @@ def data():
 
 
 def draw(figure, tables):
-    figure.set_size_inches(12.6, 3.9)
+    figure.set_size_inches(11, 3.9)
     left, middle, right = figure.subplots(1, 3)
     of = tables["bands"]
     left.plot(*tables["nodes"].values(), ".", color="0.6", ms=4)
@@ -124,7 +124,7 @@ def draw(figure, tables):
     left.annotate("plates", (0.75, 2.6), color="C0")
     left.annotate("chain", (2.3, 1.25), color="C3")
     left.set(xlabel="phase from unit to unit [rad]", ylabel="frequency [rad/s]", ylim=(0, HIGHEST))
-    left.set_title("(a) one handedness: long waves of plates are exact")
+    left.set_title("(a) one handedness: bands")
     wave, after = tables["wave"], tables["after"]
     for name, colour in (("extension", "C0"), ("twist", "C1")):
         both = np.concatenate([wave[name][:0:-1], wave[name]])
@@ -135,15 +135,17 @@ def draw(figure, tables):
     middle.annotate("twist", (2.6, 32), color="C1")
     middle.set(xlim=(-8, 8), xlabel="distance from the peak [units]")
     middle.set_ylabel("difference from plate to plate [mm]")
-    middle.set_title(f"(b) one handedness: a wave that lasts {TRAVEL} units")
+    middle.set_title(f"(b) the same, after {TRAVEL} units (dots)")
     for n, name in enumerate(GYRATIONS):
         right.plot(tables[name]["units"], tables[name]["share"], f"C{n + 2}")
         right.plot(tables[name]["units"], tables[name]["loose"], ".", color=f"C{n + 2}", ms=4)
         at = (55, (0.72, 0.31)[n])
         right.annotate(f"gyration {name}", at, color=f"C{n + 2}")
     right.set(xlabel="units travelled", ylabel="share of energy near the peak", ylim=(0, 1.05))
-    right.set_title("(c) alternating: the chain's wave decays")
-    figure.suptitle("Between heavy plates twist travels with the axial wave, or drains it")
+    right.set_title("(c) alternating: decay")
+    figure.suptitle(
+        "Between heavy plates twist travels with the axial wave, or drains the wave of the chain"
+    )
 
 
 def table(tables):

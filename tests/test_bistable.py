@@ -394,3 +394,32 @@ def test_two_rows_that_meet_compute_and_or_or_by_one_torque():
         single, both = (picture.switched(twist) for twist in found)
         assert single == {"A": picture.DISCS, "B": 0, "output": one}
         assert both == dict.fromkeys(picture.PARTS, picture.DISCS)
+
+
+def test_bonds_with_two_wells_push_the_wall_no_more_than_ends_a_well():
+    from figures import transition_trap as picture
+
+    below, above = 0.18, picture.START  # prestrains, of one well and of two
+    peaks, kept = [], []
+    for prestrain in (below, above):
+        _, torque, twist = picture.run([prestrain] * picture.BONDS)
+        peaks.append(torque.max())
+        kept.append(picture.stored(prestrain, twist))
+    assert peaks[0] > 4 * peaks[1]
+    assert peaks[1] == pytest.approx(picture.fold(above), rel=1e-5)
+    assert kept[0] == (0, 0)
+    bonds, part = kept[1]
+    upper, lower = picture.well(above, -1)[0], picture.well(above)[0]
+    lifted = float(np.subtract(*picture.bond(above).energy([upper, lower])))
+    assert bonds == 2
+    assert part == pytest.approx(2 * lifted / (0.2**2 / 2), rel=1e-12)
+    assert 0.2 < part < 0.3
+
+
+def test_the_gradient_of_the_push_by_prestrain_is_that_of_neighbouring_chains():
+    from figures import transition_trap as picture
+
+    groups, step = np.array([picture.START]), 1e-6
+    _, slopes = picture.peak(groups)
+    more, less = (picture.peak(groups + s)[0] for s in (step, -step))
+    assert slopes[0] == pytest.approx((more - less) / (2 * step), rel=1e-4)

@@ -91,6 +91,22 @@ def test_waves_whose_energy_rises_with_speed_are_stable(spring, target, slope):
     assert np.all(np.abs(found.multipliers) < 1)
 
 
+@pytest.mark.parametrize(
+    ("spring", "peaks"),
+    [
+        (PowerLaw(1.0, 1.5, preload=1.0), (-0.5, -3.0)),
+        (PowerLaw(1.0, 0.5, preload=1.0), (0.3, 0.6)),
+        (Prism(1.0, 0.5, 0.4, 1.0, 2.0, 20.0).potential(), (0.03, 0.06)),
+    ],
+    ids=["stiffening", "softening", "softening prism"],
+)
+def test_the_waves_of_the_talk_are_stable(spring, peaks):
+    for peak in peaks:
+        wave = solitary_wave(spring, amplitude=peak)
+        assert floquet(wave).stable
+        assert wave.energy_slope > 0
+
+
 def test_todas_wave_is_stable_without_a_resonance():
     found = floquet(solitary_wave(TODA, speed=math.sinh(1.0)))
     assert found.stable

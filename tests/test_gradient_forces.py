@@ -243,6 +243,6 @@ def test_what_has_no_gradient_is_refused(words, make, more):
 
 def test_loads_of_bonds_beside_a_force_are_refused():
     one = scene()
-    with pytest.raises(TensegrityError, match="beside which a force acts"):
+    with pytest.raises(TensegrityError, match="in which a further force acts"):
         gradient(objective.load(bond=2), one, one.at_rest(), 0.4, dt=DT)
     assert gradient(objective.load(bond=1), one, one.at_rest(START), 0.4, dt=DT).by("c").any()

@@ -155,21 +155,25 @@ def test_going_back_and_on_gives_the_states_of_the_run(browser, page):
         page,
         """
         const state = () => [chain.time, ...chain.u, ...chain.v];
-        seek(50);
-        const last = state(), lead = chain.leader().speed;
+        const leading = () => [chain.leader().bond, chain.leader().speed];
         seek(20);
-        const early = state();
+        const first = leading();
         seek(50);
-        const back = state(), again = chain.leader().speed;
+        const last = state(), lead = leading();
+        seek(20);
+        const early = state(), before = leading();
+        seek(50);
+        const back = state(), again = leading();
         seek(20);
         running(true);
         running(false);
         for (let k = 0; chain.time < back[0] - 1e-9 && k < 1e4; k++) chain.run(chain.steps);
-        return { last, early, back, resumed: state(), lead, again, kept: chain.kept.length };""",
+        return { last, early, back, resumed: state(), lead, again, first, before };""",
         "scene=2-3",
     )
     assert found["back"] == found["last"]
     assert found["again"] == found["lead"]
+    assert found["before"] == found["first"]
     assert found["early"][0] < 21
     assert np.abs(np.array(found["resumed"]) - found["last"]).max() < 1e-8
 
@@ -261,3 +265,15 @@ def test_files_hold_the_state_and_the_pictures(browser, page):
     assert rows.shape == (201, 3)
     assert np.abs(rows[:, 1]).max() > 0.01
     assert min(size) > 400
+
+
+def test_a_blow_over_the_barrier_switches_all_discs_and_a_weaker_one_none(browser, page):
+    found = shown(browser, page, """
+        await net.open(true, "Switching front");
+        net.run(false);
+        return [0.1, 0.15].map((hit) => {
+          net.load(net.name, hit);
+          net.advance(Math.ceil(net.given.last / net.given.dt));
+          return net.switched();
+        });""")  # fmt: skip
+    assert found == [0, net.DISCS]

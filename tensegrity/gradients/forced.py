@@ -70,8 +70,21 @@ class ForcedBackward:
         self.reversal = 0.0
 
     def complete(self, samples: TraceSamples, t: Array, rows: Array) -> Indices:
-        """Fill the velocities of prescribed sites into samples at times t [s]; the columns of
-        prescribed sites."""
+        """Fill the velocities of prescribed sites into samples.
+
+        Parameters
+        ----------
+        samples : TraceSamples
+        t : ndarray, (rows,)
+            Instants [s].
+        rows : ndarray, (rows, columns)
+            Displacements, then velocities, of the sites of the samples; changed.
+
+        Returns
+        -------
+        ndarray of int
+            Columns of prescribed sites.
+        """
         moved, count, places = self._forcing.moved, samples.u_count, samples.places
         if not len(moved):
             return np.zeros(0, dtype=int)
@@ -156,6 +169,14 @@ class ForcedBackward:
 def check_forced(scene: Any, exact: bool, traces: Sequence[Any]) -> None:
     """Refuse what has no gradient among driven scenes.
 
+    Parameters
+    ----------
+    scene : Scene
+    exact : bool
+        Whether exact increments are requested.
+    traces : sequence of Trace
+        Of the objectives.
+
     Raises
     ------
     TensegrityError
@@ -176,7 +197,7 @@ def check_forced(scene: Any, exact: bool, traces: Sequence[Any]) -> None:
         ends = {0, scene.sites - 2} if trace.kind == "wall" else {trace.where}
         if trace.kind in ("bond", "wall") and ends & bonds:
             raise TensegrityError(
-                f"{trace!r} is the load of a spring, beside which a force acts: no gradient"
+                f"{trace!r} is the load of a bond in which a further force acts: no gradient"
             )
         if trace.kind == "energy" and stored:
             raise TensegrityError(f"{trace!r} leaves out springs to the ground: no gradient")

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
 FINER = 2  # steps of the flow along a path over those of its first orbit
 ON_CIRCLE = 1e-6  # distance of a multiplier, or of a sum of a pair, from where its event is
+MEETING = 24  # pairs of an undriven orbit: among more of them weak meetings abound
 MEET = 1e-6  # imaginary part of mu + 1/mu up to which a pair lies on the unit circle
 SAME_PLACE = 1e-9  # relative difference of two events of one kind that are one
 REFINED = 3  # largest number of traces with more and more steps
@@ -62,8 +63,9 @@ class OrbitPath(Table):
         kinds are "fold" (the followed quantity is stationary), "doubling" (a multiplier is -1: the
         period doubles), "torus" (complex ones leave the unit circle) and "stability" (the
         stability changes in another way, as where branches intersect).  At a torus point of an
-        undriven orbit two pairs meet on the circle and leave it together; waves reflected at the
-        ends of a long chain cause weak ones.
+        undriven orbit two pairs meet on the circle and leave it together; these are located among
+        at most 24 pairs, as waves reflected at the ends of a long chain cause many weak ones, and
+        `stable` shows them to a row.
     end : str
         Why the path ends.
     """
@@ -318,7 +320,6 @@ class _Driven(_Family):
 class _Reversible(_Family):
     """Unknowns are u(0) of the free sites, T, and the energy where it is followed."""
 
-    kinds = ("doubling", "stability", "torus")
     longest, settled = 0.1, 1e-9
 
     def __init__(self, orbit: Orbit, by: str, until: float, steps: int) -> None:
@@ -328,6 +329,7 @@ class _Reversible(_Family):
         more = [orbit.period, orbit.energy][: 1 + (by == "energy")]
         scale = np.append(np.full(len(u), size), more)
         pairs = len(u) - 1 - half.shifts.shape[1]
+        self.kinds = ("doubling", "stability", *(("torus",) if pairs <= MEETING else ()))
         super().__init__(orbit, by, until, np.append(u, more), scale, pairs)
 
     def _state(self, u: Array) -> tuple[Array, float]:
@@ -361,7 +363,8 @@ class _Reversible(_Family):
         on = np.abs(sums.imag) < MEET
         apart = np.diff(np.sort(sums.real[on])) ** 2
         off = -4 * sums.imag[~on & (sums.imag > 0)] ** 2
-        return 2 + sums.real, 2 - sums.real, np.append(off, apart) + 4 * MEET**2
+        meeting = np.append(off, apart) + 4 * MEET**2
+        return (2 + sums.real, 2 - sums.real, meeting)[: len(self.kinds)]
 
     def is_event(self, kind: str, found: Multipliers) -> bool:
         """Whether multipliers are those of an event of this kind, where one of its numbers is 0."""

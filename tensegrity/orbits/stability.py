@@ -97,7 +97,7 @@ def floquet(of: SolitaryWave | TransitionWave | Orbit) -> Floquet:
     Raises
     ------
     TensegrityError
-        Something else than these, a front of bonds alone, or a wave too wide for a window.
+        Not a wave or an orbit, a front of bonds alone, or a wave that is too wide for a window.
     ResolutionError
         The neutral multipliers deviate from 1 by more than 1e-6 with the smallest steps, or an
         unstable multiplier depends on the window.

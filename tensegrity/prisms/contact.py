@@ -27,7 +27,8 @@ class BarContact(NamedTuple):
     load: float  #: [N]; on paths of `control_path` 0
     distance: float  #: between their axes at the reference [m]
 
-    __str__ = concise
+    def __str__(self) -> str:
+        return concise(self)
 
 
 def bar_contact(path: EquilibriumPath | StructurePath, diameter: float) -> BarContact | None:

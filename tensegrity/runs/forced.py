@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,8 @@ from tensegrity.engine.forced import largest_decay
 from tensegrity.engine.methods import Nystrom, Splitting
 from tensegrity.errors import LockingError, StabilityError, TensegrityError
 from tensegrity.runs.motion import Motion, MotionState
-from tensegrity.scenes.forcing import check_start, forcing_between, forcing_of
+from tensegrity.scenes.force import applied_forces
+from tensegrity.scenes.forcing import check_start, forcing_of
 from tensegrity.scenes.on_site import on_site
 from tensegrity.springs.tuned import Tuned
 from tensegrity.typing import Array
@@ -97,7 +99,12 @@ class ForcedMotion(Motion):
     def _bind(self, listed: Any) -> Any:
         u, v = listed.arrays(self.problem.state)
         if listed.loop_bonds is not self.forcing.bonds and self.tuning is None:
-            self.forcing = forcing_between(self.forcing, listed.scene)
+            self.forcing = replace(
+                self.forcing,
+                bonds=listed.loop_bonds,
+                bond=np.zeros(len(listed.scene.springs)),
+                applied=applied_forces(listed.scene, bool(self.forcing.applied)),
+            )
         return driven.bind(self.forcing, u, v, self.problem.method, self.dt)
 
     def release(self) -> None:

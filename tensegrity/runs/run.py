@@ -340,8 +340,8 @@ class Run:
         Returns
         -------
         object
-            A notebook displays it as a page with a slider over at most 300 instants; dragging turns a
-            body in space.
+            A notebook displays it as a page with a slider over at most 300 instants; dragging turns
+            a body in space.
 
         Raises
         ------

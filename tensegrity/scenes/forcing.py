@@ -21,13 +21,7 @@ from tensegrity.printing import concise, printed
 from tensegrity.readonly import FixedDict, fixed
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.force import applied_forces, checked_forces, place_counts
-from tensegrity.scenes.signals import (
-    RTOL,
-    check_signals,
-    expression_of,
-    in_columns,
-    signals_of,
-)
+from tensegrity.scenes.signals import RTOL, check_signals, expression_of, in_columns, signals_of
 from tensegrity.springs.potential import argument
 from tensegrity.springs.tuned import spring_at
 
@@ -262,8 +256,11 @@ def checked_forcing(
         damping.each("ground", scene.sites)
         if not (damping.bond.any() or damping.ground.any()):
             damping = None
-    found = {"drive": FixedDict(drive), "damping": damping}
-    found["_forces"] = checked_forces(scene, forces)
+    found = {
+        "drive": FixedDict(drive),
+        "damping": damping,
+        "_forces": checked_forces(scene, forces),
+    }
     found["tune"] = _checked_tune(scene, {} if tune is None else tune)
     if found["tune"] and found["_forces"]:
         raise TensegrityError("tune and forces exclude each other")
@@ -448,14 +445,4 @@ def forcing_of(scene: Any, t_end: float, tuning: Any = None, as_forces: bool = F
         bond,
         tuning,
         applied,
-    )
-
-
-def forcing_between(forcing: Forcing, scene: Any) -> Forcing:
-    """The forcing of a scene whose contacts have changed."""
-    return replace(
-        forcing,
-        bonds=dynamics(scene).loop_bonds,
-        bond=np.zeros(len(scene.springs)),
-        applied=applied_forces(scene, bool(forcing.applied)),
     )

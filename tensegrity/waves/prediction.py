@@ -223,14 +223,11 @@ class PredictedFamily:
         first, last = self.crests
         start = f"about {first:.6g} m" if self.starts == "threshold" else "0"
         end = "no end" if self.ends == "none" else self.ends
-        lines = [
-            f"{self.name} waves:",
+        lines = [f"{self.name} waves:",
             f"  peak elongation from {start} ({self.starts}) to {last:.6g} m ({end})",
             f"  speed from {low:.6g} to {high:.6g} sites/s",
-            f"  {self.stability}",
-            f"  {self.why}",
-            *(f"  {h}" for h in self.hypotheses),
-        ]
+            f"  {self.stability}", f"  {self.why}",
+            *(f"  {h}" for h in self.hypotheses)]  # fmt: skip
         return filled("\n".join(lines))
 
     __repr__ = __str__
