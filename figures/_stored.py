@@ -168,8 +168,8 @@ def used(module):
 
 @cache
 def digest(path):
-    """What stays the same while comments, docstrings, imports, texts of errors or layout of a source
-    change, or how an object prints or a picture shows its numbers."""
+    """What stays the same while comments, docstrings, imports, texts of errors or layout of a
+    source change, or how an object prints or a picture shows its numbers."""
     text = path.read_bytes()
     if path.suffix == ".py":
         tree = ast.parse(text)
