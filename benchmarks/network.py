@@ -1,6 +1,6 @@
 """Cost of the network loop: packs of beads in space, and a half guide, against their peers.
 
-A pack of 833 steel beads as of seeds/001 (17 layers of 7 x 7, each bead touching 12, in a box of
+A pack of 833 steel beads, that of the talk (17 layers of 7 x 7, each bead touching 12, in a box of
 five walls) and one of 37 x 37 x 37; velocity Verlet from random velocities, nanoseconds of CPU
 time per contact and step of the whole loop.  Peers do the same sums: an earlier revision of this
 package named by $TENSEGRITY_BEFORE (a checkout), a plain loop over contacts in numba, and LAMMPS

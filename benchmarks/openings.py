@@ -38,7 +38,7 @@ def struck():
 
 
 def guide():
-    """The first half of the guide of seeds/001."""
+    """The first half of the guide of the paper."""
     y = y_guide(bead=STEEL, striker=Striker(STEEL, 0.585))
     return y, y.start(), 300e-6
 

@@ -1,4 +1,4 @@
-"""A step of Newton's method for a breather of 80 prisms, beside SciPy and numba.
+"""A step of Newton's method for a breather of 80 prisms, against SciPy and numba.
 
 Each computes v(T/2) and its derivatives by the 80 displacements at rest, to 1e-8 of the largest,
 and solves for the correction: SciPy's DOP853 with the variational equations in NumPy, and in numba

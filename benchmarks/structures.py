@@ -1,4 +1,4 @@
-"""Force densities and towers beside tnsgrt, modes beside eigvalsh, a path beside SciPy's root.
+"""Force densities and towers against tnsgrt, modes against eigvalsh, a path against SciPy's root.
 
 Where tnsgrt is not installed or does not import, its columns are left out and that is printed.
 Times are minima of processor time over repeats in one run.

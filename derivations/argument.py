@@ -31,6 +31,7 @@ NAMES = (
     "geometry",
     "member",
     "junction",
+    "one_well",
     "bistable",
 )
 """The derivations in reading order; each module defines TITLE and argument()."""

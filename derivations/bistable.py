@@ -20,6 +20,7 @@ TITLE = "Bistable units: strings of both hands and the prestrain that splits a w
 x, twist = sp.symbols("x varphi", real=True)
 # of strings; their lengths unstressed
 stiffness, natural, other = sp.symbols("k N N'", positive=True)
+other_stiffness = sp.Symbol("k'", positive=True)
 prestrain, torque = sp.symbols("p M", real=True)
 sides = sp.Symbol("n", positive=True)
 base, height, radius = sp.symbols("l h a", positive=True)  # side; bars, upright; circumradius
@@ -40,11 +41,12 @@ def energy(length: sp.Expr, at: sp.Symbol) -> sp.Expr:
     Returns
     -------
     sympy.Expr
-        [J] of `natural` and `other`, the natural lengths, and `stiffness`, `torque`.
+        [J] of `natural` and `other`, the natural lengths, `stiffness` and `other_stiffness`, and
+        `torque`.
     """
-    pairs = (length, natural), (length.subs(at, -at), other)
-    stretched = (sp.Max(0, sp.sqrt(square) - rest) for square, rest in pairs)
-    return stiffness / 2 * sum(one**2 for one in stretched) - torque * at
+    hands = (length, natural, stiffness), (length.subs(at, -at), other, other_stiffness)
+    stored = (k * sp.Max(0, sp.sqrt(square) - rest) ** 2 / 2 for square, rest, k in hands)
+    return sum(stored) - torque * at
 
 
 @cache
@@ -108,9 +110,67 @@ def wells() -> tuple[sp.Expr, sp.Expr]:
     return place, sp.simplify(sp.diff(form, x).subs(x, -fold))
 
 
+longer, shorter = (sp.Function(name)(x) for name in ("f", "g"))  # lengths of strings at x and -x
+EQUAL = {other: natural, other_stiffness: stiffness, torque: 0}
+BIASES = torque, other, other_stiffness  # what makes the hands unequal
+
+
+def taut() -> sp.Expr:
+    """The energy of two taut strings of lengths `longer` and `shorter`."""
+    hands = (longer, natural, stiffness), (shorter, other, other_stiffness)
+    return sum(k * (length - rest) ** 2 / 2 for length, rest, k in hands) - torque * x
+
+
+@cache
+def released(bias: sp.Symbol) -> sp.Expr:
+    """Energy of the well at -x less that at x, by a small change of a torque, a natural length or a
+    stiffness of the other hand: the wells move too, but their energy is stationary."""
+    change = sp.diff(taut(), bias).subs(EQUAL)
+    mirrored = change.xreplace({longer: shorter, shorter: longer, x: -x})
+    return sp.factor(mirrored - change)
+
+
+DERIVATIVES = {sp.diff(one, x, order): sp.Symbol(f"{one.func}" + order * "'")
+               for order in (2, 1, 0) for one in (longer, shorter)}  # fmt: skip
+
+
+@cache
+def limit(bias: sp.Symbol) -> list[tuple[sp.Expr, sp.Expr]]:
+    """Pairs of the natural length, of the first hand or of both, and of the bias with which a well
+    ends: slope and curvature of the energy vanish.  Of unequal stiffnesses there are two.
+
+    They are forms in the lengths of the strings and their derivatives, the values of `DERIVATIVES`.
+    """
+    form = taut().subs({one: EQUAL[one] for one in BIASES if one != bias})
+    slopes = [sp.diff(form, x, order).subs(DERIVATIVES) for order in (1, 2)]
+    (of_bias,) = sp.solve(slopes[0], bias)
+    found = sp.solve(sp.numer(sp.together(slopes[1].subs(bias, of_bias))), natural)
+    return [(one, of_bias.subs(natural, one)) for one in found]
+
+
+def limit_of(bias: sp.Symbol, length: sp.Expr, at: sp.Symbol) -> list[tuple[sp.Expr, sp.Expr]]:
+    """The limits for a given squared length.
+
+    Parameters
+    ----------
+    bias : sympy.Symbol
+    length : sympy.Expr
+        Squared length of the strings of the first hand as a function of `at`.
+    at : sympy.Symbol
+
+    Returns
+    -------
+    list of (sympy.Expr, sympy.Expr)
+        As of `limit`, functions of x.
+    """
+    roots = {one: sp.sqrt(length.subs(at, sign * x)) for one, sign in ((longer, 1), (shorter, -1))}
+    values = {name: one.subs(roots).doit() for one, name in DERIVATIVES.items()}
+    return [tuple(one.subs(values) for one in pair) for pair in limit(bias)]
+
+
 def argument() -> list[Step]:
     """The argument as sentences and formulas."""
-    place, limit = wells()
+    place, fold = wells()
     return [
         Step("A mechanism with one coordinate x between strings of squared length L(x) and L(-x) "
              "has a stationary energy at x = 0, and its second derivative vanishes at the "
@@ -127,5 +187,12 @@ def argument() -> list[Step]:
         Step("Close to the threshold U = U2 x^2/2 + U4 x^4/24 - M x. Without a torque M the wells "
              "are at", sp.Eq(x**2, place**2)),
         Step("A torque lifts one of them by M times their distance, which a front releases, and "
-             "ends it at", sp.Eq(torque, limit)),
+             "ends it at", sp.Eq(torque, fold)),
+        Step("Far from the threshold as well: with the lengths f(x) and g(x) = f(-x) of the "
+             "strings, a small torque, or a difference of natural lengths or of stiffnesses, lifts "
+             "the well at -x above that at x by its size times",
+             *(released(one) for one in BIASES)),
+        Step("and a well ends at x with the natural length and the torque, or with the two natural "
+             "lengths,", *(sp.Eq(name, sp.simplify(form)) for bias in (torque, other)
+                           for name, form in zip((natural, bias), limit(bias)[0], strict=True))),
     ]  # fmt: skip

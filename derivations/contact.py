@@ -2,7 +2,7 @@
 
 The contact law follows from the elastic half space (Boussinesq's point load) and the parabolic gap
 between two spheres, the waves from the long-wave expansion of the chain's energy.
-Source: seeds/000, part II, "Discrete element modeling"; seeds/001, eqs. (1)-(5);
+Source: the talk, part II, "Discrete element modeling"; the paper, eqs. (1)-(5);
 V. F. Nesterenko, Dynamics of Heterogeneous Materials (2001), chapter 1.
 """
 

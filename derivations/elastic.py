@@ -3,7 +3,7 @@
 The equations are the gradient of the energy.  For the stiffness the coordinates are (l, b, h)
 instead of (l, phi, h).  Bases and bars then contribute to the diagonal of the Hessian only, their
 stiffnesses enter as compliances, and rigid members are the value at zero compliance rather than a
-limit.  Source: seeds/000, part III, "Elastic problem", "Axial stiffness".
+limit.  Source: the talk, part III, "Elastic problem", "Axial stiffness".
 """
 
 from __future__ import annotations

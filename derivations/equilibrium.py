@@ -3,7 +3,7 @@
 The unknowns are force densities, force over length: x1 of the cross strings and x2 of the base
 strings in tension, x3 of the bars in compression.  F is the total axial load, compression > 0,
 distributed equally over the three nodes of each base.  The result does not depend on the
-stiffnesses.  Source: seeds/000, part III, "Equilibrium problem".
+stiffnesses.  Source: the talk, part III, "Equilibrium problem".
 """
 
 from __future__ import annotations

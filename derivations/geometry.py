@@ -3,7 +3,7 @@
 A bond joins points at the separation D + w, where D is the reference and w the difference of the
 displacements.  Elongations are small compared with lengths, and the difference |D + w| - L
 cancels leading digits; the form for numerical evaluation avoids the cancellation.  Source:
-seeds/001, eqs. (1)-(6), with overlaps of micrometres of beads of millimetres.
+the paper, eqs. (1)-(6), with overlaps of micrometres of beads of millimetres.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 Lengths are in units of the circumradius.  In compression the twist phi runs from 5 pi/6 to pi;
 X = h^2 and C = cos phi are then polynomials of each other, and g = s^2 - s0^2 is elementary in C.
 The proofs reduce each claim to the sign of a polynomial.
-Source: seeds/000, part III, "Properties of the elastic potential of rigid-elastic prisms".
+Source: the talk, part III, "Properties of the elastic potential of rigid-elastic prisms".
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 A wave of momentum I0 is incident; one of momentum I1 is reflected, and n of momentum I2 are
 transmitted into each of two branches at angles +-theta to the axis.  All waves have the same
-effective mass, so that energies are proportional to squared momenta.  Source: seeds/001, eq. (7).
+effective mass, so that energies are proportional to squared momenta.  Source: the paper, eq. (7).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Ledger of the paper (seeds/001): equations (1) to (7) and the numbers that follow from them."""
+"""Ledger of the paper: equations (1) to (7) and the numbers that follow from them."""
 
 import sympy as sp
 

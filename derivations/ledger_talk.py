@@ -1,4 +1,4 @@
-"""Ledger of the talk (seeds/000), parts I to III up to the rigid-elastic prism, as printed."""
+"""Ledger of the talk, parts I to III up to the rigid-elastic prism, as printed."""
 
 import sympy as sp
 

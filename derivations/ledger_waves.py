@@ -1,4 +1,4 @@
-"""Ledger of the talk (seeds/000), part III from "Properties of the elastic potential" on, and of
+"""Ledger of the talk, part III from "Properties of the elastic potential" on, and of
 results that are not in the sources: the families of localised waves and their ends."""
 
 from random import Random
@@ -6,7 +6,7 @@ from random import Random
 import sympy as sp
 
 from derivations import bistable as unit
-from derivations import hardening, prism, rigid_response, waves
+from derivations import hardening, one_well, prism, regular, rigid_response, waves
 from derivations import softening as own
 from derivations.argument import Entry, Verdict
 
@@ -15,6 +15,7 @@ PLACE = 'talk, part III, "Properties of the elastic potential"'
 OWN = "not in the sources: stated and derived here"
 slender, stressed, fast = sp.symbols("slender stressed fast")  # conditions, true or false
 V, V_0, V_2, V_3, mirrored = sp.symbols("V V(0) V''(0) V'''(r) V(-r)", real=True)
+f, g = sp.symbols("f g", positive=True)  # lengths of strings
 r, c_0, d = sp.symbols("r c_0 d", positive=True)
 a, b, h_0, m = waves.stiffness, waves.slope, waves.spacing, waves.mass
 e = waves.bend
@@ -241,4 +242,22 @@ OWN_ENTRIES = (
           -unit.distance * unit.arm * sp.sin(unit.angle) ** 2 / sp.cos(unit.angle)
           / (unit.distance**2 + unit.arm**2 - 2 * unit.distance * unit.arm * sp.cos(unit.angle)),
           lambda: unit.threshold_of(unit.rotor(), unit.x), domain=((unit.angle, (1.7, 3.0)),)),
+    Entry("ours.unequal_strings", OWN, "bistable", sp.Symbol("U(-x) - U(x)"),
+          unit.stiffness * (unit.shorter - unit.longer),
+          lambda: unit.released(unit.other).subs({unit.longer: f, unit.shorter: g}),
+          reading=lambda form: form.subs({unit.longer: f, unit.shorter: g}), verdict=Verdict.HOLDS,
+          note="per difference of the natural lengths, between wells at x and -x; f and g are the "
+          "lengths of the strings at x"),
+    Entry("ours.one_well", OWN, "one_well", sp.Symbol("S_q"),
+          regular.ANY.sides * prism.base**2 * (1 + sp.sin(regular.half_angle - prism.twist))
+          / sp.sin(regular.half_angle), one_well.stress_form,
+          note="sum of squared lengths weighted with the self-stress: never negative, so that no "
+          "prestressed prism has a state without forces"),
+    Entry("ours.one_well_slope", OWN, "one_well", sp.Symbol("dQ/ds"),
+          prism.k_cross * prism.natural_cross / (2 * one_well.sine * one_well.cross**2)
+          + prism.k_base * prism.natural_base * one_well.sine / prism.base**3
+          * (one_well.cross + one_well.bar**3 * prism.k_cross * prism.natural_cross
+             / (prism.k_bar * prism.natural_bar * one_well.cross**2)),
+          one_well.mismatch_slope, note="by how much the base strings miss the self-stress; it "
+          "vanishes once, since this is positive"),
 )  # fmt: skip

@@ -2,7 +2,7 @@
 
 The energy is E = k/2 (|d| - l_N)^2, with d from the first end to the second.  Forces and stiffness
 of structures of bars and strings are its derivatives; a string shorter than l_N is slack and has
-no energy.  Source: seeds/000, part III, "Elastic problem", for a single member.
+no energy.  Source: the talk, part III, "Elastic problem", for a single member.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ that all forms are algebraic.  All unknowns are changes from the self-stressed s
 that cancel there are eliminated symbolically.
 
 Lengths are in units of the base l0, forces in units of k1 l0.  The equations are the gradient of
-`prism.energy()` at fixed height (seeds/000, part III, "Elastic problem": g1 = g2 = 0) and the
+`prism.energy()` at fixed height (the talk, part III, "Elastic problem": g1 = g2 = 0) and the
 compatibility of the bars; the load is -dU/dh.
 
 Above the height at which base strings and bars unload together the state is a closed form: the
@@ -161,6 +161,15 @@ def stored_energy(of: Polygon = TRIANGLE) -> sp.Expr:
         strict=True,
     )
     return sum(n * c * change * (change + 2 * start) / 2 for n, c, change, start in members)
+
+
+def energy_at_twist(of: Polygon = TRIANGLE) -> sp.Expr:
+    """U - U0 in base tension, half turn and rise, of elastic bars: their tension follows from the
+    coordinates."""
+    squared = prism.bar_length_squared(None, of)
+    bar, more = reference_length(squared, of), gain(squared, of)
+    change = more / (sp.sqrt(bar**2 + more) + bar) / bar_compliance
+    return stored_energy(of).subs(bar_tension, change)
 
 
 def upright_twist(of: Polygon = TRIANGLE) -> sp.Expr:

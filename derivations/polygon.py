@@ -2,7 +2,7 @@
 
 R is the circumradius of the base, S = sin(pi/n), C = cos(pi/n), eta = h0/R, q = p0/(1 + p0).  The
 triangular prism of the talk is the case S = sqrt 3/2, C = 1/2.
-Source: seeds/000, part III, whose statements are for n = 3.
+Source: the talk, part III, whose statements are for n = 3.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 Two regular polygons of base strings, the upper one raised by the height and rotated by the twist,
 are joined by bars and cross strings without thickness: three of each, or n (`derivations.regular`).
 The geometry is entered once, as the positions of the nodes and the table of `MEMBERS`.
-Source: seeds/000, part III, "Compatibility equations" and "Elastic problem".
+Source: the talk, part III, "Compatibility equations" and "Elastic problem".
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 With constant l and b the height determines the twist, and only the cross strings store energy.
 The derivation gives phi(h), V(h), its derivatives, and both ends of the range, in the form of the
-talk (seeds/000, part III, "Rigid-elastic model").
+talk (part III, "Rigid-elastic model").
 """
 
 from __future__ import annotations

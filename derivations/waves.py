@@ -1,7 +1,7 @@
 """Waves on a lattice of masses and springs: sound speed, dispersion, sech^2, tent, largest speed.
 
 Masses m and springs V(r) with V(0) = V'(0) = 0 have the spacing h0; x is in sites unless a formula
-contains h0.  Source: seeds/000, part III, "Properties of the elastic potential"
+contains h0.  Source: the talk, part III, "Properties of the elastic potential"
 (after Friesecke & Pego 1999, Friesecke & Matthies 2002).
 """
 

@@ -2,7 +2,7 @@
 
 Each claim has `name`, `says` (a short quotation), `seed` (talk or paper), `place`, `about` (its
 part of the page), `verdict` (a key of VERDICTS), `when` (the condition), `ledger` (names of
-entries) and `numbers`: a picture, a table of it ("printed" unless told), a `row`, which is a cell
+entries) and `numbers`: a picture, a table of it (by default "printed"), a `row`, which is a cell
 of the line that is meant, a `column`, and `error`, a column of that line, or a row of that column.
 """
 

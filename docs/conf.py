@@ -49,7 +49,7 @@ html_sourcelink_suffix = ""
 html_theme_options = {
     "navbar_align": "left",
     "navbar_persistent": ["search-button"],
-    "header_links_before_dropdown": 6,
+    "header_links_before_dropdown": 7,
     "secondary_sidebar_items": ["page-toc"],
     "footer_start": ["copyright"],
     "footer_end": [],
@@ -60,6 +60,7 @@ html_theme_options = {
 html_context = {"default_mode": "auto"}
 WITHOUT = (
     "index",
+    "live",
     "claims",
     "derivations",
     "limits",

@@ -380,15 +380,9 @@ LIVE = ROOT / "docs" / "live" / "output" / "index.html"  # made by `python -m do
 
 
 def copy_live(out):
-    """Copy the live chain to the other pages."""
+    """Put the live chain in place of the page that tells how to make it."""
     if LIVE.is_file():
         shutil.copy2(LIVE, out / "live.html")
-
-
-def live(source):
-    """The sentence on the start page that leads to the live chain, where there is one."""
-    link = '<p><a href="live.html">A live chain</a> runs in your browser, with the same C code.</p>'
-    write(source / "_made" / "live.html", link if LIVE.is_file() else "<!-- no live chain -->")
 
 
 def make(source):
@@ -398,6 +392,5 @@ def make(source):
     claim_page(source)
     limits(source)
     reference(source)
-    live(source)
     if missing:
         print(f"pictures not made ({len(missing)}): {', '.join(missing)}")

@@ -1,15 +1,16 @@
-"""Interfaces of two chains: reflected and transmitted waves.
+"""Interfaces of two chains of prisms, from acoustically hard to soft: reflected and transmitted
+waves.
 
-An exact rarefaction wave travels along the near chain and meets the far one.  Reflected and
+`FOUND` were found by searches over their parameters for both waves of the talk's claim.  An exact
+rarefaction wave travels along the near chain and meets the far one.  Reflected and
 transmitted pulses are classified at one instant by `figures._solitons`; the acoustic front leaves
 the interface when the incident peak arrives.  A result counts if the wave reached neither end.
 """
 
 from __future__ import annotations
 
-import contextlib
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
@@ -18,11 +19,10 @@ import numpy as np
 from figures._solitons import pulses
 from tensegrity import (
     Chain,
-    Polynomial,
     Potential,
+    Prism,
     Record,
     State,
-    TensegrityError,
     interface,
     simulate,
     solitary_wave,
@@ -33,8 +33,48 @@ CUT = 1e-10  # of the peak, at which the launched wave is truncated
 QUIET = 1e-8  # of the incident peak: an end with less has not been reached
 
 ENDS = 5  # bonds that form an end
-COVERED, FIT = (0.95, 0.8, 0.65, 0.5), 1e-9  # parts of a domain for a polynomial, and its error
 ROWS = 200  # recorded instants
+TRAVEL = 100  # bonds that sound travels in the far chain
+LEAST_TRAVEL = 200  # ... and in the near one
+LONGEST = 3000  # ... at most
+NAMES = ("height near", "prestrain near", "k_base near", "k_bar near", "height far",
+         "prestrain far", "k_base far", "k_bar far", "base far", "k_cross far", "mass far",
+         "preload", "peak")  # fmt: skip
+FOUND = {
+    "elastic to rigid": (
+        0.47456824582383805,
+        0.016577957054138934,
+        1.0340417195892941,
+        60.582948679419545,
+        1.3919507539947564,
+        0.00014868513594702555,
+        math.inf,
+        math.inf,
+        1.9944701225524497,
+        0.04587078257940549,
+        4.56675770890025,
+        0.0019909121614583914,
+        0.37854154198244355,
+    ),
+    "elastic to elastic": (
+        0.6820464273000877,
+        0.028330057283244083,
+        4.780765598779244,
+        3.523275045782708,
+        0.5957498807625385,
+        0.0002525710141244606,
+        7.73918692893198,
+        15.689812153792698,
+        1.875150846054776,
+        0.07245722643494576,
+        0.14609272552253896,
+        0.01015897934786399,
+        0.7197853315254595,
+    ),
+}
+"""Values of `NAMES`.  Base 1 m, k_cross 1 N/m and mass 1 kg of the near chain; heights over the
+base, k_base and k_bar over the k_cross of their prism; the preload over the smaller k_cross times
+base; the peak over the largest elongation of the near prism."""
 
 
 @dataclass(frozen=True)
@@ -73,6 +113,26 @@ class Interface:
     def chain(self, before, after):
         """The chain with `before` near and `after` far bonds."""
         return interface(self.near, self.far, (before, after + 1), self.masses)
+
+
+def made(one):
+    """The interface of prisms of `NAMES` and their values."""
+    k = one["k_cross far"]
+    load = one["preload"] * min(1.0, k * one["base far"])
+    springs = []
+    for side, base, stiff in (("near", 1.0, 1.0), ("far", one["base far"], k)):
+        prism = Prism(
+            base, one[f"height {side}"] * base, one[f"prestrain {side}"], stiff,
+            k_base=one[f"k_base {side}"] * stiff, k_bar=one[f"k_bar {side}"] * stiff,
+        )  # fmt: skip
+        springs.append(prism.potential(load))
+    return Interface(*springs, (1.0, one["mass far"]), one["peak"] * springs[0].domain[1])
+
+
+def duration(real):
+    """Duration over which an interface is simulated [s]."""
+    near, far = real.sounds
+    return min(max(TRAVEL / far, LEAST_TRAVEL / near), LONGEST / near)
 
 
 class Start(NamedTuple):
@@ -205,15 +265,15 @@ class Outcome(NamedTuple):
         return near, far, pushed / self.incident.momentum
 
 
-def outcome(interface, duration, after, dt=None, rows=ROWS):
+def outcome(interface, time, after=2 * TRAVEL, dt=None, rows=ROWS):
     """Simulate one incidence for some time after the peak arrives at the interface.
 
     Parameters
     ----------
     interface : Interface
-    duration : float
+    time : float
         Time after the arrival of the peak [s].
-    after : int
+    after : int, optional
         Initial number of bonds of the far chain, doubled until nothing reaches its end.
     dt : float, optional
         The coarser step [s]; by default what `simulate` takes.
@@ -225,10 +285,10 @@ def outcome(interface, duration, after, dt=None, rows=ROWS):
     Outcome
     """
     wave = interface.wave()
-    before = math.ceil(1.02 * wave.speed * duration + 2 * wave.reach(CUT)) + 20
+    before = math.ceil(1.02 * wave.speed * time + 2 * wave.reach(CUT)) + 20
     while True:
         begun = start(interface, wave, before, after)
-        t_end = begun.arrival + duration
+        t_end = begun.arrival + time
         record = Record(times=t_end * np.arange(rows + 1) / rows)
         coarse = simulate(*begun[:2], t_end, method="rkn6", dt=dt, record=record)
         first = answer(interface, coarse, -1, before, begun.arrival)
@@ -238,19 +298,3 @@ def outcome(interface, duration, after, dt=None, rows=ROWS):
     fine = simulate(*begun[:2], t_end, method="rkn6", dt=coarse.dt / 2, record=record)
     second = answer(interface, fine, -1, before, begun.arrival)
     return Outcome(fine, begun, wave, first, second)
-
-
-def fitted(interface):
-    """The interface with polynomials for elastic prisms: an order of magnitude cheaper to run."""
-    return replace(interface, near=_fitted(interface.near), far=_fitted(interface.far))
-
-
-def _fitted(spring):
-    return next(fits(spring, COVERED, FIT), spring)
-
-
-def fits(spring, parts, error):
-    """Polynomials for an elastic prism, over the parts of its domain where a fit exists."""
-    for part in () if type(spring) is Potential else parts:  # a closed form runs as it is
-        with contextlib.suppress(TensegrityError):
-            yield Polynomial(spring, part * spring.domain[0], part * spring.domain[1], error)

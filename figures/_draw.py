@@ -13,6 +13,8 @@ from pathlib import Path
 from signal import SIGKILL
 from typing import NamedTuple
 
+import numpy as np
+
 from figures import _stored
 from figures._files import write, write_tables
 from figures._gallery import title
@@ -43,8 +45,7 @@ def render(name, module, folder):
     write_tables(path, tables, lines)
     files = [path]
     with plt.rc_context(STYLE):
-        figure = plt.figure(layout="constrained")
-        module.draw(figure, tables)
+        figure = pictured(module, tables)
         path = folder / f"{name}.png"
         write(path, figure.savefig)
         plt.close(figure)
@@ -60,6 +61,66 @@ def render(name, module, folder):
         write(path, lambda beside: Path(beside).write_text(section))
         files.append(path)
     return files, lines
+
+
+def pictured(module, tables):
+    """The figure of a picture, with letters at its panels."""
+    import matplotlib.pyplot as plt
+
+    figure = plt.figure(layout="constrained")
+    module.draw(figure, tables)
+    several = panels(figure)
+    for k, axes in enumerate(several if len(several) > 1 else ()):
+        titles = [axes.get_title(loc=where) for where in ("left", "center", "right")]
+        if not any(title.startswith("(") for title in titles):
+            where = "left" if titles[0] else "center"
+            title = f"({chr(ord('a') + k)}) {titles[0] or titles[1]}".strip()
+            axes.set_title(
+                title, loc=where, fontsize=axes.title.get_fontsize() if titles[1] else 10
+            )
+    return figure
+
+
+def panels(figure):
+    """Axes that are panels: no colour bars, and one of several at the same place."""
+    found = {}
+    for axes in figure.axes:
+        if axes.get_label() != "<colorbar>" and axes.get_visible():
+            place = axes.get_subplotspec()
+            found.setdefault(
+                id(axes) if place is None else (id(place.get_gridspec()), place.num1), axes
+            )
+    return list(found.values())
+
+
+def name_curves(axes, *, spread=11.0, at=-1):
+    """Write the label of each curve at one of its ends, in its colour, in place of a legend.
+
+    Parameters
+    ----------
+    axes : matplotlib.axes.Axes
+    spread : float, optional
+        Least distance between two labels [pt].
+    at : int or callable, optional
+        The point of a curve at which its label stands: -1 the last one, 0 the first; or a function
+        of its values that finds it, such as `numpy.argmax`.
+    """
+    figure = axes.figure
+    lines = [one for one in axes.lines if not one.get_label().startswith("_")]
+    points = [at(one.get_ydata()) if callable(at) else at for one in lines]
+    places = [np.transpose(one.get_data())[k] for one, k in zip(lines, points, strict=True)]
+    ends = axes.transData.transform(places)
+    scale, last = figure.dpi / 72, -np.inf
+    for k in sorted(range(len(lines)), key=lambda k: ends[k][1]):
+        y = max(ends[k][1], last + spread * scale)
+        last = y
+        axes.annotate(
+            lines[k].get_label(), places[k],
+            (4 if points[k] else -4, (y - ends[k][1]) / scale),
+            textcoords="offset points", va="center",
+            ha="left" if points[k] else "right", color=lines[k].get_color(), fontsize=9,
+            annotation_clip=False,
+        )  # fmt: skip
 
 
 class Job(NamedTuple):

@@ -76,10 +76,11 @@ def draw_curves(axes, table, divisions, title):
         part, bead = name.removesuffix(" [N]").rsplit(" ", 1)
         axes.annotate(
             f"{part}\nbead {bead}\n{division:g} N/div", (1.01, base),
-            xycoords=("axes fraction", "data"), va="bottom", fontsize=8, color=f"C{k}",
+            xycoords=("axes fraction", "data"), va="bottom", fontsize=9, color=f"C{k}",
         )  # fmt: skip
     axes.set_yticks(np.arange(apart * len(names) + 1), [])
-    axes.set(xlabel="time [ms]", ylabel="force [divisions]", title=title)
+    axes.set(xlabel="time [ms]", ylabel="force [divisions]")
+    axes.set_title(title, fontsize=9)
     axes.set_ylim(-0.5, apart * len(names))
     axes.margins(x=0)
 
@@ -96,7 +97,8 @@ def draw_density(figure, axes, table, breaks, title):
     )  # fmt: skip
     for place in breaks:
         axes.axvline(place + 0.5, color="w", lw=0.7, ls=":")
-    axes.set(xlabel="site", ylabel="time step of 3 us", title=title)
+    axes.set(xlabel="site", ylabel="time step of 3 µs")
+    axes.set_title(title, fontsize=9)
     axes.grid(False)
     figure.colorbar(image, ax=axes, label="force [N]")
 

@@ -5,8 +5,9 @@ as the histories of a search.  Its tables stand in one compressed .npz of number
 pickles: in `figures/data`, under version control, or, where they were computed again here, in
 `figures/output/data`.  A file counts as long as it is of the same sources: the module of the
 function, what that imports from `figures`, however far, and the modules in which what these
-import from the packages is defined; names of modules, comments, docstrings and layout aside, and
-the functions of a picture that show numbers and compute none (`SHOWING`).  What lies deeper in the
+import from the packages is defined; names of modules, comments, docstrings, layout, texts of errors
+and how objects print aside, and the functions of a picture that show numbers and compute none
+(`SHOWING`).  What lies deeper in the
 packages is left to a slow test, which computes every result again.
 """
 
@@ -31,6 +32,7 @@ DATA, MADE = HERE / "data", HERE / "output" / "data"
 PACKAGES = ("derivations", "tensegrity", "granular", "figures")
 NAMES, SOURCES, COMMAND, SECONDS = "names", "sources", "command", "seconds"
 SHOWING = ("draw", "animate", "table", "text")  # functions of a picture, from its tables
+PRINTING = ("__str__", "__repr__")
 RESULTS = {}  # {name: the function itself}, of all modules imported so far
 fresh = False  # whether only results that were computed here count
 
@@ -166,8 +168,8 @@ def used(module):
 
 @cache
 def digest(path):
-    """What stays the same while comments, docstrings, imports or layout of a source change, or how
-    a picture shows its numbers."""
+    """What stays the same while comments, docstrings, imports, texts of errors or layout of a
+    source change, or how an object prints or a picture shows its numbers."""
     text = path.read_bytes()
     if path.suffix == ".py":
         tree = ast.parse(text)
@@ -178,12 +180,13 @@ def digest(path):
 
 
 def form(node):
-    """A syntax tree as nested tuples, the same in every version of Python, without docstrings and
-    imports: what these name is a source by itself, and may be called otherwise."""
+    """A syntax tree as nested tuples, the same in every version of Python, without docstrings,
+    printing and imports: what these name is a source by itself, and may be called otherwise."""
     if isinstance(node, list):
-        return [form(one) for one in node if not isinstance(one, (ast.Import, ast.ImportFrom))]
-    if not isinstance(node, ast.AST):
-        return node
+        return [form(one) for one in node if not isinstance(one, (ast.Import, ast.ImportFrom))
+                and getattr(one, "name", "") not in PRINTING]  # fmt: skip
+    if not isinstance(node, ast.AST) or isinstance(node, ast.Raise):
+        return type(node).__name__ if isinstance(node, ast.AST) else node
     fields = dict(ast.iter_fields(node))
     if isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)):
         fields["body"] = node.body[ast.get_docstring(node, clean=False) is not None :]

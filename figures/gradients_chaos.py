@@ -1,4 +1,4 @@
-"""An exact but useless gradient: chaotic motion of beads between walls, and the digits left.
+"""An exact gradient of a chaotic motion is useless after five milliseconds.
 
 Forty steel beads of 10 mm touch each other and a wall at either end; the first starts at 1 m/s.
 The derivative of the energy of the first half with respect to the initial state is computed for

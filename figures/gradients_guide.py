@@ -1,9 +1,10 @@
-"""Sensitivity of the end force of a branched guide to the diameter and modulus of every bead.
+"""Beads near the measured end decide its force; those of the stem hardly matter.
 
-The guide of seeds/001 with walls behind its branches.  A bead that grows at a fixed centre
-stiffens its contacts, gains mass and, above all, changes the gaps.  All derivatives, given per
-micrometre, come from one backward pass through the unperturbed run; because contacts open, a
-linear prediction holds only for changes of size much smaller than a micrometre.
+Sensitivity of the end force of a branched guide to diameter and modulus of every bead: the guide of
+seeds/001 with walls behind its branches. A bead that grows at a fixed centre stiffens its contacts,
+gains mass and, above all, changes the gaps. All derivatives, given per micrometre, come from one
+backward pass through the unperturbed run; because contacts open, a linear prediction holds only for
+changes of size much smaller than a micrometre.
 """
 
 from __future__ import annotations
@@ -63,20 +64,24 @@ def table(tables):
 
 def draw(figure, tables):
     """The beads in position, coloured by either derivative."""
-    figure.set_size_inches(10, 4.6)
+    from matplotlib.ticker import MaxNLocator
+
+    figure.set_size_inches(9, 3.9)
+    figure.suptitle(__doc__.splitlines()[0].rstrip("."), fontsize=11)
     beads = tables["beads"]
     places = np.stack([beads["x"], beads["y"]], axis=1)
-    titles = {
-        "percent per um": "by diameter, centres fixed\n[% of the peak per um]",
-        "percent per percent of modulus": "by modulus\n[% of the peak per %]",
+    shown = {
+        "percent per um": ("a larger diameter, centres fixed", "% of the peak force per µm"),
+        "percent per percent of modulus": ("a larger modulus", "% of the peak force per %"),
     }
-    for axes, (name, title) in zip(figure.subplots(1, 2), titles.items(), strict=True):
-        value = np.asarray(beads[name])
-        most = np.abs(value).max()
+    for axes, (name, (title, unit)) in zip(figure.subplots(1, 2), shown.items(), strict=True):
+        most = np.abs(beads[name]).max()
         dots = disks(axes, places, BEAD.diameter, cmap="RdBu_r", ec="0.4", lw=0.5)
-        dots.set_array(value)
-        dots.set_clim(-most, most)
+        dots.set(array=np.asarray(beads[name]), clim=(-most, most))
         axes.set(ylabel="y [mm]", title=title)
         axes.autoscale_view()
         axes.margins(0.05)
-        figure.colorbar(dots, ax=axes, shrink=0.5)
+        axes.annotate("measured here", 1e3 * places[20], (-30, 0), textcoords="offset points",
+                      ha="right", va="center", fontsize=9)  # fmt: skip
+        bar = figure.colorbar(dots, ax=axes, location="bottom", shrink=0.9, label=unit)
+        bar.locator = MaxNLocator(5)

@@ -1,9 +1,10 @@
-"""Sensitivity of the floor force of a pack to every bead diameter, in the plane and in space.
+"""Only beads below the struck one, within its cone, change the force on the floor of a pack.
 
-Packs of steel beads of seeds/000, part II, struck from above.  A bead that grows at a fixed centre
-stiffens its contacts, gains mass and, above all, reduces the gaps.  The derivatives of the peak
-floor force with respect to all diameters come from one backward pass; they vanish except for beads
-that the wave has reached and whose response has arrived at the floor by then.
+Sensitivity of the peak floor force to every diameter, in the plane and in space. Packs of steel
+beads of seeds/000, part II, struck from above. A bead that grows at a fixed centre stiffens its
+contacts, gains mass and, above all, reduces the gaps. The derivatives of the peak floor force with
+respect to all diameters come from one backward pass; they vanish except for beads that the wave has
+reached and whose response has arrived at the floor by then.
 """
 
 from __future__ import annotations
@@ -74,23 +75,23 @@ def section(beads):
 
 def draw(figure, tables):
     """The beads in position, coloured by the derivative; in space a section."""
-    figure.set_size_inches(11, 5.2)
-    left, right = figure.subplots(1, 2, width_ratios=(1.6, 1))
-    plane, space = tables["plane"], tables["space"]
-    chosen = section(space)
-    for axes, beads, rows, title, percent in (
-        (left, plane, slice(None), "in the plane, struck in the middle", 1.0),
-        (right, space, chosen, "in space: a section next to the striker", 0.85),
+    figure.set_size_inches(9, 4.6)
+    figure.suptitle(__doc__.splitlines()[0].rstrip("."), fontsize=11)
+    panels = figure.subplots(1, 2, width_ratios=(1.6, 1))
+    every, behind = slice(None), section(tables["space"])
+    for axes, name, rows, title, size in (
+        (panels[0], "plane", every, "in the plane, struck in the middle", 1.0),
+        (panels[1], "space", behind, "in space: a section at the striker", 0.85),
     ):
-        x, z, value = (np.asarray(beads[k])[rows] for k in ("x", "z", "percent per um"))
-        places = np.stack([x, z], axis=1)
-        dots = disks(axes, places, percent * _packs.D, cmap="RdBu_r", ec="0.5", lw=0.4)
-        dots.set_array(value)
-        most = np.abs(np.asarray(beads["percent per um"])).max()
-        dots.set_clim(-most, most)
+        x, z, value = (np.asarray(tables[name][k])[rows] for k in ("x", "z", "percent per um"))
+        dots = disks(
+            axes, np.stack([x, z], axis=1), size * _packs.D, cmap="RdBu_r", ec="0.5", lw=0.4
+        )
+        most = np.abs(np.asarray(tables[name]["percent per um"])).max()
+        dots.set(array=value, clim=(-most, most))
         edge = 1e3 * _packs.D * np.array([-0.7, 0.7])
-        axes.set(ylabel="z [mm]", title=title)
+        axes.set(ylabel="height z [mm]", title=title)
         axes.set_xlim(1e3 * np.array([x.min(), x.max()]) + edge)
         axes.set_ylim(1e3 * np.array([z.min(), z.max()]) + edge)
-        label = "% of the floor's peak per um of diameter"
-        figure.colorbar(dots, ax=axes, shrink=0.8, location="bottom", label=label)
+        figure.colorbar(dots, ax=axes, shrink=0.9, location="bottom",
+                        label="% of the floor's peak per µm of diameter")  # fmt: skip

@@ -1,4 +1,4 @@
-"""Sensitivity of the passage time of a solitary wave to the prestrain and height of each prism.
+"""Every prism that a wave has crossed shifts its passage alike, those ahead not at all.
 
 A solitary wave travels along a chain of equal prisms.  The passage time is that at which a site
 reaches half of its final displacement; one backward pass gives its derivatives with respect to
@@ -58,16 +58,18 @@ def table(tables):
 
 def draw(figure, tables):
     """Derivatives of the time of passage by each prism."""
-    figure.set_size_inches(8, 5.5)
+    figure.set_size_inches(8, 6.5)
     bonds = tables["bonds"]
-    units = {"prestrain": "s", "height": "s/m", "k_cross": "s/(N/m)"}
+    units = {"prestrain": ("prestrain", "s"), "height": ("height", "s/m"),
+             "k_cross": ("cross stiffness", "s m/N")}  # fmt: skip
     panels = figure.subplots(3, 1, sharex=True)
-    for axes, (name, unit) in zip(panels, units.items(), strict=True):
+    for axes, (name, (words, unit)) in zip(panels, units.items(), strict=True):
         axes.plot(bonds["bond"], bonds[name], ".-", ms=3, lw=0.8)
         axes.axvline(AT, color="0.5", ls=":", lw=0.8)
         axes.axvline(SITE, color="0.5", ls=":", lw=0.8)
-        axes.set_ylabel(f"by {name} [{unit}]")
+        axes.set_ylabel(f"by {words}\n[{unit}]")
     panels[0].set_title(
-        f"time of passage of site {SITE}; the wave starts at bond {AT} (dotted)", fontsize=10
+        f"(a) derivative of the time at site {SITE}; the wave starts at bond {AT} (dotted)",
+        fontsize=10,
     )
     panels[-1].set_xlabel("bond")

@@ -1,4 +1,7 @@
-"""Fig. 3 of seeds/001: trains of waves in the full guide, all PTFE and all steel."""
+"""A train splits into two equal ones, and these recombine behind the diamond.
+
+Fig. 3 of seeds/001: trains of waves in the full guide, all PTFE and all steel.
+"""
 
 from __future__ import annotations
 
@@ -75,7 +78,8 @@ def table(tables):
 
 def draw(figure, tables):
     """Both scenes, one row per scene."""
-    figure.set_size_inches(11, 10)
+    figure.set_size_inches(9, 10)
+    figure.suptitle(__doc__.splitlines()[0].rstrip("."), fontsize=11)
     axes = figure.subplots(2, 2)
     titles = {"PTFE": "PTFE, 0.45 g at 0.25 m/s", "steel": "steel, 5.33 g at 0.18 m/s"}
     for name, both in zip(SCENES, axes, strict=True):

@@ -1,4 +1,7 @@
-"""Fig. 5 of seeds/001: a single wave meets a steel and a Parylene-C coated branch."""
+"""A Parylene branch keeps a pulse and its followers for milliseconds.
+
+Fig. 5 of seeds/001: a single wave meets a steel and a Parylene-C coated branch.
+"""
 
 from __future__ import annotations
 
@@ -38,6 +41,7 @@ def table(tables):
 
 def draw(figure, tables):
     """Curves and density."""
-    figure.set_size_inches(11, 5)
+    figure.set_size_inches(9, 5)
+    figure.suptitle(__doc__.splitlines()[0].rstrip("."), fontsize=11)
     titles = ("steel and Parylene branch, 0.45 g at 0.50 m/s", "stem 1, Parylene branch, stem 2")
     _guide.draw_scene(figure, figure.subplots(1, 2), tables, DIVISIONS, titles)

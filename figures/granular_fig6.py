@@ -1,4 +1,7 @@
-"""Fig. 6 of seeds/001: a train of waves meets a steel and a Parylene-C coated branch."""
+"""A train reaches stem 2 twice: at 0.6 ms through steel, at 1.3 ms through Parylene.
+
+Fig. 6 of seeds/001: a train of waves meets a steel and a Parylene-C coated branch.
+"""
 
 from __future__ import annotations
 
@@ -44,6 +47,7 @@ def table(tables):
 
 def draw(figure, tables):
     """Curves and density."""
-    figure.set_size_inches(11, 5)
+    figure.set_size_inches(9, 5)
+    figure.suptitle(__doc__.splitlines()[0].rstrip("."), fontsize=11)
     titles = ("steel and Parylene branch, 5.33 g at 0.35 m/s", "stem 1, Parylene branch, stem 2")
     _guide.draw_scene(figure, figure.subplots(1, 2), tables, DIVISIONS, titles)

@@ -1,4 +1,7 @@
-"""The guide of Fig. 5 in motion: beads coloured by the contact force, with the walls drawn."""
+"""The pulse splits at the fork; the steel branch delivers first, the soft one takes twice the time.
+
+The guide of Fig. 5 of seeds/001; beads are coloured by the contact force of eq. (5).
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,9 @@ NAME = "granular_motion"
 GROUP = "granular"
 
 END = 1.5e-3  # s
-FRAMES, SHOWN = 100, (12, 22, 42, 84)  # of the GIF; of the picture
+FRAMES = 100  # of the GIF
+SHOWN = {9: "fork", 14: "fork", 42: "rejoined", 86: "rejoined"}  # frames of the picture, and where
+SEEN = {"fork": (-45, 55), "rejoined": (150, 250)}  # mm
 HELD = 6.0  # N: upper end of the colour scale
 
 
@@ -51,7 +56,7 @@ def _stage(axes, tables):
     rims = np.where(beads["soft"] == 1, "C2", "0.6")
     found = disks(axes, places, STEEL.diameter, cmap="inferno_r", lw=0.5, edgecolors=rims)
     found.set_clim(0, HELD)
-    axes.set(ylabel="y [mm]", ylim=(-65, 65))
+    axes.set(ylabel="y [mm]")
     return found
 
 
@@ -60,16 +65,19 @@ def _forces(tables):
 
 
 def draw(figure, tables):
-    """Draw selected frames."""
-    figure.set_size_inches(14, 5.2)
+    """Draw selected frames, about the fork and where the branches rejoin."""
+    figure.set_size_inches(9, 6.2)
+    figure.suptitle(__doc__.splitlines()[0].rstrip("."), fontsize=11)
     forces, t = _forces(tables), tables["forces"]["t [s]"]
     panels = figure.subplots(2, 2)
-    for axes, frame in zip(panels.ravel(), SHOWN, strict=True):
+    for axes, (frame, where) in zip(panels.ravel(), SHOWN.items(), strict=True):
         disks = _stage(axes, tables)
         disks.set_array(forces[frame])
-        axes.set_title(f"{1e3 * t[frame]:.2f} ms", fontsize=9)
-    label = "force by eq. (5) [N]; green outlines: Parylene branch"
-    figure.colorbar(disks, ax=panels, label=label, shrink=0.7)
+        axes.set(title=f"{1e3 * t[frame]:.2f} ms after the blow", xlim=SEEN[where], ylim=(-32, 32))
+    for side, name, y in (("top", "steel branch", 30), ("bottom", "Parylene branch", -30)):
+        panels[0, 0].text(-42, y, name, va=side)
+    label = "force on a bead [N]; green outlines: Parylene branch"
+    figure.colorbar(disks, ax=panels, label=label, shrink=0.7, extend="max")
 
 
 def animate(tables, path):

@@ -1,10 +1,10 @@
-"""Eq. (7) of seeds/001 against the half-angle: is a wave at the junction a quasi-particle?
+"""A quasi-particle predicts what a fork transmits, and too much of what it sends back.
 
-Eq. (7) distributes momentum and energy over the waves alone.  In the runs the beads between them
-retain a slow backward motion, with next to no energy but with the momentum that the reflected wave
-lacks.  Where eq. (7) predicts a wave of negative momentum, there is none.  Below 30 degrees the
-first beads of the branches, which touch each other, withhold energy from both waves, the more the
-smaller the angle.
+Eq. (7) of seeds/001 against the half-angle. It distributes momentum and energy over the waves
+alone. In the runs the beads between them retain a slow backward motion, with next to no energy but
+with the momentum that the reflected wave lacks. Where eq. (7) predicts a wave of negative momentum,
+there is none. Below 30 degrees the first beads of the branches, which touch each other, withhold
+energy from both waves, the more the smaller the angle.
 """
 
 from __future__ import annotations
@@ -148,18 +148,21 @@ def table(tables):
 def draw(figure, tables):
     """Momenta against half-angle."""
     figure.set_size_inches(8, 4.5)
-    axes = figure.subplots()
-    m = tables["momenta"]
+    figure.suptitle(__doc__.splitlines()[0].rstrip("."), fontsize=11)
+    axes, m = figure.subplots(), tables["momenta"]
+    angles = m["half angle [deg]"]
     for k, wave in enumerate(("I1/I0", "I2/I0")):
-        axes.plot(m["half angle [deg]"], m[f"{wave}, eq. (7)"], f"C{k}-", lw=1,
-                  label=f"{wave}, eq. (7)")  # fmt: skip
+        axes.plot(angles, m[f"{wave}, eq. (7)"], f"C{k}-", lw=1)
         for kind, mark in (("beads touch", "o"), ("branches cross", "x")):
-            shown = m["half angle [deg]"] < TOUCHING + (0 if mark == "x" else 90)
-            axes.plot(m["half angle [deg]"][shown], m[f"{wave}, {kind}"][shown], f"C{k}{mark}",
-                      label=f"{wave}, {kind}")  # fmt: skip
+            shown = angles < TOUCHING + (0 if mark == "x" else 90)
+            axes.plot(angles[shown], m[f"{wave}, {kind}"][shown], f"C{k}{mark}")
+    axes.text(32, 0.62, "transmitted", color="C1")
+    axes.text(32, 0.21, "reflected", color="C0")
+    axes.text(
+        11, -0.2, "lines: eq. (7)\n●  runs, beads of both branches touch\nx  runs, branches cross"
+    )
     limit = tables["limit"]["deg"][0]
     axes.axvline(limit, color="k", lw=0.6, ls=":")
-    axes.text(limit + 0.5, 0.02, "no reflected pulse in the runs", fontsize=8)
+    axes.text(limit + 0.5, 0.02, "no reflected pulse in the runs", fontsize=9)
     axes.axhline(0, color="k", lw=0.6)
-    axes.set(xlabel="half angle [deg]", ylabel="momentum over that of the incident wave")
-    axes.legend(fontsize=7, ncols=2)
+    axes.set(xlabel="half angle [°]", ylabel="momentum over that of the incident wave")

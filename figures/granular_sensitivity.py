@@ -1,6 +1,8 @@
-"""Sensitivity to data missing in the paper: angle, walls, far end and Parylene radius.
+"""What the paper leaves open moves forces by up to 17 %, the trapped energy by up to a third.
 
-Half-angles below 30 degrees are impossible: the first beads of the branches would overlap.
+Open are the angle of the fork, gaps to the walls, the far end, and the radius of coated beads. The
+half guide has no stem 2: what differs there is not computed for it. Half-angles below 30 degrees
+are impossible: the first beads of the branches would overlap.
 """
 
 from __future__ import annotations
@@ -41,7 +43,7 @@ FULL = (
 
 NOT_COMPUTED = "not computed"
 LEAST = 0.05  # %: smaller changes count as zero
-SEEN = 0.05  # of the longest bar: shorter ones are labelled by numbers
+MARKS = "osD^v*"  # of the six quantities
 
 
 def data():
@@ -108,32 +110,20 @@ def table(tables):
 
 
 def draw(figure, tables):
-    """Changes as bars, one panel per quantity; numbers or words where a bar is too short."""
-    figure.set_size_inches(12, 5)
-    cases = tables["cases"]
-    places = np.arange(len(cases["case"]) - 1)[::-1]
-    panels = figure.subplots(1, len(HALF) + len(FULL), sharey=True)
-    for axes, name in zip(panels, (*HALF, *FULL), strict=True):
-        found = changes(cases[name])[1:]
-        change = np.array([one or 0.0 for one in found])
-        axes.barh(places, change, color=np.where(change < 0, "C3", "C0"))
-        for place, one in zip(places, found, strict=True):
-            if one is None or abs(one) < SEEN * np.abs(change).max():
-                text = NOT_COMPUTED if one is None else f"{one:+.1f}" if abs(one) > LEAST else "0.0"
-                axes.annotate(text, (0.5, place), xycoords=("axes fraction", "data"), fontsize=6,
-                              ha="center", va="center", color="0.3",
-                              bbox={"fc": "w", "ec": "none", "pad": 1})  # fmt: skip
-        axes.axvline(0, color="k", lw=0.6)
-        axes.set_xlabel("change [%]", fontsize=8)
-        axes.set_title("\n".join(_wrapped(name)), fontsize=8)
-        axes.tick_params(labelsize=7)
-        axes.set_axisbelow(True)
-        if np.abs(change).max() < 1:
-            axes.set_xlim(-1, 1)
-    panels[0].set_yticks(places, cases["case"][1:], fontsize=8)
-
-
-def _wrapped(text):
-    import textwrap
-
-    return textwrap.wrap(text, 25)
+    """All changes on one axis, a mark for each quantity."""
+    figure.set_size_inches(9, 5.6)
+    figure.suptitle(__doc__.splitlines()[0].rstrip("."), fontsize=11)
+    axes, cases = figure.subplots(), tables["cases"]
+    names, rows = (*HALF, *FULL), np.arange(len(CASES) - 1)[::-1]
+    for k, (name, mark) in enumerate(zip(names, MARKS, strict=True)):
+        change = np.array([np.nan if x is None else x for x in changes(cases[name])[1:]])
+        label = name.removesuffix(" [N]").replace("F_i/F_t", "$F_i/F_t$")
+        axes.plot(change, rows + 0.11 * (2.5 - k), mark, ms=8, mew=0,
+                  label=label.replace("F_i/F_r", "$F_i/F_r$"))  # fmt: skip
+    axes.axvline(0, color="k", lw=0.8)
+    for edge in rows[:-1] - 0.5:
+        axes.axhline(edge, color="0.8", lw=0.6)
+    axes.set(xlabel="change against our reading of the paper [%]", ylabel="what differs",
+             ylim=(-0.5, rows[0] + 0.5))  # fmt: skip
+    axes.set_yticks(rows, [case.replace(" deg", "°") for case in cases["case"][1:]])
+    figure.legend(loc="outside lower center", ncols=2, fontsize=9)

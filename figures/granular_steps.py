@@ -1,4 +1,4 @@
-"""Pulses at a step of radius or material: a train in one direction, reflection in the other."""
+"""A step towards lighter beads makes a train of a pulse; the other way one part turns back."""
 
 from __future__ import annotations
 
@@ -63,7 +63,8 @@ def table(tables):
 
 def draw(figure, tables):
     """Energy densities, two scenes per row."""
-    figure.set_size_inches(10, 11)
+    figure.set_size_inches(9, 9.5)
+    figure.suptitle(__doc__.splitlines()[0].rstrip("."), fontsize=11)
     axes = figure.subplots(3, 2)
     for one, name in zip(axes.ravel(), SCENES, strict=True):
         image = _beads.draw_density(one, tables[f"{name} density"], name, [BEFORE])

@@ -1,4 +1,4 @@
-"""Energy trapping in the guide: stems, branches and walls over time, stem 2 open or stopped."""
+"""A soft branch keeps two fifths of the energy for milliseconds, most where stem 2 is stopped."""
 
 from __future__ import annotations
 
@@ -48,13 +48,14 @@ def table(tables):
 
 def draw(figure, tables):
     """Stacked fractions against time."""
-    figure.set_size_inches(11, 6.5)
+    figure.set_size_inches(9, 6)
+    figure.suptitle(__doc__.splitlines()[0].rstrip("."), fontsize=11)
     for axes, (name, one) in zip(figure.subplots(2, 2).ravel(), tables.items(), strict=True):
-        parts = [p for p in one if p != "t [s]"]
-        axes.stackplot(1e3 * one["t [s]"], [one[p] for p in parts], labels=parts, alpha=0.85)
+        parts = [part for part in one if part != "t [s]"]
+        axes.stackplot(1e3 * one["t [s]"], [one[part] for part in parts], labels=parts, alpha=0.85)
         axes.set(xlabel="time [ms]", ylabel="fraction of the energy", title=name, ylim=(0, 1))
         axes.margins(x=0)
     handles, labels = axes.get_legend_handles_labels()
     kinds = {"branch 1": "branch 1 (steel)", "branch 2": "branch 2 (soft)"}
     labels = [kinds.get(label, label) for label in labels]
-    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), fontsize=8)
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), fontsize=9)

@@ -1,4 +1,4 @@
-"""Uniform chains of beads: wave shape, speed against force, and force against momentum."""
+"""After an impact a chain of any material carries the exact wave of Hertz's law."""
 
 from __future__ import annotations
 
@@ -157,27 +157,38 @@ def _long_wave_width():
 
 def draw(figure, tables):
     """Shape; speed against force; force and speed against momentum."""
-    figure.set_size_inches(11, 4)
-    shape_axes, force_axes, speed_axes = figure.subplots(1, 3)
+    figure.set_size_inches(9, 3.9)
+    figure.suptitle(__doc__.splitlines()[0].rstrip("."), fontsize=11)
+    shape_axes, *others = figure.subplots(1, 3)
     theory, shape = tables["theory"], tables["shape"]
-    shape_axes.plot(theory["x [beads]"], theory["exact"], "C1", label="exact wave")
-    shape_axes.plot(theory["x [beads]"], theory["long wave"], "C2--", label="long wave, cos$^4$")
-    shape_axes.plot(shape["x [beads]"][::3], shape["overlap over peak"][::3], "C0.", ms=3,
-                    label="chain after impact")  # fmt: skip
+    shape_axes.plot(theory["x [beads]"], theory["exact"], "C1")
+    shape_axes.plot(theory["x [beads]"], theory["long wave"], "C2--")
+    shape_axes.plot(shape["x [beads]"][::3], shape["overlap over peak"][::3], "C0.", ms=4)
+    for text, place, colour in (
+        ("exact\nwave", (1.05, 0.62), "C1"),
+        ("in a chain", (1.5, 0.3), "C0"),
+        ("long wave,\n$\\cos^4$", (-4.1, 0.2), "C2"),
+    ):
+        shape_axes.text(*place, text, color=colour)
     shape_axes.set(xlabel="distance from the peak [beads]", ylabel="compression over its peak")
-    shape_axes.legend(fontsize=7)
     momentum, force, rate = scaled(tables)
-    names = tables["waves"]["material"]
+    names = list(tables["waves"]["material"])
     for axes, y, power, label in (
-        (force_axes, force, 6 / 5, r"force / $(\alpha^{2/5} m^{3/5})$  [(m/s)$^{6/5}$]"),
-        (speed_axes, rate, 1 / 5, r"speed $(m/\alpha)^{2/5}$  [beads (m/s)$^{1/5}$]"),
+        (others[0], force, 6 / 5, r"force / $(\alpha^{2/5} m^{3/5})$  [(m/s)$^{6/5}$]"),
+        (others[1], rate, 1 / 5, r"speed $(m/\alpha)^{2/5}$  [beads (m/s)$^{1/5}$]"),
     ):
         line = np.array([momentum.min(), momentum.max()])
-        axes.loglog(line, y[0] * (line / momentum[0]) ** power, "k-", lw=0.8,
-                    label=f"power {power:g}")  # fmt: skip
-        for k, name in enumerate(dict.fromkeys(names)):
-            chosen = names == name
-            axes.loglog(momentum[chosen], y[chosen], f"C{k}o", ms=5, label=name)
-        axes.set(xlabel="momentum of the wave over mass [m/s]", ylabel=label)
-        axes.xaxis.set_minor_formatter("")
-        axes.legend(fontsize=7)
+        axes.loglog(line, y[0] * (line / momentum[0]) ** power, "k-", lw=0.8)
+        axes.text(line[0], y.max(), f"line: power {power:g}", va="top")
+        for x, top, name in zip(momentum, y, names, strict=True):
+            colour = f"C{list(SCENES).index(name)}"
+            axes.plot(x, top, "o", ms=5, color=colour)
+            axes.annotate("PTFE" if name == "ptfe" else name, (x, top), (6, -4), color=colour,
+                          textcoords="offset points", va="top", fontsize=9)  # fmt: skip
+        axes.set(xlabel="momentum over mass [m/s]", ylabel=label, xlim=(0.04, 1.3))
+        for axis in (axes.xaxis, axes.yaxis):
+            axis.set_major_formatter("{x:g}")
+            axis.set_minor_formatter("")
+        axes.set_xticks([0.05, 0.1, 0.2, 0.5, 1])
+        axes.set_ylim(0.012 if power > 1 else 0.44)
+        axes.set_yticks([0.02, 0.05, 0.1, 0.2, 0.4] if power > 1 else [0.45, 0.5, 0.6, 0.7, 0.8])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from figures._draw import name_curves
 from figures._limits import COLOURS, EXPLICIT, grid, moved, prism_chain, slope
 from tensegrity import METHODS, LockingError, Record, StabilityError, State, simulate
 from tensegrity.scenes.dynamics import dynamics
@@ -132,17 +133,18 @@ def text(tables):
 
 def draw(figure, tables):
     """Steps against the stroke left; the energy after fixed steps."""
-    figure.set_size_inches(11, 4.5)
+    figure.set_size_inches(9, 4.5)
     left, right = figure.subplots(1, 2)
     t, fixed = tables["steps"], tables["fixed"]
     for name in EXPLICIT:
-        label = f"{name}, energy to {ENERGY_ERROR:g}"
-        left.loglog(GAPS, t[f"step of {name} [s]"], "o-", ms=3, color=COLOURS[name], label=label)
+        left.loglog(GAPS, t[f"step of {name} [s]"], "o-", ms=3, color=COLOURS[name], label=name)
         left.loglog(GAPS, t[f"limit of {name} [s]"], ":", color=COLOURS[name])
-    left.loglog(GAPS, 3 * GAPS**0.75, "k--", lw=1, label="power 3/4")
+    ends = GAPS[[0, -1]]
+    left.loglog(ends, 3 * ends**0.75, "k--", lw=1, label="power 3/4")
     left.axhline(FIXED, color="0.5", lw=0.8)
     left.set(xlabel="fraction of the stroke left", ylabel="step [s]; dotted: stability limit")
-    left.legend(fontsize=8)
+    left.set(title=f"steps for the energy to {ENERGY_ERROR:g}", xlim=(5e-6, 3))
+    name_curves(left)
     accepted = np.array([how == "accepted" for how in fixed["outcome"]])
     error = fixed["energy error of the bare loop"]
     right.loglog(GAPS[accepted], error[accepted], "C0o", label="accepted")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from figures._draw import name_curves
 from figures._limits import grid, prism_chain, slope
 from tensegrity import METHODS
 from tensegrity.engine.compiled import Compiled
@@ -108,8 +109,8 @@ def text(tables):
 
 def draw(figure, tables):
     """Differences from extended precision against steps, and the powers of a random walk."""
-    figure.set_size_inches(11, 4.5)
-    panels = figure.subplots(1, 2, sharey=True)
+    figure.set_size_inches(9, 4.5)
+    panels = figure.subplots(1, 2)
     for axes, (name, t) in zip(panels, tables.items(), strict=True):
         found, late = powers(tables, name), t["steps"] >= LATE
         for k, key in enumerate(("energy", "elongation")):
@@ -120,5 +121,6 @@ def draw(figure, tables):
             label = f"power {expected:g}"
             axes.loglog(t["steps"], middle * t["steps"] ** expected, f"C{k}--", lw=1, label=label)
         axes.set(xlabel="steps", title=f"chain {name.replace('_', ' ')} as a whole")
-        axes.legend(fontsize=8)
-    panels[0].set_ylabel("double minus extended precision, relative")
+        axes.set(ylabel="double minus extended precision, relative",
+                 xlim=(t["steps"][0] / 2, 300 * t["steps"][-1]))  # fmt: skip
+        name_curves(axes)

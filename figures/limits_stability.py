@@ -130,14 +130,16 @@ def text(tables):
 
 def draw(figure, tables):
     """Growth per step around each limit, predicted and found."""
-    figure.set_size_inches(4 * len(EXPLICIT), 4)
+    figure.set_size_inches(9, 4)
     for axes, name in zip(np.atleast_1d(figure.subplots(1, len(EXPLICIT))), EXPLICIT, strict=True):
         t, colour, limit = tables[name], COLOURS[name], METHODS[name].stability_limit
-        axes.plot(t["line"], t["predicted"], color=colour, lw=1, label="eigenvalues of a step")
-        axes.plot(t["dt omega"], t["growth"], "o", color=colour, ms=4, label="the loop on a chain")
+        axes.plot(t["line"], t["predicted"], color=colour, lw=1)
+        axes.plot(t["dt omega"], t["growth"], "o", color=colour, ms=4)
         axes.axvline(limit, color="k", lw=0.6, ls=":")
         axes.ticklabel_format(useOffset=False, style="plain", axis="x")
-        axes.locator_params(axis="x", nbins=5)
-        axes.set(xlabel="dt $\\omega_{max}$", title=f"{name}: limit {limit:.4f}")
-    figure.axes[0].set_ylabel("growth per step (logarithm of the amplitude)")
-    axes.legend(fontsize=8)
+        axes.locator_params(axis="x", nbins=3)
+        axes.set(xlabel="step dt $\\omega_{max}$", title=f"{name}: limit {limit:.4f}")
+        axes.title.set_fontsize(10)
+    figure.supylabel("growth per step, logarithm of the amplitude", fontsize=10)
+    figure.suptitle("A mode grows where the eigenvalues of a step (line) say so; dots: the loop on "
+                    "a chain", fontsize=11)  # fmt: skip

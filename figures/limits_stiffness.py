@@ -7,6 +7,7 @@ import time
 import numpy as np
 import sympy as sp
 
+from figures._draw import name_curves
 from figures._limits import COLOURS, DIFFERENT, EXPLICIT, grid, moved, slope
 from tensegrity import METHODS, Chain, Potential
 from tensegrity.scenes.dynamics import dynamics
@@ -139,12 +140,16 @@ def table(tables):
 
 def draw(figure, tables):
     """Steps and times against the ratio of stiffnesses."""
-    figure.set_size_inches(11, 4.5)
+    figure.set_size_inches(9, 4.5)
     left, right = figure.subplots(1, 2)
     for name in DIFFERENT:
         for axes, what in ((left, "steps"), (right, "times")):
             t = tables[what]
             axes.loglog(t["ratio"], t[name], "o-", ms=4, color=COLOURS[name], label=name)
+    left.set_title("explicit methods: steps grow with the root", fontsize=10)
+    right.set_title("what these steps take", fontsize=10)
     left.set(xlabel="ratio of stiffnesses", ylabel=f"steps for an error of {ERROR:g}")
     right.set(xlabel="ratio of stiffnesses", ylabel="time over the slowest")
-    left.legend()
+    for axes in (left, right):
+        axes.set_xlim(right=30 * axes.get_xlim()[1])
+        name_curves(axes)

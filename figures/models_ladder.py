@@ -1,4 +1,4 @@
-"""Hierarchy of models: error of each model against its computing time, scene by scene."""
+"""Each digit of a scene has a simplest model that gives it, far cheaper than the largest."""
 
 from __future__ import annotations
 
@@ -16,6 +16,8 @@ from tensegrity import Chain, Polynomial, PowerLaw, Prism, Record, sech2, solita
 
 NAME = "models_ladder"
 GROUP = "models"
+
+FLOOR = 1e-15  # smallest error that is drawn
 
 LEVELS = (1e-2, 1e-4, 1e-8)
 REPEATS, LONG = 5, 3.0  # runs that a median is of, and seconds from which one run has to do
@@ -191,16 +193,25 @@ def table(tables):
 
 
 def draw(figure, tables):
-    """Error against time in each scene."""
-    figure.set_size_inches(13, 8)
+    """Error against time in each scene, every model by its name."""
+    figure.set_size_inches(9, 7)
     panels = figure.subplots(2, 3, sharey=True)
-    for axes, (scene, one) in zip(panels.flat, tables.items(), strict=True):
-        for k, (name, error, seconds) in enumerate(zip(*one.values(), strict=True)):
-            label = name if error else f"{name}, the reference"
-            axes.loglog(seconds, max(error, 1e-17), f"C{k}o", ms=8, label=label)
+    for axes, letter, (scene, one) in zip(panels.flat, "abcdef", tables.items(), strict=True):
+        low, high = one["time"].min(), one["time"].max()
+        middle = np.sqrt(low * high)
+        for name, error, seconds in sorted(zip(*one.values(), strict=True), key=lambda x: -x[1]):
+            exact = error < FLOOR
+            height = max(error, FLOOR)
+            axes.loglog(seconds, height, "C0v" if exact else "C0o", ms=6)
+            axes.annotate(
+                f"{name}, reference" if error == 0 else name, (seconds, height),
+                (-7 if seconds > middle else 7, 0), textcoords="offset points", va="center",
+                ha="right" if seconds > middle else "left", fontsize=8,
+            )  # fmt: skip
         for level in LEVELS:
             axes.axhline(level, color="0.6", lw=0.7, ls=":")
-        axes.set(title=scene.replace("_", " "), xlabel="time over the slowest")
-        axes.legend(fontsize=8, loc="upper right")
-    for axes in panels[:, 0]:
-        axes.set_ylabel("error, relative to the largest value")
+        room = max((high / low) ** 0.6, 3.0)
+        axes.set(xlim=(low / room, high * room), ylim=(FLOOR / 30, 30))
+        axes.set_title(f"({letter}) {scene.replace('_', ' ')}", fontsize=10)
+    figure.supxlabel("time over that of the slowest model", fontsize=10)
+    figure.supylabel("error, relative to the largest value (triangles: below 1e-15)", fontsize=10)

@@ -1,8 +1,9 @@
-"""Mitigation efficiency of packs against layers, side walls, beads, and a diameter tolerance.
+"""A mitigation of 70 % holds for 16 to 18 layers of steel between soft sides, for little else.
 
-The reference is a striker directly on the wall.  A tolerance reduces each diameter by a random
-fraction of it at fixed lattice positions, which opens gaps without precompression.  The resulting
-scatter shows how many digits of the force are meaningful.
+Efficiency of packs by layers, sides, beads and a tolerance of diameters. The reference is a striker
+directly on the wall. A tolerance reduces each diameter by a random fraction of it at fixed lattice
+positions, which opens gaps without precompression. The resulting scatter shows how many digits of
+the force are meaningful.
 """
 
 from __future__ import annotations
@@ -94,29 +95,29 @@ def table(tables):
 
 
 def draw(figure, tables):
-    """Efficiency against layers and against sides; of other beads and with a tolerance."""
-    figure.set_size_inches(13, 4.6)
+    """Efficiency by layers, by sides, and by beads and with a tolerance."""
+    figure.set_size_inches(9, 4)
+    figure.suptitle(__doc__.splitlines()[0].rstrip("."), fontsize=11)
     a, b, c = figure.subplots(1, 3)
     t, hard = tables["layers"], tables["hard"]
-    a.plot(t["layers"], 100 * t["PTFE sides"], "o-", label="PTFE sides")
-    a.plot(hard["layers"], 100 * hard["steel sides"], "s-", label="steel sides")
-    a.set(xlabel="layers", ylabel="1 - peak / direct hit [%]", title="number of layers")
-    a.legend(fontsize=8, loc="lower right")
-    t = tables["sides"]
-    place = np.arange(len(t["sides"]))
-    b.bar(place, 100 * t["efficiency"], width=0.6)
-    names = ["no walls" if name == "None" else name for name in t["sides"]]
-    b.set_xticks(place, names, rotation=35, fontsize=8)
-    b.set(title="material of the sides, 17 layers", ylabel="1 - peak / direct hit [%]")
+    a.plot(t["layers"], 100 * t["PTFE sides"], "o-")
+    a.plot(hard["layers"], 100 * hard["steel sides"], "s-")
+    a.text(11, 18, "PTFE sides", color="C0")
+    a.text(11, -12, "steel sides", color="C1")
+    a.text(5, 73, "70 %", color="C3")
+    a.axhline(70, color="C3", lw=1, ls="--")
+    a.set(xlabel="layers", ylabel="1 - peak / direct hit [%]", title="layers")
+    sides = ["no walls" if name == "None" else name for name in tables["sides"]["sides"]]
     values = {name: [e] for name, e in zip(*tables["beads"].values(), strict=True)}
-    values |= {f"diameters -{eps}": found for eps, found in tables["tolerance"].items()
-               if eps != "seed"}  # fmt: skip
-    for k, found in enumerate(values.values()):
-        c.plot(np.full(len(found), k), 100 * np.array(found), "o", ms=4, alpha=0.7)
-    c.set_xticks(range(len(values)), list(values), rotation=35, fontsize=8, ha="right")
-    c.set(title="beads, and a tolerance (10 seeds)", ylabel="1 - peak / direct hit [%]")
-    c.set_ylim(0, 100)
-    for axes in (a, b, c):
-        axes.axhline(70, color="C3", lw=1, ls="--")
-        axes.axhline(0, color="k", lw=0.6)
-    a.text(5, 73, "the talk's 70 %", color="C3", fontsize=8)
+    values |= {f"steel, diameters less\nup to {100 * float(eps):g} %": found
+               for eps, found in tables["tolerance"].items() if eps != "seed"}  # fmt: skip
+    sides = dict(zip(sides, tables["sides"]["efficiency"][:, None], strict=True))
+    for axes, shown, name, title in (
+        (b, sides, "material of the sides", "sides, 17 layers"),
+        (c, values, "beads", "beads, PTFE sides"),
+    ):
+        for k, found in enumerate(shown.values()):
+            axes.plot(100 * np.array(found), np.full(len(found), -k), "C0o", ms=5, alpha=0.7)
+        axes.axvline(70, color="C3", lw=1, ls="--")
+        axes.set_yticks(-np.arange(len(shown)), list(shown), fontsize=9)
+        axes.set(title=title, xlabel="1 - peak / direct hit [%]", ylabel=name, xlim=(-25, 100))

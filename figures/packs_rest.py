@@ -1,7 +1,8 @@
-"""Packs in equilibrium under gravity and a preload, and the same packs struck.
+"""A preload rests on lines from the corners, and makes a blow arrive sooner and weaker.
 
-The static equilibrium is computed first: lines are contact forces, their width is the force.  The
-floor carries the weight and the preload, however the contacts distribute them.
+Packs in equilibrium under gravity and a preload, and the same packs struck. The static equilibrium
+is computed first: lines are contact forces, their width is the force. The floor carries the weight
+and the preload, however the contacts distribute them.
 """
 
 from __future__ import annotations
@@ -88,7 +89,10 @@ def draw(figure, tables):
     """Force lines of both, floors, struck floors."""
     from matplotlib.collections import LineCollection
 
-    figure.set_size_inches(13, 7.5)
+    from figures._draw import name_curves
+
+    figure.set_size_inches(9, 6.4)
+    figure.suptitle(__doc__.splitlines()[0].rstrip("."), fontsize=11)
     (a, b), (c, d) = figure.subplots(2, 2)
     for axes, name in ((a, "weight"), (b, "weight and 1 N a bead")):
         t = tables[f"{name.replace(' ', '_')}_contacts"]
@@ -101,13 +105,15 @@ def draw(figure, tables):
         axes.set_title(f"{name}; widest line {most:.2g} N", fontsize=10)
         axes.grid(False)
         t = tables[f"{name.replace(' ', '_')}_floor"]
-        c.plot(1e3 * t["x [m]"], t["force [N]"], "o-", ms=4, label=name)
+        c.plot(1e3 * t["x [m]"], t["force [N]"], "o-", ms=4, label=name.replace(" and", "\nand"))
     c.set(xlabel="x [mm]", ylabel="force [N]", title="single beads on the floor, at rest")
     c.set_ylim(bottom=0)
-    c.legend(fontsize=8)
+    c.set_xlim(0, 270)
+    name_curves(c)
     for preload in PRELOADS:
         key = f"{preload:g} N"
         d.plot(1e3 * tables["struck"]["t [s]"], tables["struck"][key], lw=1.2, label=key)
-    d.set(xlabel="time [ms]", ylabel="further force [N]",
-          title="struck: floor force beyond static load, by preload per bead of row 1")  # fmt: skip
-    d.legend(fontsize=8)
+    d.set_xlim(0, 0.46)
+    name_curves(d)
+    d.set(xlabel="time [ms]", ylabel="further force on the floor [N]",
+          title="struck, by preload of a bead of row 1")  # fmt: skip

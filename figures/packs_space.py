@@ -1,7 +1,8 @@
-"""A pack of 833 beads seen from the side: magnified displacements and contact forces.
+"""Forces spread along lines of contacts; after 1 ms the top third still holds most of the energy.
 
-The view is along y; the beads that reach the largest speeds are drawn in front of the others.
-Contact forces are lines whose width is the force.
+A pack of 833 beads seen from the side: magnified displacements and contact forces. The view is
+along y; the beads that reach the largest speeds are drawn in front of the others. Contact forces
+are lines whose width is the force.
 """
 
 from __future__ import annotations
@@ -10,12 +11,12 @@ from functools import cache
 
 import numpy as np
 
+import tensegrity
 from figures import _packs
 from figures._packs import row
 from granular import energies
 from tensegrity import Record
 from tensegrity.animation import moving
-from tensegrity.plotting import film
 
 NAME = "packs_space"
 GROUP = "packs"
@@ -23,6 +24,7 @@ GROUP = "packs"
 END, FRAMES = 1e-3, 60
 FACTOR, MOST, FASTEST = 60, 60.0, 0.5  # of the displacements; N of the widest line; m/s
 SHOWN = (6, 18, 36)  # frames of the picture
+VIEW = (-60, 20)  # degrees, of the film
 TIMES = (4e-4, 1e-3)  # s
 LATERAL = {4e-4: 0.346, 1e-3: 0.259}
 UPPER = {4e-4: 0.5392, 1e-3: 0.5694}
@@ -76,27 +78,29 @@ def _moving(axes, label=""):
 
 def draw(figure, tables):
     """Three instants, and the distribution of the energy over time."""
-    figure.set_size_inches(14, 6.5)
-    panels = figure.subplots(1, len(SHOWN) + 1, width_ratios=[1] * len(SHOWN) + [1.3])
-    for axes, k in zip(panels, SHOWN, strict=False):
+    figure.set_size_inches(9, 5.4)
+    figure.suptitle(__doc__.splitlines()[0].rstrip("."), fontsize=11)
+    *panels, last = figure.subplots(1, len(SHOWN) + 1, width_ratios=[1] * len(SHOWN) + [1.4])
+    for axes, k in zip(panels, SHOWN, strict=True):
         _moving(axes, "" if k == SHOWN[-1] else None)(k)
-        axes.set_title(f"{1e3 * motion().t[k]:.2f} ms: displacements x {FACTOR}", fontsize=9)
-    for axes in panels[1:-1]:
+        axes.set_title(f"{1e3 * motion().t[k]:.2f} ms", fontsize=10)
+    for axes in panels[1:]:
         axes.set(ylabel="", yticklabels=[])
     t = tables["energy"]
     names = ["layers 12 to 17", "layers 7 to 11", "layers 1 to 6", "striker"]
-    panels[-1].stackplot(1e3 * t["t [s]"], [t[name] for name in names], labels=names, alpha=0.8)
-    panels[-1].plot(1e3 * t["t [s]"], t["lateral part of the motion"], "k--", lw=1.2,
-                    label="lateral fraction of kinetic energy")  # fmt: skip
-    panels[-1].set(xlabel="time [ms]", ylabel="fraction of the energy", ylim=(0, 1))
-    panels[-1].set_title("distribution of the energy", fontsize=9)
-    panels[-1].margins(x=0)
-    panels[-1].legend(fontsize=7, loc="upper right", framealpha=0.8, frameon=True)
+    last.stackplot(1e3 * t["t [s]"], [t[name] for name in names], alpha=0.6)
+    last.plot(1e3 * t["t [s]"], t["lateral part of the motion"], "k--", lw=1.2)
+    for k, (y, name) in enumerate(zip((0.47, 0.64, 0.8), names, strict=False)):
+        last.text(0.97, y, name, ha="right", color=f"C{k}", fontweight="bold")
+    last.text(0.03, 0.92, names[-1], color="C3", fontweight="bold", ha="left")
+    last.text(0.5, 0.2, "dashed: lateral part of\nthe kinetic energy", ha="center")
+    last.set(xlabel="time [ms]", ylabel="fraction of the energy", ylim=(0, 1), title="where it is")
+    last.margins(x=0)
+    figure.supxlabel(f"displacements x {FACTOR}; the widest line is {MOST:g} N", fontsize=9)
 
 
 def animate(tables, path):
-    """Animate the side view, with contact forces as lines."""
-    import matplotlib.pyplot as plt
-
-    figure, axes = plt.subplots(figsize=(5.5, 8), dpi=80, layout="constrained")
-    film(path, figure, range(FRAMES + 1), _moving(axes), rate=10)
+    """The pack in space, cut open by transparency: what moves is seen."""
+    speed = np.minimum(np.linalg.norm(motion().v, axis=-1), FASTEST)
+    how = {"frames": FRAMES + 1, "rate": 10, "factor": FACTOR, "view": VIEW}
+    tensegrity.animate(motion(), path, speed, label=f"speed, up to {FASTEST:g} [m/s]", **how)

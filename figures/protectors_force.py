@@ -1,4 +1,4 @@
-"""Optimised and reference protectors: force on the wall, and distribution of the energy."""
+"""Optimised protectors spread the blow: lower forces, for longer, from more of the beads."""
 
 from __future__ import annotations
 
@@ -125,34 +125,35 @@ def sentences(tables):
 
 
 def draw(figure, tables):
-    """One row per scene: wall forces; energy fractions in the stepped and the best design."""
-    figure.set_size_inches(14, 14)
-    panels = figure.subplots(len(common.SCENES), 3, width_ratios=(1.3, 1, 1))
-    for row, name in zip(panels, common.SCENES, strict=True):
+    """Wall forces of each scene; energy fractions in the stepped and in the best order of sizes."""
+    figure.set_size_inches(9, 9.5)
+    figure.suptitle(__doc__.splitlines()[0].rstrip("."), fontsize=11)
+    panels = figure.subplots(3, 2).ravel()
+    for axes, (name, scene) in zip(panels, common.SCENES.items(), strict=False):
         forces = tables[f"{name} forces"]
-        t = 1e3 * forces["t [s]"]
-        for column, force in forces.items():
-            if column.endswith("[N]"):
-                kind = column.removesuffix(" [N]")
-                best = kind == "best"
-                row[0].plot(t, force, label=kind, lw=1.8 if best else 0.9,
-                            color="k" if best else None, alpha=1 if best else 0.8)  # fmt: skip
-        row[0].set(xlabel="time [ms]", ylabel="force on the wall [N]", title=f"{name}",
-                   yscale="symlog", ylim=(0, None), xlim=(0, t[-1]))  # fmt: skip
-        row[0].yaxis.set_major_formatter("{x:g}")
-        row[0].legend(fontsize=8, frameon=True, framealpha=0.9, edgecolor="none")
-        for axes, kind in zip(row[1:], ("stepped", "best"), strict=True):
-            one = dict(tables[f"{name} {kind} shares"])
-            instants = 1e3 * one.pop("t [s]")
-            shares = np.stack(list(one.values()), axis=1)
-            image = axes.pcolormesh(
-                instants, np.arange(len(one)), shares.T, cmap="magma_r", vmin=0, vmax=0.4,
-                shading="nearest", rasterized=True,
-            )  # fmt: skip
-            axes.set(xlabel="time [ms]", ylabel="bead, 0 is the striker", title=f"{name}, {kind}")
-            axes.set_yticks(range(0, len(one), 5))
-            axes.grid(False)
-        figure.colorbar(image, ax=row[2], label="fraction of the energy", extend="max")
+        uniform = [kind for kind in scene.compared if kind.startswith("uniform")]
+        least = min(uniform, key=lambda kind: measured(tables, name, kind, "peak [N]"))
+        for kind, style in ((least, "C0"), ("stepped", "C1"), ("best", "k")):
+            t, force = 1e3 * forces["t [s]"], forces[f"{kind} [N]"]
+            top = int(np.argmax(force))
+            axes.plot(t, force, style, lw=1.6 if kind == "best" else 0.9)
+            up = 14 if kind == least else 2
+            axes.annotate(kind, (t[top], force[top]), (3, up), textcoords="offset points",
+                          color=style, clip_on=False)  # fmt: skip
+        axes.set(xlabel="time [ms]", ylabel="force on the wall [N]", xlim=(0, t[-1]))
+        axes.set_title(f"{name}: {scene.title}", fontsize=9)
+        axes.set_ylim(0, 1.15 * axes.get_ylim()[1])
+    for axes, kind in zip(panels[4:], ("stepped", "best"), strict=True):
+        one = dict(tables[f"T1 {kind} shares"])
+        instants = 1e3 * one.pop("t [s]")
+        image = axes.pcolormesh(
+            instants, np.arange(len(one)), np.stack(list(one.values())), cmap="magma_r", vmin=0,
+            vmax=0.4, shading="nearest", rasterized=True,
+        )  # fmt: skip
+        axes.set(xlabel="time [ms]", ylabel="bead, 0 is the striker", title=f"T1, {kind}: energy")
+        axes.set_yticks(range(0, len(one), 5))
+        axes.grid(False)
+    figure.colorbar(image, ax=panels[5], label="fraction of the energy", extend="max")
 
 
 def text(tables):

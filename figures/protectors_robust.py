@@ -1,9 +1,10 @@
-"""Protectors that are not made exactly: designs for touching beads beside designs for a quantile.
+"""Gaps of 1 µm leave a design most of its gain; sizes chosen for gaps keep more of it.
 
-Diameters have a relative standard deviation of 1 %, and gaps up to 1 um separate the beads; each
-design is searched with one set of draws and compared with another.  What a design gains is the
-difference of its force from that of the best uniform chain, and what it keeps is the gain under
-deviations, of both, over the gain of touching beads.
+Designs for touching beads beside designs for a quantile. Diameters have a relative standard
+deviation of 1 %, and gaps up to 1 um separate the beads; each design is searched with one set of
+draws and compared with another. What a design gains is the difference of its force from that of the
+best uniform chain, and what it keeps is the gain under deviations, of both, over the gain of
+touching beads.
 """
 
 from __future__ import annotations
@@ -101,7 +102,7 @@ def table(tables):
 
 def draw(figure, tables):
     """One panel per scene: median force against the largest gap, with the tenths on both sides."""
-    figure.set_size_inches(10, 4.4)
+    figure.set_size_inches(9, 4.2)
     for axes, name in zip(figure.subplots(1, 2), UNIFORM, strict=True):
         columns = tables[name]
         gaps = 1e6 * columns["largest gap [m]"]
@@ -122,9 +123,7 @@ def draw(figure, tables):
         what = "order" if name == "T1" else "sizes"
         axes.set_title(f"({'a' if name == 'T1' else 'b'}) {name}, {what} of 20 steel beads",
                        loc="left")  # fmt: skip
-    figure.suptitle(
-        "Gaps of 1 µm leave a design most of its gain; sizes chosen for gaps keep more of it"
-    )
+    figure.suptitle(__doc__.splitlines()[0].rstrip("."), fontsize=11)
 
 
 def text(tables):

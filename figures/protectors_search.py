@@ -1,4 +1,4 @@
-"""Search for protectors: least peak wall force against the number of designs computed."""
+"""A few thousand computed designs suffice to leave random and stepped protectors behind."""
 
 from __future__ import annotations
 
@@ -101,30 +101,45 @@ def line(scene, quantity, value, designs, seeds):
 
 def draw(figure, tables):
     """One panel per scene: methods, random designs, and lines for reference designs."""
-    figure.set_size_inches(13, 9)
+    figure.set_size_inches(9, 6.6)
+    figure.suptitle(__doc__.splitlines()[0].rstrip("."), fontsize=11)
     for axes, (name, scene) in zip(
         figure.subplots(2, 2).ravel(), common.SCENES.items(), strict=True
     ):
-        for method, colour in COLOURS.items():
-            columns = dict(tables.get(f"{name} {method}", {}))
-            marks = columns.pop("designs", ())
-            for k, least in enumerate(columns.values()):
-                axes.plot(marks[: len(least)], least, color=colour, lw=0.9, alpha=0.8,
-                          label=f"{method}, {len(columns)} seeds" if k == 0 else None)  # fmt: skip
-        columns = tables[f"{name} random"]
-        for seed in range(common.SEEDS):
-            axes.plot(columns["designs"], columns[f"seed {seed} [N]"], "0.5", lw=0.8,
-                      label=None if seed else f"random, {common.SEEDS} seeds")  # fmt: skip
         one = tables[f"{name} compared"]
         known = dict(zip(one["design"], one["force [N]"], strict=True))
-        for kind, style in (("stepped", ":"), ("random, median", "-.")):
-            axes.axhline(known[kind], color="0.4", ls=style, lw=1.2, label=kind)
+        searched = [
+            (m, c, tables[f"{name} {m}"]) for m, c in COLOURS.items() if f"{name} {m}" in tables
+        ]
+        for method, colour, columns in [*searched, ("random", "0.5", tables[f"{name} random"])]:
+            marks = columns["designs"]
+            several = [least for key, least in columns.items() if key != "designs"]
+            shortest = min(map(len, several))
+            several = np.stack([least[:shortest] for least in several])
+            axes.fill_between(marks[:shortest], several.min(axis=0), several.max(axis=0),
+                              color=colour, alpha=0.3, lw=0)  # fmt: skip
+            middle = np.median(several, axis=0)
+            axes.plot(marks[:shortest], middle, color=colour)
+            words = {"ga": "evolution", "cma": "evolution (cma)"}.get(method, method)
+            axes.annotate(words, (marks[shortest - 1], middle[-1]),
+                          (0, 10 if method == "random" else -14), ha="right",
+                          textcoords="offset points", color=colour)  # fmt: skip
+        words = {known[kind]: kind for kind in ("random, median", "stepped")}
+        low, high = sorted(words)
+        for force, side in ((high, "bottom"), (low, "top")):
+            axes.axhline(force, color="0.3", ls=":", lw=1)
+            axes.text(0.99, force, words[force], color="0.3", ha="right", va=side,
+                      transform=axes.get_yaxis_transform())  # fmt: skip
         axes.set(xscale="log", yscale="log", xlabel="designs computed",
-                 ylabel="largest wall force [N]", title=f"{name}: {scene.title}")  # fmt: skip
-        axes.legend(fontsize=8, loc="upper right", frameon=True, framealpha=1, edgecolor="none")
+                 ylabel="largest wall force [N]")  # fmt: skip
+        axes.set_title(f"{name}: {scene.title}", fontsize=9)
+        axes.set_ylim(0.92 * axes.get_ylim()[0])
         axes.yaxis.set_major_formatter("{x:g}")
-        axes.yaxis.set_minor_formatter("{x:g}")
-        axes.tick_params(axis="y", which="minor", labelsize=7)
+        axes.yaxis.set_minor_formatter("")
+        least, most = axes.get_ylim()
+        axes.set_yticks(
+            [x for x in (2, 3, 4, 6, 8, 10, 15, 20, 30, 40, 60, 80) if least < x < most]
+        )
 
 
 def text(tables):

@@ -1,4 +1,4 @@
-"""Evolution and gradient descent for twenty diameters: least wall force against processor time."""
+"""Gradients lead in the first second; after ten, both find twenty diameters of 26 to 27 N."""
 
 from __future__ import annotations
 
@@ -69,19 +69,20 @@ def table(tables):
 
 def draw(figure, tables):
     """One line per search."""
+    figure.set_size_inches(8, 4.2)
+    figure.suptitle(__doc__.splitlines()[0].rstrip("."), fontsize=11)
     axes = figure.subplots()
     for method, colour in COLOURS.items():
         columns = tables[method]
-        for k, seed in enumerate(SEEDS):
-            label = f"{LABELS[method]}, {len(SEEDS)} seeds" if k == 0 else None
+        for seed in SEEDS:
             times, forces = columns[f"time, seed {seed} [s]"], columns[f"seed {seed} [N]"]
-            axes.step(times, forces, where="post", color=colour, lw=1.2, label=label)
+            axes.step(times, forces, where="post", color=colour, lw=1.2)
             axes.plot(times[-1], forces[-1], "o", color=colour, ms=4)
+        axes.text(0.011, 54 if method == "cma" else 31, f"{LABELS[method]}, {len(SEEDS)} seeds",
+                  color=colour)  # fmt: skip
     axes.set(
         xscale="log", yscale="log", ylim=(25, 80), xlim=(0.01, None),
         xlabel="processor time of one core [s]", ylabel="least wall force so far [N]",
     )  # fmt: skip
-    axes.set_title("20 diameters from 4 to 10 mm, 140 mm in all: speed against accuracy")
     axes.set_yticks([25, 30, 40, 50, 60, 80], [25, 30, 40, 50, 60, 80])
     axes.yaxis.set_minor_formatter("")
-    axes.legend()

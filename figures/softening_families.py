@@ -1,4 +1,8 @@
-"""Speed against peak of exact solitary waves, with the predicted limits of each family."""
+"""Families of solitary waves end where their prediction says.
+
+Speed against peak of exact waves; dashed the predicted limit of the speed, dotted that of the peak,
+dash-dotted an estimate of the first peak above a threshold.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +15,15 @@ from tensegrity import predict
 
 NAME = "softening_families"
 GROUP = "softening_limits"
+
+SHOWN = {
+    "rigid prism (0.7, 0.01)": "the bars meet",
+    "elastic prism, preload 0": "slack strings",
+    "elastic prism, preload 0.1": "preloaded, softening",
+    "Lennard-Jones 12-6": "Lennard-Jones 12-6",
+    "$V' = r + r^2 - r^3$": "$V' = r + r^2 - r^3$",
+    "$V' = r + 0.914\\,r^3 - 0.01\\,r^4 - 0.375\\,r^5$": "a quintic with two families",
+}
 
 
 def data():
@@ -53,20 +66,25 @@ def table(tables):
 
 
 def draw(figure, tables):
-    """One panel per spring."""
+    """One panel for each of six springs; the table has all."""
     found, limits = tables["waves"], tables["limits"]
-    names = list(dict.fromkeys(limits["spring"]))
-    figure.set_size_inches(14, 11)
-    panels = figure.subplots(math.ceil(len(names) / 4), 4).ravel()
-    for axes, name in zip(panels, names, strict=False):
+    figure.set_size_inches(9, 6.5)
+    pairs = list(zip(found["spring"], found["family"], strict=True))
+    for axes, (name, words), letter in zip(
+        figure.subplots(2, 3).flat, SHOWN.items(), "abcdef", strict=True
+    ):
         kinds = [k for k, spring in enumerate(limits["spring"]) if spring == name]
         for color, k in enumerate(kinds):
             family = limits["family"][k]
-            own = [j for j, pair in enumerate(zip(found["spring"], found["family"], strict=True))
-                   if pair == (name, family)]  # fmt: skip
+            own = [j for j, pair in enumerate(pairs) if pair == (name, family)]
             x, y = (np.array([found[c][j] for j in own]) for c in ("peak", "speed ratio"))
             order = np.argsort(np.abs(x))
-            axes.plot(x[order], y[order], ".-", color=f"C{color}", label=family)
+            axes.plot(x[order], y[order], ".-", color=f"C{color}")
+            wanted = (y.max() / y.min()) ** (0.75 if family == "compression" else 0.4) * y.min()
+            middle = int(np.argmin(np.abs(y - wanted)))
+            axes.annotate(family, (x[middle], y[middle]), (6, -10 if x[middle] > 0 else 4),
+                          textcoords="offset points", color=f"C{color}",
+                          fontsize=9)  # fmt: skip
             if math.isfinite(limits["highest"][k]):
                 axes.axhline(limits["highest"][k], color=f"C{color}", ls="--", lw=1)
             if math.isfinite(limits["last peak"][k]):
@@ -75,15 +93,9 @@ def draw(figure, tables):
                 axes.axvline(limits["first peak"][k], color=f"C{color}", ls="-.", lw=0.8)
         fast = max(y for y, s in zip(found["speed ratio"], found["spring"], strict=True)
                    if s == name)  # fmt: skip
-        if fast > 6:
-            axes.set_yscale("log")
-        axes.set_title(name, fontsize=10)
-        axes.set(xlabel="peak r [m], extension > 0", ylabel="c/c$_s$")
-        axes.legend(fontsize=8)
-    for axes in panels[len(names) :]:
-        axes.set_visible(False)
-    figure.suptitle(
-        "Dashed: predicted limit of the speed.  Dotted: of the peak.  Dash-dotted: estimate of "
-        "the first peak above a threshold.",
-        fontsize=10,
-    )
+        axes.set_yscale("log" if fast > 6 else "linear")
+        axes.set_title(f"({letter}) {words}", fontsize=10)
+    figure.supxlabel("peak elongation [m], extension > 0", fontsize=10)
+    figure.supylabel("speed / sound speed", fontsize=10)
+    figure.suptitle("Families of solitary waves end where predicted: dashed the speed, dotted the "
+                    "peak;\ndash-dotted a first peak (estimate)", fontsize=10)  # fmt: skip

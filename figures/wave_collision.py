@@ -1,4 +1,4 @@
-"""Head-on collision of two solitary waves: energy left behind, and phase shift of the waves."""
+"""Two waves that collide go on, shifted, and leave almost nothing behind."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from functools import cache
 
 import tensegrity
 from figures import _measure, _scenes
+from figures._draw import name_curves
 from tensegrity import LockingError, phase_shift, pulses, simulate, solitary_wave
 
 NAME = "wave_collision"
@@ -104,24 +105,28 @@ def data():
 
 def draw(figure, tables):
     """Energy density, residue and phase shift."""
-    figure.set_size_inches(12, 4.2)
-    axes = figure.subplots(1, 3, width_ratios=(1.2, 1, 1))
+    figure.set_size_inches(9, 6.5)
+    axes = list(figure.subplot_mosaic([["map", "map"], ["left", "shift"]]).values())
     ratio, meeting = SHOWN
-    _measure.draw_density(axes[0], tables["density"], f"{ratio} c$_s$, meeting at {meeting}")
+    title = f"(a) {ratio} sound speeds, {meeting} sites from a mass"
+    _measure.draw_density(axes[0], tables["density"], title)
     for k, speed in enumerate(SPEEDS):
         for ax, name in zip(axes[1:], ("residue", "shift"), strict=True):
             table = tables[name]
-            ax.plot(table["meeting"], table[f"{speed}"], f"C{k}o-", label=f"{speed} c$_s$")
-    axes[1].set(yscale="log", ylabel="fraction of the energy in neither wave")
-    axes[2].set(ylabel="lead over an undisturbed wave [sites]")
+            ax.plot(table["meeting"], table[f"{speed}"], f"C{k}o-", label=f"{speed}")
+    axes[1].set(yscale="log", ylabel="fraction of the energy\nin neither wave")
+    axes[2].set(ylabel="lead over an undisturbed\nwave [sites]")
+    axes[1].set_title("(b) little energy is left behind", fontsize=10)
+    axes[2].set_title("(c) each wave is shifted ahead", fontsize=10)
     for ax in axes[1:]:
-        ax.set_xlabel("meeting place [sites from a mass]")
-    axes[1].legend(fontsize=8)
+        ax.set(xlabel="meeting place [sites from a mass]", xlim=(-0.02, 0.6))
+        name_curves(ax)
+    figure.suptitle("Colliding waves go on (numbers at curves: speed / sound speed)", fontsize=11)
 
 
 def animate(tables, path):
     """Animate the collision that is drawn."""
-    tensegrity.animate(shown(), path, "energy", frames=60)
+    tensegrity.animate(shown(), path, frames=60)
 
 
 def table(tables):

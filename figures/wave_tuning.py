@@ -1,4 +1,4 @@
-"""Prestress and preload tune a chain: maps of wave properties, and a change during propagation."""
+"""Prestress and preload tune the speed and width of waves, even while one travels."""
 
 from __future__ import annotations
 
@@ -173,41 +173,46 @@ def data():
         before, now = outcome(*coarse), outcome(*runs)
         found = {key: Number(now[key], abs(now[key] - before[key])) for key in now}
         tables[name] = _measure.as_table(found)
-        tables[f"{name} density"] = densities(*runs, drawn_in(ramp))
+        if name == "quick":
+            tables[f"{name} density"] = densities(*runs, drawn_in(ramp))
         tables[f"{name} energy"] = balance(*runs)
     return tables
 
 
 def draw(figure, tables):
-    """Maps above, changes below."""
-    figure.set_size_inches(16, 11)
-    axes = figure.subplots(3, 4)
-    for row, (name, given) in zip(axes, MAPS.items(), strict=False):
-        columns = tables[f"{name} map"]
-        shape = len(given[2]), len(given[3])
-        for ax, quantity in zip(row, QUANTITIES, strict=True):
+    """Speed and width of waves over prestrain and preload; a wave during a change; its energy."""
+    figure.set_size_inches(9, 9)
+    axes = figure.subplots(3, 2)
+    letters = iter("abcdef")
+    for row, quantity in zip(axes, ("wave speed", "width"), strict=False):
+        for ax, (name, given) in zip(row, MAPS.items(), strict=True):
+            columns = tables[f"{name} map"]
+            shape = len(given[2]), len(given[3])
             grid = [np.reshape(columns[key], shape) for key in ("prestrain", "preload", quantity)]
             image = ax.pcolormesh(*grid, cmap="viridis", shading="nearest")
             ax.grid(False)
             ax.set_xscale("log" if name == "stiffening" else "linear")
             ax.set(xlabel="prestrain", ylabel="preload [N]")
-            ax.set_title(f"{name}: {quantity}", fontsize=10)
+            ax.set_title(f"({next(letters)}) {name}: {quantity}", fontsize=10)
             figure.colorbar(image, ax=ax, label=UNITS[quantity])
-    for ax, name in zip(axes[2, ::2], RAMPS, strict=True):
-        middle = LEAD + WINDOW / 2 * RAMPS[name]
-        _measure.draw_density(ax, tables[f"{name} density"], f"{name} change at {middle:.3g} s")
-    for ax, name in zip(axes[2, 1::2], RAMPS, strict=True):
+    middle = LEAD + WINDOW / 2 * RAMPS["quick"]
+    title = f"({next(letters)}) strings drawn in at {middle:.3g} s"
+    _measure.draw_density(axes[2, 0], tables["quick density"], title)
+    ax = axes[2, 1]
+    for k, name in enumerate(RAMPS):
         t, energy, work = tables[f"{name} energy"].values()
-        ax.plot(t, energy, label="energy")
-        ax.plot(t, work, label="work of the change")
-        ax.plot(t, energy - work, "k:", label="difference")
-        ax.set(xlabel="time [s]", ylabel="over the initial energy", ylim=(-0.1, 2.8))
-        ax.set_title(f"{name} change: balance", fontsize=10)
-        ax.legend(fontsize=8, loc="upper left")
-    figure.suptitle(
-        "white: the bars meet below that peak (stiffening), beyond the limit point (softening)",
-        fontsize=10,
-    )
+        ax.plot(t, energy, f"C{k}")
+        ax.annotate(f"energy, {name}", (t[-1], energy[-1]), (-2, 6 if k else -6), color=f"C{k}",
+                    textcoords="offset points", ha="right",
+                    va="bottom" if k else "top")  # fmt: skip
+    ax.plot(t, energy - work, "k:")
+    ax.annotate("energy less work, both", (t[-1], 1), (-2, -6), textcoords="offset points",
+                ha="right", va="top")  # fmt: skip
+    ax.set(xlabel="time [s]", ylabel="over the initial energy", ylim=(0, 2.8))
+    ax.set_title(f"({next(letters)}) the change does work on the wave", fontsize=10)
+    figure.suptitle("Prestress tunes the speed and width of waves, even while one travels\n"
+                    "white: the bars meet below that peak (stiffening), or beyond the limit point "
+                    "(softening)", fontsize=10)  # fmt: skip
 
 
 def table(tables):

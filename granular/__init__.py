@@ -1,4 +1,7 @@
-"""Granular crystals on the engine of `tensegrity`: contact laws, chains, guides and packs."""
+"""Granular crystals on the engine of `tensegrity`: contact laws, chains, guides and packs.
+
+"The talk" and "the paper" in docstrings are the two sources that `help(tensegrity)` names.
+"""
 
 from granular.bead_chain import BeadChain, chain
 from granular.beads import Bead, Striker

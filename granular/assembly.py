@@ -6,6 +6,7 @@ given displacements: see `granular.contact_network`.
 
 from __future__ import annotations
 
+import itertools
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -169,8 +170,19 @@ class SharedSprings:
         """Whether any contact so far dissipates."""
         return any(one.dissipation and one.dissipation.constant for one in self.contacts)
 
+    def try_all(self, beads: Repeated, solids: Sequence[Material]) -> None:
+        """Evaluate the law for one bead of each material with each other, and with the walls."""
+        one = {bead.material: bead for bead in reversed(beads.different)}
+        for bead, other in itertools.product(one.values(), (*one.values(), *solids)):
+            self.contact(bead, other)
+
     def losses(
-        self, beads: Sequence[Bead], bonds: Any, solids: Sequence[Material], touched: Any
+        self,
+        beads: Sequence[Bead],
+        bonds: Any,
+        solids: Sequence[Material],
+        touched: Any,
+        changing: bool = False,
     ) -> list[Force]:
         """What contacts add to their elastic forces.
 
@@ -181,6 +193,8 @@ class SharedSprings:
         solids : sequence of Material, (walls,)
         touched : ndarray of int, (wall contacts, 2)
             Site and wall.
+        changing : bool, optional
+            Whether contacts of other kinds may form.
 
         Returns
         -------
@@ -190,8 +204,10 @@ class SharedSprings:
             return []
         of_bonds = [self.contact(beads[i], beads[j]) for i, j in bonds.tolist()]
         of_walls = [self.contact(beads[i], solids[wall]) for i, wall in touched.tolist()]
-        found = forces_of(of_bonds, [0.0] * len(of_bonds))
-        return [*found, *forces_of(of_walls, [0.0] * len(of_walls), "walls")]
+        others = self.contacts if changing else []
+        found = forces_of(of_bonds, [0.0] * len(of_bonds), "bonds", others)
+        others = others if solids else []
+        return [*found, *forces_of(of_walls, [0.0] * len(of_walls), "walls", others)]
 
     def between(self, beads: Repeated, others: Repeated) -> Repeated:
         """The springs of many pairs of partners, evaluated in the order of their first places."""

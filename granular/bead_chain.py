@@ -5,7 +5,7 @@ open during any motion.  Gravity and precompression are constant loads W_i on th
 elongations count from the equilibrium under all loads, so that the energy of the contacts includes
 the potential of the loads.  A striker that falls on a loaded chain starts in contact without
 overlap.
-Source: seeds/000, part II, "Discrete element modeling" (the potentials W_i).
+Source: the talk, part II, "Discrete element modeling" (the potentials W_i).
 """
 
 from __future__ import annotations
@@ -266,7 +266,7 @@ def chain(
     >>> bead = Bead(diameter=10e-3, material=steel)
     >>> print(chain([bead] * 20, striker=Striker(bead, speed=0.5), end=steel))
     BeadChain(striker: 1, chain: 20, wall: 1, struck at 0.5 m/s) on Chain(22 sites,
-        2 different spring(s), ends ('free', 'fixed'))
+        2 kinds of springs, ends ('free', 'fixed'))
     """
     beads = _beads(beads)
     if striker is not None:

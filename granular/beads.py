@@ -91,14 +91,14 @@ class Bead:
     def of_mass(cls, mass: float, material: Material) -> Bead:
         """A bead of the given mass [kg], > 0, whose diameter follows from the density.
 
-        The heavy striker of seeds/001 is specified by its mass alone.
+        The heavy striker of the paper is specified by its mass alone.
         """
         mass = check.number("mass", mass, above=0, unit="kg")
         _require("material", material, Material)
         return cls((6 * mass / (math.pi * material.density)) ** (1 / 3), material, mass)
 
     def coated(self, coating: Material, thickness: float) -> Bead:
-        """This bead with a soft coating, modelled as in seeds/001: a homogeneous sphere.
+        """This bead with a soft coating, modelled, as in the paper, as a homogeneous sphere.
 
         Mass and lattice spacing remain those of the core; the contact takes the elastic constants
         of the coating and the outer radius.  The model neglects the dynamics of the layer and
@@ -134,13 +134,21 @@ class Striker:
     ------
     TensegrityError
         A striker at rest or moving away.
+
+    Examples
+    --------
+    >>> from granular import Bead, Striker, materials
+    >>> bead = Bead(diameter=10e-3, material=materials["steel"])
+    >>> print(Striker(bead, speed=0.5))
+    striker at 0.5 m/s, a bead of steel: diameter 0.01 m, mass 0.00418879 kg,
+        contact radius 0.005 m
     """
 
     bead: Bead
     speed: float
 
     def __str__(self) -> str:
-        return filled(f"striker at {self.speed:.6g} m/s, a {self.bead}")
+        return filled(f"striker at {self.speed:.6g} m/s, a {' '.join(str(self.bead).split())}")
 
     def __post_init__(self) -> None:
         _require("striker", self.bead, Bead)

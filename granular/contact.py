@@ -2,7 +2,7 @@
 
 Hertz's law for smooth, frictionless, linear elastic spheres and small contacts; a plane wall is
 the limit of a large radius.  The constants are evaluated from `derivations.contact`.
-Source: seeds/000, part II, "Hertz interaction potentials"; seeds/001, eqs. (3), (4).
+Source: the talk, part II, "Hertz interaction potentials"; the paper, eqs. (3), (4).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from granular.dissipation import ELASTIC, Dissipation, collision
 from granular.materials import Material
 from tensegrity import PowerLaw, TensegrityError, check
 from tensegrity.engine.programs import derived, run
-from tensegrity.printing import printed
+from tensegrity.printing import concise, filled
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -51,7 +51,10 @@ class Contact:
     exponent: float = 1.5
     dissipation: Dissipation | None = None
 
-    __str__ = printed(constant="N/m^exponent")
+    def __str__(self) -> str:
+        parts = [f"{self.constant:.6g} N/m^{self.exponent:g}", f"exponent {self.exponent:g}"]
+        parts += [] if self.dissipation is None else [concise(self.dissipation)]
+        return filled(f"Contact: constant {', '.join(parts)}")
 
     def __post_init__(self) -> None:
         constant = check.number("contact constant", self.constant, above=0, unit="N/m^n")
@@ -131,6 +134,14 @@ def hertz(bead: Bead, other: Bead | Material) -> Contact:
     ------
     TensegrityError
         `bead` is not a Bead, or `other` is neither a Bead nor a Material.
+
+    Examples
+    --------
+    >>> from granular import Bead, hertz, materials
+    >>> steel = materials["steel"]
+    >>> bead = Bead(diameter=10e-3, material=steel)
+    >>> [f"{hertz(bead, other).constant:.4g} N/m^1.5" for other in (bead, steel)]
+    ['7.07e+09 N/m^1.5', '9.998e+09 N/m^1.5']
     """
     if not isinstance(bead, Bead):
         raise TensegrityError(f"{check.shown(bead)} is not a Bead")

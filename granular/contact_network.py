@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from granular.crystal import Crystal, members
+from granular.crystal import Crystal, members, needed_velocities
 from tensegrity import Chain, TensegrityError, check
 from tensegrity.measure.observables import directions
 from tensegrity.scenes.dynamics import dynamics
@@ -216,17 +216,17 @@ class AssemblyContacts:
         """
         numbers = self._walls(name)
 
-        def forces(scene: Any, rows: Array) -> Array:
+        def forces(scene: Any, rows: Array, rates: Any = None) -> Array:
             chosen = np.isin(scene.wall_contacts[:, 1], numbers)
             load = scene.wall_load(rows)
             if scene._losses:
-                load = scene.contact_forces(rows, v)[..., len(scene.bonds) :]
+                load = scene.contact_forces(rows, rates)[..., len(scene.bonds) :]
             sites = scene.wall_contacts[chosen, 0]
             return _added(np.zeros(rows.shape[:-1]), sites, load[..., chosen])
 
-        if self.scene._losses:
-            return forces(self.scene, check.rows("displacements", u, self.scene.shape))
-        return self._each(u, forces)
+        if not self.scene._losses:
+            return self._each(u, forces)
+        return self._each(u, forces, needed_velocities(self.scene, v))
 
     def _walls(self, name: str) -> list[int]:
         """Numbers of the walls of that name."""
@@ -234,13 +234,16 @@ class AssemblyContacts:
             raise unknown_wall(name, dict.fromkeys(self.scene.wall_names))
         return [k for k, given in enumerate(self.scene.wall_names) if given == name]
 
-    def _each(self, u: ArrayLike, function: Callable[[Any, Array], Array]) -> Array:
-        """`function(scene, rows)` of all rows, by the contacts that are listed there."""
+    def _each(self, u: ArrayLike, function: Callable[..., Array], *more: Array) -> Array:
+        """`function(scene, rows, ..)` of all rows, by the contacts that are listed there."""
         shape = self.scene.shape
         u = check.rows("displacements", u, shape)
-        flat = u.reshape(-1, *shape)
+        flat, others = u.reshape(-1, *shape), [one.reshape(-1, *shape) for one in more]
         listings = dynamics(self.scene).listings(flat)
-        parts = [function(listed.scene, flat[rows]) for rows, listed in listings]
+        parts = [
+            function(listed.scene, flat[rows], *(one[rows] for one in others))
+            for rows, listed in listings
+        ]
         found = np.concatenate(parts) if parts else np.zeros((0, *shape[:1]))
         return found.reshape((*u.shape[:-2], *found.shape[1:]))
 

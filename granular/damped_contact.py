@@ -15,6 +15,7 @@ from granular.beads import Bead
 from granular.contact import Contact, hertz
 from granular.dissipation import ELASTIC, UNITS, Dissipation, collision, compressive, exact
 from tensegrity import Force, TensegrityError, check
+from tensegrity.once import once
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -27,7 +28,10 @@ HARDEST = 1e8  # largest constant that is tried for a restitution, in units of t
 
 
 def forces_of(
-    contacts: Sequence[Contact], overlaps: Sequence[float], on: str = "bonds"
+    contacts: Sequence[Contact],
+    overlaps: Sequence[float],
+    on: str = "bonds",
+    others: Sequence[Contact] = (),
 ) -> list[Force]:
     """The dissipative parts of contacts as forces.
 
@@ -38,22 +42,19 @@ def forces_of(
         Of each at elongation 0 [m].
     on : {"bonds", "walls"}, optional
         What the contacts are in the scene.
+    others : sequence of Contact, optional
+        Contacts that may form.
 
     Returns
     -------
     list of Force
-        One for each model that occurs.
+        One for each model that occurs; on no place if only in `others`.
     """
-
-    def force(d: Any, rate: Any, *constants: Any, model: Dissipation) -> Any:
-        added = compressive(model, d, rate, *constants)
-        return added if on == "walls" else -added
-
-    found = []
-    for model, exponent, at in _alike(contacts):
-        if model.constant:
-            found.append(_force(contacts, overlaps, at, on, exponent, partial(force, model=model)))
-    return found
+    return [
+        _force(contacts, overlaps, at, partial(_of_model, model, exponent, on))
+        for model, exponent, at in _alike(contacts, others)
+        if model.constant
+    ]
 
 
 def friction_of(contacts: Sequence[Contact], coefficient: float, speed: float) -> list[Force]:
@@ -71,52 +72,57 @@ def friction_of(contacts: Sequence[Contact], coefficient: float, speed: float) -
     -------
     list of Force
     """
-    import sympy as sp
-
-    slip, mu, v0 = sp.Symbol("slip"), sp.Symbol("friction"), sp.Symbol("slip_speed")
-
-    def force(d: Any, rate: Any, *constants: Any, model: Dissipation) -> Any:
-        normal = constants[0] * d ** constants[1] + compressive(model, d, rate, *constants)
-        return sp.Integer(0), -mu * normal * slip / sp.sqrt(slip**2 + v0**2)
-
-    more = {"friction": coefficient, "slip_speed": speed}
-    none = [0.0] * len(contacts)
+    none, more = [0.0] * len(contacts), {"friction": coefficient, "slip_speed": speed}
     return [
-        _force(contacts, none, at, "walls", exponent, partial(force, model=model), more)
+        _force(contacts, none, at, partial(_of_model, model, exponent, "walls", True), more)
         for model, exponent, at in _alike(contacts)
     ]
 
 
-def _alike(contacts: Sequence[Contact]) -> list[tuple[Dissipation, float, list[int]]]:
-    """Contacts of one formula: the dissipation of the first, the exponent, and their numbers."""
+def _alike(
+    contacts: Sequence[Contact], others: Sequence[Contact] = ()
+) -> list[tuple[Dissipation, float, list[int]]]:
+    """Contacts of one formula: the formula, with constant 0 or 1, the exponent, and their
+    numbers."""
     kinds: dict[Any, list[int]] = {}
-    for number, one in enumerate(contacts):
+    for number, one in enumerate([*contacts, *others]):
         loss = one.dissipation if one.dissipation and one.dissipation.constant else ELASTIC
-        kinds.setdefault((loss.model, loss.power, bool(loss.constant), one.exponent), []).append(
-            number
-        )
-    return [(contacts[at[0]].dissipation or ELASTIC, key[-1], at) for key, at in kinds.items()]
+        kind = replace(loss, constant=float(bool(loss.constant))), one.exponent
+        kinds.setdefault(kind, []).extend([number] if number < len(contacts) else [])
+    return [(*kind, at) for kind, at in kinds.items()]
 
 
-def _force(
-    contacts: Sequence[Contact], overlaps: Sequence[float], at: list[int], on: str,
-    exponent: float, formula: Any, more: dict[str, float] | None = None,
-) -> Force:  # fmt: skip
-    """A formula of the overlap, its rate and the constants as a force in some contacts."""
+@once
+def _of_model(model: Dissipation, exponent: float, on: str, rubs: bool = False) -> Force:
+    """What a model adds to elastic contacts of an exponent, or the friction of such contacts."""
     import sympy as sp
 
     r, rate, stiffness, constant, begin = sp.symbols("r rate stiffness constant overlap")
-    expression = formula(sp.Max(begin - r, 0), -rate, stiffness, exact(exponent), constant)
-    of = [contacts[k] for k in at]
+    d, numbers = sp.Max(begin - r, 0), (stiffness, exact(exponent), constant)
+    added = compressive(model, d, -rate, *numbers)
+    expression: Any = added if on == "walls" else -added
+    if rubs:
+        slip, mu, v0 = sp.symbols("slip friction slip_speed")
+        normal = numbers[0] * d ** numbers[1] + added
+        expression = sp.Integer(0), -mu * normal * slip / sp.sqrt(slip**2 + v0**2)
+    parts = expression if rubs else (expression,)
+    used = sorted({str(s) for one in parts for s in one.free_symbols} - {"r", "rate", "slip"})
+    return Force(expression, on, parameters=dict.fromkeys(used, 1.0))
+
+
+def _force(
+    contacts: Sequence[Contact], overlaps: Sequence[float], at: list[int], of_model: Any,
+    more: dict[str, float] | None = None,
+) -> Force:  # fmt: skip
+    """The force of a model in some contacts, with the constants of each."""
+    of, force = [contacts[k] for k in at], of_model()
     values: dict[str, Any] = {
         "stiffness": [x.constant for x in of],
         "constant": [(x.dissipation or ELASTIC).constant for x in of],
         "overlap": [float(overlaps[k]) for k in at],
         **(more or {}),
     }
-    parts = expression if isinstance(expression, tuple) else (expression,)
-    used = {str(s) for one in parts for s in one.free_symbols}
-    return Force(expression, on, at, {name: x for name, x in values.items() if name in used})
+    return force.placed(at, {name: values[name] for name in force.parameters})
 
 
 def _solved(model: Dissipation, contact: Contact, mass: float, e: float, speed: float) -> float:

@@ -1,6 +1,6 @@
 """Branched guides of beads between plane walls, two coordinates each: a `tensegrity.Network`.
 
-Model: seeds/001, eqs. (1)-(6): contacts without rotation, rigid walls at rest; by default without
+Model of the paper, eqs. (1)-(6): contacts without rotation, rigid walls at rest; by default without
 friction and dissipation.  Initially beads touch their neighbours and, up to a gap, their walls.
 The list of contacts is that of the layout; a run verifies that no other contact forms and that no
 bead slides off its wall.
@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from granular.assembly import Assembly, AssemblyDynamics, SharedSprings
+from granular.bead_chain import _gaps
 from granular.beads import Bead, Striker
 from granular.contact import checked_law, hertz
 from granular.damped_contact import friction_of
@@ -27,6 +28,8 @@ from tensegrity.scenes.clearance import Clearance
 
 if TYPE_CHECKING:
     from typing import Any
+
+    from numpy.typing import ArrayLike
 
     from granular.contact import ContactLaw
     from granular.layout import Piece
@@ -55,6 +58,8 @@ class Guide(Assembly):
         [m/s^2], >= 0, along the axis of the first part, away from the striker.
     preload : float, optional
         Constant force along that axis on its first bead [N], >= 0.
+    gaps : float or array_like, optional
+        Of the contacts of beads in the order of `bonds`, then of those with the end [m], >= 0.
 
     Attributes
     ----------
@@ -84,14 +89,10 @@ class Guide(Assembly):
         damping: Damping | None = None,
         friction: tuple[float, float] | None = None,
         forces: Sequence[Force] = (),
+        gaps: ArrayLike = 0.0,
     ) -> None:
         gravity, preload = _checked(layout, beads, wall, striker, end, gravity, preload)
-        self._arguments = {
-            "layout": layout, "beads": beads, "wall": wall, "striker": striker, "end": end,
-            "gravity": gravity, "preload": preload, "friction": _checked_friction(friction),
-            "forces": check.sequence("forces", forces, "forces"),
-        }  # fmt: skip
-        sides, first = len(layout.walls), int(striker is not None)
+        sides, first, given = len(layout.walls), int(striker is not None), layout
         if end is not None:
             layout = layout.stopped(_last_parts(layout))
         layout.check()
@@ -101,6 +102,18 @@ class Guide(Assembly):
         self._wall_materials = solids
         positions, bonds, self.parts, self.beads = _filled(layout, beads, striker)
         touched = np.add(layout.wall_contacts(), (first, 0))
+        lengths, wall_gaps = None, layout.wall_gaps()
+        behind = np.flatnonzero(touched[:, 1] >= sides)
+        apart = _gaps(gaps, len(bonds) + len(behind), bool(gravity or preload), None)
+        self._arguments = {
+            "layout": given, "beads": beads, "wall": wall, "striker": striker, "end": end,
+            "gravity": gravity, "preload": preload, "friction": _checked_friction(friction),
+            "gaps": apart or 0.0, "forces": check.sequence("forces", forces, "forces"),
+        }  # fmt: skip
+        if apart:
+            wall_gaps[behind] = apart[len(bonds) :]
+            lengths = np.linalg.norm(positions[bonds[:, 1]] - positions[bonds[:, 0]], axis=1)
+            lengths -= apart[: len(bonds)]
         springs = SharedSprings(checked_law(law))
         in_bonds = [springs(self.beads[i], self.beads[j]) for i, j in bonds]
         sides_of = [(self.beads[b], solids[wall]) for b, wall in touched]
@@ -112,11 +125,12 @@ class Guide(Assembly):
             positions,
             bonds,
             in_bonds,
+            lengths,
             mass=[bead.mass for bead in self.beads],
             walls=[_wall(piece) for piece in layout.walls],
             wall_contacts=touched,
             wall_spring=at_walls,
-            wall_gaps=layout.wall_gaps(),
+            wall_gaps=wall_gaps,
             radius=None if layout.blind else [bead.radius for bead in self.beads],
             loads=_loads(self.beads, first, gravity, preload),
             drive=drive,
@@ -265,6 +279,7 @@ def y_guide(
     striker: Striker | None = None,
     end: Material | None = None,
     gap: float = 0.0,
+    gaps: ArrayLike = 0.0,
     through: float = 0.0,
     law: ContactLaw = hertz,
     gravity: float = 0.0,
@@ -274,7 +289,7 @@ def y_guide(
     friction: tuple[float, float] | None = None,
     forces: Sequence[Force] = (),
 ) -> Guide:
-    """A Y-shaped guide, the first half of that of seeds/001: a stem that splits into two branches.
+    """A Y-shaped guide, the first half of that of the paper: a stem that splits into two branches.
 
     Parameters
     ----------
@@ -295,6 +310,11 @@ def y_guide(
         Material of walls behind the last beads; by default these beads are free.
     gap : float, optional
         Gap between beads and side walls [m], >= 0.
+    gaps : float or array_like, (contacts,), optional
+        Way by which two beads, or the last ones and the end, approach each other before they
+        touch [m], >= 0: one number, or one for each of `bonds`, the striker's first, and each
+        contact with the end.  The centres are at the same places as without gaps, and so are the
+        side walls.  Gaps exclude gravity and preload, which would set the beads in motion.
     through : float, optional
         Length by which the outer walls extend past the junction [m], >= 0; see `y_layout`.
     law : callable, optional
@@ -338,7 +358,7 @@ def y_guide(
     beads = _filling(bead, branches)
     layout = y_layout(stem, branch, half_angle, bead.diameter, gap, through)
     more: Any = {"gravity": gravity, "preload": preload, "drive": drive, "damping": damping}
-    more |= {"friction": friction, "forces": forces}
+    more |= {"friction": friction, "forces": forces, "gaps": gaps}
     return Guide(layout, beads, wall, striker, end=end, law=law, **more)
 
 
@@ -353,6 +373,7 @@ def diamond_guide(
     striker: Striker | None = None,
     end: Material | None = None,
     gap: float = 0.0,
+    gaps: ArrayLike = 0.0,
     through: float = 0.0,
     law: ContactLaw = hertz,
     gravity: float = 0.0,
@@ -362,7 +383,7 @@ def diamond_guide(
     friction: tuple[float, float] | None = None,
     forces: Sequence[Force] = (),
 ) -> Guide:
-    """The full guide of seeds/001: the branches rejoin in a second stem.
+    """The full guide of the paper: the branches rejoin in a second stem.
 
     Parameters
     ----------
@@ -372,7 +393,7 @@ def diamond_guide(
         Number of beads between the junctions, odd: the middle one is the corner.
     half_angle : float, optional
         Angle between each branch and the axis [rad], pi/6 or more.
-    bead, branches, wall, striker, gap, through, law, gravity, preload
+    bead, branches, wall, striker, gap, gaps, through, law, gravity, preload
         As for `y_guide`.
     drive, damping, friction, forces
         As for `y_guide`.
@@ -392,7 +413,7 @@ def diamond_guide(
     beads = {**_filling(bead, branches), "stem 2": bead}
     layout = diamond_layout(stem, branch, half_angle, bead.diameter, gap, through)
     more: Any = {"gravity": gravity, "preload": preload, "drive": drive, "damping": damping}
-    more |= {"friction": friction, "forces": forces}
+    more |= {"friction": friction, "forces": forces, "gaps": gaps}
     return Guide(layout, beads, wall, striker, end=end, law=law, **more)
 
 

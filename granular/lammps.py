@@ -11,10 +11,14 @@ Verlet method and its step.  Different are the following.  LAMMPS integrates pos
 displacements, so that overlaps carry the round-off of a position (about 1e-17 m); the gap of a pair
 that just touches may initially be 1e-18 m; sums are evaluated in another order.  All pairs and
 walls interact on contact, as with contacts "follow" here; walls of finite extent act only on the
-beads that are listed with them, as planes.  Viscous and frictional terms are set to zero.
+beads that are listed with them, as planes.  Contacts that dissipate are those of Kuwabara and Kono
+and viscous ones, never attractive; velocity Verlet takes their forces at the velocities of half a
+step, so that the motion converges with the step to first order.  Frictional terms are set to zero.
 
 Source of the pair law: LAMMPS, pair style granular, normal model hertz: F = k sqrt(R) overlap^(3/2)
-with 1/R = 1/r1 + 1/r2, walls with 1/r = 0.
+with 1/R = 1/r1 + 1/r2, walls with 1/r = 0; damping velocity: eta d', and viscoelastic:
+eta sqrt(R d) m d' with 1/m = 1/m1 + 1/m2, which is (3/2) A c sqrt(d) d' for
+eta = 3 A c/(2 sqrt(R) m).
 """
 
 from __future__ import annotations
@@ -51,12 +55,12 @@ def to_lammps(
     Parameters
     ----------
     scene : BeadChain, Guide or Pack
-        With Hertz contacts.
+        With Hertz contacts, which may dissipate by `kuwabara_kono` or `viscous`.
     state : State
     t_end, dt : float
         [s], > 0; the step is the largest not above dt that divides t_end evenly, as `simulate`'s.
     path : str or path
-        Of the input; the data file is beside it, with .data added.  A run in that folder
+        Of the input; the data file has the same name with .data added.  A run in that folder
         (`lmp -in NAME`) writes NAME.dump and NAME.last: number, position and velocity of every bead
         at every `every`-th step and at the last; NAME.walls: the force of all beads on each wall,
         the walls named in the first line as strings of JSON.  LAMMPS reads names of printable ASCII
@@ -73,9 +77,10 @@ def to_lammps(
     ------
     TensegrityError
         A scene without beads, or one that cannot be expressed here: contacts other than Hertz's,
-        beads that pass through each other, walls of finite extent with contacts that follow; more
-        than 31 sets of beads of one type at a wall, the number of groups in LAMMPS; a state of
-        another shape; a path that cannot be written, or a name that LAMMPS cannot read.
+        other losses, drives and forces of one's own; beads that pass through each other, walls of
+        finite extent with contacts that follow; more than 31 sets of beads of one type at a wall,
+        the number of groups in LAMMPS; a state of another shape; a path that cannot be written, or
+        a name that LAMMPS cannot read.
     """
     path, beads = check.path("path", path), laid(scene, state)
     steps, dt, every = _steps(t_end, dt, every)

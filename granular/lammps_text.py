@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -14,8 +15,9 @@ import numpy as np
 from granular.assembly import Assembly
 from granular.bead_chain import BeadChain
 from granular.beads import Bead, volume
-from granular.contact import hertz
+from granular.contact import Contact, hertz
 from granular.crystal import beads_by_site
+from granular.dissipation import ELASTIC
 from granular.materials import Material
 from tensegrity import PowerLaw, State, TensegrityError, check
 from tensegrity.scenes.dynamics import dynamics
@@ -59,14 +61,18 @@ class Laid:
     loads: Array
     walls: list[Plane]
     axes: int
+    contact: Callable[[Bead, Bead | Material], Contact | None] | None
 
     def types(self) -> tuple[list[int], list[Bead]]:
         """The type of each bead from 1, and a bead of each: one for each material and its radii.
 
-        Where all contacts take the beads' own radii, as LAMMPS does, one for each material.
+        Where all contacts take the beads' own radii, as LAMMPS does, one for each material; where
+        they dissipate, one for each different bead.
         """
         own = all(math.isclose(b.contact_radius, b.radius, rel_tol=1e-12) for b in self.beads)
+        radii: list[tuple[Any, ...]]
         radii = [() if own else (bead.contact_radius, bead.radius) for bead in self.beads]
+        radii = radii if self.contact is None else [(bead,) for bead in self.beads]
         keys = [(bead.material, *x) for bead, x in zip(self.beads, radii, strict=True)]
         kinds = dict(zip(keys[::-1], self.beads[::-1], strict=True))
         numbers = {key: number for number, key in enumerate(dict.fromkeys(keys), 1)}
@@ -122,9 +128,7 @@ class Laid:
         ]  # fmt: skip
         for i, one in enumerate(kinds, 1):
             for j, other in enumerate(kinds[i - 1 :], i):
-                radius = one.radius * other.radius / (one.radius + other.radius)
-                k = hertz(one, other).constant / math.sqrt(radius)
-                lines.append(f"pair_coeff {i} {j} hertz {k:.17g} 0 tangential linear_nohistory 0 0")
+                lines.append(f"pair_coeff {i} {j} {self._law(one, other)}")
         lines += ["fix motion all nve", f"timestep {dt:.17g}"]
         if push:
             lines += [f"variable l{axis} atom d_l{axis}" for axis in "xyz"]
@@ -142,6 +146,25 @@ class Laid:
             ]
         )  # fmt: skip
 
+    def _law(self, one: Bead, other: Bead | Material) -> str:
+        """The law of two partners: Hertz's, with the damping of those that dissipate."""
+        radius, mass = one.radius, one.mass
+        if isinstance(other, Bead):
+            radius = radius * other.radius / (radius + other.radius)
+            mass = mass * other.mass / (mass + other.mass)
+        elastic, contact = hertz(one, other).constant, self.contact and self.contact(one, other)
+        loss = (contact and contact.dissipation) or ELASTIC
+        eta, kind = loss.constant, "velocity"
+        if loss.constant and loss.model == "Kuwabara-Kono":
+            eta, kind = 1.5 * elastic * loss.constant / (math.sqrt(radius) * mass), "viscoelastic"
+        elif loss.constant and loss.model != "viscous":
+            raise TensegrityError(
+                f"contacts of {loss.model} dissipate: LAMMPS has Kuwabara-Kono and viscous of these"
+            )
+        damping = f" damping {kind} limit_damping" if eta else ""
+        k = elastic / math.sqrt(radius)
+        return f"hertz {k:.17g} {eta:.17g} tangential linear_nohistory 0 0{damping}"
+
     def _walls(self, types: list[int], kinds: list[Bead], name: str, every: int) -> list[str]:
         """Lines of the walls: a fix for each wall and type of bead, and their sums in a file."""
         lines: list[str] = []
@@ -157,11 +180,10 @@ class Laid:
                     groups[members] = f"touch{len(groups)}"
                     lines += [f"group {groups[members]} {some}" for some in members]
                 who, part = groups[members], f"{w}x{kind}"
-                k = hertz(bead, wall.material).constant / math.sqrt(bead.radius)
                 sums = " ".join(f"f_wall{part}[{axis}]" for axis in (2, 3, 4))
                 lines += [
-                    f"fix wall{part} {who} wall/gran/region granular hertz {k:.17g} 0 "
-                    f"tangential linear_nohistory 0 0 region plane{w} contacts",
+                    f"fix wall{part} {who} wall/gran/region granular "
+                    f"{self._law(bead, wall.material)} region plane{w} contacts",
                     f"compute sum{part} {who} reduce sum {sums}",
                 ]
                 parts.append(f"c_sum{part}")
@@ -194,12 +216,12 @@ class Laid:
 
 
 def _file(name: str, ending: str) -> str:
-    """A file beside the input as one word of LAMMPS's language, in marks where it needs them."""
+    """A file in the folder of the input as one word for LAMMPS, quoted if necessary."""
     marks = [mark for mark in ('"', "'", '"""') if mark not in name]
     if name == "none" or not marks or not re.fullmatch("[ -~]+", name) or set("*%") & set(name):
         raise TensegrityError(
-            f"{check.shown(name)} cannot be the name of an input of LAMMPS, which is printable "
-            "ASCII without *, % or, beside an apostrophe, three quotation marks, and not none"
+            f"{check.shown(name)} cannot be the name of an input of LAMMPS, which must be "
+            "printable ASCII without * and %, other than none, and not with both kinds of quotes"
         )
     mark = "" if re.fullmatch(r"[\w.-]+", name) else marks[0]
     return f"{mark}{name}.{ending}{mark}"
@@ -215,7 +237,13 @@ def laid(scene: Any, state: State) -> Laid:
         raise TensegrityError(
             f"scene {check.shown(scene)} is not a chain, a guide or a pack of beads"
         )
-    refuse_driven(scene, "a hand-off to LAMMPS")
+    losses = dynamics(scene).further_forces if scene._losses else ()
+    if scene.drive or scene.damping or len(losses) > len(scene._losses):
+        raise TensegrityError(
+            "a hand-off to LAMMPS: not with drives, dashpots or forces besides those of contacts"
+        )
+    if not losses:
+        refuse_driven(scene, "a hand-off to LAMMPS")
     scene.check(state)
     by_site = beads_by_site(scene)
     sites = list(by_site)
@@ -224,7 +252,24 @@ def laid(scene: Any, state: State) -> Laid:
     u, v = (np.reshape(x, (scene.sites, -1))[sites] for x in (state.u, state.v))
     axes = u.shape[1]
     places, u, v, loads = (_in_space(x) for x in (places, u, v, loads))
-    return Laid(sites, beads, places, u, v, loads, walls, axes)
+    return Laid(sites, beads, places, u, v, loads, walls, axes, _law_of(scene))
+
+
+def _law_of(scene: Any) -> Any:
+    """The contact of two partners of a scene whose contacts dissipate; None of two that it does not
+    list, or of a scene without losses."""
+    if not scene._losses:
+        return None
+    if dynamics(scene).follows:
+        return scene._law.given.springs.contact
+    if isinstance(scene, BeadChain):
+        pairs, contacts = list(pairwise(scene.bodies)), scene.contacts
+    else:  # one contact for all equal pairs, in the order of the first of them
+        found = dict.fromkeys(_partners(scene))
+        pairs, contacts = list(found), scene._contacts
+    known = dict(zip(pairs, contacts, strict=True))
+    known = {pair[::-1]: contact for pair, contact in known.items()} | known
+    return lambda one, other: known.get((one, other))
 
 
 def _line(scene: BeadChain) -> tuple[Array, Array, list[Plane]]:
@@ -236,7 +281,7 @@ def _line(scene: BeadChain) -> tuple[Array, Array, list[Plane]]:
     radii = np.array([beads[s].radius if s in beads else 0.0 for s in range(scene.sites)])
     rest = scene.overlaps(np.zeros(scene.sites))
     x = np.concatenate([[0.0], np.cumsum(radii[:-1] + radii[1:] - rest)])
-    carried = scene.contact_forces(np.zeros(scene.sites))
+    carried = scene.contact_forces(*np.zeros((2, scene.sites)))
     loads = np.diff(np.concatenate([[0.0], carried, [0.0]]))
     walls = []
     for name, site, body, normal in (
@@ -252,16 +297,16 @@ def _line(scene: BeadChain) -> tuple[Array, Array, list[Plane]]:
 def _net(scene: Assembly) -> tuple[Array, Array, list[Plane]]:
     """Places and loads of the beads of a guide or a pack, and its walls."""
     if scene.radius is None:
-        raise TensegrityError("beads that pass through each other have no like in LAMMPS")
+        raise TensegrityError("beads that pass through each other have no equivalent in LAMMPS")
+    if scene._arguments.get("gaps"):
+        raise TensegrityError("gaps between the beads of a guide have no equivalent in LAMMPS")
     of = dynamics(scene)
-    if of.follows and not scene._hertzian:
-        raise TensegrityError("contacts that form by another law than Hertz's: LAMMPS has his only")
+    if of.follows and not (scene._hertzian or scene._losses):
+        raise TensegrityError("contacts that form must obey Hertz's law for LAMMPS")
     table, group = of.springs, of.springs.group
     known = set()
     solids = scene._wall_materials
-    partners = [(scene.beads[i], scene.beads[j]) for i, j in scene.bonds.tolist()]
-    partners += [(scene.beads[s], solids[w]) for s, w in scene.wall_contacts.tolist()]
-    for number, (one, other) in zip(group.tolist(), partners, strict=True):
+    for number, (one, other) in zip(group.tolist(), _partners(scene), strict=True):
         key = number, id(one), id(other)
         spring = table.different[number]
         if key not in known and isinstance(spring, PowerLaw):
@@ -272,13 +317,20 @@ def _net(scene: Assembly) -> tuple[Array, Array, list[Plane]]:
         listed = scene.wall_contacts[scene.wall_contacts[:, 1] == number, 0].tolist()
         if wall.extent is not None and of.follows:
             raise TensegrityError(
-                f"wall {name!r} has an end and contacts come and go: LAMMPS would have to know "
-                "its edge; leave out its extent"
+                f"wall {name!r} has an end and contacts come and go: its edge "
+                "cannot be expressed in LAMMPS; leave out its extent"
             )
         point, normal = (_in_space(x[None])[0] for x in (wall.point, wall.normal))
         members = None if wall.extent is None else tuple(listed)
         walls.append(Plane(name, point, normal, solids[number], members))
     return scene.positions, scene.loads, walls
+
+
+def _partners(scene: Assembly) -> list[tuple[Bead, Bead | Material]]:
+    """The two partners of each contact of a guide or a pack."""
+    beads, solids = scene.beads, scene._wall_materials
+    found: list[Any] = [(beads[i], beads[j]) for i, j in scene.bonds.tolist()]
+    return found + [(beads[s], solids[w]) for s, w in scene.wall_contacts.tolist()]
 
 
 def _refuse_other_law(constant: float, exponent: float, one: Any, other: Any) -> None:
@@ -288,7 +340,7 @@ def _refuse_other_law(constant: float, exponent: float, one: Any, other: Any) ->
     if exponent != expected.exponent or abs(constant / expected.constant - 1) > 1e-9:
         raise TensegrityError(
             f"a contact of constant {constant:.6g} and exponent {exponent:g} is not Hertz's, "
-            f"{expected.constant:.6g} and {expected.exponent:g}: LAMMPS is told of those only"
+            f"{expected.constant:.6g} and {expected.exponent:g}, which alone LAMMPS evaluates"
         )
 
 

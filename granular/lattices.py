@@ -2,7 +2,7 @@
 
 All beads are equal spheres in contact; a striker touches a bead of the top layer or row, or starts
 at a distance from it.
-Source: seeds/000, part II, "3D granular crystals/systems" (833 beads of 9.53 mm: 17 layers of 7 x
+Source: the talk, part II, "3D granular crystals/systems" (833 beads of 9.53 mm: 17 layers of 7 x
 7), "2D granular crystals/systems"; layers and rows as such are our reading of its pictures.
 """
 
@@ -82,12 +82,11 @@ def fcc_pack(
         Constant downward force on each bead of the top layer [N], >= 0; the initial state is then
         the static equilibrium.
     drive : dict of int to Drive, optional
-        {site: Drive}: prescribed motions, and forces that depend on time; only with fixed contacts.
+        {site: Drive}: prescribed motions, and forces that depend on time.
     damping : Damping, optional
-        Dashpots to the ground and between beads in contact, which also act while contacts are
-        open; only with fixed contacts.
+        Dashpots to the ground; with fixed contacts also in the contacts of beads, even open ones.
     law : callable (Bead, Bead or Material) -> Contact, optional
-        `hertz`, `power(constant, exponent)`, or with fixed contacts one that dissipates.
+        `hertz`, `power(constant, exponent)`, or one that dissipates, such as `kuwabara_kono(c)`.
 
     Returns
     -------
@@ -206,6 +205,15 @@ def hexagonal_pack(
     ------
     TensegrityError
         As `fcc_pack`; a gap with fixed contacts; directions without length.
+
+    Examples
+    --------
+    >>> from granular import Bead, hexagonal_pack, materials
+    >>> bead = Bead(diameter=10e-3, material=materials["steel"])
+    >>> walls = {"floor": materials["steel"], "sides": materials["ptfe"]}
+    >>> print(hexagonal_pack(rows=3, columns=4, bead=bead, **walls))
+    Pack(row 1: 4, row 2: 3, row 3: 4) on Network(11 sites in 2 dimensions,
+        20 bonds, 3 walls with 8 contacts)
     """
     rows, columns = check.whole("rows", rows, least=1), check.whole("columns", columns, least=1)
     if rows > 1 and columns < 2:

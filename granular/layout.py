@@ -1,4 +1,4 @@
-"""Places of beads and walls in the branched guides of seeds/001, as plain arrays.
+"""Places of beads and walls in the branched guides of the paper, as plain arrays.
 
 Our reading of the paper's Fig. 1, which gives its counts: the axis of stem 1 is x, its last bead
 is the origin, and the branches leave from the centre of that bead at plus and minus the half

@@ -1,6 +1,6 @@
 """Elastic constants and densities of the beads and walls.
 
-Source: seeds/000, part II, "Analyzed systems and materials" (six materials); seeds/001, Table I
+Source: the talk, part II, "Analyzed systems and materials" (six materials); the paper, Table I
 (three materials; its values for steel and PTFE agree with those of the talk).
 """
 
@@ -56,6 +56,9 @@ class Material:
 
 class _Catalogue(dict[str, Material]):
     """Materials by name; an unknown name raises a TensegrityError that lists the known ones."""
+
+    def __str__(self) -> str:
+        return filled(f"materials: {', '.join(self)}")
 
     def __getitem__(self, name: str) -> Material:
         return super().__getitem__(name) if isinstance(name, str) else self.__missing__(name)

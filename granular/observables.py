@@ -1,7 +1,7 @@
 """Observables of a run of beads: sensor and wall forces, speeds, overlaps and energies.
 
-A sensor in a bead measures the force across its middle plane, seeds/001, eq. (5): half the sum of
-the forces of its contacts, each projected on the bead's displacement (derived in
+A sensor in a bead measures the force across its middle plane (eq. (5) of the paper): half the sum
+of the forces of its contacts, each projected on the bead's displacement (derived in
 `derivations.ledger_paper`, entry "paper.eq5").  Contact forces are positive in compression.
 """
 
@@ -18,6 +18,7 @@ from granular.crystal import Crystal, beads_by_site, crystal_of, rows, whole
 from tensegrity import TensegrityError, check
 from tensegrity.measure.observables import speed_in
 from tensegrity.measure.records import first_peak, largest_peak
+from tensegrity.printing import filled, span
 from tensegrity.runs.run import Run
 from tensegrity.typing import Array
 
@@ -27,7 +28,7 @@ def sensor_force(run: Run, part: str, number: int) -> Array: ...
 @overload
 def sensor_force(run: Run, part: Sequence[int]) -> Array: ...
 def sensor_force(run: Run, part: str | Sequence[int], number: int | None = None) -> Array:
-    """Force measured by a sensor inside a bead, seeds/001, eq. (5).
+    """Force measured by a sensor inside a bead, eq. (5) of the paper.
 
     Parameters
     ----------
@@ -91,8 +92,8 @@ def wall_force(run: Run, name: str, each: bool = False) -> Array:
     Parameters
     ----------
     run : Run
-        Of a chain, a guide or a pack, with all beads recorded that can touch the wall: those of
-        `granular.contact_network.wall_sites(scene, name)`.
+        Of a chain, a guide or a pack, with all beads recorded that can touch the wall; an error
+        names the first one that is missing.
     name : str
         Such as "floor"; "start" or "end" of a chain.  Forces on walls of the same name are added.
     each : bool, optional
@@ -107,6 +108,16 @@ def wall_force(run: Run, name: str, each: bool = False) -> Array:
     ------
     TensegrityError
         No such wall; a bead that can touch it was not recorded.
+
+    Examples
+    --------
+    >>> from granular import Bead, Striker, chain, materials, simulate, wall_force
+    >>> steel = materials["steel"]
+    >>> bead = Bead(diameter=10e-3, material=steel)
+    >>> beads = chain([bead] * 20, striker=Striker(bead, speed=0.5), end=steel)
+    >>> run = simulate(beads, beads.start(), t_end=5e-4, tol=1e-6)
+    >>> f"{wall_force(run, 'end').max():.1f} N"
+    '176.3 N'
     """
     scene = crystal_of(run)
     each = check.truth("each", each)
@@ -160,6 +171,13 @@ class BeadEnergies:
     kinetic: Array
     stored: Array
     parts: dict[str, Array]
+
+    def __str__(self) -> str:
+        rows, beads = self.kinetic.shape
+        parts = [f"  {name}: {span(energy, 'J')}" for name, energy in self.parts.items()]
+        return filled("\n".join([f"energies of {beads} beads at {rows} instants", *parts]))
+
+    __repr__ = __str__
 
     @property
     def fractions(self) -> Array:

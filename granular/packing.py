@@ -4,7 +4,7 @@ Model: as for the guides, frictionless contacts without rotation, by default Her
 walls at rest.  Pairs of beads, and beads and walls, with an initial gap below 1e-9 diameters touch:
 their contacts are listed with a gap of exactly 0.  Any other contact that forms ends a run with an
 error (contacts "fixed") or is found before it acts ("follow").
-Source: seeds/000, part II, "2D granular crystals/systems", "3D granular crystals/systems".
+Source: the talk, part II, "2D granular crystals/systems", "3D granular crystals/systems".
 """
 
 from __future__ import annotations
@@ -162,9 +162,9 @@ class Pack(Assembly):
         loads = _loads(filled, places.shape, gravity, preload)
         in_bonds = springs.between(filled[bonds[:, 0]], filled[bonds[:, 1]])
         at_walls = springs.between(filled[touched[:, 0]], Repeated.of(solids)[touched[:, 1]])
-        self._losses = springs.losses(filled, bonds, solids, touched)
-        if springs.dissipate and followed is not None:
-            raise TensegrityError("contacts that dissipate need contacts='fixed'")
+        if followed is not None and not self._hertzian:
+            springs.try_all(filled, solids)
+        self._losses = springs.losses(filled, bonds, solids, touched, followed is not None)
         super().__init__(
             places,
             bonds,
@@ -181,6 +181,18 @@ class Pack(Assembly):
             forces=(*self._losses, *self._arguments["forces"]),
             **forcing,
         )
+
+    def _forces_between(self, bonds: Array, wall_contacts: Array) -> dict[str, Any]:
+        """The forces of these contacts, and those of the user."""
+        if self._hertzian:
+            return {}
+        springs = self._law.given.springs
+        losses = springs.losses(self.beads, bonds, self._wall_materials, wall_contacts, True)
+        if losses and not self._losses:
+            raise TensegrityError(
+                "a contact that formed dissipates, others of the same materials do not"
+            )
+        return {"_losses": losses, "_forces": (*losses, *self._arguments["forces"])}
 
     def _touching(
         self, places: Array, radius: Array, walls: Sequence[Wall]
@@ -203,9 +215,9 @@ class Pack(Assembly):
                 k = int(np.argmin(gap))
                 one, other = (site_name(self, int(end)) for end in ends[k])
                 raise TensegrityError(
-                    f"{one} and {other} overlap by {-gap[k]:.6g} m at the start, at most "
-                    f"{room[k]:.1g} m is taken for touching: their centres are {apart[k]:.6g} m "
-                    f"apart, their radii add up to {first[k] + second[k]:.6g} m"
+                    f"{one} and {other} overlap by {-gap[k]:.6g} m at the start, must be at "
+                    f"most {room[k]:.1g} m: the distance of their centres is {apart[k]:.6g} m, the "
+                    f"sum of their radii {first[k] + second[k]:.6g} m"
                 )
             touching[some] = gap <= room
         touched = [np.zeros((0, 2), dtype=int)]
@@ -266,7 +278,7 @@ class Pack(Assembly):
         return self.at_rest({self.sites - 1: velocity})
 
     def distance(self, part: str, numbers: tuple[int, int]) -> float:
-        """Straight way between the centres of two different beads of a part at the start [m]."""
+        """Initial distance between the centres of two different beads of a part [m]."""
         super().distance(part, numbers)  # refuses what are no two different beads of it
         first, second = (self.positions[self.site(part, number)] for number in numbers)
         return float(np.linalg.norm(second - first))
@@ -325,7 +337,7 @@ def pack(
     law: ContactLaw = hertz,
     forces: Sequence[Force] = (),
 ) -> Pack:
-    """Beads at any places, on a line, in the plane or in space.
+    """Beads at arbitrary positions on a line, in the plane or in space.
 
     Parameters
     ----------
@@ -343,18 +355,17 @@ def pack(
         that is not there at the start.
     gravity : float, optional
         [m/s^2], >= 0, downward along the last axis.  States of the pack start from its static
-        equilibrium, `equilibrium`; beads that find none near their places are an error.
+        equilibrium, `equilibrium`; if there is none near the given positions, an error is raised.
     preload : dict of int to array_like (dim,), optional
         Constant force [N] on these beads, {site: force}; as gravity.
     drive : dict of int to Drive, optional
-        {site: Drive}: motions that are prescribed, and forces that depend on time; with "fixed"
-        contacts.
+        {site: Drive}: motions that are prescribed, and forces that depend on time.
     damping : Damping, optional
-        Dashpots in the contacts of beads, open ones too, and to the ground; likewise.
+        Dashpots to the ground; with "fixed" contacts also in those of beads, even open ones.
     law : callable (Bead, Bead or Material) -> Contact, optional
-        `hertz`, `power(constant, exponent)`, or with "fixed" contacts one that dissipates.
+        `hertz`, `power(constant, exponent)`, or one that dissipates, such as `kuwabara_kono(c)`.
     forces : sequence of Force, optional
-        Forces of time, displacement and velocity; with "fixed" contacts.
+        Forces of time, displacement and velocity, as of `Network`.
 
     Returns
     -------
@@ -364,10 +375,21 @@ def pack(
     Raises
     ------
     TensegrityError
-        Beads that overlap each other or a wall, or stand behind one; what is not a Bead, a Wall or
-        a Material; shapes that do not fit.
+        Beads that overlap each other or a wall, or stand behind one; arguments of another type or
+        shape.
     EquilibriumError
-        A bead that finds no rest under the loads within a tenth of its radius.
+        No equilibrium under the loads within a tenth of the radius of a bead.
+
+    Examples
+    --------
+    A bead flies into another one, from a distance of one diameter:
+
+    >>> from granular import Bead, materials, pack, simulate
+    >>> bead = Bead(diameter=10e-3, material=materials["steel"])
+    >>> pair = pack([(0.0, 0.0), (0.02, 0.0)], bead)
+    >>> run = simulate(pair, pair.at_rest({0: (1.0, 0.0)}), t_end=0.03)
+    >>> run.final.v[:, 0].round(6) + 0.0
+    array([0., 1.])
     """
     return Pack(
         places, beads, walls, contacts, gravity=gravity, preload=preload, drive=drive,

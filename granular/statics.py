@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from granular.assembly import Assembly
     from tensegrity.typing import Array
 
-GUESS = 1e-6  # overlap of a contact that only touches, in radii, where its spring is asked for
+GUESS = 1e-6  # overlap of a contact that only touches, in radii, where its spring is evaluated
 FLOOR = 1e-3  # of the stiffest such spring: a contact that is open
 LONGEST, FARTHEST = 0.02, 0.1  # radii: of one step, and of all
 CARRIED = 1e-11  # of the sum of all loads: what may be left over
@@ -57,7 +57,7 @@ class Equilibrium(ReadOnly):
         way = np.linalg.norm(self.u, axis=-1)
         return filled(
             f"{len(self.u)} beads at rest under their loads: {self.contacts} contacts carry, "
-            f"{self.residual:.1e} N are left over\n"
+            f"{self.residual:.1e} N are unbalanced\n"
             f"  displacements up to {way.max():.6g} m, of site {int(way.argmax())}"
         )
 
@@ -94,14 +94,14 @@ def settle(scene: Assembly) -> Equilibrium:
     if not left <= CARRIED * total:
         worst = int(np.argmax(np.abs(f).max(axis=1)))
         raise EquilibriumError(
-            f"{site_name(scene, worst)} finds no rest under the loads: of these {left:.3g} N are "
-            f"not carried, must be at most {CARRIED * total:.3g} N, {CARRIED:g} of them"
+            f"{site_name(scene, worst)} finds no equilibrium under the loads: {left:.3g} N are "
+            f"unbalanced, must be at most {CARRIED * total:.3g} N, {CARRIED:g} of the loads"
         )
     return Equilibrium(u, left, of.carrying(u))
 
 
 class _Listed:
-    """A scene with the contacts that it lists near the displacements it is asked about: a
+    """A scene with the contacts that it lists near given displacements: a
     `minimum.Energy`."""
 
     def __init__(self, scene: Assembly) -> None:
@@ -163,8 +163,8 @@ class _Listed:
         if not np.all(way < 1):
             site = int(np.argmax(np.nan_to_num(way, nan=np.inf)))
             raise EquilibriumError(
-                f"{site_name(self._whole, site)} finds no rest under the loads: it moved "
+                f"{site_name(self._whole, site)} finds no equilibrium under the loads: it moved "
                 f"{np.linalg.norm(u[site]):.3g} m, must be below "
                 f"{FARTHEST * self._radius[site]:.3g} m, a tenth of its radius, and "
-                f"{np.linalg.norm(f[site]):.3g} N on it are not carried"
+                f"{np.linalg.norm(f[site]):.3g} N on it are unbalanced"
             )

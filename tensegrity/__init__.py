@@ -1,4 +1,8 @@
-"""Tensegrity prisms as springs, and lattices of masses joined by them."""
+"""Tensegrity prisms as springs, lattices of masses joined by springs, and their nonlinear waves.
+
+"The talk" in docstrings is *Wave Dynamics of Innovative Nonlinear Lattices*, "the paper" *Highly
+nonlinear pulse splitting and recombination in a two-dimensional granular network* (2010).
+"""
 
 from tensegrity import catalogue, objective
 from tensegrity.animation import animate

@@ -50,6 +50,7 @@ def animate(
     rate: float = 12.0,
     factor: float = 1.0,
     label: str = "",
+    view: tuple[float, float] | None = None,
 ) -> None:
     """Write a run as a film.
 
@@ -61,16 +62,19 @@ def animate(
         Of a .gif, or of a .mp4, which needs the program ffmpeg.
     show : str or array_like (T, sites), optional
         Of a chain "elongation" (default), "velocity" or "energy", against bond or site; of a
-        network the colours of the sites, "speed" (default) or "energy".  Or values of one's own
+        network the colours of the sites, "speed" (default) or "energy".  Or given values
         for each recorded instant and site.
     frames : int, optional
-        Most instants that are shown, >= 1, evenly spaced among those that were recorded.
+        Largest number of frames, >= 1, evenly spaced among the recorded instants.
     rate : float, optional
         Frames in a second, at least 0.01.
     factor : float, optional
-        By which displacements in a map are magnified, > 0.
+        Magnification of the displacements in a map, > 0.
     label : str, optional
-        What values of one's own are, with their unit.
+        Name and unit of given values.
+    view : (float, float), optional
+        Azimuth and elevation [degrees] from which a network in space is seen; sites are the more
+        transparent the smaller their value is.  By default it is seen along its second axis.
 
     Raises
     ------
@@ -90,7 +94,7 @@ def animate(
 
     figure = Figure(figsize=plotting.SIZE, dpi=DOTS, layout="constrained")
     ax = figure.subplots()
-    draw = moving(run, ax, show, factor=factor, label=label)
+    draw = moving(run, ax, show, factor=factor, label=label, view=view)
     if isinstance(run.scene, Network):
         figure.set_size_inches(*_fitting(ax))
     count = len(run.t)
@@ -107,12 +111,13 @@ def moving(
     top: float | None = None,
     widest: float | None = None,
     label: str | None = "",
+    view: tuple[float, float] | None = None,
 ) -> Callable[[int], None]:
     """Draw a run on axes; returns what shows one of its recorded instants there.
 
     Parameters
     ----------
-    run, show, factor, label
+    run, show, factor, label, view
         As of `animate`; a label of None leaves out the scale of the colours.
     ax : matplotlib.axes.Axes, optional
         By default of a new figure.
@@ -145,11 +150,18 @@ def moving(
     factor = check.number("factor", factor, above=0)
     if label is not None:
         check.kind("label", label, str)
+    if view is not None:
+        view = tuple(check.vector("view", view, (2,)).tolist())
+        if getattr(scene, "dim", 1) != 3:
+            raise TensegrityError(f"view {view} of a scene that is not in space: leave it out")
     values, words = _values(run, show, label or "")
     if isinstance(scene, Chain):
         return _profile(run, plotting.axes(ax), values, words)
     colours = plotting.rooted(check.number("top", values.max() if top is None else top, least=0))
-    picture = Picture(scene, ax, factor, np.argsort(values.max(axis=0)), facecolors=None, **colours)
+    if view is not None:
+        colours |= {"cmap": plotting.clearing(colours["cmap"]), "edgecolors": "face"}
+    order = np.argsort(values.max(axis=0))
+    picture = Picture(scene, ax, factor, order, view, facecolors=None, **colours)
     picture.make_room(run.u)
     picture.show(run.u[0], values[0])
     if label is not None:
@@ -218,6 +230,6 @@ def _profile(run: Run, ax: Axes, values: Array, words: str) -> Callable[[int], N
 def _time(run: Run, row: int) -> str:
     """An instant, of a width that stays."""
     end, t = float(run.t[-1]), float(run.t[row])
-    units = ((1.0, "s"), (1e3, "ms"), (1e6, "us"))
+    units = ((1.0, "s"), (1e3, "ms"), (1e6, "µs"))
     factor, unit = next((pair for pair in units if pair[0] * end >= 1), units[-1])
     return f"t = {factor * t:.2f} {unit}"

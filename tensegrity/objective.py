@@ -1,7 +1,7 @@
 """What a gradient is taken of: traces of a run, and numbers made of them.
 
 A trace is one number after every step: `load`, `displacement`, `velocity`, `energy`.  Numbers made
-of traces are `peak`, `p_norm`, `impulse`, `arrival`, `misfit`, and `of` any function of one's own.
+of traces are `peak`, `p_norm`, `impulse`, `arrival`, `misfit`, and `of`, for any other function.
 """
 
 from tensegrity.gradients.objective import (

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 SIZE = 7.0, 4.5  # inches, of a new figure
 FAINTEST = 1e-4  # of the largest value: the lower end of logarithmic colours
+CLEAREST = 0.06  # opacity of the smallest value
 WIDEST, THINNEST = 5.0, 0.05  # points: lines of the largest force, and of the least that is drawn
 FORMATS = (".gif", ".mp4")
 SLOWEST = 0.01  # frames in a second
@@ -49,7 +50,7 @@ def axes(ax: Any = None, in_space: bool = False) -> Any:
     Raises
     ------
     TensegrityError
-        What is no axes, or has two axes where three are needed, or the reverse.
+        Not a Matplotlib axes, or one with two axes where three are needed, or the reverse.
     """
     from matplotlib.axes import Axes
 
@@ -88,6 +89,17 @@ def rooted(largest: float) -> dict[str, Any]:
     from matplotlib.colors import PowerNorm
 
     return {"cmap": "GnBu", "norm": PowerNorm(0.5, 0.0, largest or 1.0, clip=True)}
+
+
+def clearing(name: str) -> Any:
+    """A colour map whose lower end is transparent."""
+    from matplotlib import colormaps
+    from matplotlib.colors import ListedColormap
+
+    shades = np.linspace(0.0, 1.0, 256)
+    colours = colormaps[name](0.25 + 0.75 * shades)
+    colours[:, 3] = CLEAREST + (1 - CLEAREST) * shades**1.5
+    return ListedColormap(colours)
 
 
 def members(
@@ -179,7 +191,7 @@ def film(
     Parameters
     ----------
     path : str or path
-        Of a .gif or a .mp4, written beside and renamed.
+        Of a .gif or a .mp4, written under another name and renamed.
     figure : matplotlib.figure.Figure
         Of a size that stays.
     frames : iterable

@@ -1,4 +1,4 @@
-"""What objects say of themselves in print: lines of at most 80 columns, numbers of six digits.
+"""The printed form of objects: lines of at most 80 columns, numbers of six digits.
 
 The text of a `repr` that reads back keeps all digits, so that equal texts are equal objects; what
 `print` shows is made here.
@@ -61,18 +61,22 @@ def listed(numbers: Any, most: int = 12) -> str:
 
 
 def printed(**units: str) -> Callable[[Any], str]:
-    """A method that prints the fields of a dataclass with their units, those apart that are None
-    or not part of its `repr`."""
+    """A method that prints the fields of a dataclass with their units, except those that are None
+    or nan, or not part of its `repr`."""
 
     def text(self: Any) -> str:
         parts = [
             f"{field.name} {_short(getattr(self, field.name), units.get(field.name, ''))}"
             for field in fields(self)
-            if field.repr and getattr(self, field.name) is not None
+            if field.repr and _is_known(getattr(self, field.name))
         ]
         return filled(f"{type(self).__name__}: {', '.join(parts)}".removesuffix(": "))
 
     return text
+
+
+def _is_known(value: Any) -> bool:
+    return value is not None and not (isinstance(value, float) and value != value)
 
 
 def _short(value: Any, unit: str) -> str:
@@ -82,7 +86,7 @@ def _short(value: Any, unit: str) -> str:
         return f"{value:.6g}{behind}"
     if isinstance(value, (tuple, list)) and len(value) > 3:
         if not isinstance(value[0], (int, float)):
-            return f"{len(value)} of kind {type(value[0]).__name__}"
+            return f"{len(value)} {type(value[0]).__name__}s"
         value = np.array(value)
     if isinstance(value, tuple) and all(isinstance(x, float) for x in value):
         return ", ".join(f"{x:.6g}" for x in value) + behind

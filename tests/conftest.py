@@ -13,3 +13,13 @@ def pytest_collection_modifyitems(items):
     for item in items:
         if item.get_closest_marker("needs_extended") and not EXTENDED:
             item.add_marker(pytest.mark.skip(reason="needs an extended long double"))
+
+
+@pytest.fixture(scope="session")
+def page(tmp_path_factory):
+    """The live page, compiled."""
+    from docs.live.__main__ import main
+
+    path = tmp_path_factory.mktemp("live") / "index.html"
+    assert main([str(path)]) == 0
+    return path

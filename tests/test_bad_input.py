@@ -65,14 +65,14 @@ MADE_BY_OTHERS = {
 }  # fmt: skip
 INNER = {  # what runs, paths and searches ask of their objects, and nobody else
     "Best", "Budget", "Corrected", "Floquet", "Method", "Midpoint", "Modes", "Nystrom", "Objective",
-    "Orbit", "Prediction", "Pulse", "Splitting", "Trace", "arrays", "at",
+    "Orbit", "Prediction", "Pulse", "Splitting", "StructureModes", "Trace", "arrays", "at",
     "available_energy", "beyond", "bind", "by_beads", "check", "check_room", "children",
     "columns", "contacts_at", "contacts_within", "cosines", "default", "derivative", "designs",
     "each", "energies", "extreme", "fastest", "finer_share", "freedom", "frequency",
     "frequency_of", "is_alike", "listed", "listings",
     "mutants", "name", "name_of", "needed", "nystrom_of", "of", "opened",
-    "palindrome", "parts", "places_of", "plan", "present_ranges", "projected", "random",
-    "rows", "steps", "stiffest", "stiffness_within", "stored_by_site",
+    "palindrome", "parts", "placed", "places_of", "plan", "present_ranges", "projected", "random",
+    "refuse_open", "rows", "steps", "stiffest", "stiffness_within", "stored_by_site",
     "stretch", "varied", "walls_hold", "walls_named", "with_springs", "worth",
 }  # fmt: skip
 
@@ -225,7 +225,9 @@ CALLS = [  # where other arguments are needed, or several in one call
     (ts.catalogue.geodesic, {"solid": "cube", "pattern": "diamond", "strut": 2.0, "ratio": 0.9}
      | PRESTRESS),
     (ts.catalogue.twin_strings, {"sides": 4, "base": 1.0, "height": 1.2, "prestrain": 0.1,
-                                "k_string": 2.0, "other_prestrain": 0.2, "torque": 0.01}),
+                                "k_string": 2.0, "other_prestrain": 0.2, "other_k_string": 1.0,
+                                "torque": 0.01}),
+    (ts.catalogue.twin_prism, {"sides": 4, "base": 1.0, "height": 1.2} | PRESTRESS),
     (ts.catalogue.tower, {"stages": 3, "radius": 1.0, "height": 1.5, "twist": 2.9} | PRESTRESS),
     (ts.catalogue.plate, {"rows": 2, "columns": 1, "side": 1.0, "height": 0.5} | PRESTRESS),
     (ts.catalogue.dome, {"sides": 5, "hoops": 1, "radius": 1.0, "rise": 0.2, "post": 0.3}
@@ -256,7 +258,7 @@ CALLS = [  # where other arguments are needed, or several in one call
                "wall_spring": SPRING, "wall_gaps": [0.95], "radius": 0.05,
                "loads": np.zeros((3, 2)), "held": [2]}),
     (ts.animate, {"run": SHORT_RUN, "path": f"{FOLDER.name}/made.gif", "show": "energy",
-                  "frames": 1, "rate": 10.0, "factor": 2.0, "label": "load [N]"}),
+                  "frames": 1, "rate": 10.0, "factor": 2.0, "label": "load [N]", "view": None}),
     (ts.Record, {"every": 1, "sites": [0, 1], "path": None}),
     (ts.Record, {"interval": 0.1, "path": FILE, "checkpoint": 1.0}),
     (ts.resume, {"path": FILE, "scene": None}),

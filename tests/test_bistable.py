@@ -3,11 +3,23 @@
 import numpy as np
 import pytest
 import sympy as sp
-from scipy.optimize import brentq
+from scipy.optimize import brentq, minimize, minimize_scalar
 
 from derivations import bistable as form
-from derivations import ledger
-from tensegrity import Chain, Damping, Potential, TensegrityError, catalogue, simulate
+from derivations import ledger, one_well
+from tensegrity import (
+    Chain,
+    Damping,
+    Potential,
+    Prism,
+    TensegrityError,
+    catalogue,
+    control_path,
+    equilibrium_path,
+    held,
+    plates,
+    simulate,
+)
 from tensegrity import transition_wave as front_between
 
 GRID = np.linspace(-1.0, 1.0, 801)
@@ -135,6 +147,193 @@ def test_unequal_prestrains_lift_a_well_and_end_it():
     assert abs(released) > 1e-5
 
 
+BIASES = {"torque": form.torque, "other_prestrain": form.other,
+          "other_k_string": form.other_stiffness}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", BIASES)
+@pytest.mark.parametrize("place", [0.1, 0.2])
+def test_every_bias_ends_a_well_where_the_derivation_says(name, place):
+    """The program's natural length and bias for a well that ends at a given twist."""
+    at = {form.sides: 3, form.height: 1.0, form.radius: 1 / np.sqrt(3), form.stiffness: 3.0}
+    length = form.twin_strings().subs(at)
+    limits = form.limit_of(BIASES[name], length, form.twist)[-1]
+    rest, bias = sp.lambdify((form.x, form.stiffness), limits)(place, 3.0)
+    given = {"torque": bias, "other_prestrain": np.sqrt(2) / bias - 1, "other_k_string": bias / 3}
+    prestrain, equal = np.sqrt(2) / rest - 1, {"torque": 0.0, "other_k_string": 1.0}.get(name)
+    equal = prestrain if equal is None else equal
+    ending = unit(prestrain, **{name: given[name]})
+    assert float(ending.tension(place)) == pytest.approx(0, abs=1e-14)
+    assert float(ending.stiffness(place)) == pytest.approx(0, abs=1e-12)
+    inside, beyond = (unit(prestrain, **{name: equal + part * (given[name] - equal)})
+                      for part in (0.98, 1.02))  # fmt: skip
+    assert [len(wells(one)) for one in (inside, beyond)] == [2, 1]
+
+
+@pytest.mark.parametrize("name", BIASES)
+def test_every_small_bias_lifts_a_well_by_the_derived_energy(name):
+    rest = np.sqrt(2) / 1.1
+    step, per_length = 1e-6, -rest / 1.1  # of a natural length by prestrain
+    (equal, rate) = {"torque": (0.0, 1.0), "other_prestrain": (0.1, per_length),
+                     "other_k_string": (1.0, 3.0)}[name]  # fmt: skip
+    biased = unit(**{name: equal + step})
+    low, high = wells(biased)
+    lifted = float(biased.energy(low) - biased.energy(high))
+    place = wells(unit())[1]
+    lengths = [np.sqrt(float(form.twin_strings().subs(
+        {form.sides: 3, form.height: 1.0, form.radius: 1 / np.sqrt(3), form.twist: sign * place}
+    ))) for sign in (1, -1)]  # fmt: skip
+    values = dict(zip((form.longer, form.shorter), lengths, strict=True))
+    derived = form.released(BIASES[name]).subs(values | {
+        form.x: place, form.natural: rest, form.stiffness: 3.0})  # fmt: skip
+    assert lifted == pytest.approx(float(derived) * rate * step, rel=1e-4)
+
+
+def energy(x, rest, k_base, k_bar):
+    """Of a triangular prism, its strings taut or slack [J]; x: side along and across, height."""
+    side, twist, up = np.hypot(x[0], x[1]), np.arctan2(x[1], x[0]), x[2]
+    turned = 2 / 3 * side**2
+    cross = np.sqrt(up**2 + turned * (1 - np.cos(twist - 2 * np.pi / 3)))
+    bar = np.sqrt(up**2 + turned * (1 - np.cos(twist)))
+    pull = max(cross - rest.cross, 0), max(side - rest.base, 0)
+    return 1.5 * (pull[0] ** 2 + 2 * k_base * pull[1] ** 2 + k_bar * (bar - rest.bar) ** 2)
+
+
+def test_a_prism_has_one_minimum_from_any_start():
+    """As the derivation says; energies by SciPy from random sides, twists and heights."""
+    random = np.random.default_rng(1)
+    assert one_well.mismatch_slope().is_positive
+    (first, second) = (dict(one_well.self_stress())[at] for at in one_well.self_stress())
+    assert first[1].subs(one_well.half_angle, sp.pi / 3) == 1 / sp.sqrt(3)
+    assert second[1] == -first[1]
+    for _ in range(6):
+        height, prestrain = random.uniform(0.4, 1.4), random.uniform(0.05, 0.6)
+        k_base, k_bar = 10 ** random.uniform(0.6, 1.7), 10 ** random.uniform(0.0, 2.3)
+        prism = Prism(1.0, height, prestrain, 1.0, k_base, k_bar)
+        rest = prism.natural_lengths()
+        found = []
+        for _ in range(8):
+            start = random.uniform([-1.2, -1.2, 0.3], [1.2, 1.2, 1.6])
+            best = minimize(energy, start, (rest, k_base, k_bar), "Nelder-Mead",
+                            options={"xatol": 1e-9, "fatol": 1e-15, "maxiter": 4000})  # fmt: skip
+            if abs(best.x[2]) > 1e-3:
+                found.append(np.abs(best.x))
+        assert len(found) > 1
+        at_rest = np.abs([np.cos(5 * np.pi / 6), np.sin(5 * np.pi / 6), height])
+        assert np.array(found) == pytest.approx(np.tile(at_rest, (len(found), 1)), abs=1e-5)
+
+
+LENGTH = np.sqrt(2)  # of strings at twist 0
+STIFFNESSES = 1e3, 1e4  # of bars: what is left decreases in proportion to its inverse
+
+
+def turned(positions, sides=3):
+    """Twist of the upper polygon on the lower one [rad]."""
+    upper, lower = positions[..., sides, :], positions[..., 0, :]
+    return np.arctan2(upper[..., 1], upper[..., 0]) - np.arctan2(lower[..., 1], lower[..., 0])
+
+
+def supports(sides=3):
+    return held(range(sides)) + plates([], range(sides, 2 * sides))
+
+
+def drawn(prestrain, k_bar, sides=3, branch="stable", start=0.05):
+    """The structure, its path as all strings are drawn in, and where that ends, as a structure."""
+    s = catalogue.twin_prism(sides, prestrain=start, k_bar=k_bar)
+    strings = range(s.bars, len(s.ends))
+    path = control_path(
+        s, dict.fromkeys(strings, LENGTH / (1 + prestrain)), supports(sides), branch
+    )
+    natural = s.natural_lengths.copy()
+    natural[s.bars :] = LENGTH / (1 + prestrain)
+    return s, path, s.at(path.positions[-1], natural_lengths=natural)
+
+
+@pytest.mark.parametrize(("sides", "start", "end"), [(3, 0.05, 0.1), (4, 0.2, 0.3)])
+def test_the_path_of_the_structure_splits_at_the_threshold_of_the_shape(sides, start, end):
+    shape = {form.sides: sides, form.base: 1, form.height: 1}
+    threshold = float(form.of_prism().subs(shape))
+    well = wells(unit(end, sides=sides))[1]
+    off, twists = [], []
+    for k_bar in STIFFNESSES:
+        s, path, there = drawn(end, k_bar, sides, start=start)
+        (split,) = path.events
+        assert split.kind == "bifurcation"
+        natural = LENGTH / (1 + start)  # of strings in bars that do not shorten
+        natural += split.control * (LENGTH / (1 + end) - natural)
+        off.append(LENGTH / natural - 1 - threshold)
+        twists.append(abs(turned(path.positions[-1], sides)) - well)
+        assert there.is_stable(supports(sides))
+        straight = drawn(end, k_bar, sides, "symmetric", start)[1]
+        assert np.abs(turned(straight.positions, sides)).max() < 1e-8
+        assert not straight.stable_load[-1]
+        mirrored = there.positions * [1, -1, 1]
+        order = (-np.arange(sides)) % sides
+        mirrored = mirrored[np.append(order, sides + order)]
+        other = s.at(mirrored, natural_lengths=there.natural_lengths)
+        assert np.abs(other.members.gradient(mirrored)[sides:, :2]).max() < 1e-10
+        assert other.is_stable(supports(sides))
+        assert turned(mirrored, sides) == pytest.approx(-turned(there.positions, sides), abs=1e-12)
+    for ends in (off, twists):
+        assert abs(ends[1]) < 1e-4
+        assert ends[0] / ends[1] == pytest.approx(10, rel=0.03)
+
+
+def test_tangential_forces_switch_the_wells_of_the_structure_at_two_folds():
+    equal = unit()
+
+    def force(twist):  # total, of dead forces along the tangents at twist 0
+        return float(equal.tension(twist)) * np.sqrt(3) / np.cos(twist)
+
+    fold = -minimize_scalar(force, bounds=(0.1, 0.3), method="bounded").fun
+    off = []
+    for k_bar in STIFFNESSES:
+        s, path, there = drawn(0.1, k_bar)
+        sense = -np.sign(turned(path.positions[-1]))
+        tangents = sense * np.cross([0, 0, 1], s.positions[3:])
+        back = equilibrium_path(there, supports=supports(), max_shortening=0.4,
+                                loads=dict(zip((3, 4, 5), tangents, strict=True)))  # fmt: skip
+        first, second = back.events
+        assert [first.kind, second.kind] == ["fold", "fold"]
+        assert second.load == pytest.approx(-first.load, rel=1e-9)
+        assert back.stable_load[: first.row].all()
+        assert not back.stable_load[first.row + 1 : second.row].any()
+        assert back.stable_load[second.row + 1 :].all()
+        reached = turned(back.positions)
+        assert reached[0] * reached[-1] < 0
+        off.append(first.load / fold - 1)
+    assert abs(off[1]) < 6e-4
+    assert off[0] / off[1] == pytest.approx(10, rel=0.03)
+
+
+def test_unequal_natural_lengths_unfold_the_pitchfork_and_end_a_well_of_the_structure():
+    """Strings of the hand that the well stretches are drawn in, or the others let out."""
+    at = {form.sides: 3, form.height: 1, form.radius: 1 / sp.sqrt(3), form.stiffness: 3}
+    limits = form.limit_of(form.other, form.twin_strings().subs(at), form.twist)[0]
+    first, second = (sp.lambdify(form.x, one) for one in limits)
+    rest = LENGTH / 1.1
+    place = brentq(lambda x: second(x) - rest, 0.1, 0.3)
+    closed = first(place) / rest
+    off = []
+    for k_bar in STIFFNESSES:
+        s, path, there = drawn(0.1, k_bar)
+        hand = s.bars if turned(path.positions[-1]) > 0 else s.bars + 3  # stretched there
+        path = control_path(there, dict.fromkeys(range(hand, hand + 3), 0.98 * rest), supports())
+        (fold,) = path.events
+        assert fold.kind == "fold"
+        off.append(1 - 0.02 * fold.control - closed)
+    assert abs(off[1]) < 2e-5
+    assert off[0] / off[1] == pytest.approx(10, rel=0.05)
+    s = catalogue.twin_prism()
+    ends = {
+        m: LENGTH / (1 + (0.1 if m < s.bars + 3 else 0.101)) for m in range(s.bars, len(s.ends))
+    }
+    unfolded = control_path(s, ends, supports())
+    assert unfolded.events == ()
+    assert unfolded.stable_load.all()
+    assert abs(turned(unfolded.positions[-1])) > 0.3
+
+
 def test_a_row_of_discs_on_unequal_units_switches_one_way():
     twist = sp.Symbol("r")
     spring, damping = Potential(0.05 * twist**2, twist), Damping(ground=0.2)
@@ -162,6 +361,7 @@ def test_a_row_of_discs_on_unequal_units_switches_one_way():
         ("prestrain", {"prestrain": -1.0}),
         ("other_prestrain", {"other_prestrain": -2.0}),
         ("k_string", {"k_string": 0.0}),
+        ("other_k_string", {"other_k_string": 0.0}),
         ("torque", {"torque": np.nan}),
         ("too large", {"base": 1e308, "height": 1e308}),
     ],
@@ -169,3 +369,57 @@ def test_a_row_of_discs_on_unequal_units_switches_one_way():
 def test_wrong_units_are_refused(words, given):
     with pytest.raises(TensegrityError, match=words):
         catalogue.twin_strings(**given)
+
+
+def test_the_picture_of_units_counts_wells_where_the_derivation_has_them():
+    from figures import transition_units as picture
+
+    for sides, height in ((3, 0.8), (4, 1.3)):
+        least, most = picture.threshold(sides, height), picture.last(sides, [height])[0]
+        for prestrain, count in ((0.96 * least, 1), (1.04 * least, 2), (0.97 * most, 2),
+                                 (1.03 * most, 0)):  # fmt: skip
+            shape = picture.of_shape(sides, height, prestrain)
+            assert len(picture.wells(shape, sides)) == count
+    at, torque, folds = picture.pushed(0.1)
+    exact = picture.of_shape(3, 1.0, 0.1).tension(at)
+    assert np.abs(torque - exact)[np.abs(at) < 0.4].max() < 1e-5
+    assert at[0] < folds[0] < 0 < folds[1] < at[-1]
+
+
+def test_two_rows_that_meet_compute_and_or_or_by_one_torque():
+    from figures import transition_logic as picture
+
+    for gate, one in (("AND", 0), ("OR", picture.DISCS)):
+        found = [picture.run(picture.GATES[gate], inputs).u[-1, :, 0] for inputs in ("A", "AB")]
+        single, both = (picture.switched(twist) for twist in found)
+        assert single == {"A": picture.DISCS, "B": 0, "output": one}
+        assert both == dict.fromkeys(picture.PARTS, picture.DISCS)
+
+
+def test_bonds_with_two_wells_push_the_wall_no_more_than_ends_a_well():
+    from figures import transition_trap as picture
+
+    below, above = 0.18, picture.START  # prestrains, of one well and of two
+    peaks, kept = [], []
+    for prestrain in (below, above):
+        _, torque, twist = picture.run([prestrain] * picture.BONDS)
+        peaks.append(torque.max())
+        kept.append(picture.stored(prestrain, twist))
+    assert peaks[0] > 4 * peaks[1]
+    assert peaks[1] == pytest.approx(picture.fold(above), rel=1e-5)
+    assert kept[0] == (0, 0)
+    bonds, part = kept[1]
+    upper, lower = picture.well(above, -1)[0], picture.well(above)[0]
+    lifted = float(np.subtract(*picture.bond(above).energy([upper, lower])))
+    assert bonds == 2
+    assert part == pytest.approx(2 * lifted / (0.2**2 / 2), rel=1e-12)
+    assert 0.2 < part < 0.3
+
+
+def test_the_gradient_of_the_push_by_prestrain_is_that_of_neighbouring_chains():
+    from figures import transition_trap as picture
+
+    groups, step = np.array([picture.START]), 1e-6
+    _, slopes = picture.peak(groups)
+    more, less = (picture.peak(groups + s)[0] for s in (step, -step))
+    assert slopes[0] == pytest.approx((more - less) / (2 * step), rel=1e-4)

@@ -3,14 +3,17 @@
 import ast
 import doctest
 import importlib
+import inspect
+import re
 from pathlib import Path
 
 import pytest
+from test_interface import names
 
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("derivations", "tensegrity", "granular")
 MOST_BARE = 2  # arguments of a function that one sentence may describe
-FEWEST = 30  # public functions and classes with an example
+MOST_USED = 30  # public names with an example that runs: those that the guide calls most
 
 
 def is_overload(node):
@@ -67,8 +70,11 @@ def test_examples_give_what_they_say(name, tmp_path, monkeypatch):
     assert found.failed == 0
 
 
-def test_there_are_enough_examples():
-    texts = [p.read_text() for package in PACKAGES for p in (ROOT / package).rglob("*.py")]
-    examples = sum(text.count("Examples\n    ----") + text.count("Examples\n        ----")
-                   for text in texts)  # fmt: skip
-    assert examples >= FEWEST
+def test_names_that_are_used_most_have_an_example():
+    pages = [ROOT / "README.md", *sorted((ROOT / "docs" / "guide").glob("*.md"))]
+    text = "\n".join(page.read_text() for page in pages)
+    calls = {
+        name: len(re.findall(rf"(?<![\w.]){name.rpartition('.')[2]}\(", text)) for name in names()
+    }
+    most = sorted(calls, key=lambda name: (-calls[name], name))[:MOST_USED]
+    assert [name for name in most if ">>> " not in (inspect.getdoc(names()[name]) or "")] == []

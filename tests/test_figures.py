@@ -21,6 +21,7 @@ from figures import (
     constitutive_rigid,
     derivations_ledger,
     pictures,
+    prism_chain,
     prism_drawing,
     wave_supersonic,
 )
@@ -28,6 +29,7 @@ from figures.__main__ import arguments_of, costs, main, selected, update
 from figures._draw import Job
 from figures._files import PRINTED, read_printed, read_tables, write_tables
 from figures._gallery import made, write_index
+from tensegrity import equilibrium_path
 
 ROOT = Path(__file__).parent.parent
 
@@ -72,6 +74,22 @@ def test_the_drawn_prism_is_turned_by_150_degrees_and_its_bars_push():
     }  # fmt: skip
     assert (tension[kinds == "bars"] < 0).all()
     assert (tension[kinds != "bars"] > 0).all()
+
+
+def test_the_prisms_of_the_drawn_chain_are_in_equilibrium_under_the_preload():
+    tables = prism_chain.data()
+    path = equilibrium_path(prism_chain.PRISM).columns
+    found = numbers(tables)
+    height, before = found["height under preload"], prism_chain.PRISM.height
+    for column, value, rel in (
+        ("load", prism_chain.PRELOAD, 1e-3), ("twist", found["twist under preload [deg]"], 1e-4)
+    ):  # fmt: skip
+        value = np.radians(value) if column == "twist" else value
+        there = np.interp(before - height, before - path["height"], path[column])
+        assert there == pytest.approx(value, rel=rel)
+    nodes = np.column_stack(list(tables["nodes"].values()))
+    bars = np.linalg.norm(nodes[3:] - nodes[:3], axis=1)
+    assert bars == pytest.approx(prism_chain.PRISM.natural_lengths().bar, rel=1e-12)
 
 
 def test_pictures_are_written_with_their_tables(tmp_path, capsys):
@@ -177,9 +195,6 @@ INSIDE = {
     "tensegrity.prisms.stability.first_loss": "stability of a prism on given supports",
     "tensegrity.scenes.dynamics.dynamics": "steps beyond the bounds that `simulate` sets",
     "tensegrity.springs.kinks.TAUT": "a tolerance that is explained",
-    "tensegrity.springs.polynomial.polynomial_of_coefficients": "equal degrees, for a batch",
-    "tensegrity.waves.family.Family": "waves to four digits, for a search",
-    "tensegrity.waves.solitary.approximate_wave": "waves to four digits, for a search",
     "tensegrity.waves.transition.standing_forces": "what pins fronts, without looking for one",
     "tensegrity.waves.limit.largest_speed": "its error, from two extrapolations",
 }

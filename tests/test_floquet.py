@@ -5,17 +5,23 @@ import math
 import numpy as np
 import pytest
 import sympy as sp
+from scipy.integrate import solve_ivp
+from scipy.optimize import minimize_scalar
 
 from tensegrity import (
     Chain,
+    Damping,
     Potential,
     PowerLaw,
     Prism,
     ResolutionError,
+    State,
     TensegrityError,
     floquet,
     predict,
+    simulate,
     solitary_wave,
+    transition_wave,
 )
 from tensegrity.orbits.flow import Flow
 from tensegrity.root import root
@@ -256,3 +262,67 @@ def test_the_energy_of_waves_of_prisms_rises_with_their_speed(prestrain):
     assert [family.name for family in families] == ["compression", "rarefaction"]
     assert [family.unstable(12) for family in families] == [(), ()]
     assert families[0].curve(4).stable.tolist() == [True] * 4
+
+
+def front_on_wells():
+    """Of the force u (u - 0.35)(u - 1) to the ground, coupling 1, dashpot 0.3."""
+    wells = Potential(R**4 / 4 - sp.Rational(27, 20) * R**3 / 3 + sp.Rational(7, 40) * R**2, R)
+    return transition_wave(Potential(R**2 / 2, R), ahead=0.0, behind=1.0, ground=wells,
+                           damping=Damping(ground=0.3))  # fmt: skip
+
+
+def test_a_front_is_neutral_to_its_shift_alone_and_the_rest_decays():
+    """Its tangent map by SciPy, of variational equations that are written out."""
+    front = front_on_wells()
+    found = floquet(front)
+    assert found.stable
+    assert found.growth == 0
+    assert found.neutral.shape == (1,)
+    assert abs(found.neutral[0] - 1) < 1e-9
+    sites = 101
+    x = np.arange(sites) - 50.0
+    bonds = np.eye(sites - 1, sites, 1) - np.eye(sites - 1, sites)
+    coupled = bonds.T @ bonds
+
+    def rates(t, y):
+        u, v = y[: 2 * sites].reshape(2, sites)
+        du, dv = y[2 * sites :].reshape(2, sites, -1)
+        force = -coupled @ u - 0.3 * v - u * (u - 0.35) * (u - 1)
+        slope = 3 * u**2 - 2.7 * u + 0.35
+        change = -coupled @ du - 0.3 * dv - slope[:, None] * du
+        return np.concatenate([v, force, dv.ravel(), change.ravel()])
+
+    start = [front.displacement(x), -front.speed * front.rate(x), np.eye(2 * sites).ravel()]
+    end = solve_ivp(rates, (0, 1 / front.speed), np.concatenate(start), method="DOP853",
+                    rtol=1e-9, atol=1e-11).y[2 * sites :, -1]  # fmt: skip
+    rows = end.reshape(2, sites, 2 * sites)
+    moved = np.zeros_like(rows)
+    moved[:, :-1] = rows[:, 1:]
+    values = np.linalg.eigvals(moved.reshape(2 * sites, -1))
+    assert np.abs(values - 1).min() < 1e-6
+    for one in found.multipliers:
+        assert np.abs(values - one).min() < 1e-5
+    assert np.sum(np.abs(values) > 0.8) == 1
+
+
+def test_a_struck_front_comes_back_to_itself_somewhat_shifted():
+    front = front_on_wells()
+    chain = Chain(front.potential, 240, ground=front.ground, damping=front.damping)
+    start = front.launch(chain, at=80.0)
+    v = start.v.copy()
+    v[78:83] += 0.05
+    run = simulate(chain, State(start.u, v), 60 / front.speed, tol=1e-9)
+    x = np.arange(240.0)
+
+    def off(shift):
+        return float(np.abs(run.final.u - front.displacement(x - 140.0 - shift)).max())
+
+    best = minimize_scalar(off, bounds=(-1, 1), method="bounded", options={"xatol": 1e-12})
+    assert abs(best.x) > 1e-3
+    assert best.fun < 1e-6
+
+
+def test_fronts_of_bonds_alone_have_no_multipliers():
+    law = Potential(R**2 / 2 + R**3 / 3 - R**4 / 4, R)
+    with pytest.raises(TensegrityError, match="needs springs to the ground"):
+        floquet(transition_wave(law, ahead=0.0, behind=2 / 3))

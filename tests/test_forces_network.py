@@ -199,7 +199,7 @@ def test_a_step_beyond_the_decay_by_friction_is_refused():
         ("3 expressions of a force on sites", lambda: network_of(Force((V_X, V_Y, V_X)))),
         ("on walls", lambda: Chain(SPRING, 3, forces=[Force((R, SLIP), "walls")])),
         ("number 3 of the walls, there are 0", lambda: network_of(Force(R, "walls", [3]))),
-        ("'fixed' contacts only", lambda: network_of(Force((-V_X, -V_Y)), follow=True)),
+        ("0 where they are open", lambda: network_of(Force(RATE, "bonds"), follow=True)),
         ("give one", lambda: Force((R, SLIP), "bonds").values(0.1, 0.1)),
     ],
 )

@@ -154,7 +154,7 @@ def test_the_guide_moves_in_a_gif(tmp_path, monkeypatch):
 
     monkeypatch.setattr(granular_motion, "END", 0.1e-3)
     monkeypatch.setattr(granular_motion, "FRAMES", 4)
-    monkeypatch.setattr(granular_motion, "SHOWN", (0, 1, 2, 3))
+    monkeypatch.setattr(granular_motion, "SHOWN", dict.fromkeys(range(4), "fork"))
     files, rows = render("granular_motion", granular_motion, tmp_path)
     assert rows == []
     film = next(path for path in files if path.suffix == ".gif")

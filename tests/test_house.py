@@ -28,11 +28,17 @@ DIALECT = re.compile(
     r"_*(judge|rung|outlook|book|course|crew|kept|told|sound|remembered|seeds|sow|asked|rises|apart"
     r"|likely)_*"
 )
+FUNCTION_IN_C = re.compile(r"^[a-z][\w *]*[ *](\w+)\(", re.MULTILINE)
+MOST_TERMS = 40
 INSIDE = re.compile(r"\btensegrity\.(engine|runs|scenes\.\w*(dynamics|batch))\b")
 LOOKING_INSIDE = 10  # files of tests
 REPLACED = 54  # parts of the house that tests replace; figures have 25; aim: those
 CLOCK = re.compile(r"\b(monotonic|perf_counter|process_time|sleep)\b")
-CLOCKS = {"browser.py", "test_live.py"}  # files of tests that wait for a browser
+CLOCKS = {
+    "browser.py",
+    "test_live.py",
+    "test_live_page.py",
+}  # files of tests that wait for a browser
 
 
 @cache
@@ -130,7 +136,16 @@ def test_names_are_words_of_the_field():
             tree = ast.walk(ast.parse(path.read_text()))
             names = [path.stem, *(node.name for node in tree if isinstance(node, DEFINITIONS))]
             found += [(path, name) for name in names if DIALECT.fullmatch(name.lower())]
+    for path in sorted((ROOT / "tensegrity").rglob("*.[ch]")):
+        names = FUNCTION_IN_C.findall(path.read_text())
+        found += [(path, name) for name in names if DIALECT.fullmatch(name.lower())]
     assert found == []
+
+
+def test_the_glossary_is_short():
+    rows = (ROOT / "CONTRIBUTING.md").read_text().partition("## Words")[2].partition("\n## ")[0]
+    terms = re.findall(r"^\| (?!term |---)(.+?) \|", rows, re.MULTILINE)
+    assert 30 <= len(set(terms)) == len(terms) <= MOST_TERMS
 
 
 def test_scenes_have_few_public_members():

@@ -15,20 +15,24 @@ import pytest
 from granular import (
     Bead,
     Striker,
+    carretero_gonzalez,
     chain,
     fcc_pack,
     hertz,
     hexagonal_pack,
+    hunt_crossley,
+    kuwabara_kono,
     materials,
     pack,
     power,
     simulate,
+    viscous,
     wall_force,
     y_guide,
 )
 from granular.crystal import beads_by_site
 from granular.lammps import INSTALL, PROGRAMS, run_lammps, to_lammps
-from tensegrity import Chain, PowerLaw, Record, TensegrityError, Wall
+from tensegrity import Chain, Damping, PowerLaw, Record, TensegrityError, Wall
 
 D = 9.53e-3
 WALL, SOFT = materials["steel"], materials["ptfe"]
@@ -106,6 +110,71 @@ def test_lammps_moves_every_kind_of_scene_as_this_engine(name, tmp_path):
         told = np.loadtxt(tmp_path / "in.beads.walls")[:, 1:]
         found = np.stack([wall_force(theirs, wall) for wall in names], axis=1)
         np.testing.assert_allclose(told, found, atol=1e-9 * told.max())
+
+
+def lossy():
+    floor = {"floor": (Wall((0, 0), (0, 1)), WALL)}
+    places = [[0, D], [1.2 * D, 1.1 * D], [0.6 * D, 2.2 * D]]
+    struck = {"striker": Striker(STEEL, 0.5)}
+    return {
+        "Kuwabara-Kono": chain([STEEL, PTFE] * 3, end=WALL, law=kuwabara_kono(2e-6), **struck),
+        "viscous": chain([STEEL, PTFE] * 3, end=WALL, law=viscous(5.0), preload=2.0, **struck),
+        "pack": hexagonal_pack(3, 3, bead=STEEL, floor=WALL, sides=SOFT, contacts="fixed",
+                               law=kuwabara_kono(restitution=0.8, speed=0.5), **struck),
+        "loose": pack(places, STEEL, floor, law=kuwabara_kono(2e-6)),
+    }  # fmt: skip
+
+
+@needs_lammps
+@pytest.mark.parametrize("name", lossy())
+def test_lammps_converges_to_contacts_that_dissipate(name):
+    """To first order, as its Verlet steps take velocities of half a step before."""
+    scene = lossy()[name]
+    state, t_end = scene.at_rest({0: [1.0, -3.0], 2: [0.0, -4.0]}) if name == "loose" else (
+        scene.start()), 1e-3 if name == "loose" else 2e-4  # fmt: skip
+    off, ours = [], None
+    for steps in (500, 1000, 2000):
+        theirs = run_lammps(scene, state, t_end, t_end / steps, every=steps // 10)
+        if ours is None:
+            record = Record(times=theirs.t.tolist())
+            ours = simulate(scene, state, t_end, dt=t_end / 10_000, method="rk8", record=record)
+        off.append(difference(theirs, ours))
+    assert ours.loss[-1] > 0.1 * ours.energy[0]
+    assert off[-1] < 3e-3
+    np.testing.assert_allclose(np.divide(off[1:], off[:-1]), 0.5, atol=0.1)
+
+
+def test_the_damping_of_a_contact_is_told(tmp_path):
+    """eta sqrt(R d) m d' = (3/2) A c sqrt(d) d', and of a wall with R and m of the bead."""
+    row = lossy()["Kuwabara-Kono"]
+    text = to_lammps(row, row.start(), 1e-4, 1e-6, tmp_path / "in.row").read_text()
+    found = re.findall(r"pair_coeff (\d) (\d) hertz (\S+) (\S+) .* damping viscoelastic", text)
+    assert len(found) == 2  # steel on steel, steel on PTFE; no two of PTFE meet
+    for i, j, stiffness, eta in found:
+        mass = [STEEL.mass, PTFE.mass][int(j) - 1]
+        reduced = STEEL.mass * mass / (STEEL.mass + mass)
+        assert i == "1"
+        assert float(eta) * reduced == pytest.approx(1.5 * 2e-6 * float(stiffness), rel=1e-14)
+    ((stiffness, eta),) = re.findall(r"granular hertz (\S+) (\S+) .* damping visc", text)[-1:]
+    assert float(eta) * PTFE.mass == pytest.approx(1.5 * 2e-6 * float(stiffness), rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("words", "scene"),
+    [
+        ("Hunt-Crossley dissipate", lambda: chain([STEEL] * 3, law=hunt_crossley(0.1))),
+        ("Carretero-Gonzalez dissipate", lambda: pack(
+            [[0.0], [D]], STEEL, law=carretero_gonzalez(0.1, 1.5))),
+        ("besides those of contacts", lambda: y_guide(
+            4, 4, bead=STEEL, friction=(0.2, 0.01), law=viscous(0.1))),
+        ("besides those of contacts", lambda: chain(
+            [STEEL] * 3, law=viscous(0.1), damping=Damping(ground=0.1))),
+    ],
+)  # fmt: skip
+def test_other_losses_are_refused(words, scene, tmp_path):
+    one = scene()
+    with pytest.raises(TensegrityError, match=words):
+        to_lammps(one, one.at_rest(), 1e-4, 1e-6, tmp_path / "in.x")
 
 
 @needs_lammps

@@ -244,7 +244,9 @@ def test_threads_are_those_asked_for(monkeypatch, given):
 @pytest.mark.parametrize("given", ["20000", "9" * 5000])
 def test_more_threads_than_processors_are_not_taken(monkeypatch, given):
     monkeypatch.setenv("TENSEGRITY_THREADS", given)
-    with pytest.warns(RuntimeWarning, match="more than the processors we may use: .* threads are"):
+    with pytest.warns(
+        RuntimeWarning, match="exceeds the number of available processors: .* threads are"
+    ):
         final(uniform())
 
 

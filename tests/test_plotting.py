@@ -24,6 +24,7 @@ from tensegrity import (
     simulate,
     solitary_wave,
 )
+from tensegrity.animation import moving
 
 mpl.use("Agg")
 
@@ -213,6 +214,30 @@ def test_a_film_has_the_frames_that_were_asked_for_and_moves(name, tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["run.gif"]
 
 
+def test_a_pack_is_seen_from_any_side_with_far_beads_behind_and_slow_ones_clear(tmp_path):
+    pack = granular.fcc_pack(
+        2, 2, bead=BEAD, floor=STEEL, sides=STEEL, striker=granular.Striker(BEAD, 1.0)
+    )
+    run = simulate(pack, pack.start(), 2e-5, record=Record(interval=1e-5))
+    ax, deep = Figure().subplots(), np.tile(pack.positions[:, 1], (3, 1))
+    moving(run, ax, deep, view=(-90.0, 0.0))(0)  # along y, as without a view
+    disks = ax.collections[0]
+    assert (np.diff(disks.get_array()) <= 1e-12).all()  # those behind are drawn first
+    seen, places = (np.round(x, 9) for x in (disks.get_offsets(), 1e3 * pack.positions[:, [0, 2]]))
+    np.testing.assert_array_equal(*(x[np.lexsort(x.T)] for x in (np.asarray(seen), places)))
+    opacity = disks.cmap([0.0, 0.5, 1.0])[:, 3]
+    assert opacity[0] < 0.1 < opacity[1] < opacity[2] == 1
+    ax = Figure().subplots()
+    moving(run, ax, view=(30.0, 90.0))(0)  # from above, turned
+    turned = np.asarray(ax.collections[0].get_offsets()) / 1e3
+    spans = [np.linalg.norm(x[:, None] - x, axis=-1) for x in (turned, pack.positions[:, :2])]
+    np.testing.assert_allclose(*(np.sort(x.ravel()) for x in spans), atol=1e-12)
+    animate(run, tmp_path / "pack.gif", view=(-60.0, 20.0))
+    assert Image.open(tmp_path / "pack.gif").n_frames == 3
+    with pytest.raises(TensegrityError, match=r"view .* of a scene that is not in space"):
+        animate(chain_run(), tmp_path / "chain.gif", view=(0.0, 0.0))
+
+
 def test_values_of_ones_own_colour_the_sites():
     from tensegrity.animation import moving
 
@@ -224,7 +249,7 @@ def test_values_of_ones_own_colour_the_sites():
     (sites,) = (c for c in axes.collections if c.get_array() is not None)
     assert (np.sort(sites.get_array()) == values[3]).all()
     assert sites.norm.vmax == 1e3
-    assert axes.get_title().startswith("t = 12.00 us; widest line 2 N")
+    assert axes.get_title().startswith("t = 12.00 µs; widest line 2 N")
 
 
 @pytest.mark.parametrize(

@@ -319,7 +319,7 @@ def test_a_collision_that_the_run_does_not_show_is_an_error(crossing):
     with pytest.raises(TensegrityError, match="1 pulses in the first row"):
         phase_shift(still(chain, wave.launch(chain, 60.0)), wave, wave)
     short = simulate(chain, State(run.u[0], run.v[0]), 27.6 / wave.speed, dt=0.01 / wave.speed)
-    with pytest.raises(TensegrityError, match="no wave of the last row goes on from the one at 30"):
+    with pytest.raises(TensegrityError, match="no wave of the last row continues the one at 30"):
         phase_shift(short, wave, wave)
 
 

@@ -4,10 +4,20 @@ import numpy as np
 import pytest
 from designs import BIG, BLOW, STEEL, STRIKER, spelled
 
-from granular import Bead, Striker, chain, simulate, wall_force
+from granular import (
+    Bead,
+    Striker,
+    chain,
+    diamond_guide,
+    sensor_force,
+    simulate,
+    wall_force,
+    y_guide,
+)
 from granular.design import Order, Scatter, Sizes, objective, peak_force, robustness, search
 from granular.design.spaces import Designs
-from tensegrity import Record, TensegrityError, largest_peak
+from granular.lammps import to_lammps
+from tensegrity import Record, State, TensegrityError, largest_peak
 
 SHORT = {**BLOW, "t_end": 1e-3}
 STEPPED = spelled("AAAAbbbb")
@@ -73,15 +83,55 @@ def test_no_gaps_are_the_bits_of_touching_beads():
 def test_gaps_come_back_from_a_file(tmp_path):
     from tensegrity import Run
 
-    run = followed(chain([BIG] * 3, striker=STRIKER, end=STEEL, gaps=1e-6), 1e-5)
-    run.save(tmp_path / "run.npz")
-    again = Run.load(tmp_path / "run.npz").scene
-    assert again.start().u.tobytes() == run.scene.start().u.tobytes()
+    how = {"striker": STRIKER, "end": STEEL, "gaps": 1e-6}
+    for scene in (chain([BIG] * 3, **how), y_guide(3, 3, bead=BIG, **how)):
+        run = followed(scene, 1e-5)
+        run.save(tmp_path / "run.npz")
+        again = Run.load(tmp_path / "run.npz").scene
+        forces = [one.overlaps(run.final.u).tobytes() for one in (again, scene)]
+        assert forces[0] == forces[1]
+        assert again.start().u.tobytes() == scene.start().u.tobytes()
+
+
+def test_the_stem_of_a_guide_closes_its_gaps_as_a_chain_does():
+    """Until the wave returns from the junction."""
+    gaps = np.linspace(2e-6, 0.5e-6, 12)
+    guide = y_guide(stem=12, branch=3, bead=BIG, striker=STRIKER)
+    each = np.zeros(len(guide.bonds))
+    each[:12] = gaps
+    guide = y_guide(stem=12, branch=3, bead=BIG, striker=STRIKER, gaps=each)
+    np.testing.assert_allclose(-guide.overlaps(guide.start().u), each, atol=1e-17)
+    straight = chain([BIG] * 12, striker=STRIKER, gaps=gaps)
+    runs = [followed(scene, 1.8e-4) for scene in (guide, straight)]
+    forces = [run.scene.contact_forces(run.u)[:, :11] for run in runs]
+    assert (forces[1].max(axis=0) > 10)[:9].all()  # the wave came this far
+    np.testing.assert_allclose(forces[0], forces[1], rtol=0, atol=1e-9 * forces[1].max())
+
+
+def test_equal_gaps_keep_the_halves_of_a_diamond_equal_and_delay_the_wave_at_its_end():
+    def arrival(**gaps):
+        guide = diamond_guide(stem=3, branch=5, bead=BIG, striker=STRIKER, end=STEEL, **gaps)
+        run = followed(guide, 6e-4, every=4)
+        assert run.energy_error < 1e-6
+        upper, lower = (sensor_force(run, f"branch {k}", 3) for k in (1, 2))
+        np.testing.assert_allclose(upper, lower, rtol=0, atol=1e-9 * upper.max())
+        force = wall_force(run, "end of stem 2")
+        return run.t[np.argmax(force > 0.01 * force.max())]
+
+    touching, apart = arrival(), arrival(gaps=1e-6)
+    flights = 11 * 1e-6 / STRIKER.speed  # at least: no bead of the row is faster than the striker
+    assert apart - touching > flights
 
 
 @pytest.mark.parametrize(
     ("call", "words"),
     [
+        (lambda: y_guide(3, 3, bead=BIG, gaps=-1e-6), "gap 0 -1e-06 m must be at least 0"),
+        (lambda: y_guide(3, 3, bead=BIG, gaps=[1e-6]), r"must be \(9,\)"),
+        (lambda: y_guide(3, 3, bead=BIG, end=STEEL, gaps=1e-6, gravity=9.81),
+         "require gravity and preload 0"),
+        (lambda: to_lammps(y_guide(3, 3, bead=BIG, gaps=1e-6), State(*np.zeros((2, 9, 2))),
+                           1e-5, 1e-6, "unwritten"), "gaps between the beads of a guide"),
         (lambda: chain([BIG] * 3, gaps=-1e-6), "gap 0 -1e-06 m must be at least 0"),
         (lambda: chain([BIG] * 3, gaps=[1e-6] * 3), r"must be \(2,\)"),
         (lambda: chain([BIG] * 3, gaps=1e-6, preload=1.0), "require gravity and preload 0"),

@@ -109,6 +109,15 @@ def test_how_a_picture_shows_its_numbers_is_no_source_of_them(tmp_path):
     assert first != digest(tmp_path, "c", data + draw.replace("draw", "drawn"))
 
 
+def test_texts_of_errors_and_of_printing_are_no_source_of_numbers(tmp_path):
+    kind = "class A:\n    def f(self):\n        {}\n"
+    first = digest(tmp_path, "a", kind.format("raise ValueError('one')"))
+    assert first == digest(tmp_path, "b", kind.format("raise ValueError('two')"))
+    assert first != digest(tmp_path, "c", kind.format("return 1"))
+    printing = kind + "    def __str__(self):\n        return 'A'\n"
+    assert first == digest(tmp_path, "d", printing.format("raise ValueError('one')"))
+
+
 def test_a_result_depends_on_helpers_of_its_picture_and_on_what_these_import():
     found = set(_stored.sources("figures.protectors_time"))
     assert {"figures.protectors_time", "figures._protectors", "figures._searches"} <= found

@@ -9,13 +9,15 @@ from figures import (
     structures_chain,
     structures_columns,
     structures_deployment,
+    structures_gap,
     structures_lattices,
     structures_planes,
+    structures_plates,
     structures_struck,
     structures_tower,
     structures_waves,
 )
-from tensegrity import EquilibriumError, Prism, bands, decay, equilibrium
+from tensegrity import EquilibriumError, Prism, bands, decay, dispersion, equilibrium, modes
 
 
 def test_tower_found_from_natural_lengths_is_stable_with_all_strings_taut():
@@ -203,3 +205,63 @@ def test_the_chain_of_condensed_prisms_is_the_limit_of_long_waves():
     assert below == pytest.approx(-0.428271 * 0.05**2, rel=0.02)
     one = structures_chain.PRISM.column(chirality="same", periodic=True)
     assert structures_chain.axial(one, 0.5) == pytest.approx(0.9773606921, abs=1e-9)
+
+
+def test_waves_of_plates_are_those_of_nodes_where_they_are_long():
+    """B3 at a phase of .5 from unit to unit: slow and fast waves of one hand, axial of both."""
+    slow, fast = structures_plates.plates([0.5])[0]
+    assert slow == pytest.approx(0.1809753845, rel=1.4e-4)
+    assert fast == pytest.approx(0.9773606921, rel=1.03e-2)
+    _, axial = structures_plates.plates([0.5], "alternate")[0]
+    assert axial == pytest.approx(0.3773877998, rel=2.8e-3)
+    chain = structures_chain.chain([0.5])[0]
+    assert abs(chain / 0.3773877998 - 1) > 0.1
+    for hand in structures_plates.HANDS:
+        ratio = structures_plates.errors(hand, 20) / structures_plates.errors(hand, 40)
+        assert (ratio > 3.4).all()
+
+
+def test_extension_and_twist_travel_together_in_a_column_of_one_hand():
+    """The wave that Newton's method finds keeps its form in a run, the better the finer it is."""
+    _, r, residual, speed, state = structures_plates.permanent()
+    assert residual < 1e-14
+    assert np.abs(r[-1]).max() < 1e-11 * r[0, 0]
+    assert speed * structures_plates.PRISM.height > 1.09 * 1.368504482822
+    column = structures_plates.PRISM.column(200, "same", plates=structures_plates.PLATES)
+    shift = state.u[0] - state.u[-1]
+    assert column.momentum(state) == pytest.approx(3.0 * speed * shift, rel=1e-10)
+    found = [structures_plates.travelled(tol, speed, state)[1:] for tol in (1e-5, 1e-8)]
+    assert found[0][0] < 5e-8
+    assert found[1][0] < 3e-9
+    assert max(behind for _, behind in found) < 1e-9
+
+
+def test_the_wave_of_the_chain_decays_among_alternating_plates():
+    shares = [structures_plates.shed(1.0, tol)[1] for tol in (1e-5, 1e-7)]
+    assert shares[0] == pytest.approx(shares[1], abs=1e-5)
+    assert 0.3 < shares[1][-1] < 0.7
+    assert (np.diff(shares[1]) < 0).all()
+
+
+@pytest.mark.parametrize("name", structures_gap.EDGES)
+def test_edges_of_the_gap_rise_with_amplitude_as_quadrature_says(name):
+    moving = structures_gap.EDGES[name]
+    chain, shape = structures_gap.row(moving)
+    x, w, residual = structures_gap.followed(chain, shape, np.array([0.002, 0.008, 0.02]))
+    exact = structures_gap.by_quadrature(structures_gap.MASSES[moving], x)
+    assert w == pytest.approx(exact, rel=1e-8)
+    assert residual.max() < 1e-10
+    edge = dispersion(structures_gap.SPRING, structures_gap.MASSES, [np.pi])[0, 1 - moving]
+    assert w[0] == pytest.approx(edge, rel=2e-3)
+    assert w[2] > 1.02 * edge
+
+
+def test_the_vibration_of_a_defect_rises_with_the_square_of_a_small_amplitude():
+    chain, shape = structures_gap.with_defect()
+    x, w, _ = structures_gap.followed(chain, shape, np.array([0.002, 0.004]))
+    low, high = dispersion(structures_gap.SPRING, structures_gap.MASSES, [np.pi])[0]
+    assert low < w[0] < w[1] < high
+    start = modes(chain, count=chain.sites).frequencies
+    rest = start[np.abs(start - w[0]).argmin()]
+    rises = (w - rest) / x**2
+    assert rises[1] == pytest.approx(rises[0], rel=0.05)

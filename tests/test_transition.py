@@ -14,6 +14,7 @@ from tensegrity import (
     Record,
     ResolutionError,
     TensegrityError,
+    predict,
     simulate,
     transition_wave,
 )
@@ -114,6 +115,18 @@ def test_the_front_of_a_convex_concave_law_has_its_closed_speed():
     near = np.abs(at) < 30
     found = np.diff(run.final.u)[near]
     np.testing.assert_allclose(found, front.elongation(at[near]), rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize(("a", "b"), [(1.0, 1.0), (-0.7, 0.4)])
+def test_predict_names_the_front_in_which_a_family_ends(a, b):
+    law = Potential(U**2 / 2 + A * U**3 / 3 - B * U**4 / 4, U, {"a": a, "b": b})
+    family = predict(law)["rarefaction" if a > 0 else "compression"]
+    state = 2 * a / (3 * b)
+    assert family.crests[1] == pytest.approx(state, rel=1e-12)
+    assert f"between fronts from 0 to {state:.9g} m (`transition_wave`)" in family.why
+    front = transition_wave(law, ahead=0.0, behind=family.crests[1])
+    assert front.speed == pytest.approx(family.speeds[1], rel=1e-12)
+    assert front.speed**2 == pytest.approx(1 + 2 * a**2 / (9 * b), rel=1e-12)
 
 
 @pytest.mark.parametrize("dashpot", [0.5, 1.0])

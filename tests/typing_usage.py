@@ -215,6 +215,7 @@ def structures() -> Structure:
     assert_type(catalogue.truncated_tetrahedron().strings, int)
     assert_type([catalogue.snelson_x(), catalogue.dome(), catalogue.plate()], list[Structure])
     assert_type(catalogue.twin_strings(4, torque=0.1), Potential)
+    assert_type(catalogue.twin_prism(4, prestrain=0.1), Structure)
     catalogue.geodesic(12)  # type: ignore[arg-type]
     fit("curve.csv")  # type: ignore[call-arg]
     assert_type(s.network(), Network)

@@ -7,25 +7,31 @@ import json
 import os
 import sys
 from argparse import ArgumentParser
+from importlib.resources import files
 from pathlib import Path
 
-from docs.live import kernel
+from docs.live import kernel, net
 from docs.live.tables import tables
 
 FOLDER = Path(__file__).parent
 OUTPUT = FOLDER / "output" / "index.html"
-LARGEST = 300_000  # bytes
+LARGEST = 400_000  # bytes
 
 
 def page() -> str:
     """The page: one file with its style, programs, tables and compiled code in it."""
-    data = json.dumps(tables() | {"method": kernel.METHOD.name}, separators=(",", ":"))
+    given = tables() | {"method": kernel.METHOD.name, "net": net.tables()}
+    data = json.dumps(given, separators=(",", ":"))
+    code = [kernel.wasm(kernel.text()), kernel.wasm(kernel.net_text(net.laws()), "-DDIM=2")]
+    codes = [base64.b64encode(one).decode() for one in code]
     parts = {
         "/*STYLE*/": (FOLDER / "page.css").read_text(),
         "/*MODEL*/": (FOLDER / "chain.js").read_text(),
+        "/*VIEWER*/": files("tensegrity.runs").joinpath("viewer.js").read_text(),
         "/*TABLES*/null": data.replace("</", "<\\/"),
-        "/*CODE*/": base64.b64encode(kernel.wasm()).decode(),
-        "/*PAGE*/": (FOLDER / "page.js").read_text(),
+        "/*CODE*/": codes[0],
+        "/*NET*/": codes[1],
+        "/*PAGE*/": "\n".join((FOLDER / name).read_text() for name in ("page.js", "net.js")),
     }
     text = (FOLDER / "page.html").read_text()
     for mark, part in parts.items():

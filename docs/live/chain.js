@@ -9,6 +9,10 @@ const HALVINGS = 10;       // of the step, where a spring stiffens beyond what w
 const TIMED = 12;          // bonds over which the leading pulse is timed
 const ALIKE = 1e-3;        // relative difference of two peaks that have one wave
 const QUIET = 1e-7;        // speeds of sound below it are none: a sonic vacuum
+const KEPT = 1200;         // states of a run that are kept, to go back to
+const LASTS = 1.25;        // times that the first pulse takes to the end: how long a run is
+const FARTHEST = 0.9;      // of the way to an end of a domain, to which a mass is pulled
+const NEARBY = 1e-3;       // relative difference of two peaks, for the slope of the energy
 const WORDS = {
   low: "the bars meet (twist π)", flat: "the prism is flat (height 0)",
   high: "the bars stand upright (twist 0)",
@@ -25,9 +29,10 @@ class Chain {
     return new Float64Array(this.c.memory.buffer, address, count);
   }
 
-  /* Lay the chain of a scene, or of a prism of one's own: {scene, units, own}, where `own` has
-     height, prestrain, preload and blow. Returns what is wrong, or "". */
-  set({ scene, units, own }) {
+  /* Lay the chain of a scene, or of a prism of one's own: {scene, units, own, pluck}, where `own` has
+     height, prestrain, preload and blow, and `pluck` = {site, pull} begins with one mass pulled
+     aside [m] instead. Returns what is wrong, or "". */
+  set({ scene, units, own, pluck }) {
     const c = this.c, given = this.tables.scenes[scene];
     this.name = scene;
     this.scene = given;
@@ -46,26 +51,78 @@ class Chain {
     const near = this.springs.length > 1 ? Math.floor(this.units / 2) : this.units;
     this.near = near;
     this.blow = own ? own.blow : given.blow;
-    this.waves = own ? [] : given.waves || [];
+    this.waves = own || pluck ? [] : given.waves || [];
+    this.kept = [];
+    this.every = 1;
+    this.past = false;
     this.steps = this.sound = 0;
     if (this.lengths.includes(0)) {
       this.lengths = this.lengths.map((x) => x || spring.height);
       this.springs.forEach((s, k) => c.rigid(k, s.height, s.prestrain, s.k_cross, 0));
       c.lay(near, this.units - near, this.held);
       this.energy = this.dt = 0;
+      this.last = 1;
+      this.pluck = null;
+      this.keep();
       this.ended = true;
       return this.fail(`No state of this prism carries a preload of ${spring.preload} N: it is `
-        + "beyond its largest axial load.");
+        + "beyond its largest axial load. Lower the preload.");
     }
     c.lay(near, this.units - near, this.held);
     this.sound = Math.sqrt(Math.max(0, c.value(0, 2, 0)));
-    if (this.waves.length) this.launch();
-    else this.numbers(c.velocity(), this.sites)[this.held] = this.blow;
-    this.energy = c.energy();
+    this.pluck = pluck ? this.pulled(pluck) : null;
+    if (this.pluck) this.u[this.pluck.site] = this.pluck.pull;
+    else if (this.waves.length) this.launch();
+    else this.v[this.held] = this.blow;
+    this.energy = c.energy(0);
     const dt = c.expected_step(), frame = PER_FRAME / this.expected_speed();
     this.steps = Math.max(1, Math.ceil(frame / dt)) * Math.max(1, this.waves.length); // they meet
     this.dt = frame / this.steps;
+    const way = this.waves.length ? this.waves[0].at : this.pluck
+      ? Math.min(this.pluck.site, this.units - this.pluck.site) : 0;
+    this.last = LASTS * (this.units - way) / this.expected_speed();
+    this.keep();
     return "";
+  }
+
+  /* A mass pulled no farther than both springs beside it allow. */
+  pulled({ site, pull }) {
+    const at = Math.max(this.held, Math.min(this.units, Math.round(site))), c = this.c;
+    const least = [], most = [];
+    if (at > 0) {
+      least.push(c.end(this.segment(at - 1), 0));
+      most.push(c.end(this.segment(at - 1), 1));
+    }
+    if (at < this.units) {
+      least.push(-c.end(this.segment(at), 1));
+      most.push(-c.end(this.segment(at), 0));
+    }
+    return { site: at, pull: Math.max(FARTHEST * Math.max(...least),
+                                      Math.min(FARTHEST * Math.min(...most), pull)) };
+  }
+
+  /* Keep this state, to go back to; where there are many, every second one is dropped. */
+  keep() {
+    this.frames = (this.frames || 0) + 1;
+    if (this.kept.length && this.frames % this.every) return;
+    this.kept.push({ time: this.time, u: this.u.slice(), v: this.v.slice() });
+    if (this.kept.length < KEPT) return;
+    this.kept = this.kept.filter((_, k) => k % 2 === 0);
+    this.every *= 2;
+  }
+
+  /* Go to a time of the run: back to the state kept next to it, or on by steps. */
+  seek(time) {
+    const known = this.kept[this.kept.length - 1].time;
+    const one = this.kept.reduce((best, x) =>
+      (Math.abs(x.time - time) < Math.abs(best.time - time) ? x : best));
+    this.u.set(one.u);
+    this.v.set(one.v);
+    this.c.show(one.time);
+    this.past = one.time < known;
+    if (this.past) this.ended = false;
+    const frame = this.steps * this.dt;
+    while (time > known && this.time < Math.min(time, this.last) - frame && !this.run(this.steps));
   }
 
   get sites() { return this.units + 1; }
@@ -73,7 +130,7 @@ class Chain {
   get u() { return this.numbers(this.c.displacement(), this.sites); }
   get v() { return this.numbers(this.c.velocity(), this.sites); }
   get energy_error() {
-    return this.energy > 0 ? Math.abs(this.c.energy() / this.energy - 1) : 0;
+    return this.energy > 0 ? Math.abs(this.c.energy(0) / this.energy - 1) : 0;
   }
 
   fail(words) {
@@ -113,6 +170,11 @@ class Chain {
   /* So many of the first steps; halves the step where one is not valid. Returns "" or why not. */
   run(steps, deadline = Infinity, clock = null) {
     if (this.ended) return this.message;
+    if (this.past) {
+      this.c.resume(this.time);
+      this.kept = this.kept.filter((one) => one.time <= this.time);
+      [this.past, this.message] = [false, ""];
+    }
     let left = steps * 2 ** this.halved;
     while (left > 0) {
       const part = Math.min(left, 8), before = this.time;
@@ -122,14 +184,16 @@ class Chain {
         left -= done;
         if (this.halved === HALVINGS) {
           this.ended = true;
-          return this.fail(found === LOCKED ? this.locked()
-            : "A unit became too stiff to be followed. The run ends here.");
+          this.keep();
+          return this.fail(`${found === LOCKED ? this.locked()
+            : "A unit became too stiff to be followed."} The run ends here. ${this.advice()}`);
         }
         this.halved += 1;
         left *= 2;
       } else left -= part;
       if (clock && clock() > deadline) break;
     }
+    this.keep();
     return "";
   }
 
@@ -144,13 +208,70 @@ class Chain {
     const flat = !spring.elastic && this.c.end(this.segment(unit), 0) <= -this.lengths[0];
     const words = spring.elastic ? this.tables.elastic[side ? "high" : "low"]
       : side ? WORDS.high : flat ? WORDS.flat : WORDS.low;
-    return `Unit ${unit + 1} is at the end of its domain: ${words}. The run ends here.`;
+    return `Unit ${unit + 1} is at the end of its domain: ${words}.`;
+  }
+
+  /* Which slider to move, so that a run goes on. */
+  advice() {
+    if (this.pluck) return "Pull the mass less far.";
+    return this.own ? "Lower the impact velocity, or raise the prestrain." : "Lower the impact velocity.";
+  }
+
+  /* Heights, twists [rad], bases [m] of all prisms, and places of the masses [m]. */
+  shape() {
+    const place = [0], twist = [], base = [], strain = [], tables = this.tables.elastic;
+    for (let b = 0; b < this.units; b++) {
+      const k = this.segment(b), r = this.elongation(b);
+      place.push(place[b] + this.lengths[k] + r);
+      strain.push(r / this.lengths[k]);
+      if (this.springs[k].elastic) {
+        const last = tables.twist.length - 1, x = last * (r - tables.from) / (tables.to - tables.from);
+        const at = Math.max(0, Math.min(last - 1, Math.floor(x))), part = Math.max(0, Math.min(1, x - at));
+        for (const [to, of] of [[twist, tables.twist], [base, tables.base]])
+          to.push(of[at] + part * (of[at + 1] - of[at]));
+      } else {
+        twist.push(this.c.twist(k, r));
+        base.push(1);
+      }
+    }
+    return { place, twist, base, strain };
+  }
+
+  /* Share of the energy beyond the interface, null where there is none. */
+  get transmitted() {
+    return this.springs.length > 1 ? this.c.energy(this.near) / this.energy : null;
+  }
+
+  /* How far the first of two launched waves is ahead of its undisturbed position [units], both
+     extrapolated to the instant of meeting, as by `phase_shift`; null before they have parted. */
+  get shift() {
+    if (this.waves.length < 2) return null;
+    const { wave, at } = this.waves[0], speed = this.tables.waves[wave].speed;
+    const meeting = (this.place(this.waves[1].at) - at) / 2 / speed, undisturbed = at + speed * meeting;
+    const latest = this.numbers(this.c.last_passage(), this.units);
+    const parted = (b) => latest[b] > meeting && latest[b] <= this.time
+      && Math.abs(b + 0.5 - at - speed * latest[b]) < 2;
+    let front = this.units - 1;
+    while (front > 0 && !parted(front)) front--;
+    const back = front - TIMED;
+    if (back < undisturbed + TIMED) return null;
+    const left = TIMED / (latest[front] - latest[back]);
+    return front + 0.5 + left * (meeting - latest[front]) - undisturbed;
+  }
+
+  /* Whether waves are about to meet, or one to meet an interface: then all goes slower. */
+  get meeting() {
+    if (this.waves.length === 0) return false;
+    const places = this.waves.map(({ wave, at, way }) =>
+      this.place(at) + way * this.tables.waves[wave].speed * this.time);
+    return Math.abs(places[0] - (places.length > 1 ? places[1] : this.near)) < (places.length > 1 ? 14 : 7)
+      && places.length + this.springs.length > 2;
   }
 
   /* The pulse that leads, from the left: {bond, speed, peak, place}, or null. */
   leader() {
     if (this.springs.length > 1 || this.waves.length > 1) return null;
-    const passed = this.numbers(this.c.passage(), this.units);
+    const passed = this.numbers(this.c.passage(), this.units).map((t) => (t <= this.time ? t : 0));
     const peak = this.numbers(this.c.passing(), this.units);
     let front = this.units - 1;
     while (front > 0 && !passed[front]) front--;
@@ -171,12 +292,22 @@ class Chain {
   exact(peak) {
     const c = this.c;
     if (!this.found || !(Math.abs(peak / this.found.peak - 1) < ALIKE)) {
-      const speed = c.wave(0, peak), count = c.wave_points() + 1;
+      const speed = c.wave(0, peak), count = c.wave_points() + 1, chain = this;
       const copied = (address) => Array.from(this.numbers(address, count));
       this.found = { peak, speed, step: c.wave_reach() / (count - 1),
-                     elongation: copied(c.wave_elongation()), velocity: copied(c.wave_velocity()) };
+                     elongation: copied(c.wave_elongation()), velocity: copied(c.wave_velocity()),
+                     get slope() { return (this.known ??= chain.slope(peak)); } };
     }
     return this.found.speed ? this.found : null;
+  }
+
+  /* dH/dc of the exact waves at a peak [J s/site], 0 where it is not found: positive of stable ones. */
+  slope(peak) {
+    const [near, here] = [1 + NEARBY, 1].map((part) => {
+      const speed = this.c.wave(0, part * peak);
+      return { speed, energy: this.c.wave_energy(0, part * peak) };
+    });
+    return near.speed && here.speed ? (near.energy - here.energy) / (near.speed - here.speed) : 0;
   }
 
   /* What is to be drawn over the chain: [{place, way, wave, speed}], wave null where unknown. */

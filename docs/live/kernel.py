@@ -13,11 +13,13 @@ import casadi as ca
 from tensegrity import METHODS, Prism
 from tensegrity.engine.codegen import c_text, scalar
 from tensegrity.engine.law import functions, to_casadi
-from tensegrity.prisms.closed import rigid_law, rigid_programs
+from tensegrity.prisms.closed import half_turn, rigid_law, rigid_programs
 
 FOLDER = Path(__file__).parent
 METHOD = METHODS["rkn6"]
-ELASTIC = Prism(1.0, 0.5, 0.4, 1.0, k_base=2.0, k_bar=20.0).potential(preload=0.05)  # it softens
+ELASTIC_PRISM = Prism(1.0, 0.5, 0.4, 1.0, k_base=2.0, k_bar=20.0)
+ELASTIC = ELASTIC_PRISM.potential(preload=0.05)  # it softens
+EXPORT = "#define EXPORT(name) __attribute__((export_name(#name)))"
 FLAGS = ("-O3", "-target", "wasm32-wasi", "-msimd128", "-mexec-model=reactor", "-Wl,--no-entry",
          "-Wl,--strip-all", "-Wl,--gc-sections", "-ffunction-sections", "-fno-math-errno",
          "-Wl,-z,stack-size=65536")  # fmt: skip
@@ -35,6 +37,7 @@ def text() -> str:
     laws = rigid_law(), elastic
     given = {0: ("energy", "stiffness", "slope"), 1: ("energy", "stiffness")}  # and the tension
     more = [scalar(k, name, functions(laws[k])[name]) for k in given for name in given[k]]
+    more.append(scalar(0, "half_turn", _half_turn()))
     loop = c_text(laws, helpers=[*more, *_approximate()])
     programs = rigid_programs()
     own = ", ".join(map(repr, ELASTIC.values.tolist()))
@@ -54,12 +57,22 @@ def text() -> str:
     }
     return "\n".join([
         loop,
+        EXPORT,
         *(f"#define {name} {value}" for name, value in numbers.items()),
         f"static const real elastic_numbers[] = {{{own}}};",
         program_text("rigid_parameters", programs["parameters"]),
         program_text("locking_height_squared", programs["locking"]),
         *(f'#line 1 "{name}"\n{(FOLDER / name).read_text()}' for name in ("live.c", "wave.c")),
     ])  # fmt: skip
+
+
+def _half_turn():
+    """Tangent of half the change of twist of a rigid prism, of r and its parameters."""
+    (form,), (r, *p) = half_turn()
+    given = ca.SX.sym("r"), ca.SX.sym("p", len(p))
+    return ca.Function(
+        "half_turn", given, [to_casadi(form, (r, *p))(given[0], *ca.vertsplit(given[1]))]
+    )
 
 
 def _approximate():
@@ -115,12 +128,27 @@ def program_text(name: str, program: dict) -> str:
     return f"static void {name}(const long double *given, long double *found)\n{{\n{body}\n}}"
 
 
-def wasm() -> bytes:
-    """The C of the page, compiled."""
+def net_text(laws) -> str:
+    """The C of networks in the plane."""
+    return "\n".join([EXPORT, c_text(laws, dim=2), (FOLDER / "net.c").read_text()])
+
+
+def wasm(source_text: str, *flags: str) -> bytes:
+    """C of the page, compiled."""
     with tempfile.TemporaryDirectory() as folder:
         source, made = Path(folder) / "live.c", Path(folder) / "live.wasm"
-        source.write_text(text())
-        command = [sys.executable, "-m", "ziglang", "cc", *FLAGS, str(source), "-o", str(made)]
+        source.write_text(source_text)
+        command = [
+            sys.executable,
+            "-m",
+            "ziglang",
+            "cc",
+            *FLAGS,
+            *flags,
+            str(source),
+            "-o",
+            str(made),
+        ]
         answer = subprocess.run(command, capture_output=True, text=True, timeout=600)
         if answer.returncode:
             raise RuntimeError(f"{' '.join(command[:4])} failed: {answer.stderr[-2000:]}")

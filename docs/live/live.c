@@ -4,11 +4,6 @@
    Numbers of a prism are worked out in long double, which is quadruple precision here: rounded
    once, they are those that are taken elsewhere from arithmetic of 40 decimals. */
 
-#ifdef __wasm__
-#define EXPORT(name) __attribute__((export_name(#name)))
-#else
-#define EXPORT(name)
-#endif
 #define SITES 401
 #define SEGMENTS 2
 #define SAMPLES 64           /* of a curve, where its largest stiffness or load is looked for */
@@ -20,8 +15,9 @@
 enum { FINE, LOCKED, TOO_LONG };
 
 static real u[SITES], v[SITES], w[SITES], u_before[SITES], v_before[SITES];
-static real bond[SITES], passed[SITES], peak[SITES];
+static real bond[SITES], passed[SITES], latest[SITES], peak[SITES];
 static real shared[SEGMENTS * PARAMETERS], domain[SEGMENTS][2];
+static real unloaded[SEGMENTS][PARAMETERS], shift[SEGMENTS]; /* of rigid prisms without preload */
 static real lowest[BLOCK * SEGMENTS], highest[BLOCK * SEGMENTS]; /* at each place of a block */
 static integer first[SEGMENTS + 1], law[SEGMENTS], own_at[SEGMENTS];
 static const integer met_at[SEGMENTS + 1] = {0, BLOCK, 2 * BLOCK};
@@ -35,6 +31,7 @@ EXPORT(elongation) real *elongation(void) { return bond; }
 EXPORT(parameters) real *parameters(int segment) { return shared + segment * PARAMETERS; }
 EXPORT(passage) real *passage(void) { return passed; }
 EXPORT(passing) real *passing(void) { return peak; }
+EXPORT(last_passage) real *last_passage(void) { return latest; }
 EXPORT(instant) real instant(void) { return now; }
 EXPORT(end) real end(int segment, int high) { return domain[segment][high]; }
 
@@ -103,11 +100,12 @@ EXPORT(rigid) real rigid(int segment, real height, real prestrain, real k_cross,
         }
         for (int k = 0; k < RIGID_PARAMETERS; k++) parameters(segment)[k] = found[k];
         set_domain(segment, 0);
-        if (preload == 0) break;
         if (twice == 0) {
-            const real shift = loaded(segment, preload);
-            if (shift == 0) return 0;
-            length += shift;
+            for (int k = 0; k < RIGID_PARAMETERS; k++) unloaded[segment][k] = found[k];
+            shift[segment] = preload == 0 ? 0 : loaded(segment, preload);
+            if (preload == 0) break;
+            if (shift[segment] == 0) return 0;
+            length += shift[segment];
         }
     }
     return length;
@@ -132,7 +130,7 @@ EXPORT(lay) void lay(int near, int far, int held)
 {
     first[0] = 0, first[1] = near, first[2] = near + far;
     chain.runs = far > 0 ? 2 : 1;
-    for (int i = 0; i < SITES; i++) u[i] = v[i] = passed[i] = peak[i] = bond[i] = 0, w[i] = 1;
+    for (int i = 0; i < SITES; i++) u[i] = v[i] = passed[i] = latest[i] = peak[i] = bond[i] = 0, w[i] = 1;
     if (held) w[0] = 0;
     now = 0;
     forget();
@@ -140,13 +138,35 @@ EXPORT(lay) void lay(int near, int far, int held)
 
 static int segment_of(integer b) { return chain.runs > 1 && b >= first[1]; }
 
-EXPORT(energy) real energy(void)
+/* Energy of the sites from one on, and of the springs behind them. */
+EXPORT(energy) real energy(int from)
 {
     real total = 0;
-    for (integer i = 0; i <= bonds(); i++)
+    for (integer i = from; i <= bonds(); i++)
         if (w[i] != 0) total += v[i] * v[i] / (2 * w[i]);
-    for (integer b = 0; b < bonds(); b++) total += value(segment_of(b), 0, u[b + 1] - u[b]);
+    for (integer b = from; b < bonds(); b++) total += value(segment_of(b), 0, u[b + 1] - u[b]);
     return total;
+}
+
+EXPORT(show) void show(real time) { now = time; }
+
+/* Continue from u and v that were set, at a time: what passed later did not. */
+EXPORT(resume) void resume(real time)
+{
+    now = time;
+    for (integer b = 0; b < bonds(); b++) {
+        bond[b] = u[b + 1] - u[b];
+        if (passed[b] > time) passed[b] = peak[b] = 0;
+        if (latest[b] > time) latest[b] = 0;
+    }
+}
+
+/* Twist of a rigid prism [rad], from the parameters without preload: where the bars stand upright
+   it is 0. */
+EXPORT(twist) real twist(int segment, real r)
+{
+    const real *p = unloaded[segment];
+    return 2 * (atan(half_turn_0(shift[segment] + r, p)) - atan(half_turn_0(p[STROKE], p)));
 }
 
 /* Largest stiffness of a segment between two elongations. */
@@ -181,13 +201,14 @@ static real largest_step(real stiffness)
 EXPORT(expected_step) real expected_step(void)
 {
     real most = 0;
-    const real joules = energy();
+    const real joules = energy(0);
     for (int s = 0; s < chain.runs; s++)
         most = larger(most, stiffest(s, PART * reached(s, joules, 0), PART * reached(s, joules, 1)));
     return STEP * largest_step(most);
 }
 
-/* Instants and peaks of the pulse that leads, bond by bond: where |r| turns, by a cubic. */
+/* Instants and peaks of the pulse that leads, bond by bond, and the last instant at which one
+   passed: where |r| turns, by a cubic. */
 static void watch(real dt)
 {
     real largest = 0;
@@ -195,7 +216,7 @@ static void watch(real dt)
     for (integer b = 0; b < bonds(); b++) {
         const real r = u[b + 1] - u[b], before = bond[b];
         bond[b] = r;
-        if (passed[b] != 0 || fabs(r) < SHARE * largest) continue;
+        if (fabs(r) < SHARE * largest) continue;
         const real rate = v[b + 1] - v[b], rate_before = v_before[b + 1] - v_before[b];
         const real sign = r > 0 ? 1 : -1;
         if (!(sign * rate_before > 0 && sign * rate <= 0)) continue;
@@ -208,7 +229,9 @@ static void watch(real dt)
             if (sign * (p[1] + x * (2 * p[2] + 3 * x * p[3])) > 0) low = x;
             else high = x;
         }
-        passed[b] = now - dt * (1 - low);
+        latest[b] = now - dt * (1 - low);
+        if (passed[b] != 0) continue;
+        passed[b] = latest[b];
         peak[b] = p[0] + low * (p[1] + low * (p[2] + low * p[3]));
     }
 }

@@ -8,13 +8,22 @@ from typing import Any
 
 import numpy as np
 
-from docs.live.kernel import ELASTIC
-from tensegrity import Chain, Potential, Prism, State, solitary_wave
+from docs.live.kernel import ELASTIC, ELASTIC_PRISM
+from tensegrity import (
+    Chain,
+    Potential,
+    Prism,
+    State,
+    equilibrium_path,
+    floquet,
+    solitary_wave,
+)
 from tensegrity.notebook import progress
 
 PER_SITE = 8  # places of a profile
 FAINTEST = 1e-4  # of the peak, where a profile ends
 DIGITS = 6  # of what is only drawn
+SHAPES = 64  # of the elastic prism, that are drawn
 CUT = 1e-14  # of the peak, where a launched wave ends
 
 
@@ -127,12 +136,26 @@ def tables() -> dict[str, Any]:
     return {
         "scenes": scenes,
         "waves": waves,
-        "elastic": {
+        "elastic": _elastic_shapes()
+        | {
             "slope": float(ELASTIC.stiffness_slope(0.0)),
             "low": f"it leaves the computed range: {ELASTIC.ends[0]}",
             "high": f"it leaves the computed range: {ELASTIC.ends[1]}",
         },
     }
+
+
+def _elastic_shapes():
+    """Twist [rad] and base [m] of the elastic prism at equally spaced elongations."""
+    path = equilibrium_path(ELASTIC_PRISM, max_height=ELASTIC.length + ELASTIC.domain[1])
+    low, high = ELASTIC.domain
+    r = np.linspace(low, high, SHAPES)
+    order = np.argsort(path.height)
+    found = {
+        name: _short(np.interp(r + ELASTIC.length, path.height[order], getattr(path, name)[order]))
+        for name in ("twist", "base")
+    }
+    return found | {"from": low, "to": high}
 
 
 def _launched(spring, ratio, bar):
@@ -146,6 +169,7 @@ def _launched(spring, ratio, bar):
     return {
         "speed": wave.speed,
         "peak": wave.amplitude,
+        "stable": floquet(wave).stable,
         "reach": reach,
         "u": wave.displacement(at).tolist(),
         "v": (-wave.speed * wave.rate(at)).tolist(),

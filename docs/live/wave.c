@@ -147,3 +147,15 @@ EXPORT(wave) real wave(int segment, real peak)
     for (int i = 0; i <= POINTS; i++) rates[i] = -sqrt(fast) / mu * times(mean[i]);
     return sqrt(fast);
 }
+
+/* Energy [J] of the wave found last, which had this peak: kinetic and potential, by the trapezoidal
+   rule over its profile. */
+EXPORT(wave_energy) real wave_energy(int segment, real peak)
+{
+    real sum = 0;
+    for (int i = 0; i <= POINTS; i++) {
+        const real speed = peak * rates[i], share = i % POINTS ? 2 : 1;
+        sum += share * (speed * speed / 2 + value(segment, 0, peak * profile[i]));
+    }
+    return sum * half_length / POINTS;
+}

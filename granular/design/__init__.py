@@ -3,7 +3,7 @@
 `peak_force` evaluates designs, `Order`, `Sizes` and `Choice` define the spaces of designs, and
 `search` finds the best design of a space.  `robustness` says what deviations of diameters, gaps
 and speed do to a design, and a `Scatter` of them lets `search` find one that they harm least.
-Source: seeds/000, part II, "Optimal Design of Granular Protectors".
+Source: the talk, part II, "Optimal Design of Granular Protectors".
 """
 
 from granular.design.objective import peak_force

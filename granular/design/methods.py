@@ -28,7 +28,7 @@ Proposals = Generator[Any, Any, None]
 POPULATION = 64
 PAIRS = 2  # individuals that a parent is the best of
 MUTATIONS = 0.5  # chance that a child is changed no more
-TRIES = 20  # times that a full population is asked for individuals that were not there before
+TRIES = 20  # times that a full population tries to produce new individuals
 STALE = 15  # populations without a better design, after which a method starts anew
 STARTS = 8  # from which one goes downhill before any is heard of
 HOPS = 4  # of these, from near the lowest places
@@ -143,7 +143,7 @@ METHODS: dict[str, tuple[Callable[..., Proposals], tuple[type, ...]]] = {
 def suits(
     method: str | None, space: Space, is_built: bool, is_scattered: bool = False
 ) -> tuple[str, Callable[..., Proposals]]:
-    """Name and generator of the method asked for, or of that which suits a space best.
+    """Name and generator of the requested method, or of the most suitable one for a space.
 
     Parameters
     ----------

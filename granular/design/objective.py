@@ -16,7 +16,7 @@ errors, which chaos amplifies: 1e-2 was observed in chains of soft and hard bead
 therefore verifies its
 result with finer steps.  Any other scene of beads, built from a design by a function, is run on
 its own (`wall_peak`).
-Source: seeds/000, part II, "Hertz interaction potentials".
+Source: the talk, part II, "Hertz interaction potentials".
 """
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ def peak_force(
     Raises
     ------
     TensegrityError
-        What is no bead, striker or material; a wave that does not arrive before `t_end`.
+        Arguments of another type; a wave that does not arrive before `t_end`.
     CompilerError
         No C compiler.
 
@@ -181,7 +181,9 @@ def step_count(unit: float, t_end: float, dt: float | None) -> int:
         )
     wanted = t_end / (STEP_FRACTION * unit if dt is None else dt)
     if not wanted <= MOST:
-        raise TensegrityError(f"t_end {t_end:g} s takes {wanted:.3g} steps, at most {MOST:g} go")
+        raise TensegrityError(
+            f"t_end {t_end:g} s takes {wanted:.3g} steps, must be at most {MOST:g}"
+        )
     if dt is None:
         wanted = 2 ** (math.ceil(PER_DOUBLING * math.log2(max(wanted, 1.0))) / PER_DOUBLING)
     return max(math.ceil(wanted), 1)

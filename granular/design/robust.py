@@ -57,6 +57,8 @@ class Robustness:
             f"a tenth below {low:.6g} N and a tenth above {high:.6g} N"
         )
 
+    __repr__ = __str__
+
 
 def robustness(
     beads: Sequence[Bead],

@@ -52,7 +52,7 @@ def search(
     executor: Executor | None = None,
     checkpoint: str | os.PathLike[str] | None = None,
 ) -> Best:
-    """The design of a space with the least peak force on the wall that a method finds.
+    """Search a space of designs for the least peak force on the wall.
 
     Parameters
     ----------

@@ -142,7 +142,7 @@ class Order(Kinds):
     Raises
     ------
     TensegrityError
-        What is no bead, or beads that are all equal.
+        Something else than beads, or beads that are all equal.
     """
 
     given: tuple[Bead, ...]

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 FIRST = 6  # number of columns and events that a notebook shows
+ROUND_OFF = 1e-13  # of the largest value of a column: less is printed as 0
 
 
 @dataclass(frozen=True)
@@ -95,7 +96,8 @@ class Table:
     def __getitem__(self, key: int) -> dict[str, Any]: ...
     def __getitem__(self, key: int | slice) -> Self | dict[str, Any]:
         if not isinstance(key, slice):
-            return {name: column[key] for name, column in self.columns.items()}
+            row = {name: column[key] for name, column in self.columns.items()}
+            return {k: x.item() if isinstance(x, np.generic) else x for k, x in row.items()}
         rows = range(len(self))[key]
         new_row = {row: number for number, row in enumerate(rows)}
         part = object.__new__(type(self))
@@ -134,8 +136,11 @@ class Table:
         return page(title, rows, lambda figure: self.plot(figure.subplots()))
 
     def _quantities(self, values: Mapping[str, Any], names: Iterable[str]) -> str:
-        """Values of columns in words, with their units."""
-        return ", ".join(f"{n} {values[n]:.6g} {self._units.get(n, '')}".rstrip() for n in names)
+        """Values of columns in words, with their units; what is round-off of its column is 0."""
+        sizes = {n: np.abs(self.columns[n], dtype=float) for n in names}
+        least = {n: ROUND_OFF * x.max(initial=0, where=np.isfinite(x)) for n, x in sizes.items()}
+        shown = {n: 0.0 if abs(values[n]) < least[n] else values[n] for n in least}
+        return ", ".join(f"{n} {x:.6g} {self._units.get(n, '')}".rstrip() for n, x in shown.items())
 
     def _heading(self, name: str) -> str:
         """What a column holds, and its unit."""
@@ -205,7 +210,7 @@ class Table:
         Raises
         ------
         TensegrityError
-            What is no axes, or no column.
+            `ax` is not a Matplotlib axes, or a name is not that of a column.
         """
         usual = [name if name in self.columns else "" for name in ("shortening", "load")]
         usual = usual if all(usual) else list(self.columns)[:2]

@@ -7,7 +7,7 @@ parameters (Connelly & Back 1998, Mathematics and tensegrity; Tibert & Pellegrin
 form-finding methods for tensegrity structures).  The `prestrain` that each function takes is the
 largest of its strings, (length - natural length)/natural length, in prisms and columns that of the
 cross strings; that of the others follows from the self-stress.  `twin_strings`, a unit with two
-stable states, is a `Potential`.
+stable states, is a `Potential`, and `twin_prism` its structure.
 """
 
 from tensegrity.catalogue.cells import column, plate, prism, snelson_x
@@ -23,7 +23,7 @@ from tensegrity.catalogue.lattices import (
 )
 from tensegrity.catalogue.solids import expandable_octahedron, geodesic, truncated_tetrahedron
 from tensegrity.catalogue.towers import dome, tower
-from tensegrity.catalogue.units import twin_strings
+from tensegrity.catalogue.units import twin_prism, twin_strings
 
 __all__ = [
     "column",
@@ -41,6 +41,7 @@ __all__ = [
     "tower",
     "triangular",
     "truncated_tetrahedron",
+    "twin_prism",
     "twin_strings",
     "x_plate",
     "x_strip",

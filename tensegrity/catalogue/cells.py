@@ -130,7 +130,7 @@ def column(
     chirality: str = "alternate",
     periodic: bool = False,
 ) -> Structure | Lattice:
-    """Prisms on one another that share their polygons, each turned against the one below.
+    """A column of prisms that share their polygons, each twisted against the one below.
 
     Parameters
     ----------
@@ -168,7 +168,7 @@ def plate(
     rows, columns : int, optional
         Number of prisms either way.
     side : float, optional
-        Of the lower squares [m]; neighbours share it, and the upper node above its middle.
+        Side of the lower squares [m]; neighbours share it and the upper node above its midpoint.
     height : float, optional
         From one layer to the other [m].
     prestrain, k_bar, k_string, mass : optional
@@ -182,7 +182,7 @@ def plate(
 
     Notes
     -----
-    Each prism is in equilibrium alone, and stable; neighbours share three nodes that are not on
+    Each prism by itself is in stable equilibrium; neighbours share three nodes that are not on
     one line.  The prism is the half-cuboctahedron of Motro 2003, Tensegrity: Structural Systems
     for the Future.
     """

@@ -200,7 +200,7 @@ def resonators(
     k_string: float = 1.0,
     masses: Sequence[float] = (1.0, 1.0),
 ) -> Lattice:
-    """A square frame of bars whose cells carry a mass on four prestressed strings.
+    """A square frame of bars with a mass on four prestressed strings in each cell.
 
     Parameters
     ----------

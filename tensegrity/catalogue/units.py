@@ -1,12 +1,18 @@
-"""Units with two stable states, as potentials of one coordinate."""
+"""Units with two stable states, as potentials of one coordinate and as structures."""
 
 from __future__ import annotations
 
 import math
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import ArrayLike
 
 from tensegrity import check
+from tensegrity.catalogue.symmetry import prestressed, sizes
 from tensegrity.errors import TensegrityError
 from tensegrity.springs.potential import Potential
+from tensegrity.structures.structure import Structure
 
 
 def twin_strings(
@@ -17,17 +23,18 @@ def twin_strings(
     k_string: float = 1.0,
     *,
     other_prestrain: float | None = None,
+    other_k_string: float | None = None,
     torque: float = 0.0,
 ) -> Potential:
     """Energy of a prism with upright rigid bars and cross strings of both hands, by its twist.
 
     The polygons, each rigid, turn about their common axis without other loads; prestrains are
     those at twist 0.  Beyond the prestrain base^2 cot^2(pi/sides)/(2 (height^2 + base^2)) equal
-    strings make two wells of equal depth; unequal prestrains, or a torque, lift one of them.  The
-    wells end where one hand is slack while the other is longest: with equal sides and bars beyond
-    the prestrain 0.1260 of triangles and 0.4142 of squares.  Each well has a barrier on its outer
-    side as well, where the taut strings are longest: a unit that passes it turns on until its bars
-    meet, at the end of the domain.
+    strings make two wells of equal depth; unequal prestrains or stiffnesses, or a torque, lift one
+    of them.  The wells end where one hand is slack while the other is longest: with equal sides and
+    bars beyond the prestrain 0.1260 of triangles and 0.4142 of squares.  Each well has a barrier on
+    its outer side as well, where the taut strings are longest: a unit that passes it turns on until
+    its bars meet, at the end of the domain.
 
     Parameters
     ----------
@@ -36,8 +43,8 @@ def twin_strings(
     base, height : float, optional
         Side of the polygons, and length of the bars [m].
     prestrain, k_string : float, optional
-        Of the strings that a positive twist stretches, > -1; stiffness of every string [N/m].
-    other_prestrain : float, optional
+        Of the strings that a positive twist stretches, > -1; stiffness of each [N/m].
+    other_prestrain, other_k_string : float, optional
         Of the strings of the other hand; by default the same.
     torque : float, optional
         Constant torque towards positive twists [N m].
@@ -67,7 +74,10 @@ def twin_strings(
     sides = check.whole("sides", sides, least=3)
     base = check.number("base", base, above=0, unit="m")
     height = check.number("height", height, above=0, unit="m")
-    k_string = check.number("k_string", k_string, above=0, unit="N/m")
+    stiffness = [
+        check.number(name, k_string if k is None else k, above=0, unit="N/m")
+        for name, k in (("k_string", None), ("other_k_string", other_k_string))
+    ]
     given = prestrain if other_prestrain is None else other_prestrain
     prestrains = [
         check.number(*x, above=-1) for x in (("prestrain", prestrain), ("other_prestrain", given))
@@ -75,14 +85,75 @@ def twin_strings(
     radius = base / (2 * math.sin(math.pi / sides))
     length = math.hypot(height, base)
     values = {
-        form.height: height, form.radius: radius, form.stiffness: sides * k_string,
+        form.height: height, form.radius: radius, form.stiffness: sides * stiffness[0],
+        form.other_stiffness: sides * stiffness[1],
         form.natural: length / (1 + prestrains[0]), form.other: length / (1 + prestrains[1]),
         form.torque: check.number("torque", torque, unit="N m"),
     }  # fmt: skip
-    if not math.isfinite(sides * k_string * (radius + length) * (radius + length)):
+    if not math.isfinite(sides * max(stiffness) * (radius + length) * (radius + length)):
         raise TensegrityError(f"base {base:g} m and height {height:g} m are too large")
     energy = form.energy(form.twin_strings(), form.twist).subs(form.sides, sp.Integer(sides))
     flat = math.acos(max(1 - (height / radius) ** 2 / 2, -1.0))  # or bars that meet
     renamed = {symbol: sp.Symbol(str(symbol).replace("'", "_2")) for symbol in values}
     named = {str(renamed[symbol]): value for symbol, value in values.items()}
     return Potential(energy.xreplace(renamed), form.twist, named, domain=(-flat, flat))
+
+
+def twin_prism(
+    sides: int = 3,
+    base: float = 1.0,
+    height: float = 1.0,
+    prestrain: float = 0.05,
+    k_bar: float = 100.0,
+    k_string: float = 1.0,
+    mass: ArrayLike = 1.0,
+) -> Structure:
+    """The prism of `twin_strings` with elastic bars, at twist 0.
+
+    Parameters
+    ----------
+    sides, base, height : optional
+        As of `twin_strings`.
+    prestrain : float, optional
+        Of all strings, >= 0.  Below the threshold of `twin_strings` the structure is stable.
+    k_bar, k_string : float, optional
+        Stiffness of every bar and of every string [N/m].
+    mass : optional
+        As of `Structure`.
+
+    Returns
+    -------
+    Structure
+        Nodes counterclockwise, the lower polygon first.  Of the bars the upright ones come first,
+        then those of the lower and of the upper polygon, its chords last; of the strings those that
+        a positive twist of the upper polygon stretches.  Polygons with more than three sides warp
+        unless they lie on plates.
+
+    Examples
+    --------
+    >>> from tensegrity import catalogue, plates
+    >>> unit = catalogue.twin_prism()
+    >>> print(repr(unit), unit.is_stable(plates([0, 1, 2], [3, 4, 5])))
+    Structure(6 nodes in 3 dimensions, 9 bars, 6 strings, 0 of them slack) True
+    """
+    sides = check.whole("sides", sides, least=3)
+    check.room(f"a prism of {sides} sides", 8 * (6.0 * sides) ** 2)
+    base, height = sizes(base=base, height=height)
+    k_bar = check.number("k_bar", k_bar, above=0, unit="N/m")
+    k_string = check.number("k_string", k_string, above=0, unit="N/m")
+    angle, every = 2 * np.pi * np.arange(sides) / sides, range(sides)
+    ring = base / (2 * math.sin(math.pi / sides)) * np.column_stack([np.cos(angle), np.sin(angle)])
+    nodes = np.vstack([np.column_stack([ring, np.full(sides, z)]) for z in (0.0, height)])
+    upright = [(i, sides + i) for i in every]
+    pairs = [sorted((i, (i + 1) % sides)) for i in every]
+    edges = [(start + i, start + j) for start in (0, sides) for i, j in pairs]
+    hands = [[(i, sides + (i + turn) % sides) for i in every] for turn in (1, -1)]
+    s = prestressed(nodes, [upright, edges], hands, prestrain, k_bar, k_string, mass)
+    chords = [(start + i, start + j) for start in (0, sides)
+              for i, j in combinations(every, 2) if [i, j] not in pairs]  # fmt: skip
+    if not chords:
+        return s
+    across = [float(np.linalg.norm(nodes[j] - nodes[i])) for i, j in chords]
+    natural = np.insert(s.natural_lengths, s.bars, across)
+    bars = [*upright, *edges, *chords]
+    return Structure(nodes, bars, [*hands[0], *hands[1]], k_bar, k_string, mass, natural)

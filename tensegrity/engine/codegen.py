@@ -54,7 +54,11 @@ def c_text(laws, own=None, dim=0, steps="", forces=(), helpers=()):
         for number, law in enumerate(laws)
         for name in (["energy"] if law is change else dict.fromkeys(("tension", *more)))
     ]
-    runs, parts, packed = [], ["scene.h"], geometry.side_by_side(dim) if dim else []
+    runs, parts, packed = (
+        [],
+        ["scene.h"],
+        geometry.side_by_side(dim, geometry.own(laws)) if dim else [],
+    )
     for k, law in enumerate(laws[: len(laws) - (change is not None)]):
         in_simd = bool(dim or change) or law_properties(law)["packed"]
         for kind in kinds(law, own[k]):
@@ -73,6 +77,7 @@ def c_text(laws, own=None, dim=0, steps="", forces=(), helpers=()):
     rows, functions_of_forces, before = _forces(forces)
     parts += [f"{loop}.c", *before, "steps.c", *STEPS[steps], *["evaluate.c"] * alone]
     hooks = [*scalars, *helpers, *functions_of_forces]
+    hooks += geometry.tangents(laws, steps == "implicit")
     return whole(laws, own, hooks, dim, packed, lists | rows, flags, parts)
 
 
@@ -117,6 +122,7 @@ def reverse_text(laws, own, wanted, dim, exact):
         "const real *own, integer all"
     )
     hooks, packed, runs, scalars = [], [], [], []
+    hooks += geometry.tangents(laws)
     for number, law in enumerate(laws):
         function, count = law_function(law, wanted[number]), len(wanted[number])
         mine = [(number, kind) for kind in (0, 1)[: 1 + (own[number] is not None)]]
@@ -161,7 +167,8 @@ def whole(laws, own, hooks, dim, packed, lists, flags, parts):
     """
     import casadi as ca
 
-    generator, hooks = ca.CodeGenerator("laws.c"), [*hooks, *(geometry.helpers(dim) if dim else ())]
+    generator = ca.CodeGenerator("laws.c")
+    hooks = [*hooks, *(geometry.helpers(dim, geometry.own(laws)) if dim else ())]
     for function, _ in hooks:
         generator.add(function)
     takes = [_take(k, law, own[k]) for k, law in enumerate(laws) if own[k] is not None]

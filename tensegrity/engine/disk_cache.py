@@ -249,7 +249,7 @@ def _temporary_folder(reason):
     folder = Path(tempfile.mkdtemp(prefix="tensegrity-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     warnings.warn(
-        f"compiled kernels are kept in {folder} until this process ends, because the cache "
+        f"compiled kernels are stored in {folder} until this process ends, because the cache "
         f"folder cannot be used: {reason}",
         RuntimeWarning,
         stacklevel=2,

@@ -8,7 +8,7 @@ typedef struct {
 } places;
 
 /* On a line the direction from the first site to the second counts. */
-static inline real apart(const real *at, integer from, integer to, int k)
+static inline real separation(const real *at, integer from, integer to, int k)
 {
     const real d = at[to * DIM + k] - at[from * DIM + k];
     return DIM > 1 ? d : (d > 0) - (d < 0);
@@ -32,5 +32,5 @@ static inline real apart(const real *at, integer from, integer to, int k)
         }                                                                                   \
     }
 
-ELONGATIONS(pair, apart(at, p, q, k), u[q * DIM + k] - u[p * DIM + k])
+ELONGATIONS(pair, separation(at, p, q, k), u[q * DIM + k] - u[p * DIM + k])
 ELONGATIONS(wall, at[p * DIM + k], u[q * DIM + k])

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tensegrity.engine import codegen
+from tensegrity.engine import codegen, geometry
 from tensegrity.engine.bonds import KINDS, integers
 from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.disk_cache import cached
+from tensegrity.engine.law import named
 from tensegrity.engine.native import address, concatenated, library, pointer, structure
 from tensegrity.once import once
 
@@ -40,10 +41,11 @@ def _compiled() -> Any:
 
 
 @once
-def _elongations(dim: int) -> list[int | None]:
+def _elongations(dim: int, law: Any) -> list[int | None]:
     """Addresses of the functions for each kind of contact; the library is never unloaded."""
-    given: tuple[Any, ...] = (), (), (), dim, (), {}, {}, ["elongations.c"]
-    text = cached(("elongations", dim), lambda: codegen.whole(*given))
+    laws = (law,) * (law is not None)
+    given: tuple[Any, ...] = laws, (None,) * len(laws), (), dim, (), {}, {}, ["elongations.c"]
+    text = cached(named("elongations", laws, dim), lambda: codegen.whole(*given))
     found = library(text, [f"-DDIM={dim}"])
     return [pointer(found[f"{kind}_elongations"]) for kind in KINDS]
 
@@ -105,7 +107,9 @@ def _bond_set(
     in_a_row = last - first == len(columns)
     elongations = places = None
     if contacts is not None:
-        elongations = _elongations(contacts.load.shape[1])[contacts.kind[columns][0]]
+        elongations = _elongations(contacts.load.shape[1], geometry.own(loop.laws))[
+            contacts.kind[columns][0]
+        ]
         places = _places(contacts, slice(first, last) if in_a_row else columns)
     return BOND_SET(
         function=pointer(loop.library.values_own if different > 1 else loop.library.values),

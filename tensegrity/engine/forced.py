@@ -101,12 +101,20 @@ class ForceLaw:
 
     def slopes(self) -> Any:
         """CasADi function (t, state, parameters) -> derivatives by the state, column by column."""
+        return self._derivatives("slopes", 1)
+
+    def _derivatives(self, name: str, argument: int) -> Any:
         import casadi as ca
 
         function = self.function()
-        t, x, p = function.sx_in()
-        found = ca.jacobian(function(t, x, p), x)
-        return ca.Function("slopes", [t, x, p], [ca.densify(ca.vec(found))])
+        given = function.sx_in()
+        found = ca.jacobian(function(*given), given[argument])
+        return ca.Function(name, given, [ca.densify(ca.vec(found))])
+
+    def functions(self) -> dict[str, Any]:
+        """The components, and their derivatives by the state and by the parameters."""
+        found = {"values": self.function(), "slopes": self.slopes()}
+        return found | ({"by": self._derivatives("by", 2)} if self.parameters else {})
 
 
 @once
@@ -115,8 +123,8 @@ def _slopes(law: ForceLaw) -> Any:
 
 
 @once
-def _compiled_slopes(law: ForceLaw) -> Functions:
-    return Functions(("slopes of", law.name), lambda: {"slopes": law.slopes()})
+def _compiled(law: ForceLaw) -> Functions:
+    return Functions(("derivatives of", law.name), law.functions)
 
 
 @once
@@ -177,7 +185,7 @@ def largest_decay(
         law, at = one.law, one.places
         if law.law is not None:
             stiffness[at] += np.abs(one.stored(2, u))
-        if not law.dissipates:
+        if not (law.dissipates and len(at)):
             continue
         if law.on == SITE:
             x = np.concatenate([y.reshape(sites, -1)[at].T for y in (u, v)])
@@ -224,24 +232,72 @@ def tangent_springs(
     stiff, loss : ndarray, (times, places)
         [N/m], [N s/m]
     """
-    ends, parts = [], []
+    ends, parts, sites = [], [], u.shape[1]
     for one in applied:
-        at, sites = one.places, u.shape[1]
-        if one.law.on == SITE:
-            ends.append(np.stack([np.full(len(at), sites), at]))
-            x = [u[:, at], v[:, at], np.abs(v[:, at])]
-        else:
-            ends.append(np.stack(_ends(bonds, at)))
-            r, rate = (np.diff(y, axis=1)[:, at] for y in (u, v))
-            x = [r, rate, 0 * r]
-        rows = np.repeat(t, len(at))[:, None], np.reshape(x, (3, -1)).T
-        found = _compiled_slopes(one.law)("slopes", *rows, np.tile(one.values, len(t)).T)
-        by_u, by_v, by_speed = found.T.reshape(3, len(t), len(at))
-        if one.law.on == SITE:  # a tension between the ground and a site pulls it back
+        at, on_site = one.places, one.law.on == SITE
+        ends.append(np.stack([np.full(len(at), sites), at] if on_site else _ends(bonds, at)))
+        by_u, by_v, by_speed = _evaluated(one, "slopes", t, u, v)
+        if on_site:  # a tension between the ground and a site pulls it back
             by_u, by_v = -by_u, -by_v - by_speed * np.sign(v[:, at])
         parts.append((by_u, by_v))
     stiff, loss = (np.concatenate([part[k] for part in parts], axis=1) for k in (0, 1))
     return np.concatenate(ends, axis=1), stiff, loss
+
+
+def _evaluated(one: AppliedForce, name: str, t: Array, u: Array, v: Array) -> Array:
+    """A function of `ForceLaw.functions`, of a chain, (results, times, places)."""
+    at = one.places
+    if one.law.on == SITE:
+        x = [u[:, at], v[:, at], np.abs(v[:, at])]
+    else:
+        r, rate = (np.diff(y, axis=1)[:, at] for y in (u, v))
+        x = [r, rate, 0 * r]
+    rows = np.repeat(t, len(at))[:, None], np.reshape(x, (3, -1)).T
+    found = _compiled(one.law)(name, *rows, np.tile(one.values, len(t)).T)
+    return found.T.reshape(-1, len(t), len(at))
+
+
+def values_on_chain(one: AppliedForce, t: Array, u: Array, v: Array) -> Array:
+    """A force of a chain at times t [s] (times,) in states u, v (times, sites), (times, places):
+    on sites towards higher sites, in bonds a tension [N]."""
+    values: Array = _evaluated(one, "values", t, u, v)[0]
+    return values
+
+
+def pull_back(
+    applied: tuple[AppliedForce, ...], bonds: Bonds, t: Array, u: Array, v: Array, slopes: Array
+) -> tuple[list[Array], Array]:
+    """Derivatives of objectives by the parameters of the forces of a chain, and by inverse masses.
+
+    Parameters
+    ----------
+    applied, bonds, t, u, v
+        As of `tangent_springs`.
+    slopes : ndarray, (times, objectives, sites)
+        Derivatives by the accelerations.
+
+    Returns
+    -------
+    by_parameters : list of ndarray, (objectives, parameters, places)
+        Of each force.
+    by_weight : ndarray, (objectives, sites)
+        Of the forces alone.
+    """
+    found, by_weight = [], np.zeros(slopes.shape[1:])
+    for one in applied:
+        at, w = one.places, bonds.inverse_mass
+        ends = [(at, 1.0)] if one.law.on == SITE else [(at, 1.0), (at + 1, -1.0)]
+        values, pull = _evaluated(one, "values", t, u, v)[0], 0.0
+        for end, sign in ends:
+            of_end = sign * slopes[..., end]
+            pull = pull + w[end] * of_end
+            by_weight[:, end] += np.einsum("top,tp->op", of_end, values)
+        if not one.law.parameters:
+            found.append(np.zeros((len(by_weight), 0, len(at))))
+            continue
+        by = _evaluated(one, "by", t, u, v)
+        found.append(np.einsum("top,ktp->okp", pull, by))
+    return found, by_weight
 
 
 def _ends(bonds: Bonds, at: Indices) -> tuple[Indices, Indices]:

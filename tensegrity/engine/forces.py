@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from tensegrity.engine import geometry as functions
 from tensegrity.engine.bonds import PAIR
 from tensegrity.engine.programs import derived, run
 
@@ -32,7 +33,7 @@ def elongations(bonds, u):
     """
     first, second, pair, geometry = connectivity(bonds)
     w = _between(u if bonds.dim else u[..., None], first, second, pair)
-    return _elongations_at(geometry, pair, w), _along(geometry, pair, w)
+    return _elongations_at(bonds, geometry, pair, w), _along(bonds, geometry, pair, w)
 
 
 def bond_elongations(bonds, u):
@@ -47,7 +48,7 @@ def bond_elongations(bonds, u):
         w = _between(u, contacts.first[some], contacts.second[some], pair)
         all_in_one = found.shape[-1] <= PART
         geometry = contacts.geometry if all_in_one else contacts.geometry_of(some)
-        found[..., some] = _elongations_at(geometry, pair, w)
+        found[..., some] = _elongations_at(bonds, geometry, pair, w)
     return found
 
 
@@ -56,8 +57,24 @@ def _between(u, first, second, pair):
     return u[..., second, :] - np.where(pair[:, None], u[..., np.where(pair, first, 0), :], 0)
 
 
-def _elongations_at(geometry, pair, w):
+def _own(bonds, kind, geometry, w):
+    """Results, (..., bonds, rows, columns) each, of a function of the law with a geometry of its
+    own for relative displacements w; None where there is no such law."""
+    law, states = functions.own(bonds.laws), w.shape[:-1]
+    if law is None:
+        return None
+    each = np.broadcast_to(geometry.T, (*states, len(geometry))).reshape(-1, len(geometry)).T
+    given = each[:-2], w.reshape(-1, w.shape[-1]).T, each[-2:-1], each[-1:]
+    found = law.geometry()[kind].map(each.shape[1]).call(given)
+    parts = [np.array(x).reshape(x.shape[0], each.shape[1], -1) for x in found]
+    return [x.swapaxes(0, 1).reshape(*states, len(x), -1) for x in parts]
+
+
+def _elongations_at(bonds, geometry, pair, w):
     """Elongations for relative displacements w of the ends, (..., bonds, dim)."""
+    own = _own(bonds, "pair", geometry, w)
+    if own:
+        return own[0][..., 0, 0]
     reference, gap, length = geometry[:-2], geometry[-2], geometry[-1]
     r = gap + np.sum(reference.T * w, axis=-1)  # walls, and on a line
     dim = len(reference)
@@ -67,8 +84,11 @@ def _elongations_at(geometry, pair, w):
     return r
 
 
-def _along(geometry, pair, w):
+def _along(bonds, geometry, pair, w):
     """Gradient of the elongations with respect to w: unit vectors of pairs, normals of walls."""
+    own = _own(bonds, "pair", geometry, w)
+    if own:
+        return own[1][..., 0]
     reference = geometry[:-2].T
     along = np.broadcast_to(reference, w.shape).astype(w.dtype)
     if w.shape[-1] > 1:
@@ -130,7 +150,7 @@ def scattered(first, second, each, rows):
     return found
 
 
-def tangent(bonds, r, along, tension, stiffness):
+def tangent(bonds, r, along, tension, stiffness, u=None):
     """Tangent stiffness matrix: the negative derivative of the forces of bonds on the rows.
 
     Parameters
@@ -139,6 +159,8 @@ def tangent(bonds, r, along, tension, stiffness):
         Elongation [m], force [N], and its derivative [N/m].
     along : ndarray, (bonds, dim)
         Gradient of the elongations.
+    u : ndarray, (rows, dim), optional
+        Displacements [m], of which only a law with a geometry of its own makes use.
 
     Returns
     -------
@@ -147,6 +169,9 @@ def tangent(bonds, r, along, tension, stiffness):
     """
     first, second, pair, geometry = connectivity(bonds)
     blocks = tangents(along, stiffness, _density(geometry, pair, r, tension))
+    if functions.own(bonds.laws):
+        (turning,) = _own(bonds, "tangent", geometry, _between(u, first, second, pair))
+        blocks = tangents(along, stiffness, 0 * tension) + tension[:, None, None] * turning
     return assembled(first, second, blocks, _rows(bonds), pair)
 
 
@@ -239,8 +264,9 @@ class BondForces:
         self._first, self._second = (place[x[members]] for x in layout.ends)
         _, _, pair, geometry = connectivity(layout.bonds)
         pair, geometry = pair[members], geometry[:, members]
-        w = _between(u, self._first, self._second, pair)
-        self.r, self._along = _elongations_at(geometry, pair, w), _along(geometry, pair, w)
+        w, of = _between(u, self._first, self._second, pair), layout.bonds
+        self.r, self._along = _elongations_at(of, geometry, pair, w), _along(of, geometry, pair, w)
+        self._own = _own(of, "tangent", geometry, w)
         self.f, self.k, self._d = layout.laws_at(self.r, members)
         self._density = _density(geometry, pair, self.r, self.f)
 
@@ -276,5 +302,7 @@ class BondForces:
             lengthwise = np.sum(y * along, axis=-1)
             by_tension = by_tension + lengthwise
             turned = self._density[..., None] * (y - lengthwise[..., None] * along)
+            if self._own:
+                turned = self.f[..., None] * (self._own[0] @ y[..., None])[..., 0]
         g = by_tension * self.k + by_elongation
         return -self._scattered(g[..., None] * along + turned), by_tension * self._d, g

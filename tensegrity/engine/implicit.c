@@ -67,14 +67,20 @@ static int linearised(const scene *c, const implicit *m)
     case K: tension = tension_##K(r, p), stiffness = stiffness_##K(r, p); break;
             LAWS(LAW_CASE)
         }
+#ifdef OWN_TANGENT
+        real second[DIM * DIM];
+        pair_tangent(apart, moved, m->geometry[DIM * bonds + b], length, second);
+#define TANGENT(k, l) stiffness * along[k] * along[l] + tension * second[DIM * k + l]
+#else
         const real across = DIM > 1 && !wall ? tension / (length + r) : 0; /* it turns */
+#define TANGENT(k, l) (stiffness - across) * along[k] * along[l] + (k == l ? across : 0)
+#endif
         for (integer e = wall; e < 2; e++)
             AXES(k) {
                 m->force[ends[e] + k] += e ? -tension * along[k] : tension * along[k];
                 for (integer o = wall; o < 2; o++)
                     AXES(l) {
-                        const real each = (stiffness - across) * along[k] * along[l];
-                        const real sum = h * h * (k == l ? each + across : each);
+                        const real sum = h * h * (TANGENT(k, l));
                         couple(m, ends[e] + k, ends[o] + l, e == o ? sum : -sum);
                     }
             }

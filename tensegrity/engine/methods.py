@@ -217,8 +217,8 @@ def find(method: str | Method) -> Method:
         return BY_NAME[method]
     if not isinstance(method, (Splitting, Corrected, Nystrom, Midpoint)):
         raise TensegrityError(
-            f"method {check.shown(method)} is not one of {', '.join(METHODS)}, nor a Splitting, a "
-            "Corrected, a Nystrom or a Midpoint of tensegrity.engine.methods"
+            f"method {check.shown(method)} is not one of {', '.join(METHODS)}, nor a Splitting or "
+            "a Nystrom"
         )
     method.check()
     return method

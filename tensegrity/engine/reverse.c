@@ -239,7 +239,18 @@ static void carry(const scene *c, real a, real b, integer o, integer rows)
             AXES(q) t += y[q] * along[q * n + i];
             const real across = c->wall[s] || DIM == 1 ? 0 : f[i] / (length[i] + r[i]);
             bent[i] = t;
+#ifdef OWN_TANGENT
+            const real *here = c->geometry + i;
+            real D[DIM], w[DIM], second[DIM * DIM], z[DIM];
+            AXES(q) D[q] = here[q * n], w[q] = c->u[c->to[i] + q] - c->u[c->from[i] + q], z[q] = y[q];
+            pair_tangent(D, w, here[DIM * n], here[(DIM + 1) * n], second);
+            AXES(q) {
+                y[q] = t * k[i] * along[q * n + i];
+                AXES(p) y[q] += f[i] * second[q * DIM + p] * z[p];
+            }
+#else
             AXES(q) y[q] = t * k[i] * along[q * n + i] + across * (y[q] - t * along[q * n + i]);
+#endif
             AXES(q) ub[c->to[i] + q] += y[q];
             AXES(q) ub[c->from[i] + q] -= y[q];
         }

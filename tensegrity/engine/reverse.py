@@ -16,6 +16,7 @@ from tensegrity.engine.bonds import PAIR, WALL, integers, parameters
 from tensegrity.engine.bound import Bound, aligned, stages
 from tensegrity.engine.codegen import reverse_text
 from tensegrity.engine.native import library, structure
+from tensegrity.engine.schemes import Splitting
 from tensegrity.once import once
 
 SCENE = structure("reverse.c", "scene")
@@ -158,7 +159,7 @@ class ReverseLoop:
         entries, (first, second) = self.u.size, (size * x[runs.source] for x in layout.ends)
         where = {"from": first, "to": second, "first": runs.first}
         where |= {"law": 2 * runs.law + runs.own, "wall": runs.kind == WALL}
-        together = not dim and totals.objectives > 1
+        together = not dim and (totals.objectives > 1 or not isinstance(method, Splitting))
         rows = method.stages if together else 1
         scratch = {"r": room, "f": room + 2, "bent": room, "k": (rows, room)}
         scratch |= {"d": (rows, layout.most, room), "pull": (rows, entries)}
@@ -225,7 +226,7 @@ class ReverseLoop:
         given = None if cotangents is None else cotangents.address
         self.layout.library.reverse(self._address, steps, opened, last, given)
 
-    def reverse_stages(self, method, dt, path, ends, **given):
+    def reverse_stages(self, method, dt, path, ends, last=0, cotangents=None, **given):
         """The adjoint of the steps of a Runge-Kutta method, of a chain.
 
         Parameters
@@ -238,10 +239,16 @@ class ReverseLoop:
         ends : ndarray of int, (2, places)
             Between which sites the derivatives of further forces act; the number of sites stands
             for the ground.
+        last : int, optional
+            Number of the last step.
+        cotangents : OutputCotangents, optional
+            Derivatives of the objectives with respect to the states before, the first included.
         **given : ndarray
             `stiff` and `loss` (stages of all steps, places), these derivatives by the elongations
             and their rates; `pulled`, `moved`, the numbers of driven sites; `pull_by`, `u_by` and
-            `v_by` (stages of all steps, those), derivatives of the drives by a parameter.
+            `v_by` (stages of all steps, those), derivatives of the drives by a parameter; `slopes`
+            (stages of all steps, objectives, entries), which receives the derivatives of the
+            objectives by the accelerations of the stages.
 
         Returns
         -------
@@ -251,17 +258,18 @@ class ReverseLoop:
         by, q, entries = np.zeros(len(self.ub)), method.stages, self.ub[0].size
         powers = {"nodes": 1, "velocities": 1, "rates": 1, "matrix": 2, "positions": 2}
         arrays = {name: dt**k * np.array(getattr(method, name)) for name, k in powers.items()}
-        arrays |= {"path": path, "by": by, "dt": np.array([dt])} | given
-        arrays["k"] = np.zeros((q, self.layout.room))
+        arrays |= {"path": path, "by": by, "dt": np.array([dt]), "slopes": None} | given
         arrays |= {name: np.zeros((q, entries)) for name in ("slope", "of_u", "of_v")}
         numbers = {"stages": q, "sites": path.shape[2], "places": ends.shape[1]}
         numbers |= {"pulling": len(given["pulled"]), "moving": len(given["moved"])}
         arrays |= dict(zip(("first", "second", "pulled", "moved"),
                            map(integers, (*ends, given["pulled"], given["moved"])),
                            strict=True))  # fmt: skip
-        arrays = {name: np.ascontiguousarray(x) for name, x in arrays.items()}
-        filled = TANGENTS(**arrays, **numbers)
-        self.layout.library.reverse_nystrom(self._address, ctypes.addressof(filled), len(path) // q)
+        arrays = {k: x if x is None else np.ascontiguousarray(x) for k, x in arrays.items()}
+        filled, before = TANGENTS(**arrays, **numbers), cotangents and cotangents.address
+        self.layout.library.reverse_nystrom(
+            self._address, ctypes.addressof(filled), len(path) // q, last, before
+        )
         return arrays["by"]
 
     def add_cotangents(self, cotangents, k):

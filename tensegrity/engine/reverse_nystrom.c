@@ -10,7 +10,8 @@ typedef struct {
     const real *pull_by;             /* (stages of all steps, pulled) derivatives by a parameter */
     const real *u_by, *v_by;         /* (stages of all steps, moved) the same */
     const integer *pulled, *moved;   /* entries */
-    real *k;                         /* scratch (stages, apart) */
+    real *slopes;                    /* (stages of all steps, objectives, entries) receives the
+                                        derivatives by accelerations, where it is given */
     real *slope, *of_u, *of_v;       /* scratch (entries), (stages, entries) twice */
     real *by;                        /* (objectives) derivatives by the parameter */
     integer stages, sites, places, pulling, moving;
@@ -30,8 +31,13 @@ static void reverse_slope(const scene *c, const tangents *t, integer j, integer 
         if (b != 0) EACH(n) slope[i] += b * later_v[i];
     }
     EACH(n) of_u[i] = of_v[i] = 0;
-    scene stage = *c;
-    stage.k = t->k + j * c->apart, stage.ub = of_u, stage.vb = slope;
+    if (t->slopes) {
+        real *restrict given = t->slopes + (s * c->objectives + o) * n;
+        EACH(n) given[i] = slope[i];
+    }
+    scene stage = of_stage(c, j);
+    stage.ub = of_u, stage.vb = slope;
+    stage.wb += o * n, stage.pb += o * c->wanted * c->apart;
     carry(&stage, 1, 0, 0, 1);
     for (integer e = 0; e < t->places; e++) {
         const integer first = t->first[e], second = t->second[e];
@@ -51,7 +57,9 @@ static void reverse_slope(const scene *c, const tangents *t, integer j, integer 
     }
 }
 
-void reverse_nystrom(const scene *c, const tangents *t, integer steps)
+/* The last step is number `last`; `s` has derivatives with respect to the states before. */
+void reverse_nystrom(const scene *c, const tangents *t, integer steps, integer last,
+                     const cotangents *s)
 {
     FLUSH
     const integer n = c->entries, q = t->stages;
@@ -59,10 +67,10 @@ void reverse_nystrom(const scene *c, const tangents *t, integer steps)
         for (integer j = 0; j < q; j++) {
             const real *restrict here = t->path + 2 * (k * q + j) * t->sites;
             EACH(t->sites) c->u[i] = here[i];
-            scene stage = *c;
-            stage.k = t->k + j * c->apart;
+            const scene stage = of_stage(c, j);
             place(&stage);
             evaluated(&stage, slopes);
+            gather(&stage);
         }
         for (integer o = 0; o < c->objectives; o++) {
             real *restrict ub = c->ub + o * n, *restrict vb = c->vb + o * n;
@@ -73,5 +81,6 @@ void reverse_nystrom(const scene *c, const tangents *t, integer steps)
                 EACH(n) ub[i] += of_u[i], vb[i] += t->nodes[j] * of_u[i] + of_v[i];
             }
         }
+        if (s) add_cotangents(c, s, last - (steps - k));
     }
 }

@@ -17,6 +17,7 @@ from tensegrity import check
 from tensegrity.engine.disk_cache import cached
 from tensegrity.engine.openings import TREATED, is_treated
 from tensegrity.errors import TensegrityError
+from tensegrity.printing import filled
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -91,6 +92,12 @@ class Method:
         grow from kinks with these exponents."""
         return self.default_fraction * min((self._kinked(n) for n in exponents), default=1.0)
 
+    def __str__(self) -> str:
+        limit = f"{self.stages} force evaluations per step, stable to dt omega = "
+        parts = [f"{self.name}: order {self.order}, {limit}{self.stability_limit:.6g}"]
+        parts += [f"  {words}" for words in (self.reference, self.limitations) if words]
+        return filled("\n".join(parts))
+
     def _kinked(self, exponent: float) -> float:
         """Factor of the default step for a kink of this exponent, < 1 if it lowers the order."""
         return 1.0 if exponent + 1 >= self.order else KINKED
@@ -151,8 +158,7 @@ class Splitting(Method):
     --------
     Suzuki's fourth-order composition of five steps of Verlet, in a run:
 
-    >>> from tensegrity import Chain, Prism, simulate
-    >>> from tensegrity.engine.methods import Splitting
+    >>> from tensegrity import Chain, Prism, Splitting, simulate
     >>> a = 1 / (4 - 4 ** (1 / 3))
     >>> parts = (a, a, 1 - 4 * a, a, a)
     >>> kicks = [(x + y) / 2 for x, y in zip((0, *parts), (*parts, 0))]

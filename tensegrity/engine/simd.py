@@ -83,7 +83,7 @@ def two_functions(function, name, given, arguments, inputs, outputs):
     """
     import casadi as ca
 
-    stored, passes = _Body(ca, inputs, outputs).of(function, short=not given)
+    stored, passes = _Body(ca, inputs, outputs, copied=bool(given)).of(function, short=not given)
     first, *rest = passes if given or len(passes) > 1 else ("", *passes)
     arguments += ", pack (*restrict stored)[ROOM]"
     begin = f"PACKED void first_{name}(integer g, {given}{arguments})\n{{\n{first}}}\n"
@@ -118,8 +118,9 @@ class _Value:
 class _Body:
     """The statements of one function, with each value in a separate constant."""
 
-    def __init__(self, ca, inputs, outputs):
+    def __init__(self, ca, inputs, outputs, copied=False):
         self._ca, self._inputs, self._outputs = ca, inputs, outputs
+        self._copied = copied  # arguments that later passes do not have
         self._texts, self._library = _names(ca)
         self._lines = []  # (pass, names set, names read, text)
         self._values = {}  # name -> _Value
@@ -138,7 +139,8 @@ class _Body:
             if operation == ca.OP_CONST:
                 work[target[0]] = _literal(function.instruction_constant(k))
             elif operation == ca.OP_INPUT:
-                work[target[0]] = self._inputs[source[0]][source[1]]
+                given = self._inputs[source[0]][source[1]]
+                work[target[0]] = self._new(given) if self._copied else given
             elif operation == ca.OP_OUTPUT:
                 given = work[source[0]]
                 self._add(f"{self._outputs[target[0]][target[1]]} = {given};", (), (given,))

@@ -49,8 +49,8 @@ def threads() -> int:
     if len(digits) <= len(str(most)) and int(digits) <= most:
         return int(digits)
     warnings.warn(
-        f"TENSEGRITY_THREADS {check.shown(given)} is more than the processors we may use: {most} "
-        "threads are taken",
+        f"TENSEGRITY_THREADS {check.shown(given)} exceeds the number of available processors: "
+        f"{most} threads are used",
         RuntimeWarning,
         stacklevel=2,
     )

@@ -17,6 +17,7 @@ import numpy as np
 
 from tensegrity.engine import kernel
 from tensegrity.engine.march import Wanted
+from tensegrity.engine.methods import Splitting
 from tensegrity.engine.reverse import Layout, OutputCotangents, ReverseLoop, Totals
 from tensegrity.notebook import progress
 from tensegrity.runs.march import march
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
     from typing import Any
 
     from tensegrity.engine.bonds import Bonds
-    from tensegrity.engine.methods import Splitting
     from tensegrity.gradients.samples import TraceSamples
     from tensegrity.runs.problem import Problem
     from tensegrity.runs.run import Run
@@ -77,7 +77,8 @@ class Forward:
         self._problem, self._steps, self._dt = problem, steps, problem.t_end / max(steps, 1)
         at = np.arange(window[0], window[1] + 1)
         self.rows = np.empty((len(at), len(samples.places)))
-        self.closing = np.where(at > 0, method.kicks[-1] * self._dt, 0.0)
+        last = method.kicks[-1] if isinstance(method, Splitting) else 0.0
+        self.closing = np.where(at > 0, last * self._dt, 0.0)
         stops = np.unique(np.append(np.arange(0, steps + 1, stride), steps))
         u, v = np.empty((2, len(stops), *problem.scene.shape))
         self.states = {k: (u[i], v[i]) for i, k in enumerate(stops.tolist())}

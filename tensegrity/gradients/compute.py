@@ -25,6 +25,7 @@ from tensegrity.engine.reverse import Layout, OnGrid, OutputCotangents
 from tensegrity.errors import TensegrityError
 from tensegrity.gradients import result
 from tensegrity.gradients.adjoint import Backward, Forward
+from tensegrity.gradients.forced import ForcedBackward, check_forced, parameters_of
 from tensegrity.gradients.objective import Objective, Trace, objective_of
 from tensegrity.gradients.result import Gradient, digits
 from tensegrity.gradients.samples import TraceSamples
@@ -34,7 +35,6 @@ from tensegrity.runs.problem import Problem, step_count
 from tensegrity.runs.record import Record
 from tensegrity.scenes.dynamics import HasDynamics, dynamics
 from tensegrity.scenes.ensemble import Ensemble
-from tensegrity.scenes.forcing import refuse_driven
 from tensegrity.scenes.scene import Scene, State
 from tensegrity.typing import Array
 
@@ -129,14 +129,15 @@ def gradient(
         See `tensegrity.objective`; a bare trace stands for its value at the end.  Several
         objectives are evaluated in the same run and reverse pass.
     scene : Scene
-        A `Chain`, a `Network` of fixed contacts, an `Ensemble`, or what `granular` builds.
+        A `Chain`, a `Network` of fixed contacts, an `Ensemble`, or what `granular` builds; with
+        drives, dashpots or further forces a chain.
     state : State
         Initial displacements [m] and velocities [m/s]; not changed.
     t_end : float
         Duration [s], >= 0.
     method : str or Method, optional
         A splitting: "verlet", the default with a fixed step as in `simulate`; "rkn6", or one of
-        your own.
+        your own.  With drives, dashpots or further forces "rk4", the default, or "rk8".
     dt : float
         Step [s], as for `simulate`.  A gradient is that of one run with one step: find the step
         that a tolerance needs with `simulate(..., tol=)` first.
@@ -160,8 +161,8 @@ def gradient(
     ------
     TensegrityError
         A method whose stages cannot be inverted; springs without derivatives (polynomials,
-        elastic members, power laws of exponent below 1); bonds or sites that do not exist; an
-        arrival that never occurs; and the errors of `simulate`.
+        elastic members, power laws of exponent below 1); bonds or sites that do not exist; the load
+        of a bond in which a force acts; an arrival that never occurs; and the errors of `simulate`.
 
     Examples
     --------
@@ -180,11 +181,12 @@ def gradient(
         raise TensegrityError("objective is an empty sequence: nothing to differentiate")
     if not isinstance(scene, HasDynamics):
         raise TensegrityError(f"scene {check.shown(scene)} is not a scene, such as a Chain")
-    refuse_driven(scene, "a gradient")
     scene.check(state)
     t_end = check.number("t_end", t_end, least=0, unit="s")
     dt = check.number("dt", dt, above=0, unit="s")
-    splitting = _splitting(methods.default(dt, None, False) if method is None else method)
+    driven = dynamics(scene).is_driven
+    method = methods.default(dt, None, False, driven) if method is None else method
+    splitting = _with_rates(method) if driven else _splitting(method)
     exact = check.truth("exact", exact)
     if checkpoints is not None:
         checkpoints = check.whole("checkpoints", checkpoints, least=1)
@@ -206,6 +208,16 @@ def _splitting(method: str | methods.Method) -> methods.Splitting:
             reason = "it has more than kicks and drifts, whose adjoint alone is derived here"
         raise TensegrityError(
             f"method {found.name!r} has no gradient, because {reason}: take verlet or rkn6"
+        )
+    return found
+
+
+def _with_rates(method: str | methods.Method) -> Any:
+    found: Any = methods.find(method)
+    if not getattr(found, "rates", ()):
+        raise TensegrityError(
+            f"method {found.name!r} has no gradient of a scene with drives, dashpots or further "
+            "forces: take rk4 or rk8"
         )
     return found
 
@@ -259,11 +271,16 @@ def _of_scene(task: _Task, scene: Any, state: Any) -> list[Gradient]:
     for spring in of.springs.different:
         result.refuse(spring)
     traces = tuple(dict.fromkeys(trace for one in task.objectives for trace in one.traces))
-    names, numbers = _requested(scene, task.wanted, any(trace.kind == "energy" for trace in traces))
-    layout = Layout(of.loop_bonds, numbers, task.exact)
-    samples = TraceSamples(scene, layout, traces)
+    if of.is_driven:
+        check_forced(scene, task.exact, traces)
+    of_forces = parameters_of(scene) if of.is_driven else {}
+    stored = any(trace.kind == "energy" for trace in traces)
+    names, numbers = _requested(scene, task.wanted, stored, of_forces)
     steps = step_count(task, task.dt)
     dt = task.t_end / steps if steps else task.dt
+    forced = ForcedBackward(scene, numbers, task.method, steps, dt) if of.is_driven else None
+    layout = forced.layout if forced else Layout(of.loop_bonds, numbers, task.exact)
+    samples = TraceSamples(scene, layout, traces)
     windows = [_window(one, steps, dt) for one in task.objectives]
     first, last = min(w[0] for w in windows), max(w[1] for w in windows)
     check.room(
@@ -276,11 +293,14 @@ def _of_scene(task: _Task, scene: Any, state: Any) -> list[Gradient]:
     bind = None if grid is None else partial(OnGrid, layout, grid=grid)
     record = Record(every=max(1, -(-steps // ROWS)))
     problem = Problem(scene, state, task.t_end, task.method, record, bind=bind)
-    forward = Forward(problem, steps, samples, (first, last), max(1, -(-steps // states)))
+    stride = max(1, -(-steps // states))
+    stride = min(stride, forced.stride) if forced else stride
+    forward = Forward(problem, steps, samples, (first, last), stride)
     run = forward.run()
     if not run.complete:
         raise KeyboardInterrupt
     t = dt * np.arange(first, last + 1, dtype=float)
+    given = forced.complete(samples, t, forward.rows) if forced else ()
     sampled = forward.rows, forward.closing
     y = samples.values(*sampled)
     values, each = [], []
@@ -294,9 +314,14 @@ def _of_scene(task: _Task, scene: Any, state: Any) -> list[Gradient]:
         values.append(float(value))
         each.append(samples.pullback(slopes, *sampled))
     by_rows, p, g, m, w = map(np.array, zip(*each, strict=True))
-    back = Backward(layout, task.method, dt, len(windows), grid)
+    by_rows[..., given] = 0.0
     cotangents = OutputCotangents(by_rows, samples.places, samples.u_count, first)
-    back.go(forward.states, cotangents, forward.recompute, every)
+    back: Any = forced
+    if forced:
+        forced.go(forward.states, cotangents, len(windows))
+    else:
+        back = Backward(layout, task.method, dt, len(windows), grid)
+        back.go(forward.states, cotangents, forward.recompute, every)
     p += back.totals.p
     g += back.totals.g
     w += back.totals.w.reshape(*w.shape, -1).sum(axis=-1)
@@ -305,7 +330,8 @@ def _of_scene(task: _Task, scene: Any, state: Any) -> list[Gradient]:
         array[:, list(scene.held)] = 0
     return [
         Gradient(
-            value, run, fixed(u[k]), fixed(v[k]), fixed(mass[k]), _by_name(layout, p[k]),
+            value, run, fixed(u[k]), fixed(v[k]), fixed(mass[k]),
+            _by_name(layout, p[k], forced.named(k) if forced else {}, of_forces),
             fixed(g[k]), back.reversal, digits(value, u[k], v[k], back.largest), scene, names,
         )
         for k, value in enumerate(values)
@@ -313,7 +339,7 @@ def _of_scene(task: _Task, scene: Any, state: Any) -> list[Gradient]:
 
 
 def _requested(
-    scene: Any, wanted: Any, stored: bool
+    scene: Any, wanted: Any, stored: bool, of_forces: Any
 ) -> tuple[tuple[str, ...], tuple[tuple[int, ...], ...]]:
     """The names for `Gradient.by`, and for each law the indices of the parameters they change.
 
@@ -323,7 +349,7 @@ def _requested(
     laws, law, parameters = table.table
     of_springs = {name: None for spring in table.different for name in result.names(spring)}
     of_beads = dict.fromkeys(dynamics(scene).arguments)
-    known = of_springs | of_beads
+    known = of_springs | of_beads | dict.fromkeys(of_forces)
     names = tuple(known) if wanted is None else _checked(wanted, known, laws)
     moved = {*names, *(("stiffness", "preload") if of_beads.keys() & names else ())}
     slopes = [result.slopes(table, name) for name in moved & of_springs.keys()]
@@ -375,12 +401,15 @@ def _on_grid(task: _Task, scene: Any, state: Any, dt: float) -> tuple[State, tup
     return State((state.u + a) - a, (state.v + b) - b), (a, b)
 
 
-def _by_name(layout: Layout, p: Array) -> Any:
-    """Derivatives by name of a parameter, (bonds,), from those by index in each law."""
+def _by_name(layout: Layout, p: Array, forced: Any, of_forces: Any) -> Any:
+    """Derivatives by name of a parameter, (bonds,), from those by index in each law and those by
+    the parameters of forces, on sites (sites,)."""
     law = layout.bonds.law_of_bond
     found: dict[str, Array] = {}
     for number, one in enumerate(layout.bonds.laws):
         for row, place in enumerate(layout.wanted[number]):
             column = found.setdefault(str(one.parameters[place]), np.zeros(len(law)))
             column[law == number] = p[row, law == number]
+    for name in of_forces:
+        found[name] = found[name] + forced[name] if name in found else forced[name]
     return fixed(found)

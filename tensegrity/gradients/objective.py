@@ -260,7 +260,7 @@ def misfit(trace: Trace, t: ArrayLike, values: ArrayLike) -> Objective:
     t, values = check.floats("t", t), check.floats("values", values)
     if t.ndim != 1 or not t.size or values.shape != t.shape:
         raise TensegrityError(
-            f"t of shape {t.shape} and values of shape {values.shape} must be as many, one or more"
+            f"t of shape {t.shape} and values of shape {values.shape} must have one length >= 1"
         )
     for name, x in (("t", t), ("values", values)):
         check.vector(name, x, x.shape)

@@ -19,6 +19,7 @@ from tensegrity.errors import TensegrityError
 from tensegrity.printing import filled, span
 from tensegrity.prisms.closed import polygon, rigid_law
 from tensegrity.prisms.condensed import ElasticPotential
+from tensegrity.prisms.plates import PlateLaw
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.network import Network
 from tensegrity.scenes.picture import Picture
@@ -92,11 +93,13 @@ class Gradient:
         ----------
         name : str
             "prestrain", "height", "k_cross" of prisms; "stiffness" (at fixed preload), "preload"
-            of power laws; a symbol of a user's own `Potential`; "diameter", "modulus" of beads.
+            of power laws; a symbol of a user's own `Potential`; a parameter of a `Force`, which in
+            bonds may be that of the spring; "diameter", "modulus" of beads, at the same constants
+            of dissipation.
 
         Returns
         -------
-        ndarray, (bonds,), of beads (sites,)
+        ndarray, (bonds,), of beads and of forces on sites (sites,)
             0 where a bond has no such argument; (springs,) in a network.
 
         Raises
@@ -120,11 +123,13 @@ class Gradient:
             raise TensegrityError(f"by {name!r}: these derivatives are the attribute .{name}")
         if name not in self._names:
             known = ", ".join(self._names) or "nothing"
-            raise TensegrityError(f"by {check.shown(name)}: this gradient knows {known}")
+            raise TensegrityError(f"by {check.shown(name)}: this gradient has {known}")
         of = dynamics(self._scene)
         if name in of.arguments:
             return of.by_argument(name, self.mass, self._along, self.shift)
-        return self._along(name)
+        if any(name in names(spring) for spring in of.springs.different):
+            return self._along(name)
+        return self.parameters[name]
 
     def plot(self, ax: Axes | None = None, by: str | None = None) -> Axes:
         """Draw derivatives by an argument, or by the masses.
@@ -144,7 +149,7 @@ class Gradient:
         Raises
         ------
         TensegrityError
-            What is no axes, or a name that this gradient does not know.
+            `ax` is not a Matplotlib axes, or this gradient has no such derivatives.
         """
         name = by if by is not None else (*self._names, "mass")[0]
         found = self.mass if name == "mass" else self.by(name)
@@ -153,7 +158,7 @@ class Gradient:
         label = f"derivative by {name}" + (f" [value per {unit}]" if unit else "")
         of_sites = name == "mass" or name in dynamics(scene).arguments
         if isinstance(scene, Network) and found.ndim == 2:
-            raise TensegrityError(f"{found.shape[1]} gradients in one: no map shows them all")
+            raise TensegrityError(f"a map shows one gradient, not {found.shape[1]}")
         if isinstance(scene, Network):
             picture = Picture(scene, ax, facecolors=None if of_sites else "0.95")
             image = picture.paint(found, of_sites)
@@ -182,7 +187,7 @@ class Gradient:
         return filled(
             f"value {span(self.value)}, {self.digits:.3g} digits not lost to round-off\n"
             f"derivatives by u, v, mass, and by {known}\n"
-            f"the pass backwards returned to the start within {self.reversal:.1e} m, m/s"
+            f"the reverse pass returned to the initial state within {self.reversal:.1e} m, m/s"
         )
 
     __repr__ = __str__
@@ -228,7 +233,7 @@ def refuse(spring: Potential) -> None:
             f"exponent {spring.exponent:g} of {spring!r} is below 1: its stiffness has no bound "
             "where the contact opens, and no derivative exists there"
         )
-    if not isinstance(spring.law, Law):
+    if not isinstance(spring.law, (Law, PlateLaw)):
         raise TensegrityError(
             f"{spring!r} has no parameters with respect to which to differentiate"
         )

@@ -12,9 +12,16 @@ from numpy.typing import ArrayLike
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
-from tensegrity.lattices.bloch import BlochMatrix, chunks, lowest_waves, singular_frequencies
+from tensegrity.lattices.bloch import (
+    BlochMatrix,
+    PeriodicBonds,
+    chunks,
+    lowest_waves,
+    singular_frequencies,
+)
 from tensegrity.lattices.cell import Cell
 from tensegrity.minimum import DENSE, ZERO
+from tensegrity.printing import filled, span
 from tensegrity.typing import Array
 
 SLOW = 1e-5  # lowest over highest frequency below which singular values are computed
@@ -22,6 +29,7 @@ EQUAL = 1e-6  # of the highest frequency: branches nearer to each other have vel
 GENERIC = np.array([1.0, 0.618, 0.414])  # a direction of phases without symmetry
 FASTEST = 1e100  # bound of frequencies, whose squares are finite [rad/s]
 OPEN = 1e-9  # of the highest frequency: the least gap
+SHOWN = 4  # gaps that are printed
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +54,18 @@ class Bands:
     velocities: Array | None = field(repr=False)
     shapes: Array | None = field(repr=False)
 
+    def __str__(self) -> str:
+        points, branches = self.frequencies.shape
+        of = f"{branches} branches at {points} wavenumbers: frequencies "
+        text = of + span(self.frequencies, "rad/s")
+        found = self.gaps if points > 1 else np.zeros((0, 2))
+        widest = found[np.argsort(found[:, 0] - found[:, 1])[:SHOWN]]
+        gaps = ", ".join(span(gap, "rad/s") for gap in np.sort(widest, axis=0)) or "none"
+        more = f"{len(found)}, the widest " if len(found) > SHOWN else ""
+        return filled(f"{text}\n  gaps: {more}{gaps}")
+
+    __repr__ = __str__
+
     @property
     def gaps(self) -> Array:
         """Ranges of frequency between neighbouring branches that no wave at these wavenumbers has
@@ -64,7 +84,7 @@ class Bands:
 
 
 def bands(
-    lattice: Cell,
+    lattice: Cell | PeriodicBonds,
     wavenumbers: ArrayLike,
     velocities: bool = False,
     shapes: bool = False,
@@ -74,8 +94,9 @@ def bands(
 
     Parameters
     ----------
-    lattice : Lattice
-        With its nodes in equilibrium; a macroscopic stress is allowed.
+    lattice : Lattice or PeriodicBonds
+        With its nodes in equilibrium; a macroscopic stress is allowed.  The second are columns of
+        plates, `Prism.column`.
     wavenumbers : array_like, (points, d)
         Phase differences between adjacent cells along each lattice vector [rad].
     velocities, shapes : bool, optional
@@ -112,7 +133,8 @@ def bands(
     array([[0.6325, 2.    ],
            [0.3162, 1.    ]])
     """
-    check.kind("lattice", lattice, Cell)
+    if not isinstance(lattice, PeriodicBonds):
+        check.kind("lattice", lattice, Cell)
     q = phases(lattice, wavenumbers)
     velocities, shapes = check.truth("velocities", velocities), check.truth("shapes", shapes)
     lattice.refuse_unbalanced()
@@ -146,7 +168,9 @@ def bands(
     return Bands(q, w, found, moved)
 
 
-def _lowest(lattice: Cell, q: Array, count: int, velocities: bool, shapes: bool) -> Bands:
+def _lowest(
+    lattice: Cell | PeriodicBonds, q: Array, count: int, velocities: bool, shapes: bool
+) -> Bands:
     """The lowest branches."""
     size = lattice.positions.size
     count = check.whole("count", count, least=1, below=size + 1)
@@ -156,7 +180,7 @@ def _lowest(lattice: Cell, q: Array, count: int, velocities: bool, shapes: bool)
         whole = bands(lattice, q, shapes=shapes)
         moved = None if whole.shapes is None else whole.shapes[:, :count]
         return Bands(q, whole.frequencies[:, :count], None, moved)
-    blocks = lattice.members.blocks(lattice.positions)
+    blocks = _blocks(lattice)
     each = np.repeat(np.abs(blocks).sum(axis=2).max(axis=1), 2)
     stiffest = float(np.bincount(lattice.ends.ravel(), each).max())
     w = np.empty((len(q), count))
@@ -172,14 +196,21 @@ def _lowest(lattice: Cell, q: Array, count: int, velocities: bool, shapes: bool)
     return Bands(q, w, None, moved)
 
 
-def bloch_matrix(lattice: Cell, weighted: bool = True) -> BlochMatrix:
+def bloch_matrix(lattice: Cell | PeriodicBonds, weighted: bool = True) -> BlochMatrix:
     """M^-1/2 K(kappa) M^-1/2 of a lattice, or K(kappa) itself."""
     mass = lattice.mass if weighted else np.ones(lattice.nodes)
-    blocks = lattice.members.blocks(lattice.positions)
+    blocks = _blocks(lattice)
     return BlochMatrix.of(lattice.ends, lattice.offsets, blocks, mass)
 
 
-def phases(lattice: Cell, wavenumbers: ArrayLike) -> Array:
+def _blocks(lattice: Cell | PeriodicBonds) -> Array:
+    """Tangent stiffness of each member [N/m], (members, dim, dim)."""
+    if isinstance(lattice, PeriodicBonds):
+        return lattice.blocks
+    return lattice.members.blocks(lattice.positions)
+
+
+def phases(lattice: Cell | PeriodicBonds, wavenumbers: ArrayLike) -> Array:
     """Phases per cell (points, d) [rad], checked."""
     q, d = check.floats("wavenumbers", wavenumbers), len(lattice.vectors)
     if q.ndim != 2 or q.shape[1] != d:
@@ -199,14 +230,14 @@ def angular_frequencies(frequencies: ArrayLike) -> Array:
     return w
 
 
-def _frequencies(lattice: Cell, squares: Array, q: Array, largest: float) -> Array:
+def _frequencies(lattice: Cell | PeriodicBonds, squares: Array, q: Array, largest: float) -> Array:
     """Frequencies of eigenvalues, 0 where they are round-off, or singular values there; `largest`
     bounds the eigenvalues."""
     least = ZERO * largest
     w = np.sign(squares) * np.sqrt(np.abs(np.where(np.abs(squares) <= least, 0.0, squares)))
     slow = np.flatnonzero(np.abs(squares).min(axis=1) < SLOW**2 * largest)
-    if slow.size and (lattice.tensions >= 0).all():
-        values, vectors = np.linalg.eigh(lattice.members.blocks(lattice.positions))
+    if slow.size and (isinstance(lattice, PeriodicBonds) or (lattice.tensions >= 0).all()):
+        values, vectors = np.linalg.eigh(_blocks(lattice))
         root = (vectors * np.sqrt(np.maximum(values, 0))[:, None]) @ vectors.swapaxes(1, 2)
         exact = singular_frequencies(lattice.ends, lattice.offsets, root, lattice.mass, q[slow])
         w[slow] = 0

@@ -93,6 +93,36 @@ class BlochMatrix:
         return np.exp(1j * (phases @ self.offsets.T))
 
 
+@dataclass(frozen=True, eq=False)
+class PeriodicBonds:
+    """Bonds that repeat from cell to cell, for `bands`: what is needed of a lattice.
+
+    Attributes
+    ----------
+    positions : ndarray, (nodes, dim)
+        [m]
+    vectors : ndarray, (d, dim)
+        From cell to cell [m].
+    ends, offsets, blocks, mass
+        As of `BlochMatrix.of`; the blocks are positive definite.
+    """
+
+    positions: Array
+    vectors: Array
+    ends: Indices
+    offsets: Indices
+    blocks: Array
+    mass: Array
+
+    @property
+    def nodes(self) -> int:
+        """Number of nodes of a cell."""
+        return len(self.mass)
+
+    def refuse_unbalanced(self) -> None:
+        """Bonds are measured from their equilibrium."""
+
+
 def chunks(count: int) -> Iterator[slice]:
     """Slices of the wave vectors that are computed together."""
     return (slice(start, start + CHUNK) for start in range(0, count, CHUNK))

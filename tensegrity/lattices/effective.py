@@ -24,7 +24,7 @@ POLE = 1e-12  # distance of a frequency from a resonance, over it, at which the 
 
 
 def effective_mass(lattice: Lattice, frame: Sequence[int], frequencies: ArrayLike) -> Array:
-    """Dynamic mass of a cell of which a frame is moved alike in all cells.
+    """Dynamic effective mass of a cell whose frame moves equally in all cells.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ def effective_mass(lattice: Lattice, frame: Sequence[int], frequencies: ArrayLik
         With its nodes in equilibrium; the nodes outside the frame must be stable where the frame
         is held.
     frame : sequence of int
-        The nodes of the cell that move alike, by the same u in all cells.
+        The nodes of the cell that move by the same u, in all cells.
     frequencies : array_like, (frequencies,)
         Angular frequencies of u [rad/s].
 

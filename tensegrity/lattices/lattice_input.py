@@ -79,7 +79,7 @@ def ends_and_offsets(name: str, given: Any, nodes: int, d: int) -> tuple[Indices
         words = check.sequence(f"offset of a {name}", offset, f"{d} integers")
         if len(words) != d:
             raise TensegrityError(
-                f"offset {check.shown(offset)} of a {name} must be {d} integers, one a vector"
+                f"offset {check.shown(offset)} of a {name} must be {d} integers, one per vector"
             )
         numbers = [check.whole(f"offset of a {name}", n, least=-(2**31)) for n in words]
         ends = [check.whole(f"node of a {name}", n, least=0, below=nodes) for n in entry[:2]]

@@ -19,6 +19,7 @@ from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.lattices.bands import FASTEST, bloch_matrix
 from tensegrity.lattices.cell import Cell
 from tensegrity.minimum import ZERO
+from tensegrity.printing import filled, span
 from tensegrity.typing import Array
 
 WORK = 1e-7  # force on a motion without stiffness that counts as zero, over the largest stiffness
@@ -55,6 +56,23 @@ class Moduli:
     torsional: float
     lattice: Cell = field(repr=False)
     frequency: float = 0.0
+
+    def __str__(self) -> str:
+        d = len(self.lattice.vectors)
+        stress, per = ("N/m^2" if d == 3 else "N/m" if d == 2 else "N"), "kg/m" + f"^{d}" * (d > 1)
+        parts = [
+            f"moduli at {self.frequency:.6g} rad/s, density {self.density:.6g} {per}",
+            f"  tangent {span(self.tangent, stress)}, stress {span(self.stress, stress)}",
+        ]
+        units = {"axial": "N", "coupling": "N m", "torsional": "N m^2"}
+        parts += [
+            f"  {name} {getattr(self, name):.6g} {unit}"
+            for name, unit in units.items()
+            if np.isfinite(getattr(self, name))
+        ]
+        return filled("\n".join(parts))
+
+    __repr__ = __str__
 
     def speeds(self, direction: Sequence[float] | Array) -> Array:
         """Speeds of long waves [m/s].
@@ -98,8 +116,8 @@ def moduli(lattice: Cell, frequency: float = 0.0) -> Moduli:
     lattice : Lattice
         With its nodes in equilibrium; a macroscopic stress is allowed.
     frequency : float, optional
-        Angular frequency at which the inner motions answer [rad/s]: their inertia enters, that of
-        the cell as a whole does not.
+        Angular frequency of the inner motions [rad/s], whose inertia is included; that of the cell
+        as a whole is not.
 
     Returns
     -------

@@ -22,6 +22,7 @@ from tensegrity.lattices.bloch import chunks
 from tensegrity.lattices.cell import Cell
 from tensegrity.lattices.moduli import NOISE, Moduli, moduli
 from tensegrity.minimum import ZERO
+from tensegrity.printing import filled
 from tensegrity.typing import Array
 
 GRID = {1: 192, 2: 24, 3: 12}  # wave vectors along each axis of the zone, by the number of axes
@@ -71,12 +72,14 @@ class Stability:
     def __str__(self) -> str:
         phases, along = (", ".join(f"{x:.4f}" for x in np.round(values, 4) + 0.0)
                          for values in (self.wavenumber, self.direction))  # fmt: skip
-        return (
+        return filled(
             f"Stability: {self.kind}\n"
             f"  waves:          w^2/k^2 >= {self.wave:.6g} m^2/s^2, least at phases ({phases})\n"
             f"  long waves:     c^2 >= {self.long:.6g} m^2/s^2, least along ({along})\n"
             f"  uniform strain: stiffness >= {self.strain:.6g}"
         )
+
+    __repr__ = __str__
 
 
 def stability(cell: Cell) -> Stability:

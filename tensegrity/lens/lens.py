@@ -92,7 +92,7 @@ class Lens:
         Bad input; a focus inside the array; an arrival that is not monotone in the prestrain; or a
         range of prestrains that cannot give the delays, with one that can.
     LockingError
-        The impact makes the bars of a chain meet.
+        The impact makes the bars of a prism touch.
 
     Examples
     --------

@@ -30,6 +30,7 @@ from typing import Any
 import numpy as np
 
 from tensegrity.errors import ResolutionError, TensegrityError
+from tensegrity.printing import filled
 from tensegrity.typing import Array
 
 TOLERANCE = 1e-9  # error over the largest pressure that the velocity or acceleration permits
@@ -307,13 +308,15 @@ class Focusing:
     def __str__(self) -> str:
         low, high = (part * self.focus for part in AXIS)
         more = 100 * (self.largest / self.peak - 1)
-        return (
+        return filled(
             f"peak at the focus {self.peak:.4g} Pa, {self.gain:.3g} times that of equal chains\n"
             f"alignment: 1 - {1 - self.alignment:.1e} of the sum of the peaks of each end alone\n"
             f"largest on the axis, y = {low:.4g} to {high:.4g} m: {self.largest:.4g} Pa at y = "
             f"{self.place:.4g} m, {more:.2f} % above the focus at y = {self.focus:g} m\n"
             f"transmitted: {100 * self.transmitted:.3g} % of the energy of the impacts"
         )
+
+    __repr__ = __str__
 
 
 def focusing(lens: Any, transmitted: float) -> Focusing:

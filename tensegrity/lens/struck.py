@@ -17,6 +17,7 @@ import numpy as np
 
 from tensegrity.errors import LockingError, TensegrityError
 from tensegrity.measure.observables import passage
+from tensegrity.printing import filled, span
 from tensegrity.prisms.prism import Prism
 from tensegrity.readonly import fixed
 from tensegrity.runs.integrate import simulate
@@ -48,6 +49,9 @@ class Arrivals(NamedTuple):
 
     t: Array
     width: Array
+
+    def __str__(self) -> str:
+        return filled(f"arrivals {span(self.t, 's')}, pulse widths {span(self.width, 's')}")
 
 
 class ArrivalRange(NamedTuple):

@@ -4,8 +4,9 @@ Beyond bond j lie the sites above j with their bonds.  The tension T of the bond
 of these sites, so that the part gains momentum at the rate -T and energy at the rate -T v, where v
 is the velocity of that site.  These rates, integrated over the recorded instants by a spline of
 degree 7, must equal the changes computed from the sites themselves: the balance closes only if the
-run is accurate and recorded densely enough, and if the far end is free.  For bond 0 of a chain
-whose first site is held, it is the balance of the reaction at that end.
+run is accurate and recorded densely enough, and if the far end is free.  Dashpots and further
+forces count where they act: in the bond with its tension, beyond it with their power and their sum.
+For bond 0 of a chain whose first site is held, it is the balance of the reaction at that end.
 """
 
 from __future__ import annotations
@@ -15,11 +16,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from tensegrity import check
+from tensegrity.engine.forced import SITE, AppliedForce, values_on_chain
 from tensegrity.errors import TensegrityError
 from tensegrity.printing import printed
 from tensegrity.runs.run import Run
 from tensegrity.scenes.chain import Chain
-from tensegrity.scenes.dynamics import dynamics
+from tensegrity.scenes.force import applied_forces
 from tensegrity.typing import Array
 
 DEGREE = 7  # of the spline that is integrated
@@ -36,7 +38,8 @@ class Budget:
     energy, momentum : ndarray, (T,)
         Of the sites beyond the bond [J], [kg m/s], from their displacements and velocities.
     work, impulse : ndarray, (T,)
-        Transferred through the bond since the first instant, by quadrature [J], [kg m/s].
+        Transferred through the bond since the first instant, and by dashpots and further forces
+        beyond it, by quadrature [J], [kg m/s].
     energy_error, momentum_error : float
         Largest difference between both evaluations, relative to the energy of the whole chain at
         the first instant and to the largest change of the momentum; absolute if that is 0.
@@ -91,9 +94,9 @@ def budget(run: Run, bond: int) -> Budget:
     if not isinstance(chain, Chain):
         raise TensegrityError(f"the scene of the run is {type(chain).__name__}, not a Chain")
     if chain.tune:
-        raise TensegrityError("the springs change in time: their work passes through no bond")
-    if dynamics(chain).has_forces:
-        raise TensegrityError("forces besides those of the springs act on the chain: no budget")
+        raise TensegrityError(
+            "the work of springs that change in time does not pass through a bond"
+        )
     bond = check.whole("bond", bond, least=0, below=chain.sites - 1)
     if run.sites != tuple(range(chain.sites)):
         raise TensegrityError(f"{len(run.sites)} of {chain.sites} sites recorded: record all")
@@ -107,6 +110,8 @@ def budget(run: Run, bond: int) -> Budget:
     momentum = run.v[:, bond + 1 :] @ chain.mass[bond + 1 :]
     tension = chain.bond_tension(run.u)[:, bond]
     rates = np.stack([-tension * run.v[:, bond + 1], -tension], axis=1)
+    for one in applied_forces(chain, as_forces=True):
+        rates += _beyond(one, run, bond)
     work, impulse = make_interp_spline(run.t, rates, DEGREE).antiderivative()(run.t).T
     gaps = [np.abs(x - x[0] - y).max() for x, y in ((energy, work), (momentum, impulse))]
     change = np.abs(momentum - momentum[0]).max()
@@ -114,3 +119,14 @@ def budget(run: Run, bond: int) -> Budget:
         run.t, energy, momentum, work, impulse,
         float(gaps[0] / (abs(run.energy[0]) or 1.0)), float(gaps[1] / (change or 1.0)),
     )  # fmt: skip
+
+
+def _beyond(one: AppliedForce, run: Run, bond: int) -> Array:
+    """Rates of energy and momentum by a force on what is beyond a bond, (T, 2) [W], [N]."""
+    force, at = values_on_chain(one, run.t, run.u, run.v), one.places
+    if one.law.on == SITE:
+        here = force[:, at > bond]
+        return np.stack([np.sum(here * run.v[:, at[at > bond]], axis=1), here.sum(axis=1)], axis=1)
+    rate, pull = np.diff(run.v, axis=1)[:, at], force[:, at == bond].sum(axis=1)
+    lost = np.sum((force * rate)[:, at > bond], axis=1)
+    return np.stack([-lost - pull * run.v[:, bond + 1], -pull], axis=1)

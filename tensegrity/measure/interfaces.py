@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.measure.pulses import FRACTION, Instant, Pulse, chain_of, check_fraction, check_row
+from tensegrity.printing import filled
 from tensegrity.runs.run import Run
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.scene import State
@@ -38,19 +39,27 @@ def interface(
     near, far : Potential
         Of the bonds between the sites of either chain; the bond that joins both is a near one.
     sites : (int, int), optional
-        How many of the near and of the far chain, 1 at least.
+        Numbers of sites of the near and of the far chain, at least 1.
     mass : (float, float), optional
         Of each site of the near and of the far chain [kg], > 0.
 
     Returns
     -------
     Chain
-        Site `sites[0]` is the first one of the far chain: that is where the interface is.
+        The interface lies at site `sites[0]`, the first one of the far chain.
 
     Raises
     ------
     TensegrityError
         Bad input.
+
+    Examples
+    --------
+    >>> from tensegrity import Prism, interface
+    >>> hard, soft = (Prism(1.0, 0.7, p, 1.0).potential() for p in (0.1, 0.02))
+    >>> chain = interface(hard, soft, sites=(30, 20))
+    >>> print(chain.sites, len(set(chain.springs)))
+    50 2
     """
     check.kind("near", near, Potential)
     check.kind("far", far, Potential)
@@ -97,6 +106,20 @@ class Transmission:
     reflected_energy: float
     transmitted_energy: float
 
+    def __str__(self) -> str:
+        groups = {
+            "incident": (self.incident,),
+            f"reflected, {100 * self.reflected_energy:.6g} % of the energy": self.reflected,
+            f"transmitted, {100 * self.transmitted_energy:.6g} % of the energy": self.transmitted,
+        }
+        lines = [f"interface at site {self.site}"]
+        for name, found in groups.items():
+            lines.append(f"  {name}" + ("" if found else ": no pulse"))
+            lines += [f"    {' '.join(str(pulse).split())}" for pulse in found]
+        return filled("\n".join(lines))
+
+    __repr__ = __str__
+
 
 def transmission(run: Run, row: int = -1, fraction: float = FRACTION) -> Transmission:
     """Reflected and transmitted pulses of a wave at the interface of two chains.
@@ -120,8 +143,8 @@ def transmission(run: Run, row: int = -1, fraction: float = FRACTION) -> Transmi
     Raises
     ------
     TensegrityError
-        Another scene or a chain without an interface; not one incident pulse; the incident one
-        has not met the interface; an end bond was deformed in a recorded row up to this one.
+        Another scene or a chain without an interface; no or several incident pulses; one that has
+        not reached the interface; an end bond that was deformed in a recorded row up to this one.
 
     Examples
     --------

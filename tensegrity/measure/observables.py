@@ -216,7 +216,7 @@ def _of_chain(scene: Chain, run: Run, where: Any, numbers: Any, between: Any) ->
         raise TensegrityError(f"bonds {first} and {second} must differ")
     passed, then = arrival(run, first), arrival(run, second)
     if passed == then:
-        raise TensegrityError(f"peaks pass the bonds {first} and {second} at once, at {then:g} s")
+        raise TensegrityError(f"peaks pass both bonds, {first} and {second}, at {then:g} s")
     return (second - first) / (then - passed)
 
 

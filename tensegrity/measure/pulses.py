@@ -350,7 +350,7 @@ def phase_shift(run: Run, left: SolitaryWave, right: SolitaryWave) -> tuple[floa
         waves, well separated, and nothing else; in its last row they are separated again.
     left, right : SolitaryWave
         The incident waves, that at the lower sites first: head-on, or one overtaking the other.
-        Where they were launched is read from the first row.
+        Their initial positions are read from the first row.
 
     Returns
     -------
@@ -364,7 +364,7 @@ def phase_shift(run: Run, left: SolitaryWave, right: SolitaryWave) -> tuple[floa
     ------
     TensegrityError
         The waves of the first row are not these, or do not meet within the run; no wave of the
-        last row goes the way of one of them with its amplitude, to a fifth.
+        last row has the direction of one of them and its amplitude to within a fifth.
 
     Notes
     -----
@@ -413,7 +413,7 @@ def _same(outgoing: list[Pulse], incident: Pulse) -> Pulse:
     ]  # fmt: skip
     if not alike:
         raise TensegrityError(
-            f"no wave of the last row goes on from the one at {incident.place:g} of amplitude "
+            f"no wave of the last row continues the one at {incident.place:g} of amplitude "
             f"{incident.amplitude:g} m"
         )
     return min(alike, key=lambda pulse: abs(pulse.amplitude - incident.amplitude))

@@ -41,6 +41,15 @@ def first_peak(
     ------
     TensegrityError
         Fewer than 12 rows in that time; a record as for `peaks`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tensegrity import first_peak
+    >>> t = np.linspace(0, 1, 101)
+    >>> force = np.exp(-(((t - 0.303) / 0.05) ** 2)) + 0.5 * np.exp(-(((t - 0.702) / 0.05) ** 2))
+    >>> [round(x, 4) for x in first_peak(t, force, between=(0.5, 1.0))]
+    [0.702, 0.5]
     """
     from scipy.interpolate import make_interp_spline
 
@@ -78,6 +87,15 @@ def largest_peak(
     ------
     TensegrityError
         No row in that time; a record as for `peaks`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tensegrity import largest_peak
+    >>> t = np.linspace(0, 1, 101)
+    >>> force = np.exp(-(((t - 0.303) / 0.05) ** 2)) + 0.5 * np.exp(-(((t - 0.702) / 0.05) ** 2))
+    >>> [round(x, 4) for x in largest_peak(t, force)]
+    [0.303, 1.0]
     """
     t, force = _with_maxima(*_record(t, force))
     inside = _within(t, between)
@@ -173,6 +191,16 @@ def peaks(t: ArrayLike, force: ArrayLike, level: float = LEVEL) -> tuple[Array, 
     TensegrityError
         A level not between 0 and 1; instants that do not increase, forces that are not finite, or
         arrays of different lengths.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tensegrity import peaks
+    >>> t = np.linspace(0, 1, 101)
+    >>> force = np.exp(-(((t - 0.303) / 0.05) ** 2)) + 0.5 * np.exp(-(((t - 0.702) / 0.05) ** 2))
+    >>> instants, heights = peaks(t, force)
+    >>> print(instants.round(4), heights.round(4))
+    [0.303 0.702] [1.  0.5]
     """
     from scipy.signal import find_peaks
 

@@ -64,6 +64,8 @@ class Orbit:
             f"{self.energy:.6g} J\nresidual {self.residual:.1e}{opens}"
         )
 
+    __repr__ = __str__
+
     def run(self, tol: float = 1e-9) -> Run:
         """A run of one period from `state`, with the tolerance of `simulate`."""
         return simulate(self.scene, self.state, self.period, tol=tol)

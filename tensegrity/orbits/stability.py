@@ -1,11 +1,12 @@
-"""Floquet multipliers of exact waves and of periodic orbits: `floquet`.
+"""Floquet multipliers of exact waves, of fronts and of periodic orbits: `floquet`.
 
 A wave r(x - c t) returns to itself when it has run for 1/c and is moved back by one site.  The
 tangent of that map on an open window, whose perturbations are 0 ahead of it and are dropped behind
 it, has two multipliers 1, of the wave's shift and of its change with the speed.  Linear waves are
 slower than the wave and leave the window, so that their multipliers lie inside the unit circle and
 an instability of the wave stands alone.  On a ring, a wave meets its own radiation and is unstable
-by that.  An orbit that is at rest at t = 0 has the tangent M = R P^-1 R P of a period, P that of
+by that.  A front on springs to the ground, which dashpots damp, has one neutral motion, its shift.
+An orbit that is at rest at t = 0 has the tangent M = R P^-1 R P of a period, P that of
 half a period, and R the reversal of velocities.  Source: G. Friesecke, R. Pego, Nonlinearity 17,
 207 (2004), whose exponential weight is here the balancing of the matrix by LAPACK.
 """
@@ -22,7 +23,7 @@ from numpy.typing import NDArray
 from tensegrity import check
 from tensegrity.errors import ResolutionError, TensegrityError
 from tensegrity.orbits.driven_orbit import whole_multipliers
-from tensegrity.orbits.flow import Flow
+from tensegrity.orbits.flow import DrivenFlow, Flow
 from tensegrity.orbits.half_period import HalfPeriod
 from tensegrity.orbits.shooting import Orbit
 from tensegrity.scenes.chain import Chain
@@ -30,6 +31,7 @@ from tensegrity.scenes.dynamics import dynamics
 from tensegrity.typing import Array
 from tensegrity.waves.by_speed import neutral_motions
 from tensegrity.waves.solitary import SolitaryWave
+from tensegrity.waves.transition import TransitionWave
 
 Multipliers: TypeAlias = NDArray[np.complex128]
 
@@ -38,7 +40,7 @@ ORDER, MARGIN = 3, 1.2  # of the pair of 1s, which splits by the root of the err
 CLOSED = 1e-6  # largest distance of the neutral multipliers from 1
 AGREE = 1e-7  # of multipliers in two windows
 STABLE = 1e-6  # of a modulus beyond 1
-TAIL = 1e-12  # of the peak, left outside of the window
+TAIL, FRONT_TAIL = 1e-12, 1e-9  # of the peak or step, left outside of the window
 SHORTER = 0.08  # part of the sites by which the second window is shorter at each end
 LARGEST = 700  # sites of a window
 
@@ -74,28 +76,30 @@ class Floquet:
             f"neutral ones closed to {np.abs(self.neutral - 1).max(initial=0):.1e}"
         )
 
+    __repr__ = __str__
 
-def floquet(of: SolitaryWave | Orbit) -> Floquet:
-    """Stability of an exact wave or of a periodic orbit from its Floquet multipliers.
+
+def floquet(of: SolitaryWave | TransitionWave | Orbit) -> Floquet:
+    """Stability of an exact wave, a front or a periodic orbit from its Floquet multipliers.
 
     Parameters
     ----------
-    of : SolitaryWave or Orbit
-        What `solitary_wave` or `periodic_orbit` returns.
+    of : SolitaryWave, TransitionWave or Orbit
+        What `solitary_wave`, `transition_wave` with a ground, or `periodic_orbit` returns.
 
     Returns
     -------
     Floquet
-        Multipliers per site that a wave passes, or per period of an orbit.  Those of an orbit are
-        of its chain: complex ones off the unit circle that change with the number of sites are due
-        to waves reflected at its ends.
+        Multipliers per site that a wave passes, or per period of an orbit.  Those of an orbit
+        belong to its finite chain: complex ones off the unit circle that change with the number of
+        sites are due to waves reflected at the ends.
 
     Raises
     ------
     TensegrityError
-        Something else than a wave or an orbit, or a wave too wide for a window.
+        Not a wave or an orbit, a front of bonds alone, or a wave that is too wide for a window.
     ResolutionError
-        The neutral multipliers do not come closer to 1 than 1e-6 with the smallest steps, or an
+        The neutral multipliers deviate from 1 by more than 1e-6 with the smallest steps, or an
         unstable multiplier depends on the window.
 
     Examples
@@ -111,20 +115,30 @@ def floquet(of: SolitaryWave | Orbit) -> Floquet:
     """
     if isinstance(of, Orbit):
         return _of_orbit(of)
-    check.kind("of", of, SolitaryWave)
-    half = math.ceil(of.reach(TAIL)) + 2
+    is_front = isinstance(of, TransitionWave)
+    if not is_front:
+        check.kind("of", of, SolitaryWave)
+    elif of.ground is None:
+        raise TensegrityError("stability of a front needs springs to the ground: with bonds alone "
+                              "its ends move")  # fmt: skip
+    half = math.ceil(of.reach(FRONT_TAIL if is_front else TAIL)) + 2
     sites = 2 * half + 1
     if sites > LARGEST:
         raise TensegrityError(
             f"the wave needs a window of {sites} sites, must be at most {LARGEST}: it decays "
             f"slowly, as its speed is only {of.speed_ratio:.9g} of the sound speed"
         )
-    chain = Chain(of.potential, sites, of.mass)
     x: Array = np.arange(-half, half + 1, dtype=np.float64)
-    motions = neutral_motions(of, x).reshape(2, 2 * sites).T
+    if is_front:
+        chain = Chain(of.potential, sites, of.mass, ground=of.ground, damping=of.damping)
+        flow = DrivenFlow(chain, FIRST, 1 / of.speed)
+        _passed(of, flow, x)
+        motions = np.concatenate(flow.rates_at_start(1 / of.speed))[:, None]  # of its shift
+    else:
+        flow = Flow(Chain(of.potential, sites, of.mass), FIRST)
+        motions = neutral_motions(of, x).reshape(2, 2 * sites).T
     place = np.tile(x, 2)  # of the entries of a state
     inner = np.flatnonzero(np.abs(place) <= half - math.floor(SHORTER * sites))
-    flow = Flow(chain, FIRST)
     while True:
         tangent = _passed(of, flow, x)
         rest, neutral = _deflated(tangent, motions, place)
@@ -195,7 +209,7 @@ def half_multipliers(half: HalfPeriod, u: Array, time: float) -> tuple[Multiplie
     return _multipliers(rest.T @ whole @ rest), _descending(np.append(ones, 1 / ones))
 
 
-def _passed(wave: SolitaryWave, flow: Flow, x: Array) -> Array:
+def _passed(wave: SolitaryWave | TransitionWave, flow: Flow | DrivenFlow, x: Array) -> Array:
     """Tangent of the map: run for 1/c, then move back by one site."""
     sites = len(x)
     u, v = wave.displacement(x), -wave.speed * wave.rate(x)

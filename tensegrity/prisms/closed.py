@@ -2,7 +2,7 @@
 
 The forms of `derivations` are evaluated in multiple precision, at the values of a prism taken as
 exact.  With rigid bases and bars the potential and the path are closed forms as well.  Source:
-seeds/000, part III; for the assembly from natural lengths `derivations.polygon`, "From cut
+the talk, part III; for the assembly from natural lengths `derivations.polygon`, "From cut
 lengths".
 """
 
@@ -288,7 +288,7 @@ def _tension_side(prism: Any, potential: Potential, max_height: float) -> Array:
 def _rigid_columns(prism: Any, potential: Potential, r: Array, locked: bool = False) -> Columns:
     """Columns at elongations r; at a locked end the load is 0 and the stiffness infinite."""
     shared = len(rigid_law().parameters)  # without the number of sides
-    (half,) = run(program_of(_half_turn), np, (r, *potential.values[:shared]))
+    (half,) = run(program_of(half_turn), np, (r, *potential.values[:shared]))
     load = np.zeros_like(r) if locked else -potential.tension(r)
     stiff = np.full(r.shape, np.inf) if locked else potential.stiffness(r)
     return {
@@ -301,7 +301,7 @@ def _rigid_columns(prism: Any, potential: Potential, r: Array, locked: bool = Fa
     }
 
 
-def _half_turn() -> tuple[list[Any], tuple[Any, ...]]:
+def half_turn() -> tuple[list[Any], tuple[Any, ...]]:
     """Tangent of half the change of twist, from constant lengths of bars and bases."""
     from derivations import rigid_elastic as form
 
@@ -329,6 +329,14 @@ def member_stiffness(modulus: float, area: float, length: float) -> float:
     ------
     TensegrityError
         If a value, or the result, is not finite and positive.
+
+    Examples
+    --------
+    A steel bar of 0.1623 m:
+
+    >>> from tensegrity import member_stiffness
+    >>> f"{member_stiffness(modulus=210e9, area=36.6e-6, length=0.1623):.6g} N/m"
+    '4.73567e+07 N/m'
     """
     modulus = check.number("modulus", modulus, above=0, unit="Pa")
     area = check.number("area", area, above=0, unit="m^2")
@@ -395,7 +403,7 @@ def assembled(
     (squared,) = squared_height((length, side, sine))
     if not squared > 0:
         raise EquilibriumError(
-            f"these members make no prism: h^2 = {squared:.6g} m^2 must be above 0 (cross strings "
+            f"these members form no prism: h^2 = {squared:.6g} m^2 must be above 0 (cross strings "
             f"of {length:g} m with a base of {side:g} m)"
         )
     return side, math.sqrt(squared), density / (stiffness[0] - density)

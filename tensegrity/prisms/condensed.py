@@ -174,7 +174,7 @@ class ElasticPotential(Potential):
     The domain ends in compression where the bars meet (twist pi), where the prism is flat (height
     0) or where the equilibrium at given height becomes unstable, and in extension where base
     strings and bars unload (twist 2 pi/n).  The tension is finite at these ends, which belong to
-    the domain.  Source: seeds/000, part III, "Elastic problem".
+    the domain.  Source: the talk, part III, "Elastic problem".
     """
 
     _length: float

@@ -12,6 +12,7 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
+from tensegrity.printing import concise
 from tensegrity.prisms.path import EquilibriumPath
 from tensegrity.prisms.stack import symmetric_nodes
 from tensegrity.structures.structure_path import StructurePath
@@ -25,6 +26,9 @@ class BarContact(NamedTuple):
     shortening: float  #: [m]; on paths of `control_path` the control
     load: float  #: [N]; on paths of `control_path` 0
     distance: float  #: between their axes at the reference [m]
+
+    def __str__(self) -> str:
+        return concise(self)
 
 
 def bar_contact(path: EquilibriumPath | StructurePath, diameter: float) -> BarContact | None:

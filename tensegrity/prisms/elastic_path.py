@@ -1,7 +1,7 @@
 """The equilibrium path of a prism with elastic bases or bars, by continuation of `equations`.
 
 Rigid bases leave one unknown less.  Beyond the twist at which base strings unload, the upright
-cross strings alone carry the load, in closed form.  Source: seeds/000, part III, "Numerical
+cross strings alone carry the load, in closed form.  Source: the talk, part III, "Numerical
 approach".
 """
 

@@ -5,7 +5,7 @@ errors of the loads are independent, with one standard deviation.  SciPy minimis
 residuals over the logarithms of the parameters, with the exact derivatives of
 `tensegrity.prisms.curve`.  Standard errors follow from the Jacobian at the solution (Gauss-Newton
 covariance), intervals from the profile likelihood.  Sources:
-seeds/000, part III, "Experimental validation of the constitutive response"; Bates & Watts,
+the talk, part III, "Experimental validation of the constitutive response"; Bates & Watts,
 Nonlinear Regression Analysis and Its Applications, 1988, chapter 6.
 """
 

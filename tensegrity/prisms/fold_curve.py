@@ -1,6 +1,6 @@
 """The limit load of a prism as a function of its prestrain, by continuation of the limit point.
 
-Source: seeds/000, part III, "Effects of element rigidity and internal prestress".
+Source: the talk, part III, "Effects of element rigidity and internal prestress".
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Curves that a testing machine recorded, read from text files.
 
 Columns of numbers below any header, separated by tabs, semicolons, commas or blanks, with decimal
-points or commas; which of them is found from the first line that has numbers in the columns asked
-for.  Nothing in a file is evaluated, and no line is passed over below that one but empty ones and
-comments: what is no number is refused by line and value.
+points or commas.  The first line with numbers in the requested columns decides which of these.
+Nothing in a file is evaluated.  Below that line only empty lines and comments are skipped; anything
+else that is not a number is refused, with its line and value.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def read_curve(
     y: str = "N",
     columns: Sequence[int | str] = (0, 1),
 ) -> MeasuredCurve:
-    """Shortening and load of a file from the laboratory, for `fit` and for plots.
+    """Read shortening and load from a file of measurements, for `fit` and for plots.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def read_curve(
     Returns
     -------
     MeasuredCurve
-        As recorded but for units and signs: neither sorted nor shifted to zero (`fit` has an
+        As recorded, except for units and signs: neither sorted nor shifted to zero (`fit` has an
         `offset`).
 
     Raises

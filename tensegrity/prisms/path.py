@@ -4,7 +4,7 @@ Members have no thickness.  With elastic bases or bars the path is followed by a
 continuation (`elastic_path`); with both rigid it is a closed form (`rigid_path`).  Strings carry
 tension only: cross strings go slack where the bars meet (twist pi), where the path ends; base
 strings go slack where they unload (twist 2 pi/n), beyond which the cross strings stand upright
-and alone carry the load.  Source: seeds/000, part III, "Numerical approach".
+and alone carry the load.  Source: the talk, part III, "Numerical approach".
 """
 
 from __future__ import annotations
@@ -307,7 +307,9 @@ def equilibrium_paths(
     try:
         given = list(prisms)
     except TypeError:
-        raise TensegrityError(f"prisms {check.shown(prisms)} must be several Prism") from None
+        raise TensegrityError(
+            f"prisms {check.shown(prisms)} must be a sequence of Prisms"
+        ) from None
     bounds = [_bounds(x, min_height, max_load, max_height, past_contact) for x in given]
     if executor is not None:
         check.kind("executor", executor, Executor)

@@ -2,7 +2,7 @@
 
 A prism consists of two regular polygons of strings with n sides, joined by n bars and n cross
 strings; n is 3 by default, and members have no thickness.  The reference is the self-stressed
-state at twist pi/2 + pi/n, which is 5 pi/6 for triangles.  Source: seeds/000, part III; the forms
+state at twist pi/2 + pi/n, which is 5 pi/6 for triangles.  Source: the talk, part III; the forms
 for any n are those of `derivations.polygon`.
 """
 
@@ -25,7 +25,9 @@ from tensegrity.springs.potential import Potential
 from tensegrity.structures.structure import Structure
 
 if TYPE_CHECKING:
+    from tensegrity.lattices.bloch import PeriodicBonds
     from tensegrity.lattices.lattice import Lattice
+    from tensegrity.scenes.network import Network
 
 DRAWN = 0.95  # fraction of the compressive domain that a notebook's picture shows
 STIFF = 100.0  # spring constant over k_cross by which rigid members are drawn
@@ -37,6 +39,9 @@ class NaturalLengths(NamedTuple):
     cross: float
     base: float
     bar: float
+
+    def __str__(self) -> str:
+        return f"cross {self.cross:.6g} m, base {self.base:.6g} m, bar {self.bar:.6g} m"
 
 
 @dataclass(frozen=True)
@@ -185,46 +190,69 @@ class Prism:
         periodic: bool = False,
     ) -> Structure | Lattice: ...  # fmt: skip
 
+    @overload
+    def column(
+        self, count: int | None = None, chirality: str = "alternate", *,
+        plates: tuple[float, float], periodic: Literal[False] = False,
+    ) -> Network: ...  # fmt: skip
+
+    @overload
+    def column(
+        self, count: int | None = None, chirality: str = "alternate", *,
+        plates: tuple[float, float], periodic: Literal[True],
+    ) -> PeriodicBonds: ...  # fmt: skip
+
     def column(
         self,
         count: int | None = None,
         chirality: str = "alternate",
-        plates: bool = False,
+        plates: bool | tuple[float, float] = False,
         periodic: bool = False,
-    ) -> Structure | Lattice:
+    ) -> Structure | Lattice | Network | PeriodicBonds:
         """A column of prisms equal to this one, one above the other along the z axis.
 
         Parameters
         ----------
         count : int, optional
-            Number of units; 5 by default, in a periodic column the fewest that repeat: two, of
-            the same hand 4/gcd(4, sides + 2).
+            Number of units; by default 5, or in a periodic column the smallest number after which
+            units repeat: 2 if they alternate, 4/gcd(4, sides + 2) if all have the same handedness,
+            1 between heavy plates.
         chirality : {"alternate", "same"}, optional
             Whether neighbouring units twist in opposite senses or in the same one.
-        plates : bool, optional
+        plates : bool or (float, float), optional
             If true, a rigid smooth plate, guided along the column, lies between neighbouring units,
             each of which has its own polygon on it.  If false (the default), neighbours have one
-            polygon in common, whose strings are twice as stiff.
+            polygon in common, whose strings are twice as stiff.  Two numbers are the mass [kg] and
+            the radius of gyration [m] of heavy plates, which a unit turns as it is compressed: the
+            nodes of both neighbours slide without mass along spokes of the plate.
         periodic : bool, optional
-            If true, the units are the cell of an endless column.
+            If true, the units form the cell of an infinite column.
 
         Returns
         -------
-        Structure or Lattice
+        Structure or Lattice, or Network or PeriodicBonds between heavy plates
             In equilibrium without load.  Nodes are numbered polygon by polygon from below; members
             are the bars unit by unit, then the cross strings unit by unit, then the base strings
-            polygon by polygon.
+            polygon by polygon.  Plates have two coordinates, u[:, 0] along the axis and u[:, 1],
+            their rotation times the radius of gyration [m].
 
         Raises
         ------
         TensegrityError
-            If bases or bars are rigid, or another argument is outside its bounds.
+            If bases or bars are rigid, between heavy plates the bars, or another argument is
+            outside its bounds.
 
         Notes
         -----
         The chain of condensed prisms, `Chain(prism.potential(), ...)`, is the limit of long waves
-        of an alternating column, 1 % off at 41 units a wave; of columns of one hand it is none,
-        for there axial and torsional waves are coupled.
+        of an alternating column, with an error of 1 % at 41 units per wavelength.  It is not that
+        of a column of one handedness, in which axial and torsional waves are coupled.  With heavy
+        plates, of the mass of the nodes and their circumradius as radius of gyration, long waves
+        are exact for either handedness.
+        `simulate`, `gradient` and `modes` take the network, with drives and held plates as other
+        arguments of `Network(column.positions, column.bonds, column.springs[0], mass=...)`;
+        `bands` takes the periodic column.  Its springs are smooth: strings carry compression, and
+        members pass through each other.
 
         Examples
         --------
@@ -234,6 +262,8 @@ class Prism:
         Structure(9 nodes in 3 dimensions, 6 bars, 15 strings, 0 of them slack)
         >>> prism.column(periodic=True)
         Lattice(6 nodes, 1 vector in 3 dimensions, 6 bars, 12 strings)
+        >>> prism.column(count=2, plates=(3.0, 0.5))
+        Network(3 sites in 2 dimensions, 2 bonds, 0 walls with 0 contacts)
         """
         from tensegrity.prisms.stack import stacked
 
@@ -323,7 +353,7 @@ class Prism:
         """Axial stiffness K_h0 of the whole prism at the reference state [N/m], >= 0.
 
         It vanishes with the prestrain, where the reference becomes a sonic vacuum.  The closed
-        form contains the compliances of the members, which are zero for rigid ones (seeds/000,
+        form contains the compliances of the members, which are zero for rigid ones (the talk,
         part III, "Axial stiffness").
         """
         (stiffness,) = exact("axial stiffness", self)

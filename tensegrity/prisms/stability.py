@@ -3,7 +3,7 @@
 The symmetric equilibria of `tensegrity.prisms.path` are equilibria of `Prism.structure` as well.
 The tangent stiffness of that structure decides on their stability against motions that base, twist
 and height do not describe.  The axial load is dead and equal on the upper nodes.  The lower nodes
-lie on a smooth plate; `SUPPORTS` lists the supports of the upper ones.  Source: seeds/000, part
+lie on a smooth plate; `SUPPORTS` lists the supports of the upper ones.  Source: the talk, part
 III.
 """
 

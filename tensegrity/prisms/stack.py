@@ -1,6 +1,6 @@
 """Nodes and members of a column of prisms, for `column` and `Prism.structure`.
 
-Members have no thickness.  Source: seeds/000, part III, chains of prisms.
+Members have no thickness.  Source: the talk, part III, chains of prisms.
 """
 
 from __future__ import annotations
@@ -13,7 +13,10 @@ from numpy.typing import ArrayLike
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
+from tensegrity.lattices.bloch import PeriodicBonds
 from tensegrity.lattices.lattice import Lattice
+from tensegrity.prisms.plates import plate_column
+from tensegrity.scenes.network import Network
 from tensegrity.structures.structure import Structure
 from tensegrity.typing import Array
 
@@ -21,8 +24,8 @@ PER_SIDE = 1400  # bytes of memory per side of each prism of a column
 
 
 def stacked(
-    prism: Any, count: int | None, chirality: str, plates: bool, periodic: bool
-) -> Structure | Lattice:
+    prism: Any, count: int | None, chirality: str, plates: Any, periodic: bool
+) -> Structure | Lattice | Network | PeriodicBonds:
     """The structure or lattice of a column; `Prism.column` documents the arguments.
 
     Parameters
@@ -31,11 +34,12 @@ def stacked(
         With finite `k_base` and `k_bar`.
     count : int or None
     chirality : {"alternate", "same"}
-    plates, periodic : bool
+    plates : bool or (float, float)
+    periodic : bool
 
     Returns
     -------
-    Structure or Lattice
+    Structure, Lattice, Network or PeriodicBonds
 
     Raises
     ------
@@ -43,8 +47,13 @@ def stacked(
         If an argument is outside its bounds, the column exceeds the memory, members are rigid, or
         the units do not repeat.
     """
-    plates, periodic = check.truth("plates", plates), check.truth("periodic", periodic)
+    periodic, heavy = check.truth("periodic", periodic), isinstance(plates, (tuple, list))
+    plates = (
+        check.sequence("plates", plates, "2 numbers") if heavy else check.truth("plates", plates)
+    )
     count = _checked(prism, count, chirality, plates, periodic)
+    if heavy:
+        return plate_column(prism, count, chirality, plates, periodic)
     n, rest = prism.sides, prism.natural_lengths()
     nodes, bars, cross, angle = _levels(prism, count, chirality, plates)
     shared = np.full(len(nodes), 1.0 if plates else 2.0)
@@ -73,20 +82,21 @@ def stacked(
     return Lattice(np.concatenate(nodes), vectors, pushing, pulling, **members)
 
 
-def _checked(prism: Any, count: int | None, chirality: str, plates: bool, periodic: bool) -> int:
+def _checked(prism: Any, count: int | None, chirality: str, plates: Any, periodic: bool) -> int:
     """The number of units, after all arguments are checked."""
+    heavy = not isinstance(plates, bool)
     if not isinstance(chirality, str) or chirality not in ("alternate", "same"):
         raise TensegrityError(f"chirality {check.shown(chirality)} must be 'alternate' or 'same'")
-    repeat = 2 if chirality == "alternate" else 4 // math.gcd(4, prism.sides + 2)
+    repeat = 2 if chirality == "alternate" else 1 if heavy else 4 // math.gcd(4, prism.sides + 2)
     count = check.whole("count", (repeat if periodic else 5) if count is None else count, least=1)
     check.room(f"a column of {count} prisms", PER_SIDE * prism.sides * count)
-    if math.isinf(prism.k_base) or math.isinf(prism.k_bar):
+    if not heavy and (math.isinf(prism.k_base) or math.isinf(prism.k_bar)):
         raise TensegrityError(
             f"k_base {prism.k_base:g} N/m and k_bar {prism.k_bar:g} N/m must be finite: rigid "
             "bases or bars have no structure"
         )
-    if periodic and plates:
-        raise TensegrityError("a periodic column has no plates")
+    if periodic and plates and not heavy:
+        raise TensegrityError("a periodic column has no plates without mass")
     if periodic and count % repeat:
         raise TensegrityError(
             f"count {count} must be a multiple of {repeat}, after which the units repeat"
@@ -95,7 +105,7 @@ def _checked(prism: Any, count: int | None, chirality: str, plates: bool, period
 
 
 def _levels(
-    prism: Any, count: int, chirality: str, plates: bool
+    prism: Any, count: int, chirality: str, plates: Any
 ) -> tuple[list[Array], list[tuple[int, int]], list[tuple[int, int]], float]:
     """Polygons from below, bars and cross strings unit by unit, and the angle of the last polygon
     to the first [rad]."""

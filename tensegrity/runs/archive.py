@@ -23,6 +23,7 @@ from tensegrity.engine import methods
 from tensegrity.errors import TensegrityError
 from tensegrity.prisms.closed import rigid_law
 from tensegrity.prisms.condensed import ElasticPotential
+from tensegrity.prisms.plates import PlateSpring
 from tensegrity.prisms.prism import Prism
 from tensegrity.readonly import Repeated
 from tensegrity.runs.record import Record
@@ -429,6 +430,7 @@ register(Prism, _fields)
 register(PowerLaw, _power_law)
 register(Potential, _rigid, _make_rigid)
 register(ElasticPotential, _elastic)
+register(PlateSpring, lambda x: {"prism": x.prism})
 register(Polynomial, _polynomial, polynomial_of_coefficients)
 register(StringSpring, _member)
 register(BarSpring, _member)

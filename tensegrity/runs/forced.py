@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,8 +14,9 @@ from tensegrity.engine.forced import largest_decay
 from tensegrity.engine.methods import Nystrom, Splitting
 from tensegrity.errors import LockingError, StabilityError, TensegrityError
 from tensegrity.runs.motion import Motion, MotionState
-from tensegrity.scenes.force import on_site
+from tensegrity.scenes.force import applied_forces
 from tensegrity.scenes.forcing import check_start, forcing_of
+from tensegrity.scenes.on_site import on_site
 from tensegrity.springs.tuned import Tuned
 from tensegrity.typing import Array
 
@@ -28,12 +30,13 @@ class ForcedMotion(Motion):
 
     def __init__(self, problem: Any, dt: float, allowed: float, start: Any = None) -> None:
         scene, method = problem.scene, problem.method
-        if problem.dynamics.has_forces and not getattr(method, "rates", ()):
+        as_forces = bool(getattr(method, "rates", ())) and not scene.tune
+        if problem.dynamics.has_forces and not as_forces:
             raise TensegrityError(
                 f"method {method.name!r} has no rows for velocities, which scenes with forces of "
                 "their own need, such as rk4 and rk8"
             )
-        if not problem.dynamics.has_forces and not isinstance(method, Splitting):
+        if not as_forces and not isinstance(method, Splitting):
             raise TensegrityError(
                 f"method {method.name!r} is no splitting of kicks and drifts, which driven, damped "
                 "and tuned scenes need, such as verlet and rkn6"
@@ -45,7 +48,10 @@ class ForcedMotion(Motion):
             if key not in known:
                 known[key] = Tuned(problem.dynamics.springs.different[0], scene.tune, key)
             self.tuning = known[key]
-        self.forcing = forcing_of(scene, problem.t_end, self.tuning)
+        listed = problem.dynamics.listed(
+            problem.state.u if start is None else start.output[0][: problem.dynamics.sites]
+        )
+        self.forcing = forcing_of(listed.scene, problem.t_end, self.tuning, as_forces)
         self.problem: Any = problem
         self._damped_out: StabilityError | None = None
         self._limit_damping(problem, dt)
@@ -92,6 +98,13 @@ class ForcedMotion(Motion):
 
     def _bind(self, listed: Any) -> Any:
         u, v = listed.arrays(self.problem.state)
+        if listed.loop_bonds is not self.forcing.bonds and self.tuning is None:
+            self.forcing = replace(
+                self.forcing,
+                bonds=listed.loop_bonds,
+                bond=np.zeros(len(listed.scene.springs)),
+                applied=applied_forces(listed.scene, bool(self.forcing.applied)),
+            )
         return driven.bind(self.forcing, u, v, self.problem.method, self.dt)
 
     def release(self) -> None:
@@ -125,7 +138,7 @@ class ForcedMotion(Motion):
             self._locked = locked
             return False
         for one in wanted:
-            if len(one.at) and not one.raw:
+            if len(one.at) and not one.raw and one.places is None:
                 sums = np.zeros((len(one.at), 2)) if one.sums is None else one.sums
                 self._add_prescribed(one.at * self.dt, one.u, one.v, sums)
         sites, t = self._sites, np.array([end * self.dt])

@@ -77,8 +77,8 @@ def simulate(
     t_end : float
         Duration [s], >= 0.
     method : str or Method, optional
-        Name of a method, `tensegrity.engine.methods.METHODS`, or a `Splitting` or `Nystrom` of
-        `tensegrity.engine.methods` with rows of your own.  By default "rkn6"; "verlet" where `dt`
+        Name of a method in `tensegrity.METHODS`, or a `Splitting` or `Nystrom` with other
+        coefficients.  By default "rkn6"; "verlet" where `dt`
         is given; otherwise "corrected6" where contacts of exponents from 1 to 3 can be lost, or a
         force has a kink of such an exponent, unless `tol` is 1e-3 or looser.
     dt : float, optional
@@ -280,7 +280,9 @@ class CheckpointData(NamedTuple):
         check.whole("done", self.done, least=0, below=self.steps + 1)
         check.whole("count", self.count, least=0)
         shape = dyn.arrays(self.state)[0].shape
-        count, springs = (4, len(dyn.springs)) if dyn.is_driven else (2, None)
+        count, springs = 4 if dyn.is_driven else 2, None
+        if dyn.is_driven and not dyn.follows:
+            springs = len(dyn.springs)
         if len(check.sequence("seen", self.seen, "arrays")) != count:
             raise TensegrityError(f"seen has {len(self.seen)} arrays, must have {count}")
         for x in (self.u, self.v, *self.seen[:2]):

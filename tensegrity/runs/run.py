@@ -116,8 +116,8 @@ class Run:
         Work done on the scene since the start by drives and by the change of its springs [J],
         where the scene is driven, damped or tuned.
     loss : ndarray, (T,), or None
-        Energy dissipated by dashpots since the start [J], where there is `work`.  Energy - work
-        + loss is constant.
+        Energy dissipated by dashpots and other forces since the start [J], where there is `work`.
+        Energy - work + loss is constant.
     stopped : str or None
         Which observer ended the run, and when.
 
@@ -244,10 +244,10 @@ class Run:
         return self
 
     def momentum(self) -> Array:
-        """Momentum of all sites, and of what walls have taken since the start [N s], (T[, dim]).
+        """Momentum of all sites plus the impulse that walls have received since the start [N s],
+        (T[, dim]).
 
-        Constant where no other force acts from outside: a held site takes an impulse that is not
-        recorded.  Of a batch take that of one of its runs.
+        It is constant if no other external force acts; the impulse on held sites is not recorded.
 
         Raises
         ------
@@ -330,9 +330,34 @@ class Run:
         Raises
         ------
         TensegrityError
-            What is no axes; a run in which not all sites were recorded.
+            `ax` is not a Matplotlib axes; a run in which not all sites were recorded.
         """
         return energy_density(self, ax)
+
+    def show(self) -> Any:
+        """Play the run in a notebook, drawn as prisms, beads or members.
+
+        Returns
+        -------
+        object
+            A notebook displays it as a page with a slider over at most 300 instants; dragging turns
+            a body in space.
+
+        Raises
+        ------
+        TensegrityError
+            Sites or instants that were not recorded; the runs of an ensemble.
+
+        Examples
+        --------
+        >>> from tensegrity import Chain, Prism, Record, simulate
+        >>> chain = Chain(Prism(1.0, 0.7, 0.01, 1.0).potential(), sites=20)
+        >>> simulate(chain, chain.at_rest({0: 0.09}), 10.0, record=Record(interval=1.0)).show()
+        11 instants of a run, shown in a notebook
+        """
+        from tensegrity.runs.viewer import shown
+
+        return shown(self)
 
     def __str__(self) -> str:
         estimate = "" if self.error_estimate is None else f", estimated {self.error_estimate:.1e}"

@@ -364,8 +364,8 @@ def converged(problem, first, error, tol):
         smallest = min(smallest, gaps[-1][1])
         if stagnant == (STAGNANT if estimator.order >= 2 else STAGNANT_BELOW_2):
             raise TensegrityError(
-                f"tol {tol:g} is below {max(smallest, tol):.1e}: up to {trials[-1].steps} steps do "
-                "not make smaller the difference of two runs, which is round-off"
+                f"tol {tol:g} is below {max(smallest, tol):.1e}: with up to {trials[-1].steps} "
+                "steps the difference of two runs is round-off and does not decrease"
             )
         factor = estimator.factor(gaps)
         factor = min(factor, 2.0) if stagnant else factor

@@ -1,4 +1,4 @@
-"""Forces of one's own: SymPy expressions of time, displacement and velocity, on sites, in bonds, or
+"""User-defined forces: SymPy expressions of time, displacement and velocity, on sites, in bonds, or
 at walls.
 
 A `Force` adds to the springs of a scene: drag, friction, gravity, dashpots, contacts that
@@ -7,7 +7,9 @@ dissipate.  It is compiled with the force laws, and its work is part of the ener
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +21,7 @@ from tensegrity.engine.law import Law
 from tensegrity.errors import TensegrityError
 from tensegrity.printing import concise
 from tensegrity.readonly import FixedDict, fixed
-from tensegrity.springs.potential import Potential, range_error
+from tensegrity.springs.potential import Potential
 
 if TYPE_CHECKING:
     import sympy as sp
@@ -108,6 +110,35 @@ class Force:
                 raise TensegrityError(f"places {check.shown(at)} of a force must differ, and exist")
             object.__setattr__(self, "at", tuple(at))
         self._probe()
+
+    def placed(self, at: Sequence[int], parameters: Mapping[str, ArrayLike]) -> Force:
+        """The same force on other places, with values of each; unchecked."""
+        found = copy(self)
+        values = {name: fixed(np.asarray(x, dtype=float)) for name, x in parameters.items()}
+        for name, value in (("at", tuple(at)), ("parameters", FixedDict(values))):
+            object.__setattr__(found, name, value)
+        return found
+
+    def refuse_open(self, skin: float) -> None:
+        """Refuse what cannot act in all contacts of a list that changes: values of each contact,
+        and a force in contacts that are open, by up to a skin [m]."""
+        if self.on == "sites" or self.at is not None:
+            return
+        for name, values in self.parameters.items():
+            if values.ndim:
+                raise TensegrityError(
+                    f"parameter {name} of a force on {self.on} has a value for each, but contacts "
+                    "come and go: give `at`, or one value"
+                )
+        p = [float(x) for x in self.parameters.values()]
+        for t, share, rate in itertools.product((0.0, 0.7), (1e-6, 0.1, 1.0), (-0.1, 0.1)):
+            force = np.array(self.law.function()(t, [share * skin, rate, abs(rate)], p))
+            if force.any():
+                raise TensegrityError(
+                    f"force {self.expression} on all {self.on} of a scene whose contacts come and "
+                    f"go must be 0 where they are open: it is {np.abs(force).max():.3g} N at a gap "
+                    f"of {share * skin:.3g} m"
+                )
 
     @property
     def stores(self) -> bool:
@@ -289,10 +320,10 @@ class Force:
         if given != needed or (scene.dim > 1 and self.on == "sites") > self._along_axes:
             raise TensegrityError(
                 f"{given} expressions of a force on {self.on} of a scene with {scene.dim} "
-                f"coordinates a site: give {needed}"
+                f"coordinates per site: give {needed}"
             )
         count = counts[self.on]
-        places: Indices = np.arange(count) if self.at is None else np.array(self.at)
+        places: Indices = np.arange(count) if self.at is None else np.array(self.at, dtype=int)
         if places.max(initial=-1) >= count:
             raise TensegrityError(
                 f"a force acts on number {places.max()} of the {self.on}, there are {count}"
@@ -306,74 +337,6 @@ class Force:
         rows = [np.broadcast_to(x, places.shape) for x in self.parameters.values()]
         first = counts["bonds"] if self.on == "walls" else 0
         return AppliedForce(self.law, first + places, np.reshape(rows, (len(rows), len(places))))
-
-
-def on_site_springs(ground: Any, sites: int) -> list[Force]:
-    """Springs between the sites of a chain and the ground, as forces.
-
-    Parameters
-    ----------
-    ground : Potential, sequence of Potential, or None
-        One for all sites, or one for each.
-    sites : int
-
-    Returns
-    -------
-    list of Force
-        One for each law and domain.
-
-    Raises
-    ------
-    TensegrityError
-        Something else, or another number of springs.
-    """
-    if ground is None or isinstance(ground, Potential):
-        return [] if ground is None else [Force(ground)]
-    springs = check.sequence("ground", ground, "potentials")
-    if len(springs) != sites:
-        raise TensegrityError(f"{len(springs)} springs to the ground for {sites} sites")
-    groups: dict[Any, list[int]] = {}
-    for site, one in enumerate(springs):
-        check.kind(f"spring to the ground of site {site}", one, Potential)
-        groups.setdefault((one.law, one.domain), []).append(site)
-    return [
-        Force(springs[at[0]], at=at, parameters={
-            name: [springs[site].parameters[name] for site in at]
-            for name in springs[at[0]].parameters
-        })
-        for at in groups.values()
-    ]  # fmt: skip
-
-
-def on_site(scene: Any, order: int, u: Array) -> Array:
-    """Energies [J] of the springs to the ground, or their derivatives of a given order in u.
-
-    Parameters
-    ----------
-    scene : Scene
-    order : int
-    u : ndarray, (..., *shape of the scene)
-        Displacements [m].
-
-    Returns
-    -------
-    ndarray, shape of u
-
-    Raises
-    ------
-    LockingError
-        A displacement outside the domain of its spring.
-    """
-    found = np.zeros(u.shape)
-    for one in scene._forces:
-        if one.stores:
-            applied, (low, high) = one._applied(scene), one.expression.domain
-            at = u[..., applied.places]
-            if ((at <= low) | (at >= high)).any():
-                outside = at[(at <= low) | (at >= high)]
-                raise range_error(one.expression, float(outside.flat[0]))
-            found[..., applied.places] += applied.stored(order, u)
-    return found
 
 
 def place_counts(scene: Any) -> dict[str, int]:
@@ -438,3 +401,12 @@ def no_force(scene: Any) -> Force:
 
     along = [0 * sp.Symbol("v") for _ in AXES[: scene.dim]]
     return Force(along if scene.dim > 1 else along[0])
+
+
+def applied_forces(scene: Any, as_forces: bool = False) -> tuple[Any, ...]:
+    """The forces of a scene that has any, its dashpots among them; if these shall be forces, at
+    least one force."""
+    if not (scene._forces or as_forces):
+        return ()
+    found = [*scene._forces, *dashpots(scene)]
+    return tuple(one._applied(scene) for one in found or [no_force(scene)])

@@ -20,14 +20,8 @@ from tensegrity.errors import TensegrityError
 from tensegrity.printing import concise, printed
 from tensegrity.readonly import FixedDict, fixed
 from tensegrity.scenes.dynamics import dynamics
-from tensegrity.scenes.force import checked_forces, dashpots, no_force, place_counts
-from tensegrity.scenes.signals import (
-    RTOL,
-    check_signals,
-    expression_of,
-    in_columns,
-    signals_of,
-)
+from tensegrity.scenes.force import applied_forces, checked_forces, place_counts
+from tensegrity.scenes.signals import RTOL, check_signals, expression_of, in_columns, signals_of
 from tensegrity.springs.potential import argument
 from tensegrity.springs.tuned import spring_at
 
@@ -102,7 +96,7 @@ class Drive:
     def __post_init__(self) -> None:
         given = [name for name in ("displacement", "force") if getattr(self, name) is not None]
         if len(given) != 1:
-            raise TensegrityError(f"a drive has {len(given)} of displacement and force, must be 1")
+            raise TensegrityError(f"a drive needs one of displacement and force, not {len(given)}")
         if not isinstance(self.parameters, Mapping):
             raise TensegrityError(f"parameters {check.shown(self.parameters)} must be a dict")
         values = {
@@ -247,8 +241,11 @@ def checked_forcing(
         damping.each("ground", scene.sites)
         if not (damping.bond.any() or damping.ground.any()):
             damping = None
-    found = {"drive": FixedDict(drive), "damping": damping}
-    found["_forces"] = checked_forces(scene, forces)
+    found = {
+        "drive": FixedDict(drive),
+        "damping": damping,
+        "_forces": checked_forces(scene, forces),
+    }
     found["tune"] = _checked_tune(scene, {} if tune is None else tune)
     if found["tune"] and found["_forces"]:
         raise TensegrityError("tune and forces exclude each other")
@@ -434,12 +431,3 @@ def forcing_of(scene: Any, t_end: float, tuning: Any = None, as_forces: bool = F
         tuning,
         applied,
     )
-
-
-def applied_forces(scene: Any, as_forces: bool = False) -> tuple[Any, ...]:
-    """The forces of a scene that has any, its dashpots among them; if these shall be forces, at
-    least one force."""
-    if not (scene._forces or as_forces):
-        return ()
-    found = [*scene._forces, *dashpots(scene)]
-    return tuple(one._applied(scene) for one in found or [no_force(scene)])

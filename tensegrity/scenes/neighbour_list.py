@@ -162,6 +162,7 @@ def contacts_with(scene, pairs, walls):
     return {
         "bonds": bonds, "wall_contacts": fixed(contacts), "springs": springs, "_ends": ends,
         "_lengths": fixed(lengths), "lengths": fixed(lengths[: len(bonds)]), "_gaps": fixed(gaps),
+        **scene._forces_between(bonds, contacts),
     }  # fmt: skip
 
 

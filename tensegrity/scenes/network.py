@@ -4,13 +4,13 @@ Model: bonds, and contacts with plane walls, whose force acts along the line of 
 on their elongation only; constant loads.  The list of contacts is either fixed, and for sites with
 a radius the run verifies that no other contact forms (`tensegrity.scenes.clearance`), or it is
 updated as contacts form and open (`tensegrity.scenes.neighbour_list`).
-Source: seeds/001, eqs. (1)-(6).
+Source: the paper, eqs. (1)-(6).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -30,6 +30,7 @@ from tensegrity.scenes.network_input import (
     numbers,
     per_site,
     plane_walls,
+    refuse_beside_plates,
     refuse_too_many,
     site_number,
     springs_of,
@@ -41,7 +42,7 @@ from tensegrity.scenes.walls import Wall
 from tensegrity.springs.potential import Potential
 
 if TYPE_CHECKING:
-    from typing import Self
+    from typing import Any, Self
 
     from matplotlib.axes import Axes
     from numpy.typing import ArrayLike
@@ -92,11 +93,13 @@ class Network(Scene):
     drive : dict of int to Drive, optional
         {site: Drive}: prescribed motions, and forces that depend on time.
     damping : Damping, optional
-        Dashpots in the bonds and to the ground.
+        Dashpots in the bonds and to the ground; in the bonds with "fixed" contacts only.
     tune : dict of str to sympy.Expr, or callable t -> Potential, optional
         Change of the spring with time, as in `Chain`; excludes contacts with walls.
     forces : sequence of Force, optional
-        Forces of time, displacement and velocity on sites, in bonds, or at walls.
+        Forces of time, displacement and velocity on sites, in bonds, or at walls; on all bonds or
+        walls of a network that follows its contacts they act in those that form, too, and must be 0
+        where these are open.
 
     Raises
     ------
@@ -177,10 +180,21 @@ class Network(Scene):
         _ = of.loop_bonds  # refuses springs that the compiled loop cannot take
         of.refuse_unlisted(np.zeros(self.shape))
         self._set_forcing(drive, damping, tune, forces)
-        if of.is_driven and of.follows:
-            raise TensegrityError(
-                "a driven or damped network, or one with further forces, has 'fixed' contacts only"
-            )
+        refuse_beside_plates(of)
+        if of.follows:
+            self._refuse_changing()
+
+    def _refuse_changing(self) -> None:
+        """Refuse forcing that depends on which open contacts are listed."""
+        if self.tune or (self.damping and self.damping.bond.any()):
+            what = "springs that change in time" if self.tune else "dashpots in bonds"
+            raise TensegrityError(f"{what} act in open contacts too: contacts must be 'fixed'")
+        for force in self._forces:
+            force.refuse_open(dynamics(self).clearance.skin)
+
+    def _forces_between(self, bonds: Array, wall_contacts: Array) -> dict[str, Any]:
+        """Attributes with the forces of this network when it has these contacts."""
+        return {}
 
     def _dynamics(self) -> NetworkDynamics:
         return NetworkDynamics(self)
@@ -306,13 +320,13 @@ class Network(Scene):
         Returns
         -------
         matplotlib.axes.Axes
-            The width of a line is the force; the title says how much the widest line carries.
+            The width of a line is proportional to the force; the title states the largest one.
             Forces count as those of `bond_tension`, from the state at rest of preloaded springs.
 
         Raises
         ------
         TensegrityError
-            What is no axes or no displacements of this network.
+            `ax` is not a Matplotlib axes, or `u` not of this network's shape.
         """
         at = self.at_rest().u if u is None else check.vector("displacement", u, self.shape)
         picture = Picture(self, ax)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity import check
-from tensegrity.engine import forces
+from tensegrity.engine import forces, geometry
 from tensegrity.engine.bonds import Bonds, Contacts
 from tensegrity.engine.energies import Energies
 from tensegrity.readonly import Repeated, fixed
@@ -40,10 +40,15 @@ class NetworkDynamics(Dynamics):
     def __init__(self, scene: Any) -> None:
         super().__init__(scene)
         self.wall_count = len(scene.walls)
-        self.spring_lengths, self.turns = scene._lengths, scene.dim > 1
+        self.spring_lengths = scene._lengths
         self.law = scene._law
         self.follows = self.law is not None
         self._lists: tuple[Any, ...] = ()
+
+    @cached_property
+    def turns(self) -> bool:  # type: ignore[override]
+        """Whether bonds can rotate."""
+        return self.dim > 1 and not geometry.own(self.springs.table[0])
 
     @cached_property
     def contact_bonds(self) -> Bonds:
@@ -212,6 +217,16 @@ class NetworkDynamics(Dynamics):
         found, pairs = np.full(len(self.springs), -np.inf), len(self.scene.bonds)
         np.maximum.at(found, self.springs.group[:pairs], -self.scene.lengths)
         return fixed(found)
+
+    def stiffness_bounds(self, ranges: Array, numbers: Indices | None = None) -> Array:
+        """Bound on the stiffness of the bonds of each distinct spring; see `Dynamics`.  That of a
+        law with a geometry of its own does not follow from the elongation alone."""
+        if not geometry.own(self.springs.table[0]):
+            return super().stiffness_bounds(ranges, numbers)
+        (spring,) = self.springs.different
+        contacts: Any = self.contact_bonds.contacts
+        apart = contacts.geometry[:-2, 0]
+        return np.array([spring.largest_stiffness(apart, float(ranges[0, 1]))])
 
     def bond_frequency_bound(self, stiffness: Array) -> float:
         """Bound on the largest angular frequency [rad/s], given the contacts' stiffnesses [N/m].

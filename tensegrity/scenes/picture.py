@@ -1,6 +1,7 @@
 """A network drawn: sites at their places, walls, and forces as lines whose width is the force.
 
-In space it is seen along the second axis, so that the first and the last one span the picture.
+In space it is seen along the second axis, so that the first and the last one span the picture, or
+from a direction of choice, the farthest sites first.
 """
 
 from __future__ import annotations
@@ -60,18 +61,27 @@ class Picture:
     factor : float, optional
         By which displacements are magnified.
     order : ndarray of int, (sites,), optional
-        In which sites are drawn, one over the other.
+        In which sites are drawn, one over the other; from a direction of choice by distance.
+    view : tuple of float, (2,), optional
+        Azimuth and elevation [degrees] from which a scene in space is seen.
     **style
         Of the disks of sites: colour map and norm where they show values.
     """
 
     def __init__(
-        self, scene: Any, ax: Axes | None, factor: float = 1.0, order: Any = None, **style: Any
+        self,
+        scene: Any,
+        ax: Axes | None,
+        factor: float = 1.0,
+        order: Any = None,
+        view: tuple[float, float] | None = None,
+        **style: Any,
     ) -> None:
         from matplotlib.collections import EllipseCollection, LineCollection
 
         self.ax: Axes = plotting.axes(ax)
-        self._factor, places, self._bonds = factor, _seen(scene.positions), scene.bonds
+        self._axes, towards = _axes(scene.dim, view)
+        self._factor, places, self._bonds = factor, self._seen(scene.positions), scene.bonds
         self.crowded = scene.radius is None and len(scene.bonds) > CROWDED
         if scene.radius is not None:
             radius = np.asarray(scene.radius)
@@ -81,8 +91,12 @@ class Picture:
         self._radius = radius[:, None]
         low, high = (places - self._radius).min(axis=0), (places + self._radius).max(axis=0)
         self._unit, unit = plotting.metres((high - low).max())
-        for wall in scene.walls:
-            line = _edge(wall, low, high)
+        if view is not None:
+            order = np.argsort(scene.positions @ towards)
+            for line in self._seen(_box(scene.positions, radius)):
+                self.ax.plot(*self._unit * line.T, "0.6", lw=0.8, zorder=1)
+        for wall in scene.walls if view is None else ():
+            line = edge(wall, low, high)
             if line is not None:
                 self.ax.plot(*self._unit * line.T, "0.3", lw=1.2, zorder=1)
         if scene.radius is None and not self.crowded:
@@ -106,11 +120,17 @@ class Picture:
         inches = self.ax.get_position().width * self.ax.figure.get_figwidth()
         points = 72 * inches / np.ptp(self.ax.get_xlim())
         self._widest = min(plotting.WIDEST, float(points * size.min()) / 2)
-        if scene.dim > 1:
+        if view is not None:
+            self.ax.set_axis_off()
+        elif scene.dim > 1:
             self.ax.set_ylabel(f"{'y' if scene.dim == 2 else 'z'} [{unit}]")
         else:
             self.ax.set_yticks([])
         self.ax.grid(False)
+
+    def _seen(self, x: Array) -> Array:
+        """The two coordinates of places (..., dim) that are seen."""
+        return x @ self._axes.T
 
     def _frame(self, low: Array, high: Array) -> None:
         """Show what is between two corners [m]."""
@@ -120,14 +140,17 @@ class Picture:
 
     def make_room(self, u: Array) -> None:
         """Let all displacements (T, sites, dim) [m] be seen, as far as half the picture goes."""
-        moved, most = self._places + self._factor * _seen(u), (self._high - self._low).max() / 2
+        moved, most = (
+            self._places + self._factor * self._seen(u),
+            (self._high - self._low).max() / 2,
+        )
         lowest, highest = (moved - self._radius).min((0, 1)), (moved + self._radius).max((0, 1))
         low = np.clip(lowest, self._low - most, self._low)
         self._frame(low, np.clip(highest, self._high, self._high + most))
 
     def show(self, u: Array, values: Array | None = None) -> None:
         """Displacements (sites, dim) [m] and a value of each site."""
-        moved = self._unit * (self._places + self._factor * _seen(u))
+        moved = self._unit * (self._places + self._factor * self._seen(u))
         self.sites.set_offsets(moved[self._order])
         if values is not None:
             self.sites.set_array(np.asarray(values)[self._order])
@@ -148,7 +171,7 @@ class Picture:
 
     def arrows(self, vectors: Array) -> None:
         """An arrow at each site, (sites, dim), the longest a tenth of the picture."""
-        seen, size = _seen(vectors), np.linalg.norm(vectors, axis=-1).max() or 1.0
+        seen, size = self._seen(vectors), np.linalg.norm(vectors, axis=-1).max() or 1.0
         longest = 0.1 * np.diff([self.ax.get_xlim(), self.ax.get_ylim()], axis=1).max()
         places = self._unit * self._places
         for axis in ("x", "y"):
@@ -182,29 +205,58 @@ class Picture:
         """
         size = np.abs(tension)
         order = np.argsort(size)[np.count_nonzero(size == 0) :]
-        lines = self._unit * _seen(ends)
+        lines = self._unit * self._seen(ends)
         self._lines.set_segments(list(lines[order]))
         self._lines.set(linewidths=plotting.widths(size[order], widest, self._widest))
         self._lines.set_color(["C3" if f < 0 else "C0" for f in tension[order]])
 
 
-def _seen(x: Array) -> Array:
-    """The two coordinates of places (..., dim) that are seen; of a line 0 is the second."""
-    if x.shape[-1] == 1:
-        return np.concatenate([x, np.zeros_like(x)], axis=-1)
-    return x[..., [0, -1]]
+def _axes(dim: int, view: tuple[float, float] | None) -> tuple[Array, Array]:
+    """Axes of the picture in those of the scene, (2, dim), and the direction to who looks (dim,).
+
+    Without a view these are the first and the last axis; of a line 0 is the second coordinate.
+    """
+    if view is None:
+        axes = np.zeros((2, dim))
+        axes[0, 0] = 1.0
+        axes[1, -1] = float(dim > 1)
+        return axes, np.zeros(dim)
+    a, e = np.radians(view)
+    right = np.array([-np.sin(a), np.cos(a), 0.0])
+    towards = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
+    return np.array([right, np.cross(towards, right)]), towards
 
 
-def _edge(wall: Wall, low: Array, high: Array) -> Array | None:
-    """The line on which a wall is seen, (2, 2), as long as it is or the box is; None where the
-    picture shows its face."""
-    middle, normal = _seen(wall.point[None])[0], _seen(wall.normal[None])[0]
+def _box(positions: Array, radius: Array) -> Array:
+    """The twelve edges of the box about all sites, (12, 2, 3)."""
+    low, high = (positions - radius[:, None]).min(axis=0), (positions + radius[:, None]).max(axis=0)
+    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
+    ends = [(i, i | bit) for bit in (1, 2, 4) for i in range(8) if not i & bit]
+    return (low + corners * (high - low))[np.array(ends)]
+
+
+def edge(wall: Wall, low: Array, high: Array) -> Array | None:
+    """The line on which a wall is seen.
+
+    Parameters
+    ----------
+    wall : Wall
+    low, high : ndarray, (2,)
+        Corners of the picture [m].
+
+    Returns
+    -------
+    ndarray, (2, 2), or None
+        As long as the wall or the picture; None where its face is seen.
+    """
+    axes = _axes(len(wall.point), None)[0]
+    middle, normal = axes @ wall.point, axes @ wall.normal
     size = float(np.linalg.norm(normal))
     if size < 0.5:
         return None
     along = np.array([-normal[1], normal[0]]) / size
     if wall.extent is not None and len(wall.extent):
-        half = np.abs(_seen(wall.extent) @ along).max()
+        half = np.abs(wall.extent @ axes.T @ along).max()
         return middle + np.outer([-half, half], along)
     corners = np.array([(x, z) for x in (low[0], high[0]) for z in (low[1], high[1])])
     places = (corners - middle) @ along

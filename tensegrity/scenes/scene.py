@@ -16,8 +16,8 @@ from tensegrity.errors import TensegrityError
 from tensegrity.printing import concise, printed
 from tensegrity.readonly import FixedDict
 from tensegrity.scenes.dynamics import HasDynamics, dynamics
-from tensegrity.scenes.force import on_site
 from tensegrity.scenes.forcing import checked_forcing
+from tensegrity.scenes.on_site import on_site
 from tensegrity.typing import Motion
 
 if TYPE_CHECKING:
@@ -53,6 +53,13 @@ class State:
     TensegrityError
         Values that are not real numbers (complex numbers, Booleans, text) or not finite, or
         shapes that differ.
+
+    Examples
+    --------
+    >>> from tensegrity import State
+    >>> state = State(u=[0, 0, 0], v=[0.1, 0, 0])
+    >>> print(state.u, state.v)
+    [0. 0. 0.] [0.1 0.  0. ]
     """
 
     u: Array
@@ -200,7 +207,7 @@ class Scene(HasDynamics):
         u, r, along = self._elongated(u)
         of = dynamics(self)
         tension, stiffness = (of.springs.evaluate(x, r) for x in ("tension", "stiffness"))
-        found = forces.tangent(of.contact_bonds, r, along, tension, stiffness)
+        found = forces.tangent(of.contact_bonds, r, along, tension, stiffness, u)
         free = np.ones(u.shape, dtype=bool)
         free[list(self.held)] = False
         ground = on_site(self, 2, u) * free

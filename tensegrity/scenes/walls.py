@@ -47,6 +47,16 @@ class Wall(ReadOnly):
     TensegrityError
         Shapes that do not agree, a normal or an extent of length 0, or directions that are not
         perpendicular.
+
+    Examples
+    --------
+    A floor, and its distance from a point above it:
+
+    >>> import numpy as np
+    >>> from tensegrity import Wall
+    >>> floor = Wall(point=(0, 0), normal=(0, 1))
+    >>> float(floor.distance(np.array([1.0, 0.25])))
+    0.25
     """
 
     point: Array

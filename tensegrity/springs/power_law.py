@@ -1,6 +1,6 @@
 """Contacts without tension, whose compressive force is a power of the overlap.
 
-Source: seeds/000, part II, "Hertz interaction potentials"; the energy is that of
+Source: the talk, part II, "Hertz interaction potentials"; the energy is that of
 `derivations.contact`, measured from the equilibrium under the preload: V(0) = V'(0) = 0.
 """
 

@@ -1,4 +1,4 @@
-"""The softest modes of a structure: how stiff and how fast they are, and what moves."""
+"""The softest modes of a structure: stiffness, frequency and shape."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ SHOWN = 0.15  # of the size of the structure: the largest displacement in a pict
 
 
 @dataclass(frozen=True)
-class Modes:
-    """The softest modes of a structure, rigid motions out.
+class StructureModes:
+    """The softest modes of a structure, without rigid motions.
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ class Modes:
         return len(self.frequencies)
 
     def __str__(self) -> str:
-        lines = [f"modes 1 to {len(self)} of {self.total}, rigid motions out"]
+        lines = [f"modes 1 to {len(self)} of {self.total}, without rigid motions"]
         rows = zip(self.frequencies, self.eigenvalues, self.shapes, strict=True)
         for number, (frequency, stiffness, shape) in enumerate(rows, 1):
             node = int(np.argmax(np.sum(shape**2, axis=-1)))
@@ -76,7 +76,7 @@ class Modes:
         Raises
         ------
         TensegrityError
-            What is no axes, or no mode.
+            `ax` is not a Matplotlib axes, or there is no such mode.
         """
         number = check.whole("number", number, least=0, below=len(self))
         of = self.structure

@@ -112,7 +112,7 @@ class SelfStress:
             raise EquilibriumError(
                 f"none of the {count} states of self-stress has bars <= 0 <= strings: at best a "
                 f"member carries {answer.x[-1] if answer.x is not None else float('-inf'):.3g} of "
-                "the mean force density the wrong way"
+                "the mean force density with the wrong sign"
             )
         return np.asarray(answer.x[:-1] @ self.states)
 

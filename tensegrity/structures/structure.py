@@ -1,7 +1,7 @@
 """A structure of bars and strings: description, prestress, stiffness and modes.
 
 Masses are lumped at the nodes; members are massless and straight, and their tension is
-proportional to their elongation.  Source: seeds/000, part III, "Elastic problem", for members;
+proportional to their elongation.  Source: the talk, part III, "Elastic problem", for members;
 Pellegrino & Calladine 1986 for self-stress and mechanisms.
 """
 
@@ -27,7 +27,7 @@ from tensegrity.structures.members import (
     refuse_duplicates,
     rigid_plates,
 )
-from tensegrity.structures.modes import Modes
+from tensegrity.structures.modes import StructureModes
 from tensegrity.structures.supports import Freedom, Supports
 from tensegrity.typing import Array
 
@@ -189,7 +189,7 @@ class Structure(Framework):
         slack strings contribute nothing, strings at their natural length count as taut."""
         return self.members.tangent(self.positions)
 
-    def modes(self, count: int = 6, supports: Supports | None = None) -> Modes:
+    def modes(self, count: int = 6, supports: Supports | None = None) -> StructureModes:
         """The softest modes that the supports permit, without rigid motions.
 
         Parameters
@@ -201,7 +201,7 @@ class Structure(Framework):
 
         Returns
         -------
-        Modes
+        StructureModes
         """
         count = check.whole("count", count, least=1)
         freedom = self.freedom(supports)
@@ -215,7 +215,7 @@ class Structure(Framework):
         largest = np.sqrt(np.sum(shapes**2, axis=2)).max(axis=1)
         frequencies = np.sign(squares) * np.sqrt(np.abs(squares))
         total = freedom.motions.shape[1] - freedom.rigid.shape[1]
-        return Modes(values, frequencies, shapes / largest[:, None, None], self, total)
+        return StructureModes(values, frequencies, shapes / largest[:, None, None], self, total)
 
     def is_stable(self, supports: Supports | None = None) -> bool:
         """Whether the tangent stiffness is positive definite over the motions that the supports
@@ -296,7 +296,7 @@ class Structure(Framework):
         Raises
         ------
         TensegrityError
-            What is no axes, or not of the dimension of the structure.
+            `ax` is not a Matplotlib axes, or not of the dimension of the structure.
         """
         drawn: Axes = plotting.axes(ax, in_space=self.dim == 3)
         members = self.ends, self.is_string, self.slack, self.tensions

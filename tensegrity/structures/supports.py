@@ -166,7 +166,7 @@ def held(nodes: Sequence[int], axes: Sequence[int] | None = None) -> Supports:
     Raises
     ------
     TensegrityError
-        If a node or an axis is no whole number, is negative or is given twice.
+        If a node or an axis is not a whole number, is negative or is given twice.
 
     Examples
     --------

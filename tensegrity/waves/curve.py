@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 from tensegrity import check
 from tensegrity.branches.table import Table
 from tensegrity.errors import TensegrityError
+from tensegrity.printing import printed
 from tensegrity.root import root
 from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array, Flags
@@ -70,6 +71,9 @@ class FamilyCurve:
     width: Array
     residual: Array
     waves: tuple[SolitaryWave, ...] = field(repr=False)
+
+    __str__ = printed(amplitude="m", speed="sites/s", energy="J", momentum="kg m/s", width="sites")
+    __repr__ = __str__
 
     def __len__(self) -> int:
         return len(self.waves)

@@ -1,4 +1,4 @@
-"""Fronts between two states of a lattice, solved by Fourier series beside a smooth step.
+"""Fronts between two states of a lattice, solved by Fourier series in addition to a smooth step.
 
 A front moves towards higher sites, x in sites from its centre.  It is a step in closed form and a
 periodic remainder w that is 0 at both ends of -L .. L.  With d f = f(x + 1/2) - f(x - 1/2), tension

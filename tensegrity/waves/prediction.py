@@ -339,6 +339,7 @@ def _predicted(side: Family, mass: float) -> PredictedFamily:
         ends, top = "front", part.ceiling
         why.append("2V/r^2 has a maximum, at which the waves become plateaus of unbounded width")
         if side.ends_in_plateau:
+            why[-1] += f", between fronts from 0 to {last:.9g} m (`transition_wave`)"
             rate = decay_rate((side.rest + top) / side.top_stiffness - 1)
         else:
             why.append(_describe_degenerate_front(side))

@@ -2,7 +2,7 @@
 
 A wave is computed to round-off from its speed, its peak elongation or its energy.  The equation
 and its solution are in `travelling`.  Sources:
-G. Friesecke, J. Wattis, Commun. Math. Phys. 161, 391 (1994) (existence); seeds/000, part III.
+G. Friesecke, J. Wattis, Commun. Math. Phys. 161, 391 (1994) (existence); the talk, part III.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from tensegrity.waves.travelling import NoWaveError, Series
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-LEAST_LEVEL = 1e-8  # of the peak, at which a width is asked for
+LEAST_LEVEL = 1e-8  # of the peak, at which a width is computed
 PLOTTED = 1e-3  # of the peak, where a picture ends
 
 
@@ -201,7 +201,7 @@ class TravellingWave:
         Raises
         ------
         TensegrityError
-            What is no axes.
+            `ax` is not a Matplotlib axes.
         """
         drawn: Axes = plotting.axes(ax)
         near = np.abs(self.x) <= self.reach(PLOTTED)
@@ -272,7 +272,7 @@ class SolitaryWave(TravellingWave):
         )
 
     def reach(self, tail: float = 1e-12) -> float:
-        """Distance from the peak, in sites, beyond which less than `tail` times it is left."""
+        """Distance from the peak [sites] beyond which the wave is below `tail` times the peak."""
         tail = check.number("tail", tail, above=0, below=1)
         left = np.maximum(*(np.abs(half) / np.abs(half).max() for half in self._halves)) >= tail
         return float(self.x[len(self.x) // 2 + np.flatnonzero(left)[-1]])
@@ -375,34 +375,6 @@ def solitary_wave(
             raise
         solution = multidomain_wave(side, name, value)
     return _wave(side, mass, sound, *solution)
-
-
-def approximate_wave(side: Family, mass: float, size: float) -> SolitaryWave:
-    """A wave of a family on the first grid, several times faster than `solitary_wave`.
-
-    Parameters
-    ----------
-    side : Family
-        The family of one potential and sign, which can serve for many waves.
-    mass : float
-        Of each site [kg], > 0.
-    size : float
-        Magnitude of the peak elongation [m], > 0.
-
-    Returns
-    -------
-    SolitaryWave
-        Accurate to about 1e-4 of its peak; `residual` is that of this approximation.
-
-    Raises
-    ------
-    TensegrityError
-        No such wave exists, or no grid resolves it.
-    """
-    mass = check.number("mass", mass, above=0, unit="kg")
-    profile = side.wave(check.number("size", size, above=0, unit="m"))
-    sound = side.potential.sound_speed(mass)
-    return _wave(side, mass, sound, *_characteristics(profile, profile.residual()))
 
 
 def _characteristics(profile, residual):

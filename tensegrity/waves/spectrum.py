@@ -91,7 +91,7 @@ class Modes:
         Raises
         ------
         TensegrityError
-            What is no axes, or no mode.
+            `ax` is not a Matplotlib axes, or there is no such mode.
         """
         number = check.whole("number", number, least=0, below=len(self))
         words = f"mode {number + 1} of {self.total}: {self.frequencies[number]:.6g} rad/s"
@@ -248,7 +248,7 @@ def dispersion(
     count = max(len(stiffness), len(m), len(held))
     if {len(stiffness), len(m), len(held)} - {1, count}:
         more = "" if ground is None else f", {len(held)} springs to the ground"
-        raise TensegrityError(f"{len(stiffness)} springs{more} and {len(m)} masses make no cell")
+        raise TensegrityError(f"{len(stiffness)} springs{more} and {len(m)} masses form no cell")
     q = check.floats("wavenumbers", wavenumbers)
     if q.ndim != 1:
         raise TensegrityError(f"wavenumbers have shape {q.shape}, must be (wavenumbers,)")

@@ -71,6 +71,7 @@ class TransitionWave(TravellingWave):
     behind: float
     released: float
     ground: Potential | None = field(repr=False)
+    damping: Damping = field(repr=False)
 
     @cached_property
     def _on_x(self):
@@ -417,5 +418,5 @@ def _wave(front, given):
         energy=line.integral(energy - between),
         momentum=mass * line.integral(v - velocity * step(line.x)),
         residual=max(front.defect(), lost), _shape=shape, ahead=front.ahead, behind=front.end,
-        released=released, ground=front.ground,
+        released=released, ground=front.ground, damping=Damping(front.bond, front.site),
     )  # fmt: skip

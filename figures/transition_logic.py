@@ -1,0 +1,125 @@
+"""Two rows of bistable discs that meet in one compute AND or OR, by the torque on one disc.
+
+The discs of `transition_switch` stand in two input rows, whose last discs are joined to a junction
+from which an output row starts.  With the torque of all others the junction needs both fronts to
+switch; with a larger one either will do.  It passes an OR on without switching the other input
+back, since its springs to the inputs are softer than those of the rows (logic by fronts in media
+that branch: J. Raney et al., PNAS 113, 9722 (2016)).
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from figures import transition_switch as row
+from tensegrity import Damping, Network, Potential, Record, State, simulate
+
+NAME = "transition_logic"
+GROUP = "waves"
+
+DISCS = 8  # of each row
+SOFTER = 0.6  # of the junction's springs to the inputs, over those of the rows
+GATES = {"AND": row.TORQUE, "OR": 12e-3}  # torques of the junction [N m]
+INPUTS = "", "A", "B", "AB"
+SHOWN = {"a": ("AND", "A"), "b": ("AND", "AB"), "c": ("OR", "A")}
+TORQUES = (3e-3, 6e-3, 9e-3, 10e-3, 10.5e-3, 11e-3, 11.5e-3, 12e-3, 12.5e-3)
+END, INSTANTS, SKIP = 450.0, 226, 3
+FAR = 1000.0  # m: position of the ground, so that elongations to it are twists
+JUNCTION = 2 * DISCS
+PARTS = {"A": range(DISCS), "B": range(DISCS, 2 * DISCS),
+         "output": range(2 * DISCS + 1, 3 * DISCS + 1)}  # fmt: skip
+
+
+def gate(torque):
+    """The network of both inputs, the junction with a torque, the output, and the ground."""
+    a, b, out = PARTS.values()
+    ground = out[-1] + 1
+    joints = [(a[-1], JUNCTION), (b[-1], JUNCTION)]
+    bonds = [pair for part in (a, b, (JUNCTION, *out)) for pair in pairwise(part)]
+    r_spring, unit = row.spring(), row.unit(row.TORQUE)
+    (r,) = r_spring.law.energy.free_symbols
+    softer = Potential(SOFTER * r_spring.law.energy, r)
+    places = np.concatenate([[*range(DISCS)] * 2, DISCS + np.arange(DISCS + 1), [-FAR]])
+    units = [unit.varied({"M": torque}) if n == JUNCTION else unit for n in range(ground)]
+    springs = [r_spring] * len(bonds) + [softer] * len(joints) + units
+    grounded = [(ground, n) for n in range(ground)]
+    return Network(
+        places[:, None], [*bonds, *joints, *grounded], springs, held=[ground],
+        damping=Damping(ground=row.DASHPOT),
+    )  # fmt: skip
+
+
+def run(torque, inputs):
+    """The run after blows on the first discs of some inputs."""
+    network = gate(torque)
+    u, v = np.zeros((2, *network.shape))
+    u[:-1] = row.wells(row.unit(row.TORQUE))[0]
+    for name in inputs:
+        v[PARTS[name][0]] = row.BLOW
+    record = Record(times=np.linspace(0, END, INSTANTS))
+    return simulate(network, State(u, v), END, tol=1e-5, record=record)
+
+
+def switched(twist):
+    """How many discs of each part are in the lower well, by twists (discs,)."""
+    return {name: int(np.sum(twist[list(part)] > 0)) for name, part in PARTS.items()}
+
+
+def data():
+    """Twists of three runs, what each gate gives, and what one input gives by torque."""
+    tables, found = {}, []
+    for name, torque in GATES.items():
+        for inputs in INPUTS:
+            one = run(torque, inputs)
+            found.append({"gate": name, "inputs": inputs} | switched(one.u[-1, :, 0]))
+            if (name, inputs) in SHOWN.values():
+                tables[f"{name} of {inputs}"] = {"t": one.t[::SKIP]} | {
+                    f"twist {n}": one.u[::SKIP, n, 0] for n in range(3 * DISCS + 1)
+                }
+    tables["gates"] = {key: np.array([one[key] for one in found]) for key in found[0]}
+    tables["by torque"] = {"torque": np.array(TORQUES)} | {
+        f"of {inputs}": np.array([switched(run(m, inputs).u[-1, :, 0])["output"] for m in TORQUES])
+        for inputs in ("A", "AB")
+    }
+    return tables
+
+
+def draw(figure, tables):
+    """Three runs, and the output by the torque of the junction."""
+    figure.set_size_inches(11, 8.4)
+    panels = dict(zip("abcd", figure.subplots(2, 2).ravel(), strict=True))
+    for letter, (name, inputs) in SHOWN.items():
+        ax, found = panels[letter], tables[f"{name} of {inputs}"]
+        twists = np.array([found[f"twist {n}"] for n in range(3 * DISCS + 1)])
+        shown = ax.imshow(
+            twists, cmap="coolwarm", vmin=-0.5, vmax=0.5, aspect="auto",
+            extent=(found["t"][0], found["t"][-1], 3 * DISCS + 0.5, -0.5),
+        )  # fmt: skip
+        for edge in (DISCS, JUNCTION, JUNCTION + 1):
+            ax.axhline(edge - 0.5, color="k", lw=1)
+        middles = [np.mean(part) for part in PARTS.values()]
+        ax.set_yticks([*middles, JUNCTION], ["input A", "input B", "output", "junction"])
+        ax.grid(visible=False)
+        ax.set(xlabel="time [s]", ylabel="discs")
+        struck = " and ".join(inputs) + (" is struck" if len(inputs) == 1 else " are struck")
+        ax.set_title(
+            f"({letter}) junction {1e3 * GATES[name]:g} mN m ({name}): {struck}", fontsize=10
+        )
+    figure.colorbar(shown, ax=[panels["b"]]).set_label("twist [rad]")
+    ax, found = panels["d"], tables["by torque"]
+    for inputs, words, marker in (("AB", "both are struck", "s"), ("A", "one is struck", "o")):
+        ax.plot(1e3 * found["torque"], found[f"of {inputs}"], marker=marker, ms=6, label=words)
+    for name, torque in GATES.items():
+        ax.axvline(1e3 * torque, color="0.6", lw=1, ls="--")
+        ax.annotate(name, (1e3 * torque, DISCS / 2), (4, 0), textcoords="offset points", fontsize=9)
+    ax.set(xlabel="torque of the junction [mN m]", ylabel="discs of the output switched")
+    ax.set_title("(d) A larger torque makes an OR of an AND", fontsize=10)
+    ax.legend(loc="center")
+
+
+def table(tables):
+    """Discs that are switched in the end."""
+    return [dict(zip(tables["gates"], (x.item() for x in each), strict=True))
+            for each in zip(*tables["gates"].values(), strict=True)]  # fmt: skip

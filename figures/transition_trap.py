@@ -1,0 +1,235 @@
+"""Bonds with two wells hold back a blow: the wall feels no more than the torque that switches one.
+
+Twenty squares with strings of both hands join 21 discs, the last of which is held; the first is
+struck.  In one well the blow runs through the chain to the wall.  With two, the bonds near the blow
+switch to their upper wells and keep part of its energy there, and the blow pushes the wall with at
+most the torque that ends a well, as long as there are bonds to switch; what is thrown back later
+pulls with more (S. Shan et al., Adv. Mater. 27, 4296 (2015), for compression).  The prestrain, the
+same of all bonds, is optimised over its range, and that of four groups of bonds by gradients of the
+peak.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+
+from figures.transition_units import natural
+from tensegrity import Chain, Record, State, catalogue, gradient, simulate
+from tensegrity import objective as o
+
+NAME = "transition_trap"
+GROUP = "waves"
+
+BONDS, BLOW, TORQUE = 20, 0.2, 3e-3  # discs of 1 kg m^2; rad/s of the first; N m on each bond
+END, DT = 400.0, 0.1  # s
+ONE_WELL = np.linspace(0.1, 0.24, 8)  # prestrains
+TWO_WELLS = np.linspace(0.255, 0.315, 13)
+GROUPS, STEPS, FIRST, LEAST = 4, 12, 4e-3, 1e-4  # of equal bonds; of the descent, in prestrain
+START, RANGE = 0.285, (0.2525, 0.32)
+SPLITS = 0.25  # prestrain
+
+
+@cache
+def bond(prestrain):
+    """The spring between two discs, by their relative twist."""
+    rest = natural(prestrain)
+    return unit().varied({"N": rest, "N_2": rest, "M": TORQUE})
+
+
+@cache
+def unit():
+    return catalogue.twin_strings(sides=4)
+
+
+@cache
+def well(prestrain, side=1):
+    """The lower (side = 1) or the upper well [rad], and how it changes with the prestrain."""
+    from scipy.optimize import brentq
+
+    one = bond(prestrain)
+    twists = side * np.linspace(0.0 if side > 0 else 0.02, 0.78, 2001)
+    outward = np.flatnonzero(side * one.tension(twists[1:]) >= 0)
+    inward = np.flatnonzero(side * one.tension(twists[:-1]) < 0)
+    k = outward[outward >= inward[0]][0]
+    place = brentq(lambda x: float(one.tension(x)), *sorted(twists[k : k + 2]), xtol=1e-15)
+    h = 1e-6
+    rest = natural(prestrain)
+    ends = (one.varied({"N": rest + s, "N_2": rest + s}) for s in (h, -h))
+    slope = np.subtract(*(float(end.tension(place)) for end in ends)) / (2 * h)
+    return place, -slope / float(one.stiffness(place)) * by_prestrain(prestrain)
+
+
+def by_prestrain(prestrain):
+    """Derivative of the natural length [m]."""
+    return -natural(prestrain) / (1 + prestrain)
+
+
+def fold(prestrain):
+    """Torque at which the lower well ends [N m]."""
+    return -float(bond(prestrain).tension(np.linspace(0.0, well(prestrain)[0], 4001)).min())
+
+
+def struck(prestrains):
+    """The chain of bonds with these prestrains, and its state after the blow."""
+    places = np.array([well(p)[0] for p in prestrains])
+    u = np.append(-np.cumsum(places[::-1])[::-1], 0.0)
+    v = np.zeros(BONDS + 1)
+    v[0] = BLOW
+    return Chain([bond(p) for p in prestrains], BONDS + 1, ends=("free", "fixed")), State(u, v)
+
+
+def run(prestrains):
+    """Times, torque on the wall, and elongations [s], [N m], [rad]."""
+    chain, state = struck(prestrains)
+    one = simulate(chain, state, END, dt=DT, record=Record(times=np.linspace(0, END, 2001)))
+    twist = np.diff(one.u)
+    return one.t, -chain.springs[-1].tension(twist[:, -1]), twist
+
+
+def stored(prestrain, twist):
+    """Least number of bonds in the upper well over the last quarter, and the part of the blow's
+    energy in them."""
+    try:
+        upper = well(prestrain, -1)[0]
+    except IndexError:
+        return 0, 0.0
+    least = int(np.sum(twist[3 * len(twist) // 4 :] < 0, axis=1).min())
+    one = bond(prestrain)
+    lifted = float(one.energy(upper) - one.energy(well(prestrain)[0]))
+    return least, least * lifted / (BLOW**2 / 2)
+
+
+def peak(groups):
+    """Largest torque on the wall [N m], and its derivatives by the prestrains of groups of bonds,
+    as many in each."""
+    prestrains = np.repeat(groups, BONDS // len(groups))
+    chain, state = struck(prestrains)
+    wall = o.peak(o.load(bond=BONDS - 1))
+    found = gradient(wall, chain, state, END, dt=DT, wanted=("N", "N_2"))
+    slopes = (found.by("N") + found.by("N_2")) * [by_prestrain(p) for p in prestrains]
+    moved = -np.cumsum(found.u)[:-1]  # by the well of each bond, which moves the discs before it
+    slopes += moved * [well(p)[1] for p in prestrains]
+    return found.value, slopes.reshape(len(groups), -1).sum(axis=1)
+
+
+def descended():
+    """Peaks [N m] along a descent by gradients, and the prestrains of the groups at its end."""
+    x, reach = np.full(GROUPS, START), FIRST
+    (height, slopes), way = peak(x), []
+    for _ in range(STEPS):
+        way.append(height)
+        trial = np.clip(x - reach * slopes / np.abs(slopes).max(), *RANGE)
+        there = peak(trial)
+        if there[0] < height:
+            x, (height, slopes), reach = trial, there, 1.5 * reach
+        else:
+            reach /= 3
+        if reach < LEAST:
+            break
+    return np.array([*way, height]), x
+
+
+def uniform():
+    """The prestrain, the same of all bonds, of the lowest peak: a scan, and a search beside its
+    best."""
+    from scipy.optimize import minimize_scalar
+
+    def height(p):
+        return float(run([p] * BONDS)[1].max())
+
+    heights = [height(p) for p in TWO_WELLS]
+    k = int(np.argmin(heights))
+    near = TWO_WELLS[max(k - 1, 0)], TWO_WELLS[k + 1]
+    options = {"xatol": 1e-4, "maxiter": 8}
+    found = minimize_scalar(height, bounds=near, method="bounded", options=options)
+    return (found.x, found.fun) if found.fun < heights[k] else (TWO_WELLS[k], heights[k])
+
+
+def data():
+    """Peaks and energies by prestrain, what both optimisations find, and three histories."""
+    tables = {}
+    for name, prestrains in (("one well", ONE_WELL), ("two wells", TWO_WELLS)):
+        rows = {"prestrain": prestrains, "peak": [], "bonds": [], "stored": [], "fold": []}
+        for p in prestrains:
+            _, torque, twist = run([p] * BONDS)
+            found = torque.max(), *stored(p, twist), fold(p)
+            for key, value in zip(("peak", "bonds", "stored", "fold"), found, strict=True):
+                rows[key].append(value)
+        tables[name] = {key: np.array(value) for key, value in rows.items()}
+    best, way = uniform()[0], descended()
+    lowest = ONE_WELL[np.argmin(tables["one well"]["peak"])]
+    tables["descent"] = {"peak": way[0]}
+    tables["groups"] = {"prestrain": way[1]}
+    tables["best"] = {"one well": np.array([lowest]), "two wells": np.array([best])}
+    chains = {"best of one well": [lowest] * BONDS, "best of two wells": [best] * BONDS,
+              "groups by gradients": np.repeat(way[1], BONDS // GROUPS)}  # fmt: skip
+    for name, prestrains in chains.items():
+        t, torque, _ = run(prestrains)
+        tables[name] = {
+            "t": t[::2],
+            "torque": torque[::2],
+            "peak": np.full(len(t[::2]), torque.max()),
+        }
+    return tables
+
+
+def draw(figure, tables):
+    """Peaks and stored energy by prestrain above, histories and the descent below."""
+    figure.set_size_inches(11, 8)
+    panels = figure.subplots(2, 2)
+    ax = panels[0, 0]
+    for name, color in (("one well", "C1"), ("two wells", "C0")):
+        found = tables[name]
+        ax.plot(found["prestrain"], 1e3 * found["peak"], color, marker="o", ms=4, label=name)
+    two = tables["two wells"]
+    ax.plot(two["prestrain"], 1e3 * two["fold"], "k--", lw=1, label="torque that ends the well")
+    ax.axvline(SPLITS, color="0.6", lw=1)
+    ax.set(xlabel="prestrain of all bonds", ylabel="peak push on the wall [mN m]", ylim=(0, None))
+    ax.set_title("(a) Two wells: the wall is pushed no more than ends a well", fontsize=10)
+    ax.legend(fontsize=9)
+    ax = panels[0, 1]
+    ax.bar(two["prestrain"], 100 * two["stored"], width=0.003, color="C0")
+    for p, share, bonds in zip(two["prestrain"], two["stored"], two["bonds"], strict=True):
+        if bonds:
+            ax.annotate(f"{bonds:g}", (p, 100 * share), (0, 3), textcoords="offset points",
+                        ha="center", fontsize=9)  # fmt: skip
+    ax.set(xlabel="prestrain of all bonds", ylabel="energy of the blow kept [%]")
+    ax.set(xlim=panels[0, 0].get_xlim(), ylim=(0, None))
+    ax.set_title("(b) Kept in upper wells, and how many bonds stay there", fontsize=10)
+    ax, names = panels[1, 0], ("best of one well", "best of two wells", "groups by gradients")
+    for name, color in zip(names, ("C1", "C0", "C2"), strict=True):
+        found = tables[name]
+        ax.plot(found["t"], 1e3 * found["torque"], color, lw=1,
+                label=f"{name}: {1e3 * found['peak'][0]:.2f} mN m")  # fmt: skip
+    ax.set(xlabel="time [s]", ylabel="torque on the wall [mN m]")
+    ax.set_title("(c) What the wall feels: pushed > 0, later pulled", fontsize=10)
+    ax.legend(fontsize=9, loc="upper right")
+    ax, way = panels[1, 1], tables["descent"]["peak"]
+    ax.plot(np.arange(len(way)), 1e3 * way, "C2", marker="o", ms=4)
+    ax.set(xlabel="step of the descent", ylabel="peak torque on the wall [mN m]", ylim=(0, None))
+    words = ", ".join(f"{p:.4f}" for p in tables["groups"]["prestrain"])
+    ax.set_title(
+        f"(d) By gradients, from {START:g}; at the end, blow to wall:\n{words}", fontsize=10
+    )
+
+
+def table(tables):
+    """Peaks, the torque that ends a well, and what is kept."""
+    rows = []
+    for name in ("one well", "two wells"):
+        found = tables[name]
+        k = int(np.argmin(found["peak"]))
+        most = int(np.argmax(found["stored"]))
+        rows.append({
+            "bonds": name, "lowest peak [N m]": float(found["peak"][k]),
+            "at prestrain": float(found["prestrain"][k]),
+            "fold there [N m]": float(found["fold"][k]),
+            "most kept": float(found["stored"][most]),
+            "at": float(found["prestrain"][most]), "upper bonds": int(found["bonds"][most]),
+        })  # fmt: skip
+    for name in ("best of one well", "best of two wells", "groups by gradients"):
+        push = {"bonds": name, "lowest peak [N m]": float(tables[name]["peak"][0])}
+        rows.append(push | {"largest pull [N m]": float(-tables[name]["torque"].min())})
+    return rows
