@@ -258,8 +258,21 @@ def _evaluated(one: AppliedForce, name: str, t: Array, u: Array, v: Array) -> Ar
 
 
 def values_on_chain(one: AppliedForce, t: Array, u: Array, v: Array) -> Array:
-    """A force of a chain at times t [s] (times,) in states u, v (times, sites), (times, places):
-    on sites towards higher sites, in bonds a tension [N]."""
+    """A force of a chain in some states.
+
+    Parameters
+    ----------
+    one : AppliedForce
+    t : ndarray, (times,)
+        [s]
+    u, v : ndarray, (times, sites)
+        [m], [m/s]
+
+    Returns
+    -------
+    ndarray, (times, places)
+        On sites towards higher sites, in bonds a tension [N].
+    """
     values: Array = _evaluated(one, "values", t, u, v)[0]
     return values
 

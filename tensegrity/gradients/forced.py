@@ -17,6 +17,7 @@ from tensegrity.engine.forced import BOND, SITE, Stages, pull_back, tangent_spri
 from tensegrity.engine.reverse import Layout, OutputCotangents, ReverseLoop, Totals
 from tensegrity.errors import TensegrityError
 from tensegrity.scenes.dynamics import dynamics
+from tensegrity.scenes.force import applied_forces
 from tensegrity.scenes.forcing import forcing_of
 from tensegrity.scenes.network import Network
 
@@ -215,8 +216,7 @@ def parameters_of(scene: Any) -> dict[str, str]:
     of = dynamics(scene)
     found: dict[str, str] = {}
     symbols = {str(s): s for law in of.springs.table[0] for s in law.parameters}
-    for one in of.further_forces:
-        applied = one._applied(scene)
+    for one, applied in zip(of.further_forces, applied_forces(scene), strict=False):
         for name, values in zip(one.parameters, applied.values, strict=True):
             on = found.setdefault(name, applied.law.on)
             shared = on == SITE and name in symbols

@@ -115,13 +115,12 @@ def floquet(of: SolitaryWave | TransitionWave | Orbit) -> Floquet:
     """
     if isinstance(of, Orbit):
         return _of_orbit(of)
-    is_front = isinstance(of, TransitionWave)
-    if not is_front:
+    if not isinstance(of, TransitionWave):
         check.kind("of", of, SolitaryWave)
     elif of.ground is None:
         raise TensegrityError("stability of a front needs springs to the ground: with bonds alone "
                               "its ends move")  # fmt: skip
-    half = math.ceil(of.reach(FRONT_TAIL if is_front else TAIL)) + 2
+    half = math.ceil(of.reach(FRONT_TAIL if isinstance(of, TransitionWave) else TAIL)) + 2
     sites = 2 * half + 1
     if sites > LARGEST:
         raise TensegrityError(
@@ -129,7 +128,7 @@ def floquet(of: SolitaryWave | TransitionWave | Orbit) -> Floquet:
             f"slowly, as its speed is only {of.speed_ratio:.9g} of the sound speed"
         )
     x: Array = np.arange(-half, half + 1, dtype=np.float64)
-    if is_front:
+    if isinstance(of, TransitionWave):
         chain = Chain(of.potential, sites, of.mass, ground=of.ground, damping=of.damping)
         flow = DrivenFlow(chain, FIRST, 1 / of.speed)
         _passed(of, flow, x)
