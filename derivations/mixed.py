@@ -28,9 +28,8 @@ from derivations.prism import base, height, twist
 from derivations.regular import ANY, TRIANGLE, Polygon
 
 base_tension, bar_tension = sp.symbols("y_2 y_3", real=True)  # changes of tension
-half_turn = sp.Symbol(
-    "tau", real=True
-)  # tan of half the change of twist from the self-stressed state
+# tan of half the change of twist from the self-stressed state
+half_turn = sp.Symbol("tau", real=True)
 rise = sp.Symbol("eta", real=True)  # h - h0
 UNKNOWNS = (base_tension, bar_tension, half_turn, rise)
 
@@ -153,21 +152,15 @@ def load(of: Polygon = TRIANGLE) -> sp.Expr:
 
 def stored_energy(of: Polygon = TRIANGLE) -> sp.Expr:
     """U - U0 in the tensions and their changes, with an error that vanishes with the changes."""
-    members = zip(
-        (member.count(of) for member in prism.MEMBERS),
-        (1, base_compliance, bar_compliance),
-        tension_changes(of),
-        reference_tensions(of),
-        strict=True,
-    )
+    counts = [member.count(of) for member in prism.MEMBERS]
+    compliances = 1, base_compliance, bar_compliance
+    members = zip(counts, compliances, tension_changes(of), reference_tensions(of), strict=True)
     return sum(n * c * change * (change + 2 * start) / 2 for n, c, change, start in members)
 
 
 def energy_at_twist(of: Polygon = TRIANGLE) -> sp.Expr:
-    """U - U0 in base tension, half turn and rise, of elastic bars: their tension follows from the
-    coordinates."""
-    squared = prism.bar_length_squared(None, of)
-    bar, more = reference_length(squared, of), gain(squared, of)
+    """U - U0 in base tension, half turn and rise, from which that of elastic bars follows."""
+    bar, more = (f(prism.bar_length_squared(None, of), of) for f in (reference_length, gain))
     change = more / (sp.sqrt(bar**2 + more) + bar) / bar_compliance
     return stored_energy(of).subs(bar_tension, change)
 

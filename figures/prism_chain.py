@@ -14,7 +14,7 @@ from figures.prism_drawing import KINDS
 from tensegrity import Prism
 
 NAME = "prism_chain"
-GROUP = "start"
+GROUP = "waves"
 
 PRISM, PRELOAD, UNITS = Prism(1.0, 0.9, 0.1, 1.0), 0.06, 4
 TILT, TURNED = np.radians(16), np.radians(20)  # of the view: from ahead, about the axis

@@ -141,7 +141,7 @@ def draw(figure, tables):
         right.plot(tables[name]["units"], tables[name]["loose"], ".", color=f"C{n + 2}", ms=4)
         at = (55, (0.72, 0.31)[n])
         right.annotate(f"gyration {name}", at, color=f"C{n + 2}")
-    right.set(xlabel="units travelled", ylabel="share of energy near the peak", ylim=(0, 1.05))
+    right.set(xlabel="units travelled", ylabel="fraction of energy near the peak", ylim=(0, 1.05))
     right.set_title("(c) alternating: decay")
     figure.suptitle(
         "Between heavy plates twist travels with the axial wave, or drains the wave of the chain"

@@ -199,11 +199,11 @@ def draw(figure, tables):
         ax.axvline(0, color="0.5", lw=0.8, ls=":")
         energy, linear = 100 * found["energy"].value, 100 * found["acoustics"].value ** 2
         ax.margins(x=0)
-        ax.set_title(f"{name}\n{energy:.1f} % of the energy back; acoustics: {linear:.1f} %",
+        ax.set_title(f"{name}\n{energy:.1f} % of the energy reflected; acoustics: {linear:.1f} %",
                      fontsize=10)  # fmt: skip
     figure.supxlabel("bonds from the interface", fontsize=10)
-    figure.supylabel("elongation at last / peak of the incident wave", fontsize=10)
-    figure.suptitle("What goes back is not what acoustics tells", fontsize=12)
+    figure.supylabel("final elongation / peak of the incident wave", fontsize=10)
+    figure.suptitle("The energy reflected is not what acoustics predicts", fontsize=12)
 
 
 def table(tables):

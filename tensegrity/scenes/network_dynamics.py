@@ -19,7 +19,7 @@ from tensegrity.readonly import Repeated, fixed
 from tensegrity.scenes.clearance import Clearance, neighbour_counts
 from tensegrity.scenes.dynamics import Dynamics
 from tensegrity.scenes.neighbour_list import NeighbourList, contacts_with
-from tensegrity.scenes.scene import State
+from tensegrity.scenes.scene import State, varied
 from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array, Indices
 
@@ -148,7 +148,7 @@ class NetworkDynamics(Dynamics):
 
     def _varied(self, **changed: Any) -> Self:
         """Dynamics of the changed scene with a fixed list of contacts and no detector."""
-        scene = self.scene._varied(_law=None, **changed)
+        scene = varied(self.scene, _law=None, **changed)
         found = type(self)(scene)
         found.__dict__.update(clearance=None, neighbour_counts=self.neighbour_counts)
         scene._in_thread.dynamics = found
@@ -156,7 +156,7 @@ class NetworkDynamics(Dynamics):
 
     def with_springs(self, springs: Sequence[Potential]) -> Any:
         """The same network with one new spring for each distinct spring in `springs`."""
-        scene = self.scene._varied(springs=Repeated(springs, self.springs.group))
+        scene = varied(self.scene, springs=Repeated(springs, self.springs.group))
         scene._in_thread.dynamics = found = type(self)(scene)
         found.__dict__["neighbour_counts"] = self.neighbour_counts
         return scene

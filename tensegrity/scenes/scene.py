@@ -22,7 +22,7 @@ from tensegrity.typing import Motion
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
-    from typing import Any, Self
+    from typing import Any
 
     from numpy.typing import ArrayLike
 
@@ -96,6 +96,13 @@ def unchecked_state(u: Array, v: Array) -> State:
     state = object.__new__(State)
     state.__dict__.update(u=u, v=v)
     return state
+
+
+def varied(scene: Any, **changed: Any) -> Any:
+    """A scene with other values of some attributes, unchecked."""
+    other = copy(scene)
+    other.__dict__.update(changed)
+    return other
 
 
 class Scene(HasDynamics):
@@ -222,12 +229,6 @@ class Scene(HasDynamics):
         u = check.vector("displacement", u, self.shape)
         self.check(State(u, np.zeros(self.shape)))
         return u, *forces.elongations(dynamics(self).contact_bonds, u)
-
-    def _varied(self, **changed: Any) -> Self:
-        """This scene with other values of some attributes."""
-        other = copy(self)
-        other.__dict__.update(changed)
-        return other
 
     def _refuse_other(self, state: object) -> None:
         refuse_other(state, self.shape, self._shape_text)
