@@ -18,6 +18,7 @@ from tensegrity.typing import Array, Flags
 
 CLOCK = 3e-6  # s: sampling interval of the paper's density plots
 LEVEL = 0.05  # of the largest peak: smaller ones do not count
+NOISE = 1e-9  # of the largest force: maxima below it, such as round-off ahead of a wave, are none
 
 
 def first_peak(
@@ -112,7 +113,8 @@ def _with_maxima(t: Array, force: Array) -> tuple[Array, Array]:
     spline = make_interp_spline(t, force, k=min(5, len(t) - 1))
     slope = spline.derivative()
     rate = slope(t)
-    rows = np.flatnonzero((rate[:-1] > 0) & (rate[1:] < 0))
+    large = np.maximum(force[:-1], force[1:]) > NOISE * force.max(initial=0.0)
+    rows = np.flatnonzero(large & (rate[:-1] > 0) & (rate[1:] < 0))
     instants = [root(slope, t[k], t[k + 1]) for k in rows.tolist()]
     return np.insert(t, rows + 1, instants), np.insert(force, rows + 1, spline(instants))
 
