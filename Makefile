@@ -77,7 +77,7 @@ site: .venv/with-site
 site-test: .venv/with-test
 	$(BIN)/python -m figures start constitutive_rigid granular_fig2 wave_power_law
 	$(MAKE) site
-	$(BIN)/python -m pytest -rs tests/test_site.py tests/test_live.py
+	$(BIN)/python -m pytest -rs tests/test_site.py tests/test_live.py tests/test_live_page.py
 
 bench: .venv/with-bench
 	$(BIN)/python -m benchmarks
