@@ -348,7 +348,7 @@ def test_exponents_other_than_hertz_carry_waves_too():
         (lambda: peaks(np.arange(3.0), np.ones(3), 1.0), "level 1 must be below 1"),
         (lambda: peaks(np.arange(3.0), [1, np.nan, 1]), "force nan of row 1 must be finite"),
         (lambda: peaks(np.arange(3.0), np.ones(4)), r"shape \(3,\) and forces of shape \(4,\)"),
-        (lambda: peaks([0, 2, 1], np.ones(3)), "instants must grow, not by -1 s"),
+        (lambda: peaks([0, 2, 1], np.ones(3)), "instants must increase, not by -1 s"),
         (lambda: peaks([], []), r"shape \(0,\)"),
         (lambda: first_peak(np.arange(30.0), np.ones(30), (2, 3)), "too few for a peak"),
         (lambda: first_peak(np.arange(30.0), np.full(30, np.nan)), "force nan of row 0 must be"),
@@ -356,7 +356,7 @@ def test_exponents_other_than_hertz_carry_waves_too():
         (lambda: sampled(np.arange(9.0), np.ones(9), 2.0, np.nan), "phase nan s is not finite"),
         (lambda: sampled(np.arange(9.0), np.ones(9), 2.0, -1.0), "phase -1 s must be at least 0"),
         (lambda: sampled(np.arange(9.0), np.ones(9), 2.0, 8.0), "phase 8 s must be below .* 8 s"),
-        (lambda: sampled(np.arange(9.0), np.ones(9), 0.5), "rows 1 s apart must be at most .* 0.5"),
+        (lambda: sampled(np.arange(9.0), np.ones(9), 0.5), "of up to 1 s.* at most 0.5 s"),
     ],
 )
 def test_bad_input_is_refused_with_its_bound(make, words):

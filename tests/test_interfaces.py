@@ -172,7 +172,7 @@ def test_what_is_no_incidence_is_an_error(softer):
         transmission(still(chain, chain.at_rest()))
     with pytest.raises(TensegrityError, match="is not on its way to the interface at 200"):
         transmission(still(chain, wave.launch(chain, 150.0, direction=-1)))
-    with pytest.raises(TensegrityError, match="the incident pulse has not met the interface"):
+    with pytest.raises(TensegrityError, match="the incident pulse has not reached the interface"):
         transmission(run, 3)
 
 

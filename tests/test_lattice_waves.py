@@ -251,7 +251,7 @@ def test_bad_waves_are_refused():
         bands(strip, [0.1])
     with pytest.raises(TensegrityError, match="wavenumbers"):
         bands(strip, [[math.nan]])
-    with pytest.raises(TensegrityError, match="gaps of 1 wavenumbers"):
+    with pytest.raises(TensegrityError, match="gaps from 1 wavenumbers"):
         _ = bands(strip, [[0.1]]).gaps
     with pytest.raises(EquilibriumError, match="not in equilibrium"):
         bands(strip.at([[0, 0], [0, 1.1]]), [[0.1]])
@@ -291,5 +291,5 @@ def test_a_bad_number_of_branches_is_refused():
     for wrong in (0, 3, 1.5, True, "all"):
         with pytest.raises(TensegrityError, match="count"):
             bands(triangular(), [[0.1, 0.2]], count=wrong)
-    with pytest.raises(TensegrityError, match="velocities need all branches"):
+    with pytest.raises(TensegrityError, match="velocities require all branches"):
         bands(triangular(), [[0.1, 0.2]], velocities=True, count=1)

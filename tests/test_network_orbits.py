@@ -157,7 +157,7 @@ def test_tangents_of_a_network_are_symplectic_and_derivatives_of_the_flow():
 WRONG = [
     (
         hexagonal_pack(2, 2, bead=BEAD, floor=STEEL, contacts="follow"),
-        "come and go, must be fixed",
+        "detected during a run, must be fixed",
     ),
     (Network([[0, 0], [1, 0]], [[0, 1]], PRISM, damping=Damping(ground=0.1)), "driven scene"),
 ]

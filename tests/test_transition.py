@@ -277,7 +277,7 @@ HELD = Chain(linear(1.0), 200, ends=("free", "fixed"), ground=two_wells(0.35))
     ("words", "make"),
     [
         ("released, -0.025 J/site, must be above 0", lambda: on_ground(ahead=1.0, behind=0.0)),
-        ("radiates in a chain with a ground", lambda: on_ground(damping=None)),
+        ("radiates without damping", lambda: on_ground(damping=None)),
         ("no equilibrium of the ground: the next one is near 1.0", lambda: on_ground(behind=0.99)),
         ("at the state behind, 0.35 m, must be above 0", lambda: on_ground(behind=0.35)),
         ("it stands where each site is pushed with -0.0107473", lambda: on_ground(0.48, k=0.1)),

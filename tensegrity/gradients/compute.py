@@ -2,8 +2,8 @@
 
 Derivatives of the computed result with respect to all initial values, masses and parameters are
 obtained together at the cost of a few runs: from the last state every stage is inverted, and the
-transpose of its derivative is applied there.  Apart from a few states, with which the reverse pass
-is compared, none is stored.  Source: E. Hairer, C. Lubich, G. Wanner, Geometric Numerical
+transpose of its derivative is applied there.  Only a few states are stored, with which the reverse
+pass is compared.  Source: E. Hairer, C. Lubich, G. Wanner, Geometric Numerical
 Integration (2006), V.1 (symmetric methods); J. M. Sanz-Serna, SIAM Rev. 58, 3 (2016).
 """
 
@@ -149,8 +149,9 @@ def gradient(
     checkpoints : int, optional
         Largest number of steps between two states of the run that the reverse pass starts from.
         By default states are added only where it deviates from the run by more than 1e-9.  Chains
-        of beads that touch without overlap at the start need about 10 if derivatives with respect
-        to their initial state shall have more than 5 digits; `reversal` does not show this.
+        of beads that touch without overlap at the start require about 10 for more than 5 correct
+        digits of the derivatives with respect to their initial state; `reversal` does not show
+        this.
 
     Returns
     -------
@@ -205,7 +206,7 @@ def _splitting(method: str | methods.Method) -> methods.Splitting:
     if type(found) is not methods.Splitting:
         reason = "its stages cannot be inverted one by one"
         if isinstance(found, (methods.Splitting, methods.Corrected)):
-            reason = "it has more than kicks and drifts, whose adjoint alone is derived here"
+            reason = "it is not composed of kicks and drifts alone"
         raise TensegrityError(
             f"method {found.name!r} has no gradient, because {reason}: take verlet or rkn6"
         )

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     Pair = tuple[Array, Array]
 
 NUMBERS = 4_000_000  # most numbers of the stages that are recorded together
-SAME = 1e-12  # relative difference of a parameter of a spring and of a force that is one
+SAME = 1e-12  # relative difference of a parameter of a spring and of the same one in a force
 
 
 class ForcedBackward:
@@ -44,7 +44,7 @@ class ForcedBackward:
         As of `Layout`.
     method : Nystrom
     steps : int
-        Of the run.
+        Number of steps of the run.
     dt : float
         [s]
 
@@ -72,7 +72,7 @@ class ForcedBackward:
         self.reversal = 0.0
 
     def complete(self, samples: TraceSamples, t: Array, rows: Array) -> Indices:
-        """Fill the velocities of prescribed sites into samples.
+        """Insert the velocities of prescribed sites into samples.
 
         Parameters
         ----------
@@ -102,7 +102,7 @@ class ForcedBackward:
         Parameters
         ----------
         states : dict of int to (ndarray, ndarray)
-            Stored states by number of steps, the first and the last among them.
+            Stored states by number of steps, including the first and the last.
         cotangents : OutputCotangents
             Derivatives of the objectives with respect to the states.
         objectives : int
@@ -169,7 +169,7 @@ class ForcedBackward:
 
 
 def check_forced(scene: Any, exact: bool, traces: Sequence[Any]) -> None:
-    """Refuse what has no gradient among driven scenes.
+    """Refuse driven scenes whose gradient is not available.
 
     Parameters
     ----------
@@ -211,7 +211,7 @@ def parameters_of(scene: Any) -> dict[str, str]:
     Raises
     ------
     TensegrityError
-        A name of parameters on sites and in bonds, or of other values in a spring and a force.
+        A parameter acts on sites and in bonds, or has different values in a spring and a force.
     """
     of = dynamics(scene)
     found: dict[str, str] = {}

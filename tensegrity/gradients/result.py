@@ -70,8 +70,8 @@ class Gradient:
         Largest difference between a state recomputed by the reverse pass and that of the run
         [m, m/s].
     digits : float
-        Decimal digits of the value that round-off in the state leaves.  In chaotic motion few are
-        left, and the derivatives are of no use for design.
+        Decimal digits of the value that are not lost to round-off in the state.  In chaotic motion
+        few are left, and the derivatives are of no use for design.
     """
 
     value: float
@@ -100,7 +100,7 @@ class Gradient:
         Returns
         -------
         ndarray, (bonds,), of beads and of forces on sites (sites,)
-            0 where a bond has no such argument; (springs,) in a network.
+            0 where a bond has no such argument; (springs,) for a network.
 
         Raises
         ------
@@ -139,12 +139,12 @@ class Gradient:
         ax : matplotlib.axes.Axes, optional
             By default of a new figure.
         by : str, optional
-            What `by` takes, or "mass"; by default the first that this gradient knows.
+            A name that `by` accepts, or "mass"; by default the first that this gradient has.
 
         Returns
         -------
         matplotlib.axes.Axes
-            Of a chain the derivatives against sites or bonds, of a network a map.
+            For a chain the derivatives against sites or bonds, for a network a map.
 
         Raises
         ------

@@ -1,6 +1,6 @@
 """Waves of small amplitude in a prestressed lattice: frequencies, group velocities, band gaps.
 
-They belong to the lattice's own state, with the strings that are slack there.
+The lattice is linearised about its own state, in which some strings may be slack.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from tensegrity.printing import filled, span
 from tensegrity.typing import Array
 
 SLOW = 1e-5  # lowest over highest frequency below which singular values are computed
-EQUAL = 1e-6  # of the highest frequency: branches nearer to each other have velocities in common
+EQUAL = 1e-6  # of the highest frequency: closer branches are treated as degenerate
 GENERIC = np.array([1.0, 0.618, 0.414])  # a direction of phases without symmetry
 FASTEST = 1e100  # bound of frequencies, whose squares are finite [rad/s]
 OPEN = 1e-9  # of the highest frequency: the least gap
@@ -68,7 +68,7 @@ class Bands:
 
     @property
     def gaps(self) -> Array:
-        """Ranges of frequency between neighbouring branches that no wave at these wavenumbers has
+        """Ranges of frequency between neighbouring branches without any wave at these wavenumbers
         [rad/s], (gaps, 2), ascending.
 
         Raises
@@ -78,7 +78,7 @@ class Bands:
         """
         w = self.frequencies
         if len(w) < 2:
-            raise TensegrityError(f"gaps of {len(w)} wavenumbers, must be at least 2")
+            raise TensegrityError(f"gaps from {len(w)} wavenumbers, must be at least 2")
         edges = np.stack([w.max(axis=0)[:-1], w.min(axis=0)[1:]], axis=1)
         return np.asarray(edges[np.diff(edges, axis=1)[:, 0] > OPEN * w.max()])
 
@@ -100,10 +100,10 @@ def bands(
     wavenumbers : array_like, (points, d)
         Phase differences between adjacent cells along each lattice vector [rad].
     velocities, shapes : bool, optional
-        Whether these are computed.
+        Whether to compute these.
     count : int, optional
-        Number of branches, the lowest ones, without velocities; by default all.  Cells of more
-        than some hundred nodes take sparse matrices then.
+        Number of branches to compute, the lowest ones, without velocities; by default all.  For
+        cells of more than some hundred nodes sparse matrices are used.
 
     Returns
     -------
@@ -118,9 +118,9 @@ def bands(
 
     Notes
     -----
-    Frequencies below about 1e-8 of the highest are round-off and become 0, unless all members are
-    in tension or without force: then singular values keep their digits.  Elsewhere long waves are
-    better described by `moduli`.
+    Frequencies below about 1e-8 of the highest are round-off and are set to 0, unless all members
+    are in tension or free of force: then they are computed as singular values, to full relative
+    precision.  Otherwise long waves are better described by `moduli`.
 
     Examples
     --------
@@ -175,7 +175,7 @@ def _lowest(
     size = lattice.positions.size
     count = check.whole("count", count, least=1, below=size + 1)
     if velocities:
-        raise TensegrityError(f"velocities need all branches, not the lowest {count}")
+        raise TensegrityError(f"velocities require all branches, not the lowest {count}")
     if size <= DENSE or 2 * count >= size // 4:
         whole = bands(lattice, q, shapes=shapes)
         moved = None if whole.shapes is None else whole.shapes[:, :count]
@@ -247,7 +247,7 @@ def _frequencies(lattice: Cell | PeriodicBonds, squares: Array, q: Array, larges
 
 
 def _rates(matrix: BlochMatrix, weights: Array, squares: Array, vectors: Array) -> Array:
-    """Derivatives of the eigenvalues by the phases, (size, d).
+    """Derivatives of the eigenvalues with respect to the phases, (size, d).
 
     Where eigenvalues coincide they belong to the shapes that diagonalise the derivative along a
     direction without symmetry.

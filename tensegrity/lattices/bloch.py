@@ -4,8 +4,8 @@ Node j of the cell at offset o moves by u_j exp(i o.kappa), with the phases kapp
 stiffness matrix K(kappa) is then a sum over the distinct offsets of the bonds, each of which is
 assembled once; many wave vectors are computed together.  An eigenvalue w^2 carries the round-off
 of the largest one, so that frequencies below about 1e-8 of the highest are lost.  Where every
-bond's stiffness has a real square root they are the singular values of these roots, and keep all
-digits.
+bond's stiffness has a real square root, they are computed as singular values of these roots, to
+full relative precision.
 Source: L. Brillouin, Wave Propagation in Periodic Structures (1946), chapters III and IV; Phani,
 Woodhouse & Fleck 2006, Wave propagation in two-dimensional periodic lattices.
 """
@@ -77,7 +77,7 @@ class BlochMatrix:
 
     @property
     def bound(self) -> float:
-        """A bound of the eigenvalues at all phases."""
+        """An upper bound on the eigenvalues at all phases."""
         return float(np.abs(self.parts).sum(axis=(0, 2)).max())
 
     def at(self, weights: Any) -> Any:
@@ -95,14 +95,14 @@ class BlochMatrix:
 
 @dataclass(frozen=True, eq=False)
 class PeriodicBonds:
-    """Bonds that repeat from cell to cell, for `bands`: what is needed of a lattice.
+    """Bonds that repeat from cell to cell: the part of a lattice that `bands` requires.
 
     Attributes
     ----------
     positions : ndarray, (nodes, dim)
         [m]
     vectors : ndarray, (d, dim)
-        From cell to cell [m].
+        Lattice vectors [m].
     ends, offsets, blocks, mass
         As of `BlochMatrix.of`; the blocks are positive definite.
     """
@@ -120,7 +120,7 @@ class PeriodicBonds:
         return len(self.mass)
 
     def refuse_unbalanced(self) -> None:
-        """Bonds are measured from their equilibrium."""
+        """Refuse nothing: bonds are measured from their equilibrium."""
 
 
 def chunks(count: int) -> Iterator[slice]:

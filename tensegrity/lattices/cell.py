@@ -1,4 +1,4 @@
-"""The cell of a lattice: nodes, members that lead to other cells, compatibility and stress.
+"""The cell of a lattice: nodes, members within and between cells, compatibility and stress.
 
 A cell has nodes x_i; d lattice vectors a_1 .. a_d lead from cell to cell, one in strips and
 columns, two in plates, three in solids.  A member joins node i of a cell to node j of the cell at
@@ -37,7 +37,7 @@ from tensegrity.typing import Array, Flags
 if TYPE_CHECKING:
     from tensegrity.structures.statics import SelfStress
 
-AT_REST = 1e-6  # force left on a node of an equilibrium, over the tensions
+AT_REST = 1e-6  # residual force on a node in equilibrium, over the tensions
 MOVED = 1e-9  # the same over the largest stiffness times the least length
 
 
@@ -213,7 +213,7 @@ class Cell(Framework):
         return statics.null_states(self._equilibrium_matrix(strain), self.is_string)
 
     def mechanisms(self, strain: bool = False) -> Array:
-        """Inextensional mechanisms: orthonormal motions that change no length, rigid ones out.
+        """Inextensional mechanisms: orthonormal motions that change no length, without rigid ones.
 
         Parameters
         ----------

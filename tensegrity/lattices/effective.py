@@ -1,4 +1,4 @@
-"""Effective mass: the inertia of a frame of nodes that move alike, the other nodes following.
+"""Effective mass: the inertia of a frame of nodes that move together, with the others attached.
 
 With the modes phi_s and frequencies w_s of the other nodes, the frame held, and their modal masses
 p_s = phi_s^T M T over the translations T, m(w) = m_frame + sum of p_s p_s^T w_s^2/(w_s^2 - w^2).
@@ -29,18 +29,17 @@ def effective_mass(lattice: Lattice, frame: Sequence[int], frequencies: ArrayLik
     Parameters
     ----------
     lattice : Lattice
-        With its nodes in equilibrium; the nodes outside the frame must be stable where the frame
-        is held.
+        With its nodes in equilibrium; with the frame held the other nodes must be stable.
     frame : sequence of int
-        The nodes of the cell that move by the same u, in all cells.
+        The nodes of the cell that undergo the same displacement u in all cells.
     frequencies : array_like, (frequencies,)
         Angular frequencies of u [rad/s].
 
     Returns
     -------
     ndarray, (frequencies, dim, dim)
-        m [kg]: the force on the frame of each cell is -w^2 m u.  At w = 0 the mass of the frame
-        and of all nodes that it carries.
+        m [kg]: the force on the frame of each cell is -w^2 m u.  At w = 0 it is the mass of the
+        frame and of all nodes attached to it.
 
     Raises
     ------

@@ -3,8 +3,8 @@
 With phases fixed along the other lattice vectors, waves u lambda^n along one of them obey
 (P lambda + D + P^H/lambda) u = 0, D = K - w^2 M of the cells of one layer, P the stiffness that
 joins a layer to the next.  P is singular as a rule: with P = L R^H of its rank r, a = R^H u and
-b = L^H u/lambda the pencil has 2r eigenvalues besides infinite ones, and needs no inverse.  Those
-of waves that end within their cell are 0 or infinite, and are removed first.
+b = L^H u/lambda the pencil has 2r eigenvalues besides infinite ones, and requires no inverse.
+Eigenvalues of waves confined to their cell are 0 or infinite, and are removed first.
 Source: Laude, Achaoui, Benchabane & Khelif 2009, Evanescent Bloch waves and the complex band
 structure of phononic crystals.
 """
@@ -22,7 +22,7 @@ from tensegrity.lattices.bands import angular_frequencies, bloch_matrix
 from tensegrity.lattices.lattice import Lattice
 
 RANK = 1e-12  # singular values that count as zero, over the largest stiffness
-SPLIT = 1e-7  # decay that counts as zero: double roots at edges of bands split by so much
+SPLIT = 1e-7  # decay that counts as zero: double roots at band edges split by this much
 
 
 def decay(
@@ -39,19 +39,19 @@ def decay(
     axis : int, optional
         Number of the lattice vector along which the phases are complex.
     wavenumbers : array_like, (d - 1,), optional
-        Real phases per cell along the other lattice vectors [rad]; one number serves all.
+        Real phases per cell along the other lattice vectors [rad], or one number for all.
 
     Returns
     -------
     complex ndarray, (frequencies, count)
         Phases kappa [rad], displacements ~ exp(i n kappa) in cell n, ascending in abs(Im kappa),
-        the decay per cell; propagating waves have 0.  Waves come in pairs of kappa and its
-        conjugate.  An infinite imaginary part belongs to a wave that ends within its cell.
+        the decay per cell, which is 0 for propagating waves.  Waves come in pairs of kappa and its
+        conjugate.  An infinite imaginary part belongs to a wave confined to its cell.
 
     Raises
     ------
     TensegrityError
-        Bad input, or no member leads along the axis.
+        Bad input, or no member crosses from cell to cell along the axis.
     EquilibriumError
         The nodes are not in equilibrium.
 
@@ -75,7 +75,7 @@ def decay(
     lattice.refuse_unbalanced()
     layers = int(np.abs(lattice.offsets[:, axis]).max())
     if not layers:
-        raise TensegrityError(f"no member leads along lattice vector {axis}")
+        raise TensegrityError(f"no member crosses from cell to cell along lattice vector {axis}")
     counts = np.ones(d, dtype=int)
     counts[axis] = layers
     matrix = bloch_matrix(lattice if layers == 1 else lattice.repeated(counts.tolist()))
@@ -107,7 +107,7 @@ def _phases(own: Any, pair: Any, layers: int) -> Any:
     kappa = -1j * np.log(np.abs(values)) / layers
     if layers == 1:
         kappa += np.angle(values)
-    else:  # the phase of a cell, which is that of the supercell but for whole turns
+    else:  # the phase of a cell, which is that of the supercell up to multiples of 2 pi
         kappa += [_turn(own, left @ right.conj().T, value, layers) for value in values]
     kappa[np.abs(kappa.imag) < SPLIT] = kappa[np.abs(kappa.imag) < SPLIT].real
     ends = np.zeros(2 * rank - len(kappa), dtype=complex)
@@ -116,8 +116,8 @@ def _phases(own: Any, pair: Any, layers: int) -> Any:
 
 
 def _without_zero(a: Any, b: Any) -> tuple[Any, Any]:
-    """The pencil a x = lambda b x without its eigenvalue 0, which chains of vectors may have: as an
-    eigenvalue it would be found as some root of round-off (Van Dooren 1979).  Entries are of
+    """The pencil a x = lambda b x without its eigenvalue 0: where this is defective, it would be
+    computed with an error of some root of round-off (Van Dooren 1979).  Entries are of
     order 1."""
     while len(a):
         _, sizes, vectors = np.linalg.svd(a)
@@ -131,7 +131,7 @@ def _without_zero(a: Any, b: Any) -> tuple[Any, Any]:
 
 
 def _turn(own: Any, next_one: Any, value: complex, layers: int) -> float:
-    """The phase [rad] by which a wave turns from cell to cell in a supercell."""
+    """The phase [rad] of a wave from cell to cell in a supercell."""
     whole = own + next_one * value + next_one.conj().T / value
     cells = np.linalg.svd(whole)[2][-1].conj().reshape(layers, -1)
     return float(np.angle(np.sum(cells[:-1].conj() * cells[1:])))

@@ -1,4 +1,4 @@
-"""Lattices: states under macroscopic strain, larger cells, and what is cut out of them."""
+"""Lattices: states under macroscopic strain, larger cells, and finite parts of them."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ class Lattice(Cell):
     vectors : array_like, (d, dim)
         Lattice vectors [m], independent; d is 1 (strip, column), 2 (plate) or 3 (solid).
     bars, strings : sequence of (int, int, offset)
-        The nodes that each member joins, and the offset of the second one's cell: d integers, for
-        d = 1 an integer too; (i, j) lies in one cell.  Members of which only the sense or the cell
-        differs are the same, and are given once.  Arrays hold bars first, then strings.
+        The nodes that each member joins, and the offset of the second one's cell: d integers, or
+        an integer for d = 1; (i, j) lies in one cell.  A member and its reverse, or its image in
+        another cell, are the same and are given once.  Arrays hold bars first, then strings.
     k_bar, k_string : float or array_like, (bars,) or (strings,)
         Spring constants [N/m], > 0.
     mass : float or array_like, (nodes,), optional
@@ -49,7 +49,7 @@ class Lattice(Cell):
     buckling : float or array_like, (bars,), optional
         Loads at which bars buckle [N], > 0; by default none does.
     plateau : float, optional
-        Stiffness of a buckled bar over that before, >= 0 and < 1.
+        Stiffness of a bar after buckling over that before, >= 0 and < 1.
 
     Attributes
     ----------
@@ -118,8 +118,8 @@ class Lattice(Cell):
     def stability(self) -> Stability:
         """Whether the lattice is stable about its own state, by three tests.
 
-        Waves on a grid of the zone, with the lowest refined; long waves by the acoustic tensor,
-        which a grid misses; and uniform strain under constant stress.
+        Waves on a grid of the Brillouin zone, the lowest of which are refined; long waves, which a
+        grid misses, by the acoustic tensor; and uniform strain under constant stress.
 
         Returns
         -------
@@ -132,7 +132,7 @@ class Lattice(Cell):
 
         Examples
         --------
-        A triangular lattice of springs under compression, and its row of nodes that folds:
+        A triangular lattice of springs is stable under moderate compression only:
 
         >>> from tensegrity import Lattice
         >>> pairs = [(0, 0, (1, 0)), (0, 0, (0, 1)), (0, 0, (1, -1))]
@@ -195,7 +195,7 @@ class Lattice(Cell):
         )
 
     def tile(self, counts: Any) -> Structure:
-        """Some cells cut out, with the members of which both ends are inside.
+        """A block of cells as a free structure, with the members whose two ends are inside.
 
         Parameters
         ----------
@@ -205,11 +205,11 @@ class Lattice(Cell):
         Returns
         -------
         Structure
-            Nodes and members in the order of `repeated`.  At the border it is not in equilibrium:
+            Nodes and members in the order of `repeated`.  Its border is not in equilibrium:
             see `Structure.relaxed`.
         """
         if self.buckling is not None:
-            raise TensegrityError("bars of a Structure do not buckle: tile takes no buckling")
+            raise TensegrityError("bars of a Structure do not buckle: tile takes no such lattice")
         shape, cells, ends, many = self._copies(counts)
         copies = []
         for m, second in enumerate(ends):
@@ -229,7 +229,7 @@ class Lattice(Cell):
         damping: Damping | None = None,
         forces: Sequence[Force] = (),
     ) -> Network:
-        """Some cells for `simulate`, with their border held: it stays in equilibrium.
+        """A block of cells for `simulate`, in equilibrium, with its border held.
 
         Parameters
         ----------
@@ -241,8 +241,8 @@ class Lattice(Cell):
         Returns
         -------
         Network
-            Nodes in the order of `repeated`; those are held of which a member leads out.  For a
-            free border see `tile`.
+            Nodes in the order of `repeated`; those with a member that leaves the block are held.
+            For a free border see `tile`.
 
         Raises
         ------
@@ -259,7 +259,7 @@ class Lattice(Cell):
         return self.tile(counts).network(held=held, drive=drive, damping=damping, forces=forces)
 
     def _copied(self, copies: list[list[Any]]) -> dict[str, Any]:
-        """Arguments of members for the copies of each member."""
+        """Values given for each member, repeated for its copies."""
         numbers = [len(each) for each in copies]
         k, flat = np.repeat(self.stiffnesses, numbers), [p for each in copies for p in each]
         bars = sum(numbers[: self.bars])

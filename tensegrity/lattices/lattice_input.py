@@ -1,4 +1,4 @@
-"""What describes a lattice, checked: vectors, members and the offsets of their cells."""
+"""Checks of what describes a lattice: vectors, members and the offsets of their cells."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def ends_and_offsets(name: str, given: Any, nodes: int, d: int) -> tuple[Indices
 
 
 def refuse_repeated(ends: Indices, offsets: Indices, bars: int) -> None:
-    """Refuse a member that is given twice, maybe in the other sense.
+    """Refuse a member that is given twice, possibly with its ends exchanged.
 
     Parameters
     ----------

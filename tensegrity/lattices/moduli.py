@@ -43,8 +43,8 @@ class Moduli:
     density : float
         Mass per length, area or volume of the lattice [kg/m^d].
     axial, coupling, torsional : float
-        Of columns and strips: force per strain with the twist fixed [N], force per twist and
-        length [N m], moment per twist and length [N m^2]; else NaN, the last two in strips too.
+        For columns: force per strain with the twist fixed [N], force per twist per length [N m],
+        moment per twist per length [N m^2]; for strips the first one; NaN otherwise.
     """
 
     tangent: Array
@@ -85,13 +85,13 @@ class Moduli:
         Returns
         -------
         ndarray, (dim,), of columns (4,) with the rotation about the axis
-            Ascending.  One below 0 belongs to a growing motion: minus the root of minus its
-            square.
+            Ascending.  A growing motion, whose squared speed is negative, has minus the root of
+            its modulus.
 
         Raises
         ------
         TensegrityError
-            If the direction is 0 or leads out of the lattice.
+            If the direction is 0 or outside the span of the lattice vectors.
         """
         n = check.vector("direction", direction, (self.lattice.dim,))
         size = float(np.linalg.norm(n))
@@ -100,7 +100,9 @@ class Moduli:
         n = n / size
         off = n - np.linalg.pinv(self.lattice.vectors) @ (self.lattice.vectors @ n)
         if np.abs(off).max() > ALONG:
-            raise TensegrityError(f"direction {check.shown(direction)} leads out of the lattice")
+            raise TensegrityError(
+                f"direction {check.shown(direction)} is outside the span of the lattice vectors"
+            )
         stiff, inertia, scale = _long_waves(self.lattice, n, self.frequency)
         root = np.linalg.inv(np.linalg.cholesky(inertia))
         squares = np.linalg.eigvalsh(root @ stiff @ root.T)
@@ -116,8 +118,8 @@ def moduli(lattice: Cell, frequency: float = 0.0) -> Moduli:
     lattice : Lattice
         With its nodes in equilibrium; a macroscopic stress is allowed.
     frequency : float, optional
-        Angular frequency of the inner motions [rad/s], whose inertia is included; that of the cell
-        as a whole is not.
+        Angular frequency of the internal motions [rad/s], whose inertia is included; that of the
+        cell as a whole is not.
 
     Returns
     -------
@@ -133,7 +135,7 @@ def moduli(lattice: Cell, frequency: float = 0.0) -> Moduli:
 
     Examples
     --------
-    The triangular lattice of springs is isotropic, its Lame constants are equal:
+    The triangular lattice of springs is isotropic with equal Lame constants:
 
     >>> from tensegrity import Lattice, moduli
     >>> pairs = [(0, 0, (1, 0)), (0, 0, (0, 1)), (0, 0, (1, -1))]
@@ -168,7 +170,7 @@ def moduli(lattice: Cell, frequency: float = 0.0) -> Moduli:
 
 
 def _followed(lattice: Cell, mixed: Array, frequency: float, scale: float) -> Array:
-    """Stiffness that inner motions take away, where forces `mixed` (nodes dim, count) pull them;
+    """Reduction of the stiffness by internal motions under the forces `mixed` (nodes dim, count);
     `scale` is the size that such forces can have."""
     inner = lattice.positions.size
     root = np.sqrt(np.repeat(lattice.mass, lattice.dim))
@@ -187,9 +189,9 @@ def _followed(lattice: Cell, mixed: Array, frequency: float, scale: float) -> Ar
 
 def _long_waves(lattice: Cell, n: Array, frequency: float) -> tuple[Array, Array, float]:
     """Stiffness and inertia of long waves along a unit vector over the rigid motions, per size of
-    a cell, and the largest square of a speed before the inner motions follow.
+    a cell, and the largest square of a speed without internal motions.
 
-    The motions are translations, and in columns the turn of 1 rad about the axis.
+    The motions are translations, and in columns the rotation of 1 rad about the axis.
     """
     matrix, dim = bloch_matrix(lattice, weighted=False), lattice.dim
     motions = np.kron(np.ones((lattice.nodes, 1)), np.eye(dim))

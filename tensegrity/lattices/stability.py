@@ -1,9 +1,9 @@
 """Whether a lattice is stable: waves of all lengths, long waves, and uniform strain.
 
-A grid of wave vectors alone misses long waves, whose w^2 is small whatever its sign: for them
-stands the acoustic tensor.  Uniform strain under constant stress is judged by the stress-strain
+A grid of wave vectors misses long waves, whose w^2 is small whatever its sign: these are examined
+by the acoustic tensor.  Stability under uniform strain at constant stress follows from Wallace's
 coefficients B_ijkl = c_ijkl + (delta_ik s_jl + delta_jk s_il + delta_il s_jk + delta_jl s_ik
-- 2 delta_kl s_ij)/2 of Wallace, over the space that the lattice vectors span.
+- 2 delta_kl s_ij)/2, over the space that the lattice vectors span.
 Source: Born & Huang, Dynamical Theory of Crystal Lattices, section 12; Wang, Li, Yip, Phillpot &
 Wolf 1995, Mechanical instabilities of homogeneous crystals; Geymonat, Mueller & Triantafyllidis
 1993, for the first instability as one of long waves.
@@ -37,15 +37,16 @@ class Stability:
     Attributes
     ----------
     wave : float
-        Lowest w^2/|k|^2 of waves on a grid of the zone, refined [m^2/s^2]; k is the wave vector
-        [rad/m], not shorter than the grid's shortest.  Below 0 waves grow at |k| times its root.
+        Lowest w^2/|k|^2 of waves on a grid of the Brillouin zone, refined [m^2/s^2]; k is the wave
+        vector [rad/m], not shorter than the shortest of the grid.  If it is negative, waves grow
+        at the rate |k| times the root of its modulus.
     wavenumber : ndarray, (d,)
-        Its phases per cell [rad].
+        Phases per cell of that wave [rad].
     long : float
         Lowest square of the speed of long waves [m^2/s^2], by the acoustic tensor; in columns and
-        strips of their axial, torsional and bending waves, so that each compressed one buckles.
+        strips that of axial, torsional and bending waves, so that any compressed one is unstable.
     direction : ndarray, (dim,)
-        In which they travel, a unit vector.
+        Direction of those waves, a unit vector.
     strain : float
         Lowest stiffness against uniform strain under constant stress, over the span of the lattice
         vectors [N/m^(d - 1)].
@@ -149,7 +150,7 @@ def _slowest(of: Moduli, axes: Array) -> tuple[float, Array]:
 
 
 def _positive(direction: Array) -> Array:
-    """Of a direction and its opposite the one whose largest component is positive."""
+    """The one of a direction and its opposite whose largest component is positive."""
     return np.asarray(direction * np.sign(direction[np.abs(direction).argmax()]) + 0.0)
 
 

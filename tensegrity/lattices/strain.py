@@ -63,4 +63,4 @@ class Strained:
     def refuse(self, x: Array, f: Array) -> None:
         span = self.cell.span
         if np.ptp(x, axis=0).max() > FARTHEST * span:
-            raise EquilibriumError(f"no equilibrium: the cell grows beyond {FARTHEST * span:g} m")
+            raise EquilibriumError(f"no equilibrium: the cell extends beyond {FARTHEST * span:g} m")

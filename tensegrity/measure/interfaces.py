@@ -87,7 +87,7 @@ class Transmission:
     incident : Pulse
         In the first recorded row.
     reflected, transmitted : tuple of Pulse
-        Those that lead away from the interface, in the chain along which the incident one came
+        Those that travel away from the interface, in the chain along which the incident one came
         and in the other one; in the order of their places.
     reflected_delays, transmitted_delays : ndarray, (pulses,)
         Delay of each of them at the interface after the arrival of the incident peak [s],
@@ -166,7 +166,7 @@ def transmission(run: Run, row: int = -1, fraction: float = FRACTION) -> Transmi
     meets = float(run.t[0]) + abs(site - incident.place) / incident.speed
     if not run.t[row] > meets:
         raise TensegrityError(
-            f"at {run.t[row]:g} s the incident pulse has not met the interface, which it does at "
+            f"at {run.t[row]:g} s the incident pulse has not reached the interface: it does so at "
             f"{meets:g} s"
         )
     last = Instant(chain, State(run.u[row], run.v[row]), NOTHING * abs(incident.amplitude))

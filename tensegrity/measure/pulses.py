@@ -30,7 +30,7 @@ from tensegrity.waves.solitary import SolitaryWave, solitary_wave
 
 FRACTION = 0.1  # of the largest elongation, from which a peak counts
 DISTINCT = 0.25  # of its height, by which a peak stands above what surrounds it
-RIPPLE = 1e-6  # of a peak: an elongation that rises by less still falls
+RIPPLE = 1e-6  # of a peak: an elongation that increases by less counts as decreasing
 ROUND_OFF = 64 * np.finfo(float).eps  # of the largest displacement: elongations below are 0
 NEIGHBOURS = 8  # bonds on either side of a peak, through which its shape is interpolated
 ONE_WAY = 0.9  # of the flow either way: a larger sum is that of a wave that travels
@@ -135,7 +135,7 @@ def pulses(run: Run, row: int = -1, fraction: float = FRACTION) -> list[Pulse]:
 
 
 def check_fraction(fraction: float) -> float:
-    """A part of the largest elongation, above 0 and at most 1."""
+    """A fraction of the largest elongation, above 0 and at most 1."""
     fraction = check.number("fraction", fraction, above=0)
     if fraction > 1:
         raise TensegrityError(f"fraction {fraction:g} must be at most 1")
@@ -164,7 +164,7 @@ def check_row(run: Run, row: int) -> int:
 
 
 def peak_bonds(r: Array, fraction: float, least: float = 0.0) -> list[int]:
-    """Bonds of the distinct peaks of |elongation|, from a part of the largest on.
+    """Bonds of the distinct peaks of |elongation| above a fraction of the largest.
 
     Parameters
     ----------

@@ -18,7 +18,7 @@ from tensegrity.typing import Array, Flags
 
 CLOCK = 3e-6  # s: sampling interval of the paper's density plots
 LEVEL = 0.05  # of the largest peak: smaller ones do not count
-NOISE = 1e-9  # of the largest force: maxima below it, such as round-off ahead of a wave, are none
+NOISE = 1e-9  # of the largest force: maxima below it are round-off
 
 
 def first_peak(
@@ -36,12 +36,12 @@ def first_peak(
     Returns
     -------
     instant, height : float
-        Located between the rows by a spline of fifth order.
+        Located between the rows by a spline of degree 5.
 
     Raises
     ------
     TensegrityError
-        Fewer than 12 rows in that time; a record as for `peaks`.
+        Fewer than 12 rows in that time; an invalid record, as for `peaks`.
 
     Examples
     --------
@@ -67,10 +67,10 @@ def first_peak(
 def largest_peak(
     t: ArrayLike, force: ArrayLike, between: tuple[float, float] = (-math.inf, math.inf)
 ) -> tuple[float, float]:
-    """Instant and height of the largest force of a record, at a row or between two.
+    """Instant and height of the largest force of a record, at a row or between two rows.
 
-    Where the first large peak is the largest, this is what `first_peak` returns.  A pulse has to
-    be recorded by ten rows or more: the spline overshoots a step.
+    Where the first large peak is the largest, the result is that of `first_peak`.  A pulse must
+    extend over ten rows or more: the spline overshoots a step.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def largest_peak(
     Raises
     ------
     TensegrityError
-        No row in that time; a record as for `peaks`.
+        No row in that time; an invalid record, as for `peaks`.
 
     Examples
     --------
@@ -107,7 +107,7 @@ def largest_peak(
 
 
 def _with_maxima(t: Array, force: Array) -> tuple[Array, Array]:
-    """A record with the maxima between its rows, by a spline of fifth order, as further rows."""
+    """A record with the maxima between its rows, by a spline of degree 5, as further rows."""
     from scipy.interpolate import make_interp_spline
 
     spline = make_interp_spline(t, force, k=min(5, len(t) - 1))
@@ -120,7 +120,7 @@ def _with_maxima(t: Array, force: Array) -> tuple[Array, Array]:
 
 
 def _within(t: Array, between: tuple[float, float]) -> Flags:
-    """Which instants lie between two others, both included."""
+    """Which instants lie in an interval, its ends included."""
     if not isinstance(between, (tuple, list)) or len(between) != 2:
         raise TensegrityError(f"between {check.shown(between)} must be two instants")
     first, last = (check.number("end of between", x, finite=False, unit="s") for x in between)
@@ -148,7 +148,7 @@ def sampled(
     Raises
     ------
     TensegrityError
-        The record is coarser than the clock, or as for `peaks`; a phase out of range.
+        The record is coarser than the clock, or invalid, as for `peaks`; a phase out of range.
     """
     from scipy.interpolate import CubicSpline
 
@@ -161,7 +161,7 @@ def sampled(
         )
     if np.diff(t).max() > interval:
         raise TensegrityError(
-            f"rows {np.diff(t).max():.3g} s apart must be at most one interval, {interval:.3g} s"
+            f"rows at intervals of up to {np.diff(t).max():.3g} s, must be at most {interval:.3g} s"
         )
     times = np.arange(t[0] + phase, t[-1], interval)
     try:
@@ -216,17 +216,17 @@ def peaks(t: ArrayLike, force: ArrayLike, level: float = LEVEL) -> tuple[Array, 
 
 
 def _record(t: ArrayLike, force: ArrayLike) -> tuple[Array, Array]:
-    """Instants and forces as arrays (T,), T >= 2, if they are a record."""
+    """Instants and forces as arrays (T,), T >= 2, once they are found to form a record."""
     t, force = check.floats("instants", t), check.floats("forces", force)
     if t.ndim != 1 or len(t) < 2 or force.shape != t.shape:
         raise TensegrityError(
-            f"a record of instants of shape {t.shape} and forces of shape {force.shape} must have "
-            "one of each for every row, and two rows"
+            f"instants of shape {t.shape} and forces of shape {force.shape} must both have the "
+            "shape (T,), T >= 2"
         )
     for name, x in (("instant", t), ("force", force)):
         if not np.isfinite(x).all():
             row = int(np.flatnonzero(~np.isfinite(x))[0])
             raise TensegrityError(f"{name} {x[row]} of row {row} must be finite")
     if not np.all(np.diff(t) > 0):
-        raise TensegrityError(f"instants must grow, not by {np.diff(t).min():g} s between two rows")
+        raise TensegrityError(f"instants must increase, not by {np.diff(t).min():g} s")
     return t, force

@@ -1,2 +1,2 @@
-"""Stability of exact waves and of time-periodic orbits: tangents of a run by the reverse loop,
-multipliers, and orbits by shooting."""
+"""Time-periodic orbits by shooting, and the Floquet multipliers of orbits and of exact waves from
+the tangents of a run."""

@@ -20,7 +20,7 @@ from tensegrity.scenes.scene import Scene, State, varied
 from tensegrity.typing import Array
 
 ANGLE, LEAST = 0.5, 16  # first dt times the bound on the frequency, and least number of steps
-SHIFTED = 1e-9  # change of a shift of the whole chain in one period, below which it is neutral
+SHIFTED = 1e-9  # change of a translation of the chain in one period below which it is neutral
 
 
 class WholePeriod(Shooting):
@@ -30,9 +30,9 @@ class WholePeriod(Shooting):
     ----------
     scene : Scene
     guess : State
-        Its velocities count too.
+        Displacements and velocities near those of the orbit at t = 0.
     period : float
-        Of the drives, or a whole multiple [s].
+        Period of the drives, or a whole multiple of it [s].
 
     Attributes
     ----------
@@ -87,7 +87,7 @@ class WholePeriod(Shooting):
         values: Mapping[str, float] | None = None,
         by: str | None = None,
     ) -> tuple[Array, Array, Array]:
-        """z(T) - z(0), and its derivatives by z(0) and by a parameter at constant T.
+        """z(T) - z(0), and its derivatives with respect to z(0) and to a parameter at constant T.
 
         Parameters
         ----------
@@ -125,13 +125,13 @@ class WholePeriod(Shooting):
         return residual, jacobian, column
 
     def multipliers(self, jacobian: Array) -> NDArray[np.complex128]:
-        """Floquet multipliers from the derivatives by z(0) of `equations`, (2 free,)."""
+        """Floquet multipliers, (2 free,), from the derivatives of `equations` in z(0)."""
         count, whole = len(self.free), jacobian + np.eye(len(jacobian))
         whole[count:, :count] -= (self._shifts or 0.0) / count
         return np.linalg.eigvals(whole).astype(complex)
 
     def rates(self, period: float) -> Array:
-        """The derivative of the state at the start of the last run by time, (2 free,) [m/s]."""
+        """The time derivative of the state at the start of the last run, (2 free,) [m/s]."""
         v, acceleration = self.flow.rates_at_start(period)
         return np.append(v[self.free], acceleration[self.free] * self._rate)
 
@@ -174,7 +174,7 @@ class WholePeriod(Shooting):
         return step, float(np.abs(residual).max()) / size
 
     def size(self, step: Array, x: Array) -> float:
-        """A change of x over the larger of x and what it becomes."""
+        """A change of x relative to the larger of x before and after it."""
         if not step.any():
             return 0.0
         return float(np.abs(step).max() / max(np.abs(x).max(), np.abs(x + step).max()))

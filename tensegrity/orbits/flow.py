@@ -1,10 +1,10 @@
 """The flow of a scene over a given time, and its tangents, by compiled loops.
 
-A run of a splitting is followed by the reverse loop of `tensegrity.engine.reverse`, with one
-objective for each entry of the final state: what it propagates to the start are the rows of the
-tangent map.  The stiffnesses of a stage are computed once for all rows.  Dashpots and forces of
-velocity cannot be inverted stage by stage: a driven or damped chain is followed by a Runge-Kutta
-method, whose recorded stages the same loop takes in reverse order.
+After a run of a splitting, the reverse loop of `tensegrity.engine.reverse` propagates one objective
+for each entry of the final state to the start, which gives the rows of the tangent map.  The
+stiffnesses of a stage are computed once for all rows.  Dashpots and forces that depend on velocity
+cannot be inverted stage by stage: a driven or damped chain is integrated by a Runge-Kutta method,
+whose recorded stages the same loop takes in reverse order.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class Flow:
     Parameters
     ----------
     scene : Scene
-        Neither driven nor damped, its list of contacts fixed.
+        Neither driven nor damped, with a fixed list of contacts.
     steps : int
 
     Attributes
@@ -90,7 +90,7 @@ class Flow:
     def tangents(
         self, u: Array, v: Array, duration: float, of_u: bool = True
     ) -> tuple[Array, Array, Array]:
-        """u and v after a time [s], and the derivatives of the entries of both.
+        """u and v after a time [s], and the derivatives of their entries.
 
         Parameters
         ----------
@@ -132,14 +132,14 @@ class Flow:
 
 
 class DrivenFlow:
-    """The map of a driven or damped chain's state over a time from t = 0 on, in equal steps.
+    """The map of a driven or damped chain's state from t = 0 over a given time, in equal steps.
 
     Parameters
     ----------
     scene : Chain
     steps : int
     duration : float
-        For which the drives are checked [s].
+        Time for which the drives are checked [s].
 
     Attributes
     ----------
@@ -202,7 +202,7 @@ class DrivenFlow:
         values: Mapping[str, float] | None = None,
         by: str | None = None,
     ) -> tuple[Array, Array, Array, Array]:
-        """u and v after a time, and the derivatives of the entries of both.
+        """u and v after a time, and the derivatives of their entries.
 
         Parameters
         ----------

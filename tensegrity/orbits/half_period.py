@@ -31,9 +31,9 @@ class HalfPeriod(Shooting):
     free : ndarray of int
         Entries of the sites that are not held.
     shifts : ndarray, (free, motions)
-        Orthonormal motions of the whole scene, displaced as the guess.
+        Orthonormal rigid motions of the whole scene at the displacements of the guess.
     energy : float or None
-        The orbit's [J]; by default T/2 stays as it is.
+        Energy of the orbit [J]; by default T/2 is given instead.
     """
 
     energy: float | None = None
@@ -45,7 +45,7 @@ class HalfPeriod(Shooting):
         self._size = self.extent(guess) or 1.0
 
     def extent(self, u: Array) -> float:
-        """The range of displacements, 0 among them, apart from motions of the whole scene [m]."""
+        """The range of displacements, 0 included, without rigid motions of the whole scene [m]."""
         u = (u - self.rest.ravel())[self.free]
         return float(np.ptp(np.append(u - self.shifts @ (u @ self.shifts), 0.0)))
 
@@ -63,7 +63,7 @@ class HalfPeriod(Shooting):
         return self.found(x, off)
 
     def found(self, x: Array, residual: float) -> Orbit:
-        """The orbit of given unknowns, at the turning point that the guess lies nearer to."""
+        """The orbit of given unknowns, at the turning point nearer to the guess."""
         u, half = x[:-1], float(x[-1])
         end = self.flow.end(u, 0 * u, half)[0]
         opens = bool(self.of.springs.kinks_within(self.flow.ranges))
@@ -75,18 +75,18 @@ class HalfPeriod(Shooting):
         return Orbit(self.scene, state, 2 * half, energy, residual, opens, self.flow.steps)
 
     def size(self, step: Array, x: Array) -> float:
-        """The larger of the parts by which u and T/2 change."""
+        """The larger of the relative changes of u and T/2."""
         parts = np.abs(step[:-1]).max() / self.extent(x[:-1]), abs(step[-1] / x[-1])
         return float(max(parts))
 
     def refuse(self, x: Array) -> None:
         """Refuse the state at rest."""
         if self.extent(x[:-1]) < AT_REST * self._size:
-            raise NoOrbitError("the guess slides to the state at rest")
+            raise NoOrbitError("the iteration converges to the state at rest")
 
     def equations(self, u: Array, half: float) -> tuple[Array, Array, Array]:
-        """v(T/2) at free sites, its derivatives by their displacements, and by T/2; with the
-        motion of the whole scene from the guess, which shall be 0.
+        """v(T/2) at free sites, and its derivatives with respect to their displacements and to
+        T/2; with the rigid motion of the whole scene from the guess, which must be 0.
 
         Parameters
         ----------

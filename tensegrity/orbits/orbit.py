@@ -2,10 +2,10 @@
 shooting.
 
 An orbit that is at rest at t = 0 and again at half its period returns along the same path: the
-unknowns are the displacements u(0), the equations v(T/2) = 0, and for a given energy T is one more
-unknown.  Newton's method takes their derivatives from the tangents of half a period.  Where a scene
-may be shifted or turned as a whole, it stays where the guess is; the momenta that are conserved
-then vanish, so that as many equations are redundant.
+unknowns are the displacements u(0), the equations v(T/2) = 0, and for a given energy T is a further
+unknown.  Newton's method takes the derivatives from the tangent map of half a period.  Rigid
+motions under which a scene is invariant are fixed by the guess; the corresponding conserved momenta
+vanish, so that as many equations are redundant.
 Source: J. L. Marin, S. Aubry, Nonlinearity 9, 1501 (1996).
 """
 
@@ -23,7 +23,7 @@ from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.scene import Scene, State
 
-HARMONICS = 6  # that are compared with the bands
+HARMONICS = 6  # number of harmonics compared with the bands
 CROWDED = 4.0  # neighbouring modes closer than so many mean distances form a band
 
 
@@ -42,13 +42,14 @@ def periodic_orbit(
     scene : Scene
         A chain, or a network, guide or pack whose list of contacts is fixed.
     guess : State or Orbit
-        Whose displacements are near those of a turning point; velocities are ignored.  An orbit
-        is followed by small changes of period or energy.  Of a driven scene the state at t = 0,
-        velocities included; `scene.at_rest()` leads to the response to weak drives.
+        Displacements near those of a turning point; velocities are ignored.  A family is followed
+        by small changes of the period or energy of an orbit.  For a driven scene the state at
+        t = 0, velocities included; `scene.at_rest()` leads to the response to weak drives.
     period, energy : float
-        One of them: the period [s], or the energy above that at rest [J].  With an energy the guess
-        is an `Orbit`, whose period starts the search.  Of a driven scene the shortest period of its
-        drives by default, otherwise a whole multiple of it to 1e-9, and no energy.
+        Exactly one of them: the period [s], or the energy above that at rest [J].  With an energy
+        the guess must be an `Orbit`, whose period starts the search.  For a driven scene the period
+        is by default the shortest one of its drives, otherwise a whole multiple of that, to 1e-9;
+        no energy can be given.
 
     Returns
     -------
@@ -79,7 +80,8 @@ def periodic_orbit(
         raise TensegrityError(f"guess {check.shown(guess)} is not a State or an Orbit")
     if dynamics(scene).follows:
         raise TensegrityError(
-            "periodic_orbit: contacts of the scene come and go, must be fixed: see `scene.listed`"
+            "periodic_orbit: the contacts of the scene are detected during a run, must be fixed: "
+            "see `scene.listed`"
         )
     if dynamics(scene).is_driven:
         return _driven_orbit(scene, guess, period, energy)
@@ -90,12 +92,12 @@ def periodic_orbit(
     half_period = HalfPeriod(scene, began.u.ravel())
     if not half_period.extent(began.u.ravel()) > 0:
         raise TensegrityError(
-            "guess is at rest undeformed: give the displacements of a turning point"
+            "guess is the undeformed state at rest: give the displacements of a turning point"
         )
     if energy is not None:
         if not isinstance(guess, Orbit):
             raise TensegrityError(
-                "an energy needs an Orbit as guess, whose period starts the search"
+                "an energy requires an Orbit as guess, whose period starts the search"
             )
         half_period.energy = check.number("energy", energy, above=0, unit="J")
         time = guess.period
@@ -112,7 +114,7 @@ def _driven_orbit(
 ) -> Orbit:
     """`periodic_orbit` of a scene that is driven or damped."""
     if scene.tune:
-        raise TensegrityError("periodic_orbit: not for chains with tuned springs")
+        raise TensegrityError("periodic_orbit is not available for chains with tuned springs")
     check.kind("driven scene", scene, Chain)
     if energy is not None:
         raise TensegrityError("the energy of a driven orbit cannot be given: its drives set it")
@@ -130,7 +132,7 @@ def _driven_orbit(
 
 
 def _in_band(scene: Scene, period: float) -> str:
-    """Words on the first harmonic of a period that lies among the modes of a scene."""
+    """Text on the first harmonic of a period that lies among the modes of a scene."""
     stiffness = scene.stiffness(scene.at_rest().u).toarray()
     free = np.flatnonzero(np.repeat(dynamics(scene).inverse_mass, scene.dim) > 0)
     roots = np.sqrt(np.repeat(scene.mass, scene.dim)[free])
@@ -147,6 +149,6 @@ def _in_band(scene: Scene, period: float) -> str:
                 high += 1
             return (
                 f"; harmonic {n} of the period, {n / period:.6g} Hz, lies in the band "
-                f"{found[low]:.6g} to {found[high]:.6g} Hz, in which nothing localised exists"
+                f"{found[low]:.6g} to {found[high]:.6g} Hz, in which no localised orbit exists"
             )
     return ""

@@ -1,9 +1,9 @@
 """Families of periodic orbits, followed by their period, their energy or a parameter of a drive:
 `orbit_path`.
 
-The branch is followed in arc length, through its folds; events are where the followed quantity is
-stationary and where Floquet multipliers leave the unit circle.  A drive's period may change: the
-phases of the drives, not the time, are those at which an orbit returns.
+The branch is followed in arc length, through its folds; events are points where the followed
+quantity is stationary and where Floquet multipliers leave the unit circle.  The period of a drive
+may change along the branch: an orbit returns after the same phase of the drives, not the same time.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ if TYPE_CHECKING:
     from tensegrity.typing import Array, Flags
 
 FINER = 2  # steps of the flow along a path over those of its first orbit
-ON_CIRCLE = 1e-6  # distance of a multiplier, or of a sum of a pair, from where its event is
-MEETING = 24  # pairs of an undriven orbit: among more of them weak meetings abound
+ON_CIRCLE = 1e-6  # distance of a multiplier, or of the sum of a pair, from its value at an event
+MEETING = 24  # most pairs of an undriven orbit among which collisions are located
 MEET = 1e-6  # imaginary part of mu + 1/mu up to which a pair lies on the unit circle
-SAME_PLACE = 1e-9  # relative difference of two events of one kind that are one
-REFINED = 3  # largest number of traces with more and more steps
+SAME_PLACE = 1e-9  # relative difference below which two events of one kind are the same
+REFINED = 3  # most traces of a branch, each with more steps than the one before
 POINTS = 2000  # largest number of rows
-NEAR_END = 1e-3  # distance from the end of a spring's domain over its range, that is close
-CLOSED = 1e-13  # residual above which it may be what ends a path
+NEAR_END = 1e-3  # distance over the range of a spring that is close to the end of its domain
+CLOSED = 1e-13  # residual above which round-off may be what ends a path
 FINENESS = 16  # parts into which a step is divided where the extent of a motion is computed
 
 
@@ -51,9 +51,9 @@ class OrbitPath(Table):
         Half of the largest extent of the displacement of a site [m]; of an undriven scene between
         the two turning points.
     period, energy : ndarray, (rows,)
-        [s], and above that at rest [J].
+        Period [s], and energy above that at rest [J].
     multiplier : ndarray, (rows,)
-        Largest modulus of the Floquet multipliers, the neutral ones left out.
+        Largest modulus of the Floquet multipliers except the neutral ones.
     stable : ndarray of bool, (rows,)
         Whether no multiplier lies outside of the unit circle.
     orbits : tuple of Orbit
@@ -61,11 +61,11 @@ class OrbitPath(Table):
     events : tuple of Event
         Located points, with the columns and `value`, that of the first column, as attributes.  The
         kinds are "fold" (the followed quantity is stationary), "doubling" (a multiplier is -1: the
-        period doubles), "torus" (complex ones leave the unit circle) and "stability" (the
+        period doubles), "torus" (complex multipliers leave the unit circle) and "stability" (the
         stability changes in another way, as where branches intersect).  At a torus point of an
-        undriven orbit two pairs meet on the circle and leave it together; these are located among
-        at most 24 pairs, as waves reflected at the ends of a long chain cause many weak ones, and
-        `stable` shows them to a row.
+        undriven orbit two pairs collide on the circle and leave it together.  Such points are
+        located among at most 24 pairs, since waves reflected at the ends of a long chain cause
+        many weak ones; with more pairs only the column `stable` shows them.
     end : str
         Why the path ends.
     """
@@ -82,11 +82,11 @@ def orbit_path(orbit: Orbit, by: str, until: float) -> OrbitPath:
     Parameters
     ----------
     orbit : Orbit
-        At which the path begins.
+        The orbit at which the path begins.
     by : str
         "period" or "energy" of an undriven orbit, or the name of a parameter of the drives.
     until : float
-        Value at which the path ends; the path begins towards it.
+        Value at which the path ends; it sets the initial direction.
 
     Returns
     -------
@@ -99,7 +99,7 @@ def orbit_path(orbit: Orbit, by: str, until: float) -> OrbitPath:
 
     Examples
     --------
-    The response of a prism to a growing frequency turns back twice, where the response jumps:
+    The response of a prism to a force of increasing frequency has two folds, where it jumps:
 
     >>> import sympy as sp
     >>> from tensegrity import Chain, Damping, Drive, Prism, orbit_path, periodic_orbit
@@ -132,7 +132,7 @@ def orbit_path(orbit: Orbit, by: str, until: float) -> OrbitPath:
         except ContinuationError as error:
             words = f"the path by {by} does not reach {until:g}"
             raise TensegrityError(f"{words}: {family.stopped(error)}") from None
-        # what kinks leave hardly falls with the steps, of which the first orbit has many then
+        # errors at kinks hardly decrease with the step, and the first orbit has many steps
         if orbit.opens or family.resolved(_events_and_ends(family, branch)[1]):
             break
         steps *= FINER
@@ -176,7 +176,7 @@ class _Family:
         self._last: tuple[bytes, Any] = (b"", None)
 
     def found(self, u: Array) -> Any:
-        """What `_evaluated` gives at the last unknowns, computed once."""
+        """The result of `_evaluated` at the last unknowns, computed once."""
         if self._last[0] != u.tobytes():
             self._last = u.tobytes(), self._evaluated(u)
         return self._last[1]
@@ -209,8 +209,8 @@ class _Family:
     def tests(self, u: Array) -> Array:
         """Functions that vanish at the end and at events of the multipliers, (roots,).
 
-        Of each kind the values of `distances` in ascending order, as many of which are negative as
-        multipliers have passed: several that pass in one step are seen one by one."""
+        For each kind the values of `distances` in ascending order; as many are negative as
+        multipliers have crossed, so that several crossings in one step are detected one by one."""
         if not np.isfinite(self.found(u)[0]).all():
             return np.full(len(self.roots), math.nan)
         rows = np.full((len(self.kinds), self._count), 1.0)
@@ -219,7 +219,7 @@ class _Family:
         return np.append(u[-1] - self.until, rows)
 
     def distances(self, found: Multipliers) -> tuple[Array, ...]:
-        """For each kind of event, numbers that pass 0 there, of any count."""
+        """For each kind of event, any number of values that change their sign there."""
         return 1 + found.real, 1 - np.abs(found) ** 2
 
     def is_event(self, kind: str, found: Multipliers) -> bool:
@@ -238,7 +238,7 @@ class _Family:
         return max(found) < self.settled * size
 
     def stopped(self, error: ContinuationError) -> str:
-        """Words on the last orbit before an error, and why it may be the last."""
+        """Text on the last orbit before an error, and a possible reason why it is the last."""
         if error.branch is None:
             return str(error)
         orbit, row = self.row(error.branch.z[-1])
@@ -247,17 +247,17 @@ class _Family:
         near = left < NEAR_END * np.ptp(self.flow.ranges, axis=1)
         reasons = {
             "a spring is close to the end of its domain there": near.any(),
-            "springs pass kinks, where tangents are not smooth": orbit.opens,
-            f"its equations close to {orbit.residual:.1e} only": orbit.residual > CLOSED,
+            "springs pass kinks, at which tangents are not smooth": orbit.opens,
+            f"its residual is {orbit.residual:.1e}": orbit.residual > CLOSED,
             f"it has {POINTS} rows": len(error.branch.z) >= POINTS,
         }
         found = [words for words, holds in reasons.items() if holds]
         at = ", ".join(f"{name} {row[name]:.6g}" for name in (self.by, "amplitude", "period"))
-        why = "; ".join(found) or "steps become too short, as near other branches"
+        why = "; ".join(found) or "the steps became too short, as they do near other branches"
         return f"its last orbit is that of {at}: {why}"
 
     def path(self, branch: Branch) -> OrbitPath:
-        """The orbits of a branch, and those events that are events of the orbits."""
+        """The orbits of a branch, and its events in terms of the orbits."""
         rows, events = [self.row(u) for u in branch.z], list[Event]()
         for event, u in zip(branch.events, _events_and_ends(self, branch)[0], strict=True):
             kind = "stability" if event.kind == "bifurcation" else event.kind.split()[0]
@@ -343,7 +343,7 @@ class _Reversible(_Family):
         if half <= 0 or not self._half.inside(x):
             return u[:-1] + math.nan, np.zeros((len(u) - 1, len(u)))
         v, jacobian, acceleration = self._half.equations(x, half)
-        size = max(self.scale[0], self._half.extent(x))  # round-off grows with the orbit
+        size = max(self.scale[0], self._half.extent(x))  # round-off increases with the orbit
         unit = math.pi * size / min(self._first / 2, half)
         rows = np.column_stack([jacobian, acceleration / 2]) / unit
         if self.by == "period":
@@ -357,8 +357,8 @@ class _Reversible(_Family):
         return np.append(v / unit, missing), matrix
 
     def distances(self, found: Multipliers) -> tuple[Array, ...]:
-        """Of a pair mu, 1/mu the sum counts, which passes 2 and -2 linearly; where two pairs meet
-        on the circle and leave it, the square of the difference of their sums changes its sign."""
+        """The sum mu + 1/mu of a pair passes 2 and -2 linearly; where two pairs collide on the
+        circle and leave it, the square of the difference of their sums changes its sign."""
         sums = _sums(found)
         on = np.abs(sums.imag) < MEET
         apart = np.diff(np.sort(sums.real[on])) ** 2

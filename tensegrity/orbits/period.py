@@ -1,5 +1,5 @@
-"""Periods of drives: the common period of all functions of time in a scene, from the rates of the
-angles of their sines and cosines."""
+"""Periods of drives: the common period of all functions of time in a scene, from the angular
+frequencies of their sines and cosines."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class DrivePeriod:
             rates += [(str(force.expression), *one) for one in _of_force(force)]
         if not rates:
             raise TensegrityError(
-                "the scene has no drive with a period: nothing but rest repeats in it"
+                "the scene has no periodic drive: only the state at rest is periodic"
             )
         self._rates = rates
         name, first = rates[0][0], self._at(0, {})
@@ -70,13 +70,13 @@ class DrivePeriod:
         self.value: float = value
 
     def _at(self, number: int, values: Mapping[str, float]) -> float:
-        """An angular rate [rad/s] at other values of parameters."""
+        """An angular frequency [rad/s] at other values of parameters."""
         _, rate, given = self._rates[number]
         return float(rate.subs(given | {k: x for k, x in values.items() if k in given}))
 
     def factor(self, parameter: str, value: float) -> tuple[float, float]:
-        """The period with another value of a parameter of the drives over that at first, and its
-        derivative by the parameter.
+        """The period with another value of a parameter of the drives over the original one, and its
+        derivative with respect to the parameter.
 
         Raises
         ------
@@ -98,7 +98,7 @@ class DrivePeriod:
 
 
 def fitting(period: float, shortest: float) -> float:
-    """The whole multiple of the drives' period that a given period [s] is, to 1e-9."""
+    """The whole multiple of the drives' period that equals a given period [s], to 1e-9."""
     times = round(period / shortest)
     if times < 1 or abs(period / (times * shortest) - 1) > FIT:
         raise TensegrityError(
@@ -118,7 +118,7 @@ def _repeats(signals: list[Any], period: float) -> bool:
 
 
 def _angular_rates(signal: Any) -> list[tuple[Any, dict[str, float]]]:
-    """Rates of the angles in a function of time, each with the values of its symbols."""
+    """Angular frequencies in a function of time, each with the values of its symbols."""
     expression = getattr(signal, "expression", None)
     if expression is None:
         raise TensegrityError(f"{signal.name}: {signal} have no period, give an expression of t")

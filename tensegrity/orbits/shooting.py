@@ -1,4 +1,4 @@
-"""Periodic orbits, and Newton's method for them by shooting, with as many steps as they need."""
+"""Periodic orbits, and Newton's method for them by shooting, with as many steps as required."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from tensegrity.typing import Array
 ITERATIONS, HALVINGS = 60, 8  # of Newton's method, and of one of its steps
 LONGEST = 0.3  # step of it over the largest displacement
 CONVERGED = 1e-12  # last step of Newton's method over the largest displacement
-STUCK = 1e-9  # the same, below which round-off may end the iteration
-SETTLED = 1e-9  # change of the unknowns between two numbers of steps, over the largest
+STUCK = 1e-9  # the same: below it the iteration may end by round-off
+SETTLED = 1e-9  # change of the unknowns when the steps are doubled, over the largest
 FINEST = 4096  # steps of the flow
-FIXED = 1e-9  # part of a motion that counts as none
+FIXED = 1e-9  # fraction of a motion that counts as zero
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,20 +33,20 @@ class Orbit:
     ----------
     scene : Scene
     state : State
-        Of a driven or damped scene at t = 0; else at rest, at the turning point that the guess
-        lies nearer to.
+        For a driven or damped scene the state at t = 0; else at rest, at the turning point nearer
+        to the guess.
     period : float
         [s]
     energy : float
-        Above that at rest [J].
+        Energy above that at rest [J].
     residual : float
-        Of a driven or damped scene the largest change of the state in a period over its size; else
-        the largest |v| at half the period over the largest |v| that linear motion of the same
-        displacements and period has.
+        For a driven or damped scene the largest change of the state in a period, relative to the
+        state; else the largest |v| at half the period over the largest |v| of linear motion with
+        the same displacements and period.
     opens : bool
-        Whether some spring passes a kink, such as the loss of contact: fewer digits then.
+        Whether some spring passes a kink, such as the loss of contact: fewer digits are exact.
     steps : int
-        Steps of the period of a driven or damped scene, else of half a period.
+        Number of steps of a period for a driven or damped scene, else of half a period.
     """
 
     scene: Scene = field(repr=False)
@@ -67,7 +67,7 @@ class Orbit:
     __repr__ = __str__
 
     def run(self, tol: float = 1e-9) -> Run:
-        """A run of one period from `state`, with the tolerance of `simulate`."""
+        """A run of one period from `state`; arguments as of `simulate`."""
         return simulate(self.scene, self.state, self.period, tol=tol)
 
 
@@ -82,14 +82,14 @@ class Shooting:
     ----------
     scene : Scene
     flow : Flow or DrivenFlow
-        Whose steps are chosen here.
+        Its number of steps is chosen here.
 
     Attributes
     ----------
     inverse_mass : ndarray, (entries,)
         [1/kg], 0 at held sites.
     rest : ndarray, shape of the scene
-        Displacements at rest [m]; of a driven chain 0.
+        Displacements at rest [m]; 0 for a driven chain.
     """
 
     def __init__(self, scene: Scene, flow: Any) -> None:
@@ -108,7 +108,7 @@ class Shooting:
         raise NotImplementedError
 
     def refuse(self, x: Array) -> None:
-        """Refuse x that is no orbit."""
+        """Refuse an x that is not an orbit."""
 
     def inside(self, u: Array) -> bool:
         """Whether the scene can have these displacements, (entries,), and all springs are inside
@@ -126,22 +126,22 @@ class Shooting:
         return True
 
     def above_rest(self, u: Array, v: Array) -> float:
-        """Energy of a state of (entries,) above that at rest [J]."""
+        """Energy [J] of a state, (entries,), above that at rest."""
         state = State(u.reshape(self.scene.shape), v.reshape(self.scene.shape))
         return self.scene.energy(state) - self._least
 
     def forces(self, u: Array) -> Array:
-        """Forces of displacements [N], (entries,)."""
+        """Forces at displacements [N], (entries,)."""
         return self.scene.forces(u.reshape(self.scene.shape)).ravel()
 
     def settled(self, x: Array, steps: int) -> tuple[Array, float]:
-        """The orbit near x and its residual, with as many steps as it needs.
+        """The orbit near x and its residual, with as many steps as required.
 
         Parameters
         ----------
         x : ndarray
         steps : int
-            At first; they are doubled until x stays.
+            Initial number of steps, doubled until x no longer changes.
 
         Returns
         -------

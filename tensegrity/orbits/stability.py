@@ -1,11 +1,12 @@
 """Floquet multipliers of exact waves, of fronts and of periodic orbits: `floquet`.
 
-A wave r(x - c t) returns to itself when it has run for 1/c and is moved back by one site.  The
-tangent of that map on an open window, whose perturbations are 0 ahead of it and are dropped behind
-it, has two multipliers 1, of the wave's shift and of its change with the speed.  Linear waves are
-slower than the wave and leave the window, so that their multipliers lie inside the unit circle and
-an instability of the wave stands alone.  On a ring, a wave meets its own radiation and is unstable
-by that.  A front on springs to the ground, which dashpots damp, has one neutral motion, its shift.
+A wave r(x - c t) is mapped to itself by a run of duration 1/c followed by a shift back by one site.
+The tangent of this map on an open window, with perturbations that are 0 ahead of the window and are
+dropped behind it, has a double multiplier 1, which belongs to the wave's shift and to its change
+with the speed.  Linear waves are slower than the wave and leave the window, so that their
+multipliers lie inside the unit circle and only an instability of the wave lies outside.  On a ring
+a wave would interact with its own radiation and be unstable for that reason.  A front on springs
+to the ground, damped by dashpots, has one neutral motion, its shift.
 An orbit that is at rest at t = 0 has the tangent M = R P^-1 R P of a period, P that of
 half a period, and R the reversal of velocities.  Source: G. Friesecke, R. Pego, Nonlinearity 17,
 207 (2004), whose exponential weight is here the balancing of the matrix by LAPACK.
@@ -36,11 +37,11 @@ from tensegrity.waves.transition import TransitionWave
 Multipliers: TypeAlias = NDArray[np.complex128]
 
 FIRST, MOST = 4, 2048  # steps per site passed
-ORDER, MARGIN = 3, 1.2  # of the pair of 1s, which splits by the root of the error; of a new step
+ORDER, MARGIN = 3, 1.2  # of the double multiplier 1, split by the root of the error; of steps
 CLOSED = 1e-6  # largest distance of the neutral multipliers from 1
-AGREE = 1e-7  # of multipliers in two windows
-STABLE = 1e-6  # of a modulus beyond 1
-TAIL, FRONT_TAIL = 1e-12, 1e-9  # of the peak or step, left outside of the window
+AGREE = 1e-7  # difference of equal multipliers in two windows
+STABLE = 1e-6  # excess of a modulus over 1 that is round-off
+TAIL, FRONT_TAIL = 1e-12, 1e-9  # fraction of the peak or step outside of the window
 SHORTER = 0.08  # part of the sites by which the second window is shorter at each end
 LARGEST = 700  # sites of a window
 
@@ -56,7 +57,7 @@ class Floquet:
         descending modulus, without the neutral ones.  Of a wave only those that do not depend on
         the window: instabilities, and resonances inside the unit circle.
     neutral : ndarray of complex
-        Multipliers that are 1 exactly, as they were found.
+        Multipliers that are exactly 1 in theory, as computed.
     growth : float
         Growth rate of the fastest growing perturbation [1/s]; 0 if none grows.
     stable : bool
@@ -69,11 +70,11 @@ class Floquet:
     stable: bool
 
     def __str__(self) -> str:
-        largest = ", ".join(f"{x:.6g}" for x in self.multipliers[:3]) or "none but the neutral ones"
+        largest = ", ".join(f"{x:.6g}" for x in self.multipliers[:3]) or "only neutral ones"
         verdict = "stable" if self.stable else f"unstable, growth {self.growth:.6g} 1/s"
         return (
             f"{verdict}; multipliers {largest}\n"
-            f"neutral ones closed to {np.abs(self.neutral - 1).max(initial=0):.1e}"
+            f"neutral ones within {np.abs(self.neutral - 1).max(initial=0):.1e} of 1"
         )
 
     __repr__ = __str__
@@ -175,7 +176,7 @@ def _of_orbit(orbit: Orbit) -> Floquet:
 def half_multipliers(half: HalfPeriod, u: Array, time: float) -> tuple[Multipliers, Multipliers]:
     """The multipliers of an undriven orbit in descending modulus, and the neutral ones.
 
-    Motions that the period leaves as they are, along the orbit and of the whole scene, have a
+    Motions that a period maps to themselves, along the orbit and of the whole scene, have a
     symplectic complement that is invariant and contains them; the multipliers sought are those in
     it modulo these motions, and each of these motions stands for a pair of neutral ones.
 
@@ -209,7 +210,7 @@ def half_multipliers(half: HalfPeriod, u: Array, time: float) -> tuple[Multiplie
 
 
 def _passed(wave: SolitaryWave | TransitionWave, flow: Flow | DrivenFlow, x: Array) -> Array:
-    """Tangent of the map: run for 1/c, then move back by one site."""
+    """Tangent of the map: a run of duration 1/c, then a shift back by one site."""
     sites = len(x)
     u, v = wave.displacement(x), -wave.speed * wave.rate(x)
     rows = flow.tangents(u, v, 1 / wave.speed)[2].reshape(2, sites, 2 * sites)
@@ -222,7 +223,7 @@ def _deflated(tangent: Array, motions: Array, x: Array) -> tuple[Array, Multipli
     """A tangent without the invariant space of the neutral motions, and the multipliers there.
 
     The projection is along perturbations that vanish near the peak: its left vectors decay on both
-    sides, so that it leaves the matrix as easy to balance as it is.
+    sides, so that the matrix remains as easy to balance.
     """
     weight = np.exp(-np.abs(x))[:, None]
     left = np.linalg.solve(motions.T @ (weight * motions), (weight * motions).T)
@@ -240,7 +241,7 @@ def _descending(found: Multipliers) -> Multipliers:
 
 
 def _verdict(multipliers: Multipliers, neutral: Multipliers, rate: float) -> Floquet:
-    """A `Floquet` from multipliers in descending modulus, and passages per second."""
+    """A `Floquet` from multipliers in descending modulus, and periods or sites per second."""
     largest = float(np.abs(multipliers).max(initial=0.0))
     stable = largest <= 1 + STABLE
     return Floquet(multipliers, neutral, 0.0 if stable else rate * math.log(largest), stable)

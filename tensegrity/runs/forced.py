@@ -33,13 +33,13 @@ class ForcedMotion(Motion):
         as_forces = bool(getattr(method, "rates", ())) and not scene.tune
         if problem.dynamics.has_forces and not as_forces:
             raise TensegrityError(
-                f"method {method.name!r} has no rows for velocities, which scenes with forces of "
-                "their own need, such as rk4 and rk8"
+                f"method {method.name!r} admits no forces that depend on velocity, as scenes with "
+                "forces of their own require: take rk4 or rk8"
             )
         if not as_forces and not isinstance(method, Splitting):
             raise TensegrityError(
-                f"method {method.name!r} is no splitting of kicks and drifts, which driven, damped "
-                "and tuned scenes need, such as verlet and rkn6"
+                f"method {method.name!r} is not a splitting into kicks and drifts, as driven, "
+                "damped and tuned scenes require: take verlet or rkn6"
             )
         check_start(scene, problem.state.u)
         self.tuning: Any = None

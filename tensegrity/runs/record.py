@@ -224,7 +224,7 @@ class OutputTimes(NamedTuple):
 
 
 def is_light(record: Record, t_end: float) -> bool:
-    """Whether the rows of a run to `t_end` [s] take no time to speak of: they are held in memory,
+    """Whether the rows of a run to `t_end` [s] take negligible time: they are held in memory,
     and few of them lie inside steps."""
     inside = t_end / record.interval if record.interval else len(record.times or ())
     return record.path is None and inside <= FEW

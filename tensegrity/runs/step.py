@@ -222,10 +222,10 @@ def refuse_jumps(problem, elongation_range, tol):
             continue
         strain = f" (strain {place / spring.length:g})" if spring.length else ""
         what = f"tension of {check.shown(spring)} jumps by {jump:g} N"
-        why = "the error of fixed steps is of first order there: give dt=, or a law that rises"
+        why = "the error of fixed steps is of first order there: give dt=, or spread the jump"
         if exponent < 0:
             what = f"energy of {check.shown(spring)} jumps by {jump:g} J"
-            why = "steps cannot resolve an unbounded force: give a law that rises"
+            why = "steps cannot resolve an unbounded force: spread the jump"
         raise TensegrityError(
             f"tol {tol:g}: the {what} at the elongation {place:g} m{strain}; {why} over a range"
         )

@@ -228,7 +228,7 @@ def with_polynomials(
 
 
 def may_fit(problem, steps, tol):
-    """Whether fitted forces are likely to save time.
+    """Whether fitted forces are expected to save time.
 
     Parameters
     ----------
@@ -280,7 +280,7 @@ AT_FIRST = 13  # least steps of the first run where forces are smooth; compared 
 DENSE = 2  # first steps between two instants of comparison where forces are smooth
 FEWEST, MOST_COMPARED = 16, 2_000_000  # least instants; most numbers in u of a run at them
 COMPARED = 3  # most runs that are compared, the finest included
-SECOND = 1e-6  # tolerances below this are rarely met by the second run
+SECOND = 1e-6  # tolerances below this are rarely attained by the second run
 ROUND_OFF = 1e-14  # relative differences below this are round-off
 # Successive refinements without gain after which round-off is reached: of a method of order 2 or
 # more, and of less, where a run may be better than the next ones by chance.

@@ -1,7 +1,7 @@
 """Runs in a notebook: a page of its own, in which a run is played and turned, see `Run.show`.
 
 Prisms are drawn with their twists, which follow from their heights along the equilibrium path;
-guides, packs, structures and other networks with their sites where they are.
+guides, packs, structures and other networks with their sites at their positions.
 """
 
 from __future__ import annotations

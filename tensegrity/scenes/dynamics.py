@@ -233,7 +233,7 @@ class Dynamics:
         return self
 
     def nearest(self, u: Array) -> Dynamics:
-        """Dynamics with the contacts that are likely to form in a run from displacements u."""
+        """Dynamics with the contacts that can be expected to form in a run from displacements u."""
         return self
 
     def forces(self, u: Array) -> Array:

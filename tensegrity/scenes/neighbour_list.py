@@ -25,7 +25,7 @@ from tensegrity.typing import Array
 
 SKIN = 0.25  # gap over the mean radius up to which pairs are listed
 ROWS = 64  # rows of displacements that are compared in one call
-NEAREST = 6  # neighbours that a site is likely to touch in a run
+NEAREST = 6  # neighbours that a site is expected to touch in a run
 
 
 class NeighbourList(Clearance):

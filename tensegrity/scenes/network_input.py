@@ -109,7 +109,7 @@ LARGEST = 2**29  # sites and walls: the loop numbers their rows, of four numbers
 
 
 def refuse_beside_plates(of: Any) -> None:
-    """Refuse what springs with a geometry of their own, those between plates, do not go with."""
+    """Refuse arguments that springs between plates, which have a geometry of their own, exclude."""
     scene, laws = of.scene, of.springs.table[0]
     if not any(geometry.own([law]) for law in laws):
         return

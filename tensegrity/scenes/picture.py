@@ -247,7 +247,7 @@ def edge(wall: Wall, low: Array, high: Array) -> Array | None:
     Returns
     -------
     ndarray, (2, 2), or None
-        As long as the wall or the picture; None where its face is seen.
+        As long as the wall or the picture; None if the wall is seen face on.
     """
     axes = _axes(len(wall.point), None)[0]
     middle, normal = axes @ wall.point, axes @ wall.normal

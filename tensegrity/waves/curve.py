@@ -1,7 +1,7 @@
 """Speed, energy and width along a family of solitary waves: `along`.
 
-Waves of a family are ordered by the size of their amplitude; speed and energy rise along it, save
-near a threshold.
+Waves of a family are ordered by the size of their amplitude; speed and energy increase along it,
+except near a threshold.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ from tensegrity.waves.solitary import SolitaryWave, solitary_wave
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-FAR, FARTHER = 8.0, 1.5  # times the spring's scale, and the first amplitude: so far goes a family
-WITHOUT_SCALE = 4.0  # m: the same where all waves are similar
-NEAR_START, HALF, NEAR_END = 3e-3, 0.5, 0.4  # parts of the way from the first amplitude to the last
-FEW = 12  # waves from which the stability of a family is told in words
+FAR, FARTHER = 8.0, 1.5  # end of an unbounded family over the scale, and its first amplitude
+WITHOUT_SCALE = 4.0  # m: its end where all waves are similar
+NEAR_START, HALF, NEAR_END = 3e-3, 0.5, 0.4  # fractions of the range of amplitudes
+FEW = 12  # waves from which the stability of a family is described
 CLOSE = 1e-12  # of the amplitude at which the energy is least or largest
 COLUMNS = "amplitude", "speed", "excess", "energy", "momentum", "width", "residual"
 AT_FRONT, AT_WALL = 1e-5, 1e-2  # parts of it that are left at a front and at other ends
@@ -85,8 +85,8 @@ class FamilyCurve:
 
     @property
     def stable(self) -> Flags:
-        """Where the energy rises with the speed, without which a wave is unstable; `floquet` of a
-        wave counts all perturbations."""
+        """Whether the energy increases with the speed, (waves,): a wave for which it does not is
+        unstable.  `floquet` of a wave takes all perturbations into account."""
         return self.energy_slope > 0
 
     def plot(self, ax: Axes | None = None, *, x: str = "speed", y: str = "amplitude") -> Axes:
@@ -106,7 +106,7 @@ class FamilyCurve:
         Raises
         ------
         TensegrityError
-            What is no axes, or no array.
+            `ax` is not a Matplotlib axes, or a name is not that of an array.
         """
         columns = {name: getattr(self, name) for name in COLUMNS} | {"stable": self.stable}
         return WaveTable(columns, (), "").plot(ax, x=x, y=y)
@@ -121,8 +121,8 @@ def along(
     points: int,
     given: dict[str, ArrayLike | None],
 ) -> FamilyCurve:
-    """Solitary waves along a family, at given values of one target of `solitary_wave` or, without
-    these, at amplitudes that cover the whole family.  See `PredictedFamily.curve`.
+    """Solitary waves along a family, at given values of one target of `solitary_wave`; by default
+    at amplitudes that cover the whole family.  See `PredictedFamily.curve`.
 
     Parameters
     ----------
@@ -147,7 +147,7 @@ def along(
     Raises
     ------
     TensegrityError
-        More than one target, values that are no sequence, or one without a wave in the family.
+        More than one target, values that are not a sequence, or a value without a wave.
     """
     points = check.whole("points", points, least=4)
     targets = {name: value for name, value in given.items() if value is not None}
@@ -173,18 +173,18 @@ def along(
 def falling(
     curve: FamilyCurve, family: str, speeds: tuple[float, float]
 ) -> tuple[tuple[float, float], ...]:
-    """Ranges of the speed [sites/s] in which the energy falls with it.
+    """Ranges of the speed [sites/s] in which the energy decreases with it.
 
-    There one real multiplier of a wave is above 1 (G. Friesecke, R. Pego, Nonlinearity 15, 1343
+    There a wave has one real multiplier above 1 (G. Friesecke, R. Pego, Nonlinearity 15, 1343
     (2002)); `floquet` finds all of them.
 
     Parameters
     ----------
     curve : FamilyCurve
-        Changes are sought between its waves.
+        Changes of the sign of dH/dc are sought between its waves.
     family : str
     speeds : (float, float)
-        Where a range ends that contains the first or the last of the waves.
+        Limits of the speed, at which a range ends that contains the first or the last wave.
 
     Returns
     -------
@@ -194,7 +194,7 @@ def falling(
     Raises
     ------
     TensegrityError
-        A curve without waves.
+        The curve has no waves.
     """
     if not len(curve):
         raise TensegrityError(f"no wave of {family} was found")
@@ -212,7 +212,7 @@ def falling(
 
 
 def stability_in_words(unstable: Callable[[int], tuple[tuple[float, float], ...]]) -> str:
-    """Words on the ranges of unstable waves.
+    """Text on the ranges of unstable waves.
 
     Parameters
     ----------
@@ -228,9 +228,9 @@ def stability_in_words(unstable: Callable[[int], tuple[tuple[float, float], ...]
     except TensegrityError as error:
         return f"stability is not known: {error}"
     if not found:
-        return "no unstable wave was found: the energy rises with the speed"
+        return "no unstable wave was found: the energy increases with the speed"
     ranges = " and ".join(f"from {low:.6g} to {high:.6g} sites/s" for low, high in found)
-    return f"unstable {ranges}, where the energy falls with the speed"
+    return f"unstable {ranges}, where the energy decreases with the speed"
 
 
 def amplitudes(first: float, last: float, ends: str, points: int, far: float) -> Array:

@@ -6,11 +6,12 @@ T, springs G and dashpots g to the ground, dashpots eta in the bonds, and r the 
 
 * With springs to the ground the displacement u is solved for, and the speed c:
   m c^2 u'' = d (T(r) - eta c r') + g c u' - G'(u), where r = d u.
-* Without, the elongation is, with K of `travelling`: m c^2 (r - r+) = K (T(r) - T(r+) - eta c r').
-  Far behind this is the condition of Rankine and Hugoniot, m c^2 (r- - r+) = T(r-) - T(r+).
-  A front slower than sound on both sides, or faster, exists for single r-, which is the unknown.
-  One that is faster ahead only exists for all: then the unknown is a force at the seam x = +-L, by
-  which a periodic solution has as many equations as unknowns, and which decays with L.
+* Without these the elongation is solved for: m c^2 (r - r+) = K (T(r) - T(r+) - eta c r'), with K
+  of `travelling`.  Far behind the front this is the Rankine-Hugoniot condition
+  m c^2 (r- - r+) = T(r-) - T(r+).  A front that is subsonic, or supersonic, on both sides exists
+  for isolated r-, which is the unknown.  One that is supersonic ahead only exists for every r-:
+  then the unknown is a force at the seam x = +-L, which closes the periodic system and decays
+  with L.
 
 Sources: N. Nadkarni et al., Phys. Rev. Lett. 116, 244501 (2016); L. Truskinovsky and A. Vainchtein,
 SIAM J. Appl. Math. 66, 533 (2005); P. Lax, Comm. Pure Appl. Math. 10, 537 (1957).
@@ -99,7 +100,7 @@ class Line:
         return float(np.sum(values)) * 2 * self.half_length / self.points
 
     def series(self, values):
-        """Coefficients of cosine and sine of the wave numbers, for values on the grid."""
+        """Coefficients of the cosine and sine series of values on the grid."""
         a = np.fft.rfft(values) * np.exp(-1j * self.wave_numbers * self.x[0]) / self.points
         a[1:] *= 2
         return a.real, -a.imag
@@ -157,7 +158,7 @@ class Front:
     ahead, behind : float
         Displacements, or without springs to the ground elongations [m].
     overtaken : bool
-        Whether sound behind is faster than the front, and sound ahead slower.
+        Whether the front is subsonic relative to the state behind, and supersonic ahead.
     line : Line
     w : ndarray, (points,)
         The remainder [m].
@@ -196,7 +197,7 @@ class Front:
 
     @cached_property
     def state(self):
-        """What is solved for, and its derivative, on the grid [m]."""
+        """The function solved for, and its derivative, on the grid [m]."""
         x, jump = self.line.x, self.end - self.ahead
         rate = jump * step(x, 1) + self.line.apply(self.line.rate, self.w)
         return self.ahead + jump * step(x) + self.w, rate
@@ -213,14 +214,14 @@ class Front:
 
     @cached_property
     def _beyond(self):
-        """Force in the bonds less that of the step [N]."""
+        """Force in the bonds minus that of the step [N]."""
         r, rate = self.elongation
         linear = self.stiffness * (self.end - self.ahead) * step(self.line.x)
         force = self.spring.tension(r) - float(self.spring.tension(self.ahead))
         return force - linear - self.bond * self.speed * rate
 
     def residual(self):
-        """Left less right side of the equation [N]."""
+        """Left-hand minus right-hand side of the equation [N]."""
         line, c, jump = self.line, self.speed, self.end - self.ahead
         if self.ground is not None:
             r, rate = self.elongation
@@ -235,7 +236,7 @@ class Front:
         return left + self.unknown * seam if self.overtaken else left
 
     def tangent(self):
-        """Derivative of the residual in w, (points, points)."""
+        """Derivative of the residual with respect to w, (points, points)."""
         line, drag = self.line, self.bond * self.speed
         slope = self.spring.stiffness(self.elongation[0])
         if self.ground is None:
@@ -250,7 +251,7 @@ class Front:
         return found
 
     def scale(self):
-        """The largest force [N], to which residuals refer."""
+        """The largest force [N], by which residuals are divided."""
         change = abs(self.stiffness * (self.end - self.ahead))
         return change + float(np.max(np.abs(self.spring.tension(self.elongation[0]))))
 
@@ -267,13 +268,13 @@ class Front:
 
     @property
     def dissipated(self):
-        """Energy that the dashpots take for each site [J]."""
+        """Energy dissipated by the dashpots for each site passed [J]."""
         rates = self.bond * self.elongation[1] ** 2 + self.site * self.slope**2
         return self.speed * self.line.integral(rates)
 
     @property
     def slope(self):
-        """du/dx less its value ahead, on the grid."""
+        """du/dx minus its value ahead, on the grid."""
         if self.ground is not None:
             return self.state[1]
         line, jump = self.line, self.end - self.ahead
@@ -321,7 +322,7 @@ def newton(front):
         front = _moved(front, moves, np.max(np.abs(gap)))
         if size < CONVERGED:
             return front
-    raise NoWaveError(f"no front found: the last Newton step is {size:.1e} of it")
+    raise NoWaveError(f"no front found: the last relative Newton step is {size:.1e}")
 
 
 def _moved(front, moves, gap):
@@ -344,7 +345,7 @@ def _moved(front, moves, gap):
 
 
 def resolved(front):
-    """A front from an approximation, on a grid that is long and fine enough.
+    """The front near an approximation, on a sufficiently long and fine grid.
 
     Parameters
     ----------

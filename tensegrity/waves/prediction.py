@@ -120,11 +120,12 @@ class PredictedFamily:
         Parameters
         ----------
         points : int, optional
-            How many waves where nothing else is given, 4 at least: from close to the start to
-            close to the end, or far into the nonlinear range where there is none.  Waves that are
-            not found are left out: near a threshold the first amplitude is an estimate.
+            Number of waves if no target is given, at least 4: from close to the start of the
+            family to close to its end, or far into the nonlinear range of an unbounded one.  Near
+            a threshold, where the first amplitude is an estimate, waves that do not exist are
+            omitted.
         speed, speed_ratio, excess, amplitude, energy : array_like, (waves,), optional
-            At most one: a value for each wave, as `solitary_wave` takes it.
+            At most one target: a value for each wave, as for `solitary_wave`.
 
         Returns
         -------
@@ -133,7 +134,7 @@ class PredictedFamily:
         Raises
         ------
         TensegrityError
-            More than one of them, or there is no wave with a value that was given.
+            More than one target, or no wave has a given value.
 
         Examples
         --------
@@ -150,12 +151,12 @@ class PredictedFamily:
         return along(self._potential, self._mass, self.name, self.crests, self.ends, points, given)
 
     def unstable(self, points: int = 28) -> tuple[tuple[float, float], ...]:
-        """Ranges of the speed in which waves are unstable because their energy falls with it.
+        """Ranges of the speed in which waves are unstable because their energy decreases with it.
 
         Parameters
         ----------
         points : int, optional
-            Waves of the `curve` between which changes are sought.
+            Number of waves of the `curve` between which changes are sought.
 
         Returns
         -------
@@ -166,7 +167,7 @@ class PredictedFamily:
 
     @cached_property
     def stability(self) -> str:
-        """What `unstable` finds among fewer waves, in words; computed once, in .1 to 2 s."""
+        """The result of `unstable` from fewer waves, as text; computed once, in 0.1 to 2 s."""
         return stability_in_words(self.unstable)
 
     def small_peak(self, excess: float) -> float:

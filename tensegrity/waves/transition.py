@@ -1,8 +1,8 @@
 """Transition waves: fronts that switch a chain of equal units from one state to another.
 
 The equations and their solution are in `front`.  In a chain with springs to the ground the states
-are stable equilibria of these; otherwise they are elongations.  What the front releases, the
-dashpots take: that balance is independent of the solution and measures its error.
+are stable equilibria of these; otherwise they are elongations.  The energy released by the front is
+dissipated by the dashpots: this balance is independent of the solution and measures its error.
 """
 
 from __future__ import annotations
@@ -60,11 +60,11 @@ class TransitionWave(TravellingWave):
     amplitude : float
         behind - ahead [m].
     energy, momentum : float
-        Of the front beyond those of its two states, which meet at x = 0 [J], [kg m/s].  What is
+        Excess of the front over a jump at x = 0 between its two states [J], [kg m/s]; the chain
         ahead is at rest.
     residual : float
-        The larger of the residual of the equation, on a grid twice as fine, over the largest force,
-        and the difference between the energies released and dissipated over the former.
+        The larger of two errors: the residual of the equation on a grid twice as fine, over the
+        largest force; and the relative difference of the energies released and dissipated.
     """
 
     ahead: float
@@ -78,8 +78,8 @@ class TransitionWave(TravellingWave):
         return self._shape.elongation(self.x)
 
     def width(self, level: float = 0.05) -> float:
-        """Distance in sites between the points where a fraction `level` of the step is missing on
-        either side."""
+        """Distance in sites between the points at which the state differs from that ahead, and from
+        that behind, by a fraction `level` of the step."""
         level = check.number("level", level, least=LEAST_LEVEL, below=0.5)
         part = (self._state(self.x) - self.behind) / -self.amplitude
         ends = []
@@ -97,7 +97,7 @@ class TransitionWave(TravellingWave):
         return float((self._state(x) - self.behind) / -self.amplitude)
 
     def reach(self, tail: float = 1e-9) -> float:
-        """Distance from the centre, in sites, beyond which less than `tail` of the step is left."""
+        """Distance from the centre, in sites, beyond which less than `tail` of the step remains."""
         tail = check.number("tail", tail, above=0, below=1)
         left = np.abs(self._state(self.x) - np.where(self.x > 0, self.ahead, self.behind))
         remaining = np.abs(self.x[left >= tail * abs(self.amplitude)])
@@ -109,7 +109,7 @@ class TransitionWave(TravellingWave):
         Parameters
         ----------
         chain : Chain
-            A chain with the springs and masses of the front, and its dashpots.
+            A chain with the springs, masses and dashpots of the front.
         at : float
             Position of the centre in sites.
         direction : int, optional
@@ -173,7 +173,7 @@ def transition_wave(
     ground : Potential, optional
         Spring between each site and the ground.
     damping : Damping, optional
-        Dashpots, each coefficient a number.  Without springs to the ground those of the bonds only.
+        Dashpots with constant coefficients; without springs to the ground, in the bonds only.
 
     Returns
     -------
@@ -182,11 +182,11 @@ def transition_wave(
     Raises
     ------
     TensegrityError
-        Bad input; states that release no energy, are unstable, or are not those of a front (the
-        message has the value that is); a front that is not damped and radiates; a front that the
-        lattice pins (the message has the forces between which it stands).
+        Bad input; states that release no energy, are unstable, or do not belong to a front (the
+        message gives the value that does); an undamped front that radiates; a front pinned by the
+        lattice (the message gives the forces between which it stands).
     ResolutionError
-        A front that decays too slowly, or is too sharp.
+        The front decays too slowly, or is too sharp, for the finest grid.
 
     Examples
     --------
@@ -206,7 +206,7 @@ def transition_wave(
         check.kind("ground", ground, Potential)
     check.kind("damping", damping := Damping() if damping is None else damping, Damping)
     if damping.bond.ndim or damping.ground.ndim:
-        raise TensegrityError("damping of a front has one coefficient for all bonds or sites")
+        raise TensegrityError("damping of a front must have one coefficient for all bonds or sites")
     if ahead == behind:
         raise TensegrityError(f"ahead and behind are both {ahead:g} m: they must differ")
     line = Line(POINTS[0], HALF_LENGTH)
@@ -256,12 +256,12 @@ def _on_ground(front):
             )
     _refuse_gain(front)
     if not (front.bond or front.site):
-        raise TensegrityError("a front without damping radiates in a chain with a ground")
+        raise TensegrityError("a front over springs to the ground radiates without damping")
     bond, length = float(spring.stiffness(0.0)), 0.0
     top = spring.sound_speed(front.mass)
 
     if not top:
-        raise TensegrityError("springs without stiffness at rest carry no front on a ground")
+        raise TensegrityError("bonds without stiffness at rest carry no front between wells")
 
     def missed(speed):  # power less dissipation of a profile of hyperbolic tangents
         nonlocal length
@@ -292,7 +292,7 @@ def _of_bonds(front):
     """The front in a chain without springs to the ground."""
     spring, mass = front.spring, front.mass
     if front.site:
-        raise TensegrityError("dashpots to the ground stop what a front of bonds sets in motion")
+        raise TensegrityError("dashpots to the ground stop the sites, which move behind this front")
     stiffness = spring.stiffness([front.ahead, front.behind])
     if stiffness.min() <= 0 or front.stiffness <= 0:
         raise TensegrityError(
@@ -327,7 +327,7 @@ def _first(fronts):
 def standing_forces(
     spring: Potential, ground: Potential, ahead: float, behind: float
 ) -> tuple[float, float]:
-    """The range of forces on each site [N] in which a chain holds a standing front.
+    """The range of forces on each site [N] in which the lattice pins a front.
 
     Parameters
     ----------
@@ -339,12 +339,12 @@ def standing_forces(
     Returns
     -------
     low, high : float
-        Forces towards higher sites; between them the lattice pins the front.
+        Forces towards higher sites.
 
     Raises
     ------
     NoWaveError
-        A chain so stiff that no standing front is found.
+        No standing front is found: the chain is too stiff.
     """
     from scipy.optimize import minimize_scalar
 
@@ -352,7 +352,7 @@ def standing_forces(
     move = np.eye(2 * SITES, 2 * SITES + 1, 1) - np.eye(2 * SITES, 2 * SITES + 1)
 
     def held(middle, u):
-        """Displacements where that of the middle site is given, and the force on each site."""
+        """Displacements with that of the middle site given, and the force on each site."""
         u, force = np.append(u[:SITES], [middle, *u[SITES + 1 :]]), 0.0
         for _ in range(ITERATIONS):
             r = move @ u
