@@ -30,12 +30,12 @@ curvature, quartic = sp.symbols("U_2 U_4", real=True)  # derivatives of the ener
 
 
 def energy(length: sp.Expr, at: sp.Symbol) -> sp.Expr:
-    """Energy of one string of each hand, taut or slack, less the work of a torque.
+    """Energy of one string of each hand, taut or slack, minus the work of a torque.
 
     Parameters
     ----------
     length : sympy.Expr
-        Squared length of the first as a function of `at`.
+        Squared length of the former as a function of `at`.
     at : sympy.Symbol
 
     Returns
@@ -67,8 +67,8 @@ def threshold_of(length: sp.Expr, at: sp.Symbol) -> sp.Expr:
 def twin_strings() -> sp.Expr:
     """Squared length of a string from a corner to the next one of the other polygon.
 
-    Bars of length h join the corners of equal number; where one polygon is turned, they lean, and
-    the polygons approach each other.
+    Bars of length h join corresponding corners; as one polygon rotates, they incline, and the
+    polygons approach each other.
     """
     apart = height**2 - 2 * radius**2 * (1 - sp.cos(twist))  # squared, of the polygons
     return apart + 2 * radius**2 * (1 - sp.cos(twist + 2 * sp.pi / sides))
@@ -76,7 +76,7 @@ def twin_strings() -> sp.Expr:
 
 @cache
 def of_prism() -> sp.Expr:
-    """The threshold of the prism, by its side."""
+    """The threshold of the prism in terms of its side."""
     found = threshold_of(twin_strings(), twist).subs(radius, base / (2 * sp.sin(sp.pi / sides)))
     half = sp.Symbol("c", positive=True)  # cot(pi/n)
     form = sp.simplify(sp.expand_trig(sp.expand(found).subs(sp.pi / sides, sp.acot(half))))
@@ -86,7 +86,7 @@ def of_prism() -> sp.Expr:
 @cache
 def last_of_prism() -> sp.Expr:
     """The prestrain at which the wells of the prism end: one hand goes slack where the other is
-    longest, and nothing turns the polygons back."""
+    longest, and no force drives the polygons back."""
     length = twin_strings()
     longest = sp.pi / 2 - sp.pi / sides
     shorter = sp.simplify(length.subs(twist, -longest))
@@ -100,7 +100,7 @@ def rotor() -> sp.Expr:
 
 @cache
 def wells() -> tuple[sp.Expr, sp.Expr]:
-    """Near the threshold, U = U2 x^2/2 + U4 x^4/24 - M x with U2 < 0: the place of the wells
+    """Near the threshold, U = U2 x^2/2 + U4 x^4/24 - M x with U2 < 0: the position of the wells
     without torque, and the torque at which one of them ends."""
     form = curvature * x**2 / 2 + quartic * x**4 / 24
     (place,) = (root for root in sp.solve(sp.diff(form, x), x) if root.subs(
@@ -123,8 +123,8 @@ def taut() -> sp.Expr:
 
 @cache
 def released(bias: sp.Symbol) -> sp.Expr:
-    """Energy of the well at -x less that at x, by a small change of a torque, a natural length or a
-    stiffness of the other hand: the wells move too, but their energy is stationary."""
+    """Energy of the well at -x minus that at x under a small change of a torque, a natural length
+    or a stiffness of the other hand: the wells move too, but their energy is stationary."""
     change = sp.diff(taut(), bias).subs(EQUAL)
     mirrored = change.xreplace({longer: shorter, shorter: longer, x: -x})
     return sp.factor(mirrored - change)
@@ -137,7 +137,7 @@ DERIVATIVES = {sp.diff(one, x, order): sp.Symbol(f"{one.func}" + order * "'")
 @cache
 def limit(bias: sp.Symbol) -> list[tuple[sp.Expr, sp.Expr]]:
     """Pairs of the natural length, of the first hand or of both, and of the bias with which a well
-    ends: slope and curvature of the energy vanish.  Of unequal stiffnesses there are two.
+    ends: slope and curvature of the energy vanish.  For unequal stiffnesses there are two.
 
     They are forms in the lengths of the strings and their derivatives, the values of `DERIVATIVES`.
     """

@@ -1,7 +1,7 @@
 """Decay of Nesterenko's wave on a chain of contacts that dissipate a little.
 
 Each contact loses the integral of its dissipative force times the rate of the overlap while the
-wave passes, and the wave's energy falls by as much from one contact to the next.  The momentum that
+wave passes, and the wave's energy decreases by this amount per contact.  The momentum that
 the wave loses stays in the beads behind it.
 Model: G. Kuwabara, K. Kono, Jpn. J. Appl. Phys. 26, 1230 (1987); own derivation.
 """
@@ -59,7 +59,7 @@ def rate() -> sp.Expr:
 
 @cache
 def growth() -> sp.Expr:
-    """By how much xi_m^(-1/4) grows from one contact to the next."""
+    """Increase of xi_m^(-1/4) from one contact to the next."""
     return rate() / 4 * time * sp.sqrt(contact.constant / contact.mass)
 
 

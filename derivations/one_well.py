@@ -2,8 +2,8 @@
 
 Without load the force densities are in the ratios of a state of self-stress, which exists at one
 twist only.  There, along the states in which bars and cross strings balance, the force density of
-the cross strings rises with their length and that of the base strings falls: the ratio that the
-self-stress requires is met once.  Members are linear and their strings go slack; the polygons have
+the cross strings increases with their length and that of the base strings decreases: the ratio that
+the self-stress requires occurs once.  Members are linear and strings go slack; the polygons have
 any number of sides.
 """
 
@@ -41,8 +41,8 @@ def weighted(weights: tuple[sp.Expr, ...]) -> sp.Expr:
 
 @cache
 def stationary() -> tuple[sp.Expr, ...]:
-    """Derivatives of the energy by height, twist and side, whatever the law of the members: each
-    member contributes its force density times half the derivative of its squared length."""
+    """Derivatives of the energy with respect to height, twist and side for any law of the members:
+    each contributes its force density times half the derivative of its squared length."""
     return tuple(sp.diff(weighted(densities) / 2, by) for by in (height, twist, base))
 
 
@@ -69,15 +69,16 @@ def stress_form() -> sp.Expr:
 
 @cache
 def of_points() -> sp.Expr:
-    """What small polygons add to the energy of bars and cross strings in balance, for q_1 = 1 and
-    base strings that are slack; it is below 0 at some twists."""
+    """Contribution of small polygons to the energy of bars and cross strings in balance, for
+    q_1 = 1 and slack base strings; it is negative at some twists."""
     return sp.factor(sp.simplify(sp.expand_trig(weighted((1, 0, -1)) / 2)))
 
 
 @cache
 def mismatch_slope() -> sp.Expr:
-    """How fast the base strings miss the self-stress as the cross strings lengthen: derivative of
-    q_1 q_2*/q_1* - q_2 at the twist of self-stress *, where bars balance the cross strings."""
+    """Rate at which the base strings deviate from the self-stress as the cross strings lengthen:
+    derivative of q_1 q_2*/q_1* - q_2 at the twist of self-stress *, where bars balance the cross
+    strings."""
     at, bars = half_angle + sp.pi / 2, sp.Function("b")(cross)
     of_cross, _, of_bars = lengths_squared()
     ratio = sp.simplify((of_bars - of_cross).subs(twist, at) / base**2)
@@ -97,7 +98,7 @@ def argument() -> list[Step]:
     """The argument as sentences and formulas."""
     slope = mismatch_slope()
     if not slope.is_positive:
-        raise ArithmeticError("the self-stress may be met twice")
+        raise ArithmeticError("the self-stress may occur twice")
     return [
         Step("With force densities q1, q2, q3 of cross strings, base strings and bars the energy "
              "of a prism of n sides, alpha = pi/n, is stationary in height, twist and side where "

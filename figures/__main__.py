@@ -1,9 +1,9 @@
-"""Draw pictures: `python -m figures [NAME...] [--all]`; without a name, those to see first.
+"""Draw pictures: `python -m figures [NAME...] [--all]`; by default an introductory selection.
 
 A group has a folder; a picture has `name.png`, `name.csv` with all its numbers (`figures._files`)
-and, where it moves, `name.gif`.  The lines that a group prints are in `printed.csv`, and
-`index.html` shows all pictures that are there.  What is named is drawn; otherwise pictures that
-are there, of the same sources, are left as they are: a command that was stopped goes on.
+and, if it is animated, `name.gif`.  The lines that a group prints are in `printed.csv`, and
+`index.html` shows all existing pictures.  Pictures that are named are drawn; otherwise existing
+pictures of the same sources are retained, so that an interrupted command can be continued.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ SECONDS = _stored.DATA / "seconds.csv"  # of a processor, that each picture take
 
 
 def print_table(rows):
-    """Lines of equal keys, with the keys above, in columns as wide as they need."""
+    """Print lines of equal keys below the keys, in columns of sufficient width."""
     columns = list(dict.fromkeys(key for row in rows for key in row))
     cells = [columns, *([shown(row.get(key, "")) for key in columns] for row in rows)]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
@@ -37,18 +37,18 @@ def print_table(rows):
 
 
 def costs():
-    """{picture: seconds of a processor that it takes}."""
+    """{picture: processor time [s]}."""
     with open(SECONDS, newline="") as file:
         return {line["picture"]: float(line["seconds"]) for line in csv.DictReader(file)}
 
 
 def span(seconds):
-    """A time in words."""
+    """A time as text."""
     return f"{seconds:.0f} s" if seconds < 90 else f"{seconds / 60:.0f} min"
 
 
 def draw_all(jobs, processes, total):
-    """Draw pictures, and say so of each as it is done.
+    """Draw pictures, and report each when it is complete.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def draw_all(jobs, processes, total):
 
 
 def write_groups(complete, output):
-    """A page of each group whose pictures are complete, and a table of what is there of each."""
+    """Write a page of each complete group, and a table of the existing pictures."""
     for group, there in made(output).items():
         folder = output / group
         write_page(group, complete, folder)
@@ -106,7 +106,7 @@ def update(found, drawn, output, shown_in=SHOWN, data=_stored.DATA, made=_stored
 
 
 def arguments_of():
-    """What the command takes."""
+    """The arguments of the command."""
     parser = argparse.ArgumentParser(prog="python -m figures", description=__doc__.splitlines()[0])
     add = parser.add_argument
     add("names", nargs="*", metavar="NAME", help="pictures or groups")
@@ -174,7 +174,7 @@ def main(arguments=None):
 
 
 def last_line(options, output):
-    """Where to look, and what comes next."""
+    """Where the pictures are, and the next commands."""
     page = (output / "index.html").resolve()
     page = page.relative_to(Path.cwd()) if page.is_relative_to(Path.cwd()) else page
     line = f"{page} shows all that is there, with its numbers"

@@ -14,7 +14,7 @@ FINE = 1 / 25  # step over the time of an impact of the quickest contact
 
 
 def bead(material, ratio=1.0):
-    """A bead of that material, some times larger than the paper's."""
+    """A bead of a material, larger than that of the paper by a factor."""
     return Bead(ratio * DIAMETER, materials[material])
 
 

@@ -143,7 +143,7 @@ class Drawn(NamedTuple):
 
 
 def draw(job):
-    """Draw a picture, and note in the output folder of which sources it is."""
+    """Draw a picture, and record its sources in the output folder."""
     began, work, _stored.fresh = time.perf_counter(), _stored.spent(), job.is_fresh
     module = import_module(f"figures.{job.name}")
     folder = job.output / module.GROUP
@@ -157,12 +157,12 @@ def draw(job):
 
 
 def mark_of(job):
-    """The file that says of which sources a picture is, written when it is complete."""
+    """The file that records the sources of a picture, written when it is complete."""
     return job.output / ".drawn" / job.name
 
 
 def is_there(job):
-    """Whether a picture was drawn from the same sources before."""
+    """Whether a picture of the same sources exists."""
     mark = mark_of(job)
     return mark.is_file() and mark.read_text() == job.sources
 
@@ -170,8 +170,8 @@ def is_there(job):
 def finished(function, cases, processes):
     """(case, result or exception) of each, in the order in which they are done.
 
-    With one process the function is called here, and what it raises is raised.  What stops this
-    generator, such as Ctrl-C, stops the processes at once, with those that they have begun.
+    With one process the function is called here and its exceptions propagate.  If this generator
+    is stopped, for instance by Ctrl-C, the processes and their children are stopped at once.
     """
     if processes == 1:
         yield from ((case, function(case)) for case in cases)

@@ -75,7 +75,7 @@ def write_tables(path, tables, lines=()):
 
 
 def read_tables(path, wanted=None):
-    """The tables of a picture, or the wanted ones, as they were written, in words.
+    """The tables of a picture, or the requested ones, as text.
 
     Parameters
     ----------

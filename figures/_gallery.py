@@ -30,7 +30,7 @@ code { font-size: .9em; }
 
 
 def named(text):
-    """Text with the two sources by what they are."""
+    """Text in which the two sources have their names."""
     for short_name, name in SOURCES.items():
         text = text.replace(short_name, name)
     return text
@@ -82,7 +82,7 @@ def made(folder):
 
 
 def in_order(groups):
-    """Groups of pictures, what to look at first in front."""
+    """Groups of pictures, the introductory ones first."""
     return dict(sorted(groups.items(), key=lambda group: group[0] != FIRST))
 
 
@@ -99,7 +99,7 @@ def _table(lines):
 
 
 def _picture(name, module, folder):
-    """One picture with its words, what it printed, its numbers and its command."""
+    """One picture with its description, its printed lines, its numbers and its command."""
     place = f"{module.GROUP}/{name}"
     data = folder / f"{place}.csv"
     film = f'<p><img src="{place}.gif" alt="{escape(title(module))}, in motion"></p>'

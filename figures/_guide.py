@@ -1,4 +1,4 @@
-"""The guide of seeds/001 in numbers and colours: its beads, runs, sensor curves and densities.
+"""The guide of the paper: its beads, runs, sensor curves and densities.
 
 Curves are offset like the paper's, so many newtons per division.  Our choice where the paper's
 text gives no sensor: bead 16 of stem 1.
@@ -34,7 +34,7 @@ def heavy(speed):
 
 
 def followed(scene, t_end, dt=DT, every=ROWS):
-    """A run of all sites with the paper's purposes in mind: fixed step, all `every` steps a row."""
+    """A run of all sites as in the paper: a fixed step, and a row every `every` steps."""
     return simulate(scene, scene.start(), t_end, method="rkn6", dt=dt, record=Record(every=every))
 
 
@@ -164,7 +164,7 @@ def soft_shares(figure, tables, of):
 
 
 def soft_overlaps(figure, tables, mean):
-    """Lines of the overlaps in the second branch; `mean` is what the paper says of theirs."""
+    """Lines of the overlaps in the second branch; `mean` is the value of the paper."""
     said = {"largest overlap": "order of 10", "mean peak overlap": mean}
     where = {"largest overlap": "in the Parylene branch", "mean peak overlap": "there"}
     return [

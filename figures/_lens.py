@@ -9,7 +9,7 @@ import numpy as np
 from tensegrity import Lens, Prism
 
 PRISM = Prism(base=1.0, height=0.8, prestrain=0.01, k_cross=1.0)
-STEP = 0.02  # s between the instants among which peaks are looked for
+STEP = 0.02  # s between the instants among which peaks are sought
 MANY = 2_000_000  # pressures computed at once
 
 

@@ -20,14 +20,14 @@ def prism_chain(sites):
 
 
 def moved(chain, state, method, dt, steps):
-    """Displacements and velocities after some steps of the bare loop, which refuses nothing."""
+    """Displacements and velocities after some steps of the bare loop, without any checks."""
     u, v = dynamics(chain).arrays(state)
     dynamics(chain).bind(u, v, METHODS[method], dt).advance(steps)
     return u, v
 
 
 def stepped(acceleration, u, v, method, dt, steps):
-    """u and v after some steps of a splitting in NumPy, closing kicks and first ones in one."""
+    """u and v after some steps of a splitting in NumPy, closing and first kicks merged."""
     method = METHODS[method]
     *kicks, closing = method.kicks
     for k in range(steps):
@@ -51,12 +51,12 @@ def slope(x, y):
 
 
 def listed(parts):
-    """Words in a row: "a, b and c"."""
+    """A list as text: "a, b and c"."""
     *first, last = parts
     return f"{', '.join(first)} and {last}" if first else last
 
 
 def grid(head, rows):
-    """A table of a page, in Markdown: heads, and rows of words."""
+    """A table in Markdown: headings, and rows of text."""
     lines = [head, ["---"] * len(head), *rows]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)

@@ -15,7 +15,7 @@ FAINTEST = 1e-5  # of the largest energy of a site: below it is shown as that
 
 
 class Scene(NamedTuple):
-    """What `simulate` needs: a chain, its state and how long it is followed [s]."""
+    """Arguments of `simulate`: a chain, its state and the duration [s]."""
 
     chain: Chain
     state: State
@@ -75,7 +75,7 @@ def _run(scene, dt, record, quiet):
 
 
 def default_step(scene):
-    """The step that `simulate` takes by itself [s], from the first part of a run."""
+    """The default step of `simulate` [s], from the first part of a run."""
     first = simulate(scene.chain, scene.state, scene.duration / 20, method="rkn6")
     return min(first.dt, scene.duration)
 
@@ -111,7 +111,7 @@ def density_table(t, energy):
 
 
 def rounded(values, digits=4):
-    """Values with that many digits: what a picture needs."""
+    """Values rounded to the digits that a picture shows."""
     return np.array([float(f"{x:.{digits}g}") for x in values])
 
 

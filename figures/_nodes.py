@@ -2,7 +2,7 @@
 
 The largest model of a prism here: no symmetry is assumed and no unknown eliminated.  Upper and
 lower nodes lie in parallel planes; Newton's method finds the rest, from the nodes found last.
-Source: seeds/000, part III; the energy is that of `derivations.member`.
+Source: the talk, part III; the energy is that of `derivations.member`.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The hexagonal pack that is optimised, and the reference packs."""
+"""The hexagonal pack that is optimised, and reference packs."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ class Waves:
         return np.einsum("njnk->njk", whole)[:, 2:, 2:]
 
     def small(self, ratio, branch=1):
-        """The wave of the Korteweg-de Vries equation at a speed over that of sound."""
+        """The wave of the Korteweg-de Vries equation at a ratio of its speed to that of sound."""
         e, step = self.shape[branch], 1e-4
         ends = self.tangents(np.outer([step, -step] + [0] * (len(self.points) - 2), e))
         slope = e @ (ends[0] - ends[1]) @ e / (2 * step)

@@ -1,6 +1,6 @@
 """Protectors of the talk: design spaces, reference designs, and the force on the wall.
 
-Part II of seeds/000 names topology (the order of beads), size and material, not the numbers; ours:
+Part II of the talk names topology (the order of beads), size and material, not the numbers; ours:
 20 beads of 10 mm or below, a free steel striker of 10 mm at 0.44 m/s, a steel wall.
 """
 
@@ -45,7 +45,7 @@ class Scene:
     methods : dict
         Name to (seeds, budget).
     compared : dict of str to list of Bead
-        Designs that nobody searched for.
+        Reference designs.
     """
 
     title: str
@@ -186,7 +186,7 @@ def every_order():
 
 
 def letters(name, beads):
-    """A design in words of one letter a bead, or in mm."""
+    """A design as text: one letter per bead, or diameters in mm."""
     if name == "S":
         return " ".join(f"{1e3 * bead.diameter:.2f}" for bead in beads)
     if name in ("T1", "T2"):
@@ -216,7 +216,7 @@ def trace(beads, t_end, scale=1.0):
 
 
 def measures(one):
-    """Width of the largest pulse, time above half of it, impulse, and the beads that share.
+    """Width of the largest pulse, time above half of it, impulse, and effective number of beads.
 
     Returns
     -------

@@ -1,7 +1,7 @@
-"""The wave scenes: small pure functions that return a chain, its state and how long to follow it.
+"""The wave scenes: small pure functions that return a chain, its state and a duration.
 
 Base, cross strings and masses are those of the units: base 1 m, k_cross 1 N/m, mass 1 kg, unless
-a scene says otherwise.  Sources: seeds/000, part III.
+a scene states otherwise.  Source: the talk, part III.
 """
 
 from __future__ import annotations

@@ -66,7 +66,7 @@ def peaks(r, sign, least, limit):
 
 
 def matched(r, v, bond, exact):
-    """The exact wave towards higher sites that a pulse is nearest to.
+    """The exact wave towards higher sites that is closest to a pulse.
 
     Parameters
     ----------

@@ -1,14 +1,13 @@
 """Results that take long, stored with the sources and the command that they come from.
 
 `stored` is for a function without arguments that returns tables {table: {column: sequence}}, such
-as the histories of a search.  Its tables stand in one compressed .npz of numbers and text, without
-pickles: in `figures/data`, under version control, or, where they were computed again here, in
-`figures/output/data`.  A file counts as long as it is of the same sources: the module of the
-function, what that imports from `figures`, however far, and the modules in which what these
-import from the packages is defined; names of modules, comments, docstrings, layout, texts of errors
-and how objects print aside, and the functions of a picture that show numbers and compute none
-(`SHOWING`).  What lies deeper in the
-packages is left to a slow test, which computes every result again.
+as the histories of a search.  Its tables are stored in one compressed .npz of numbers and text,
+without pickles: in `figures/data`, under version control, or, if they were computed again here, in
+`figures/output/data`.  A file is valid for the same sources: the module of the function, all that
+it imports from `figures`, directly or not, and the modules of the packages in which objects
+imported by these are defined.  Names of modules, comments, docstrings, layout, texts of errors, the
+printing of objects, and functions of a picture that only show numbers (`SHOWING`) do not count.
+Deeper dependencies on the packages are left to a slow test, which computes every result again.
 """
 
 from __future__ import annotations
@@ -38,7 +37,7 @@ fresh = False  # whether only results that were computed here count
 
 
 def stored(picture):
-    """Let the tables that a function returns be stored; it is called at most once in a process.
+    """Store the tables that a function returns; it is called at most once in a process.
 
     Parameters
     ----------
@@ -63,7 +62,7 @@ def stored(picture):
 
 
 def current(name, make, of, command, folders):
-    """The tables of a result: from the first folder whose file is of these sources, or made now
+    """The tables of a result: from the first folder with a file of these sources, or computed now
     and written to the first folder.
 
     Parameters
@@ -113,7 +112,7 @@ def locked(path):
 
 
 def save(path, tables, about):
-    """Write tables, and what they come from, as arrays: the columns by their number."""
+    """Write tables and their sources as arrays, columns by number."""
     names = [(table, column) for table, columns in tables.items() for column in columns]
     arrays = {str(k): np.asarray(tables[table][column]) for k, (table, column) in enumerate(names)}
     if any(array.dtype.kind not in "biufU" for array in arrays.values()):
@@ -124,7 +123,7 @@ def save(path, tables, about):
 
 
 def read(path):
-    """The tables of a file, and what they come from; text comes back as lists."""
+    """The tables of a file and their sources; text is returned as lists."""
     tables = {}
     with np.load(path, allow_pickle=False) as arrays:
         for k, (table, column) in enumerate(arrays[NAMES]):
@@ -137,7 +136,7 @@ def read(path):
 
 
 def changed(about, of):
-    """Modules that are not as one was when a result was computed, whatever they are called."""
+    """Modules that differ, under any name, from those with which a result was computed."""
     was, now = about[SOURCES], set(of.values())
     return sorted(
         [name for name, one in of.items() if one not in was.values()]
@@ -168,8 +167,8 @@ def used(module):
 
 @cache
 def digest(path):
-    """What stays the same while comments, docstrings, imports, texts of errors or layout of a
-    source change, or how an object prints or a picture shows its numbers."""
+    """Digest of a source that does not depend on comments, docstrings, imports, texts of errors and
+    layout, nor on how an object prints or a picture shows its numbers."""
     text = path.read_bytes()
     if path.suffix == ".py":
         tree = ast.parse(text)
@@ -181,7 +180,7 @@ def digest(path):
 
 def form(node):
     """A syntax tree as nested tuples, the same in every version of Python, without docstrings,
-    printing and imports: what these name is a source by itself, and may be called otherwise."""
+    printing and imports: imported modules are sources themselves, and may be renamed."""
     if isinstance(node, list):
         return [form(one) for one in node if not isinstance(one, (ast.Import, ast.ImportFrom))
                 and getattr(one, "name", "") not in PRINTING]  # fmt: skip

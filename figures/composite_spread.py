@@ -1,7 +1,7 @@
 """The reflected rarefaction is the same in every draw, the transmitted train is not.
 
-The far chain is so nonlinear that the transmitted pulses depend on the input as chaos does: a
-change of the input by 1e-6 changes their number, while the reflected rarefaction stays.  The
+The far chain is so nonlinear that the transmitted pulses depend chaotically on the input: a change
+of the input by 1e-6 changes their number, while the reflected rarefaction persists.  The
 first interface is therefore followed many times, with the incident peak, a stiffness of each prism
 and the preload changed at random, and reported as a distribution; the near prism runs as a
 polynomial to 1e-9, less than the smallest change.

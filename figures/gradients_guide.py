@@ -1,7 +1,7 @@
 """Beads near the measured end decide its force; those of the stem hardly matter.
 
 Sensitivity of the end force of a branched guide to diameter and modulus of every bead: the guide of
-seeds/001 with walls behind its branches. A bead that grows at a fixed centre stiffens its contacts,
+the paper with walls behind its branches. A bead that grows at a fixed centre stiffens its contacts,
 gains mass and, above all, changes the gaps. All derivatives, given per micrometre, come from one
 backward pass through the unperturbed run; because contacts open, a linear prediction holds only for
 changes of size much smaller than a micrometre.

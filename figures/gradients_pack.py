@@ -1,7 +1,7 @@
 """Only beads below the struck one, within its cone, change the force on the floor of a pack.
 
 Sensitivity of the peak floor force to every diameter, in the plane and in space. Packs of steel
-beads of seeds/000, part II, struck from above. A bead that grows at a fixed centre stiffens its
+beads of the talk, part II, struck from above. A bead that grows at a fixed centre stiffens its
 contacts, gains mass and, above all, reduces the gaps. The derivatives of the peak floor force with
 respect to all diameters come from one backward pass; they vanish except for beads that the wave has
 reached and whose response has arrived at the floor by then.

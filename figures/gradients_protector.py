@@ -4,8 +4,8 @@ Sixty rigid prisms (side 1 m, height 0.7 m, 1 N/m, masses 1 kg), site 0 moving a
 site held by a wall. The prestrains, each from 0.001 to 0.1, are optimised by descent: the highest
 maxima of the wall load over 1,000 s are reduced together by linear programs within a trust region,
 which shrinks where the actual reduction falls short of the predicted one. Initial chains are random
-ones whose gradients are free of round-off: in the others the motion is chaotic, and gradients are
-exact but useless. A result counts if the same holds for it, and if its peak persists with two finer
+ones whose gradients are not lost to round-off: in the others the motion is chaotic, and gradients
+are exact but useless. A result counts if this holds for it, and if its peak persists with two finer
 steps.
 
 The chain is the best of five starts; another processor rounds differently, and its iteration may

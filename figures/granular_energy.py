@@ -1,4 +1,4 @@
-"""RK4 at 1 µs meets the paper's energy error of 1e-5 for PTFE, not for steel.
+"""RK4 at 1 µs attains the paper's energy error of 1e-5 for PTFE, not for steel.
 
 Loss of contact puts a kink into the force: orders of convergence above that of the kink are not
 attained, and local slopes scatter.

@@ -1,6 +1,6 @@
 """Speeds read every 3 µs scatter by a tenth; located peaks give one ratio, near the paper's.
 
-Fig. 2 of seeds/001: a single wave splits at the junction of the half guide, all steel.
+Fig. 2 of the paper: a single wave splits at the junction of the half guide, all steel.
 """
 
 from __future__ import annotations

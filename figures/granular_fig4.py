@@ -1,6 +1,6 @@
-"""Beside a PTFE branch the steel one delivers its pulse four times as fast.
+"""The steel branch transmits its pulse four times as fast as the PTFE branch.
 
-Fig. 4 of seeds/001: a single wave meets a steel and a PTFE branch.
+Fig. 4 of the paper: a single wave meets a steel and a PTFE branch.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""A Parylene branch keeps a pulse and its followers for milliseconds.
+"""A Parylene branch retains a train of pulses for milliseconds.
 
-Fig. 5 of seeds/001: a single wave meets a steel and a Parylene-C coated branch.
+Fig. 5 of the paper: a single wave meets a steel and a Parylene-C coated branch.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """A train reaches stem 2 twice: at 0.6 ms through steel, at 1.3 ms through Parylene.
 
-Fig. 6 of seeds/001: a train of waves meets a steel and a Parylene-C coated branch.
+Fig. 6 of the paper: a train of waves meets a steel and a Parylene-C coated branch.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Tapered and decorated chains halve the force of a pulse that a uniform one carries on."""
+"""Tapered and decorated chains halve the force of a pulse, which a uniform chain preserves."""
 
 from __future__ import annotations
 

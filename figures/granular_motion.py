@@ -1,6 +1,6 @@
-"""The pulse splits at the fork; the steel branch delivers first, the soft one takes twice the time.
+"""The pulse splits at the junction; it takes twice as long in the soft branch as in the steel one.
 
-The guide of Fig. 5 of seeds/001; beads are coloured by the contact force of eq. (5).
+The guide of Fig. 5 of the paper; beads are coloured by the contact force of eq. (5).
 """
 
 from __future__ import annotations

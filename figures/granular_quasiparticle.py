@@ -1,6 +1,6 @@
-"""A quasi-particle predicts what a fork transmits, and too much of what it sends back.
+"""A quasi-particle predicts what a junction transmits, and overestimates what it reflects.
 
-Eq. (7) of seeds/001 against the half-angle. It distributes momentum and energy over the waves
+Eq. (7) of the paper against the half-angle. It distributes momentum and energy over the waves
 alone. In the runs the beads between them retain a slow backward motion, with next to no energy but
 with the momentum that the reflected wave lacks. Where eq. (7) predicts a wave of negative momentum,
 there is none. Below 30 degrees the first beads of the branches, which touch each other, withhold

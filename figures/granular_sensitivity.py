@@ -1,4 +1,4 @@
-"""What the paper leaves open moves forces by up to 17 %, the trapped energy by up to a third.
+"""Data not given in the paper change forces by up to 17 %, the trapped energy by up to a third.
 
 Open are the angle of the fork, gaps to the walls, the far end, and the radius of coated beads. The
 half guide has no stem 2: what differs there is not computed for it. Half-angles below 30 degrees

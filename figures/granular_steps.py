@@ -1,4 +1,4 @@
-"""A step towards lighter beads makes a train of a pulse; the other way one part turns back."""
+"""A step to lighter beads turns a pulse into a train; one to heavier beads reflects part of it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A soft branch keeps two fifths of the energy for milliseconds, most where stem 2 is stopped."""
+"""A soft branch retains two fifths of the energy for milliseconds, more if stem 2 is stopped."""
 
 from __future__ import annotations
 

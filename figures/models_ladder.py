@@ -1,4 +1,4 @@
-"""Each digit of a scene has a simplest model that gives it, far cheaper than the largest."""
+"""For each accuracy there is a simplest sufficient model, far cheaper than the largest."""
 
 from __future__ import annotations
 

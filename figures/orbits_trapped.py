@@ -1,7 +1,7 @@
-"""What a light mass in a chain of prisms traps of a wave, against its breather.
+"""The energy that a light mass in a chain of prisms traps from a wave is that of its breather.
 
-A solitary wave passes a mass half as heavy as the others.  What it leaves there oscillates above
-the band and stays.  Its energy and frequency are measured late in a run, and its states are
+A solitary wave passes a mass half as heavy as the others and leaves an oscillation there, above the
+band, which persists.  Its energy and frequency are measured late in a run, and its states are
 projected on those of the periodic orbit that continues the mode of the defect, at the same energy,
 in the inner product of the linear chain's energy.  A heavy mass has no such orbit.
 """

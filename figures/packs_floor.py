@@ -1,4 +1,4 @@
-"""Whether a pack takes 70 or 99 % of the force away depends on what it is compared with.
+"""Whether a pack reduces the force by 70 or 99 % depends on the reference force.
 
 A pack of 833 steel beads struck at 1.65 m/s: forces on floor, single floor beads and sides. The
 talk states "force mitigation efficiency at the bottom wall: 70 %" without a reference force. The

@@ -1,4 +1,4 @@
-"""A mitigation of 70 % holds for 16 to 18 layers of steel between soft sides, for little else.
+"""A mitigation of 70 % is found for 16 to 18 layers of steel between soft sides, and hardly else.
 
 Efficiency of packs by layers, sides, beads and a tolerance of diameters. The reference is a striker
 directly on the wall. A tolerance reduces each diameter by a random fraction of it at fixed lattice

@@ -1,4 +1,4 @@
-"""An oblique blow reaches the floor with a sixth less force, and as soon as a straight one.
+"""An oblique impact reaches the floor as early as a normal one, with a sixth less force.
 
 A planar pack struck both ways: the animations of the talk. 12 rows of 21 and 20 steel beads, a
 steel striker at 1 m/s on the middle of the top row: straight down, and at 30 degrees along a close-

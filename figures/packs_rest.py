@@ -1,4 +1,4 @@
-"""A preload rests on lines from the corners, and makes a blow arrive sooner and weaker.
+"""A preload is carried along lines from the corners; impacts then arrive earlier and weaker.
 
 Packs in equilibrium under gravity and a preload, and the same packs struck. The static equilibrium
 is computed first: lines are contact forces, their width is the force. The floor carries the weight

@@ -1,4 +1,4 @@
-"""In time most beads share the energy; the virial ratio of 5/9 is there from the start.
+"""The energy spreads over most beads in time; the virial ratio is 5/9 from the start.
 
 Lines of 40 beads of 10 mm between steel walls, all touching, the first started at 1 m/s. The long-
 time mean of kinetic over total energy is 5/9 by the virial theorem for Hertz's law, whatever the

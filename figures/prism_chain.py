@@ -36,7 +36,7 @@ def data():
 
 
 def table(tables):
-    """What is drawn."""
+    """The dimensions that are drawn."""
     both = zip(*tables["numbers"].values(), strict=True)
     return [{"quantity": name, "here": value} for name, value in both]
 

@@ -1,4 +1,4 @@
-"""Optimised protectors spread the blow: lower forces, for longer, from more of the beads."""
+"""Optimised protectors spread the impact: smaller forces, for longer, from more of the beads."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Gaps of 1 µm leave a design most of its gain; sizes chosen for gaps keep more of it.
+"""With gaps of 1 µm a design retains most of its gain; sizes optimised for gaps retain more.
 
-Designs for touching beads beside designs for a quantile. Diameters have a relative standard
+Designs for touching beads and designs for a quantile. Diameters have a relative standard
 deviation of 1 %, and gaps up to 1 um separate the beads; each design is searched with one set of
 draws and compared with another. What a design gains is the difference of its force from that of the
 best uniform chain, and what it keeps is the gain under deviations, of both, over the gain of

@@ -1,4 +1,4 @@
-"""A few thousand computed designs suffice to leave random and stepped protectors behind."""
+"""A few thousand computed designs suffice to surpass random and stepped protectors."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
-"""Where a chain of condensed prisms stands for a column: axial waves of columns with all nodes.
+"""Where a chain of condensed prisms represents a column: axial waves of columns with all nodes.
 
 Each wave of the endless columns is a point, as large as the part of its energy that is axial motion
 of whole triangles with one phase from unit to unit.  The line is the chain with the mass of a
 triangle at each site.
-Source: seeds/000, part III, "chains of tensegrity prisms".
+Source: the talk, part III, "chains of tensegrity prisms".
 """
 
 from __future__ import annotations

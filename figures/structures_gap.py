@@ -1,4 +1,4 @@
-"""A gap that moves with amplitude: vibrations at its edges and of a defect in it, in rows of cells.
+"""A band gap rises with amplitude: vibrations at its edges, and of a defect inside it.
 
 Prisms of equal shape join masses in turn light and heavy.  At the lower edge only the heavy masses
 move, at the upper one only the light ones, neighbours against each other; a row of cells whose

@@ -1,9 +1,9 @@
-"""The model between the chain and the column of nodes: heavy plates that move and turn.
+"""A model between the chain and the column of nodes: heavy plates that translate and rotate.
 
-In columns of one handedness extension and twist travel together: waves of permanent form exist,
-faster than both sounds, and a run of one radiates nothing.  In an alternating column the wave of
-the chain of condensed prisms, launched without twist, loses its energy to torsion on the way.
-Source: seeds/000, part III, "chains of tensegrity prisms", where plates have no rotary inertia.
+In columns of one handedness extension and twist propagate together: waves of permanent form exist,
+faster than both sound speeds, and radiate nothing in a run.  In an alternating column the wave of
+the chain of condensed prisms, launched without twist, gradually loses its energy to torsion.
+Source: the talk, part III, "chains of tensegrity prisms", where plates have no rotary inertia.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Two rows of bistable discs that meet in one compute AND or OR, by the torque on one disc.
+"""Two rows of bistable discs that join in one compute AND or OR, depending on one torque.
 
 The discs of `transition_switch` stand in two input rows, whose last discs are joined to a junction
 from which an output row starts.  With the torque of all others the junction needs both fronts to

@@ -1,4 +1,4 @@
-"""Bonds with two wells hold back a blow: the wall feels no more than the torque that switches one.
+"""Bistable bonds limit the torque of an impact on the wall to that which switches one of them.
 
 Twenty squares with strings of both hands join 21 discs, the last of which is held; the first is
 struck.  In one well the blow runs through the chain to the wall.  With two, the bonds near the blow

@@ -1,4 +1,4 @@
-"""Prestress splits the well of a unit with strings of both hands, and too much of it ends both.
+"""Prestress splits the well of a unit with strings of both hands; a larger one ends both wells.
 
 Prisms with upright bars and strings of both hands (`catalogue.twin_strings`): where they have two
 stable twists depends on shape and prestrain alone, between a threshold and the prestrain at which

@@ -1,4 +1,4 @@
-"""Two waves that collide go on, shifted, and leave almost nothing behind."""
+"""Two colliding waves emerge shifted in phase and leave almost no energy behind."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Interfaces of nonlinear chains reflect other waves than acoustics tells.
+"""Interfaces of nonlinear chains reflect waves that acoustics does not predict.
 
 Rarefaction from hard to soft, and both kinds from soft to hard: fractions of energy and impulse
-beside those of linear chains of the same impedances.
+compared with those of linear chains of the same impedances.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""No interface of the softening chain with a soft one both reflects rarefaction and compresses on.
+"""No interface of a softening and a soft chain reflects rarefaction and transmits compression.
 
 Each interface is run at two resolutions, the second with twice as many steps and rows.  The leading
 pulse is the first above a level; where a small change makes another pulse the first, the map marks

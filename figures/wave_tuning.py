@@ -1,4 +1,4 @@
-"""Prestress and preload tune the speed and width of waves, even while one travels."""
+"""Prestress and preload tune the speed and width of waves, even during their propagation."""
 
 from __future__ import annotations
 

@@ -104,7 +104,7 @@ class AssemblyDynamics(NetworkDynamics):
     def by_argument(
         self, name: str, by_mass: Array, by_spring: Callable[[str], Array], by_gap: Any
     ) -> Array:
-        """Derivatives by an argument of every bead at its place; see `granular.sensitivity`.
+        """Derivatives with respect to an argument of every bead; see `granular.sensitivity`.
 
         Parameters
         ----------

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from tensegrity.typing import Array
 
 PER_BEAD = 2000  # bytes: each contact has its own spring
-WALL_MASS = 1.0  # kg: of the site that represents a wall; it is held, so any value will do
+WALL_MASS = 1.0  # kg: of the site that represents a wall, which is held: any value
 
 
 class BeadChain(Crystal, Chain):
@@ -171,7 +171,7 @@ class _Dynamics(ChainDynamics):
     def by_argument(
         self, name: str, by_mass: Array, by_spring: Callable[[str], Array], by_gap: Any
     ) -> Array:
-        """Derivatives by an argument of every bead; see `granular.sensitivity`.
+        """Derivatives with respect to an argument of every bead; see `granular.sensitivity`.
 
         The weight of a bead depends on its mass, and with it the preloads of the contacts.
         """
@@ -289,13 +289,15 @@ def chain(
     weights = [gravity * bead.mass for bead in ((striker.bead,) if striker else ()) + beads]
     weights[1 if striker else 0] += preload
     law = checked_law(law)
-    separations = _gaps(gaps, len(beads) + others - 1, any(weights), start_wall and end)
+    separations = initial_gaps(gaps, len(beads) + others - 1, any(weights), start_wall and end)
     return BeadChain(
         beads, striker, weights, end, law, start_wall, drive, damping, separations, forces
     )
 
 
-def _gaps(gaps: ArrayLike, contacts: int, is_loaded: bool, walls: object) -> tuple[float, ...]:
+def initial_gaps(
+    gaps: ArrayLike, contacts: int, is_loaded: bool, walls: object
+) -> tuple[float, ...]:
     """The separations in all contacts [m]; none where all beads touch."""
     given = check.floats("gaps", gaps)
     if given.ndim and given.shape != (contacts,):

@@ -194,7 +194,7 @@ class AssemblyContacts:
         return self._each(u, stored)
 
     def of_wall(self, name: str) -> list[int]:
-        """Sites on which the forces on the walls of a name depend: all where contacts come."""
+        """Sites on which the forces on the walls of a name depend: all if contacts may form."""
         numbers = self._walls(name)
         if dynamics(self.scene).follows:
             return list(range(self.scene.sites))

@@ -66,7 +66,7 @@ class Crystal:
         return sites[number - 1]
 
     def distance(self, part: str, numbers: tuple[int, int]) -> float:
-        """Length of the way through touching beads of a part between two numbers [m], > 0."""
+        """Length of the path through touching beads of a part between two numbers [m], > 0."""
         if not isinstance(numbers, (tuple, list)) or len(numbers) != 2:
             raise TensegrityError(f"numbers {numbers!r} of {part} must be two different beads")
         first, second = sorted(self.site(part, n) for n in numbers)
@@ -122,7 +122,7 @@ def rows(run: Run, sites: Iterable[int], name: str = "u") -> Array:
     Returns
     -------
     ndarray, (T, sites[, dim])
-        0 in what was not recorded.
+        0 where nothing was recorded.
 
     Raises
     ------

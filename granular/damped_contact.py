@@ -39,16 +39,16 @@ def forces_of(
     ----------
     contacts : sequence of Contact
     overlaps : sequence of float
-        Of each at elongation 0 [m].
+        Overlap of each at elongation 0 [m].
     on : {"bonds", "walls"}, optional
-        What the contacts are in the scene.
+        Whether the contacts are bonds or wall contacts of the scene.
     others : sequence of Contact, optional
         Contacts that may form.
 
     Returns
     -------
     list of Force
-        One for each model that occurs; on no place if only in `others`.
+        One for each model that occurs; without places if it occurs only in `others`.
     """
     return [
         _force(contacts, overlaps, at, partial(_of_model, model, exponent, on))
@@ -66,7 +66,7 @@ def friction_of(contacts: Sequence[Contact], coefficient: float, speed: float) -
     coefficient : float
         Of friction.
     speed : float
-        At which friction is coefficient/sqrt(2) times the normal force [m/s].
+        Speed of slip at which friction is coefficient/sqrt(2) times the normal force [m/s].
 
     Returns
     -------
@@ -143,8 +143,8 @@ def _solved(model: Dissipation, contact: Contact, mass: float, e: float, speed: 
         if high > math.log(HARDEST):
             least = excess(high) + e
             raise TensegrityError(
-                f"restitution {e:g} at {speed:g} m/s is reached by no constant of {model.model}: "
-                f"the range is {least:.3g} to 1"
+                f"restitution {e:g} at {speed:g} m/s is not attained by any constant of "
+                f"{model.model}: the range is {least:.3g} to 1"
             )
     found = math.exp(brentq(excess, low, high, xtol=1e-13, rtol=1e-13))
     return found / replace(model, constant=1.0).scaled(
@@ -202,7 +202,7 @@ def kuwabara_kono(
     Raises
     ------
     TensegrityError
-        None or both given, a negative constant, or a restitution that no constant reaches.
+        Neither or both given, a negative constant, or a restitution that no constant attains.
 
     Examples
     --------

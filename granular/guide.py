@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from granular.assembly import Assembly, AssemblyDynamics, SharedSprings
-from granular.bead_chain import _gaps
+from granular.bead_chain import initial_gaps
 from granular.beads import Bead, Striker
 from granular.contact import checked_law, hertz
 from granular.damped_contact import friction_of
@@ -104,16 +104,16 @@ class Guide(Assembly):
         touched = np.add(layout.wall_contacts(), (first, 0))
         lengths, wall_gaps = None, layout.wall_gaps()
         behind = np.flatnonzero(touched[:, 1] >= sides)
-        apart = _gaps(gaps, len(bonds) + len(behind), bool(gravity or preload), None)
+        separations = initial_gaps(gaps, len(bonds) + len(behind), bool(gravity or preload), None)
         self._arguments = {
             "layout": given, "beads": beads, "wall": wall, "striker": striker, "end": end,
             "gravity": gravity, "preload": preload, "friction": _checked_friction(friction),
-            "gaps": apart or 0.0, "forces": check.sequence("forces", forces, "forces"),
+            "gaps": separations or 0.0, "forces": check.sequence("forces", forces, "forces"),
         }  # fmt: skip
-        if apart:
-            wall_gaps[behind] = apart[len(bonds) :]
+        if separations:
+            wall_gaps[behind] = separations[len(bonds) :]
             lengths = np.linalg.norm(positions[bonds[:, 1]] - positions[bonds[:, 0]], axis=1)
-            lengths -= apart[: len(bonds)]
+            lengths -= separations[: len(bonds)]
         springs = SharedSprings(checked_law(law))
         in_bonds = [springs(self.beads[i], self.beads[j]) for i, j in bonds]
         sides_of = [(self.beads[b], solids[wall]) for b, wall in touched]

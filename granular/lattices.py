@@ -175,7 +175,7 @@ def hexagonal_pack(
     rows, columns : int, optional
         At least 1; 2 columns where there are 2 rows.
     bead : Bead or sequence of Bead
-        One for all, or one for each of `places`: row by row from the top, x growing.  Diameters
+        One for all, or one for each of `places`: row by row from the top, x increasing.  Diameters
         must be equal.
     floor, sides : Material, optional
         Materials of the wall "floor", and of the walls "left" and "right", all of infinite extent;

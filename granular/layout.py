@@ -27,11 +27,11 @@ from tensegrity.readonly import ReadOnly, fixed
 from tensegrity.typing import Array, Indices
 
 TOUCH = 1e-9  # of a diameter: closer than this, beads that should touch do
-NEAR = 0.2  # diameters: a bead so near to a bevel may touch it during a run
-PER_PAIR = 40  # bytes: all pairs of beads are looked at
+NEAR = 0.2  # diameters: a bead this close to a bevel may touch it during a run
+PER_PAIR = 40  # bytes: all pairs of beads are examined
 SIDE = math.pi / 6  # direction of two first branch beads that touch each other
 BEVEL = 0.25  # half length of a bevel, in diameters
-OPEN = 1.0  # diameters by which a channel goes on behind its last bead
+OPEN = 1.0  # diameters by which a channel extends behind its last bead
 ENTRY = 0.25  # and before its first, short enough for a striker of any size
 
 

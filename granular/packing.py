@@ -155,7 +155,7 @@ class Pack(Assembly):
         planes = [wall for wall, _ in self.named_walls.values()]
         bonds, touched = self._touching(places, radius, planes)
         followed = None
-        if contacts == "follow":  # a wall that ends holds a bead only as long as it is beside it
+        if contacts == "follow":  # a bounded wall holds a bead only within its extent
             endless = np.array([wall.extent is None for wall in planes], dtype=bool)
             touched = touched[endless[touched[:, 1]]]
             followed = _Law(filled, planes, solids, springs)

@@ -35,7 +35,7 @@ def by_beads(
     by_mass: Array,
     by_gap: Array | None,
 ) -> Array:
-    """Derivatives by one of `NAMES` of every bead.
+    """Derivatives with respect to one of `NAMES` of every bead.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ def _is(spring: Potential, law: Contact) -> bool:
 
 
 def mass_slope(bead: Bead) -> float:
-    """Derivative of the mass of a bead by its diameter [kg/m], 0 where the mass was given."""
+    """Derivative of the mass of a bead in its diameter [kg/m], 0 where the mass was given."""
     density = bead.material.density
     if bead.mass != density * volume(bead.diameter):
         return 0.0

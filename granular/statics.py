@@ -152,7 +152,7 @@ class _Listed:
 
         def step(shift: float) -> Array | None:
             matrix = (own + shift * added).tocsc()[: f.size, : f.size]
-            bare = 1e-12 * (np.abs(matrix.diagonal()).max(initial=0.0) or 1.0)  # what bears nothing
+            bare = 1e-12 * (np.abs(matrix.diagonal()).max(initial=0.0) or 1.0)  # no stiffness
             move = minimum.downhill(matrix + bare * eye_array(f.size), rigid, f.ravel())
             return None if move is None else move.reshape(f.shape)
 

@@ -1,4 +1,4 @@
-"""`python -m tensegrity`: the installation and a self-test of some seconds, for bug reports.
+"""`python -m tensegrity`: the installation and a self-test of a few seconds, for bug reports.
 
 It prints versions, the compiler, the cache folder and the number of threads, then compares a few
 numbers with independent values: a derived stiffness, the speed of an exact wave, the impact of two
@@ -37,7 +37,7 @@ from tensegrity.waves.solitary import solitary_wave
 
 PACKAGES = ("numpy", "scipy", "sympy", "casadi", "matplotlib", "tqdm", "cmaes", "ziglang", "dask",
             "mpi4py", "xarray", "pandas")  # fmt: skip
-DEMO = "granular.demo"  # by its name, since no room here imports that package
+DEMO = "granular.demo"  # by its name, since nothing here imports that package
 
 
 class Check(NamedTuple):

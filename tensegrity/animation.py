@@ -1,4 +1,4 @@
-"""Runs in motion: `animate` writes a run as a film, `moving` draws its instants on given axes.
+"""Animations of runs: `animate` writes a run as a film, `moving` draws its instants on given axes.
 
 A chain is the profile of its elongations, velocities or energies.  Guides, packs and other
 networks are maps: sites move and take colours, and the forces between them are lines as wide as

@@ -116,8 +116,8 @@ _calls: list[_Call] = []  # of this process: one, or none
 def one_bar(unit: str) -> Iterator[None]:
     """A context in which all that `progress` counts in this unit is one bar.
 
-    Within that of another call it does nothing: the outermost call has the bar.  At the end the bar
-    is full, whatever was broken off, and cleared.
+    Within the context of another call it does nothing: the outermost call has the bar.  At the end
+    the bar is set to full, even after an interruption, and cleared.
     """
     if _calls or not _is_watched():
         yield
@@ -166,7 +166,7 @@ def progress(total: int, unit: str, done: int = 0) -> Iterator[_Counter]:
 
 
 def _is_watched() -> bool:
-    """Whether somebody sees a bar: not that of a worker, nor one in a file."""
+    """Whether a bar is visible: not in a worker process, nor in a file."""
     if multiprocessing.parent_process() is not None:
         return False
     return in_notebook() or (sys.stderr is not None and sys.stderr.isatty())

@@ -1,4 +1,4 @@
-"""What a gradient is taken of: traces of a run, and numbers made of them.
+"""Objectives of gradients: traces of a run, and numbers computed from them.
 
 A trace is one number after every step: `load`, `displacement`, `velocity`, `energy`.  Numbers made
 of traces are `peak`, `p_norm`, `impulse`, `arrival`, `misfit`, and `of`, for any other function.

@@ -15,7 +15,7 @@ from typing import Any
 
 from tensegrity.typing import Function
 
-SIZE = 1024  # results of one function; beyond these the oldest are forgotten
+SIZE = 1024  # results of one function; beyond these the oldest are discarded
 _caches: list[dict[Any, _Entry]] = []
 
 

@@ -84,7 +84,7 @@ def logarithmic(values: NDArray[np.float64], colours: str = "viridis") -> dict[s
 
 
 def rooted(largest: float) -> dict[str, Any]:
-    """Colour map and norm of values from 0 to the largest, which tell small ones from each other:
+    """Colour map and norm of values from 0 to the largest, which resolve small values:
     by their square root."""
     from matplotlib.colors import PowerNorm
 

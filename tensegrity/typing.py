@@ -1,4 +1,4 @@
-"""Types used in signatures, and the protocols between rooms.
+"""Types used in signatures, and the protocols between subpackages.
 
 Arguments that are converted are `numpy.typing.ArrayLike`; results are the arrays below, whose
 shapes and units are given in the docstrings.

@@ -268,7 +268,7 @@ def test_a_force_that_grows_after_the_window_is_said_not_to_be_converged():
     longer = peak_force(found.beads, t_end=4.2e-3, **BLOW)
     assert found.converged_in_time == (abs(longer / found.peak_force - 1) < 1e-3)
     assert not found.converged_in_time
-    assert "NOT converged in time" in str(found)
+    assert "not converged in time" in str(found)
 
 
 def test_a_scene_that_is_built_is_searched_like_the_chain(monkeypatch):

@@ -480,7 +480,7 @@ def test_what_one_way_coupling_leaves_out_is_of_the_size_of_the_coupling():
         ({"prestrains": (0.1, 0.005)}, r"prestrains 0\.1 and 0\.005 must be at least 1e-09 and"),
         ({"prestrains": (0.0, 0.1)}, r"prestrains 0 and 0\.1 must be at least 1e-09"),
         ({"area": 1e-300}, r"its radius .* must be at least 0\.00015 m"),
-        ({"velocity": 5e-324}, r"no pulse comes to the end of the chain"),
+        ({"velocity": 5e-324}, r"no pulse reaches the end of the chain"),
         ({"velocity": 1e308}, r"energy inf J of the state must be finite"),
         ({"sites": 2}, r"sites 2 must be at least 3"),
         ({"mass": -1.0}, r"mass -1 kg must be at least"),

@@ -1,8 +1,8 @@
 """Design of protectors: chains of beads between a striker and a wall with the least peak force.
 
 `peak_force` evaluates designs, `Order`, `Sizes` and `Choice` define the spaces of designs, and
-`search` finds the best design of a space.  `robustness` says what deviations of diameters, gaps
-and speed do to a design, and a `Scatter` of them lets `search` find one that they harm least.
+`search` finds the best design of a space.  `robustness` computes the effect of deviations of
+diameters, gaps and speed on a design, and with a `Scatter` `search` minimises this effect.
 Source: the talk, part II, "Optimal Design of Granular Protectors".
 """
 

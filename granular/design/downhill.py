@@ -33,19 +33,19 @@ from tensegrity.typing import Array, Indices
 
 PARTS = 12  # steps of velocity Verlet in one of a search's
 TINY = 1e-30  # step of a derivative through the complex plane, relative
-NORMS = (32.0, 128.0)  # a lower one leads away from a low place near which a descent starts
+NORMS = (32.0, 128.0)  # lower values lead away from a minimum near the start
 ITERATIONS = 120  # of each norm
 PEAKS = 8  # the highest maxima, whose slopes are computed
 PROGRAMS = 40  # linear ones
-REACH, NEAR = 0.02, 1e-5  # of the largest diameter: how far the first goes, and the last
+REACH, NEAR = 0.02, 1e-5  # of the largest diameter: first and last radius of the trust region
 
 
 class NotArrived(TensegrityError):
-    """No force at the wall until the end of the run."""
+    """No force acts on the wall before the end of the run."""
 
 
 class Pass:
-    """Forces on the wall behind a struck chain, and their derivatives by the diameters.
+    """Forces on the wall behind a struck chain, and their derivatives in the diameters.
 
     Parameters
     ----------
@@ -70,14 +70,14 @@ class Pass:
         self._v[0] = striker.speed
 
     def _bonds(self, contacts: Array, weights: Array) -> Bonds:
-        """Of constants of contacts and inverse masses; the wall behind them is held."""
+        """Bonds of given contact constants and inverse masses; the wall behind them is held."""
         numbers = np.arange(len(contacts))
         table = np.zeros((len(contacts), len(self._law.parameters)))
         table[:, 0] = contacts
         return Bonds((self._law,), 0 * numbers, table, numbers, np.append(weights, 0.0))
 
     def force(self, sizes: Array) -> Array:
-        """On the wall after each step [N]; (steps,)."""
+        """Force on the wall after each step [N]; (steps,)."""
         self._sizes = sizes
         self._designs = self._space.designs(sizes[None]).behind(self._striker.bead)
         contacts = self._designs.contacts(self._wall)[0]
@@ -93,14 +93,14 @@ class Pass:
         return force
 
     def slopes(self, force: Array, by_force: Array) -> Array:
-        """Derivatives by the diameters; (objectives, count).
+        """Derivatives with respect to the diameters; (objectives, count).
 
         Parameters
         ----------
         force : ndarray, (steps,)
-            That was computed last.
+            The force that was computed last.
         by_force : ndarray, (objectives, steps)
-            Derivatives of objectives by it.
+            Derivatives of objectives with respect to it.
         """
         stiff = EXPONENT * np.divide(force, self._moved, out=np.zeros_like(force), where=force > 0)
         totals = self._repeated.pullback(by_force * stiff)
@@ -115,7 +115,7 @@ class Pass:
         return by_radius * radius + totals.w[:, 1:-1] * weight
 
     def norm(self, sizes: Array, p: float) -> tuple[float, float, Array]:
-        """Largest force [N]; the p-norm of the force over that of 1 N all the time [N]; and its
+        """Largest force [N]; the p-norm of the force over that of a constant 1 N [N]; and its
         slopes [N/m], (count,)."""
         force = self.force(sizes)
         t: Any = self._t_end / len(force) * np.arange(1, len(force) + 1)
@@ -136,8 +136,8 @@ class Pass:
 
 
 def _maxima(force: Array) -> tuple[Array, Indices, Array]:
-    """Height of each maximum, by a parabola, three steps around it, and the weights of their forces
-    in it.  A force that still rises at the end has its maximum there."""
+    """Height of each maximum, by a parabola, the three steps around it, and the weights of their
+    forces.  A force that still increases at the end has its maximum there."""
     top = np.flatnonzero((force[1:-1] > force[:-2]) & (force[1:-1] >= force[2:])) + 1
     weights = peak_weights(force, top)
     if force[-1] > force[-2]:
@@ -147,14 +147,14 @@ def _maxima(force: Array) -> tuple[Array, Indices, Array]:
 
 
 class Descent(NamedTuple):
-    """What was computed on a descent from its start.
+    """The designs computed along a descent.
 
     Attributes
     ----------
     rows : ndarray, (passes, count)
         Diameters [m].
     forces : ndarray, (passes,)
-        Largest on the wall [N].
+        Largest force on the wall [N].
     """
 
     rows: Array
@@ -163,17 +163,17 @@ class Descent(NamedTuple):
 
 @dataclass(frozen=True)
 class Descents:
-    """Starts -> ways downhill; sent to workers.
+    """Maps starting points to descents; sent to workers.
 
     Attributes
     ----------
     problem : Problem
-        Of chains, whose steps are made of `PARTS`.
+        A problem of chains; each of its steps is divided into `PARTS`.
     """
 
     problem: Problem
     unit = "start"
-    part = 1  # starts that one worker is given
+    part = 1  # starting points of one task of a worker
 
     def __call__(self, starts: Array) -> Descent:
         """The descent from one start, (1, count); empty where no wave arrives in time."""
@@ -186,12 +186,12 @@ class Descents:
 
 
 def downhill(one: Pass, space: Sizes, start: Array) -> Descent:
-    """The descent from a start to the nearest low place; it ends where no wave arrives in time.
+    """The descent from a start to a minimum nearby; it ends where no wave arrives in time.
 
     Parameters
     ----------
     one : Pass
-        Of the same space.
+        The pass for chains of this space.
     space : Sizes
     start : ndarray, (count,)
         Diameters [m].
@@ -199,7 +199,7 @@ def downhill(one: Pass, space: Sizes, start: Array) -> Descent:
     Returns
     -------
     Descent
-        All designs that were computed, in their order.
+        All designs computed, in order.
     """
     from scipy.optimize import minimize
 
@@ -236,14 +236,14 @@ def downhill(one: Pass, space: Sizes, start: Array) -> Descent:
 
 
 def _fits(space: Sizes, sizes: Array) -> bool:
-    """Whether diameters are within the limits, and their sum is the length but for round-off."""
+    """Whether diameters are within the limits, and their sum is the length up to round-off."""
     low, high = space.diameters
     inside = low <= sizes.min() and sizes.max() <= high
     return bool(inside and abs(sizes.sum() - space.length) <= SLACK * space.length)
 
 
 def _pressed(one: Pass, space: Sizes, start: Array, keep: Callable[..., None]) -> None:
-    """Go on from a start with all of the highest maxima in view."""
+    """Continue from a start by reducing all of the highest maxima together."""
     from scipy.optimize import linprog
 
     low, high = space.diameters
@@ -268,7 +268,7 @@ def _pressed(one: Pass, space: Sizes, start: Array, keep: Callable[..., None]) -
         trial = space.projected(sizes + high * found.x[:-1])
         there = one.peaks(trial)
         keep(trial, there[0][0])
-        gain = np.log(there[0][0] / values[0]) / found.x[-1]  # 1: as the slopes promise
+        gain = np.log(there[0][0] / values[0]) / found.x[-1]  # 1: as predicted by the slopes
         if gain > 0:
             sizes, (values, slopes) = trial, there
         reach *= 2 if gain > 0.75 else 0.25 if gain < 0.1 else 1 if gain > 0.4 else 0.5

@@ -22,13 +22,13 @@ if TYPE_CHECKING:
     from granular.beads import Bead
     from tensegrity.typing import Array
 
-    Force = Callable[[float, float, Array], Array]  # of t_end, dt [s], rows: on the wall [N]
+    Force = Callable[[float, float, Array], Array]  # forces [N] of t_end, dt [s], genes
 
-FINER = (2, 4)  # of whose steps the best are computed again
-MOVED = 1e-3  # relative change of a force that is the integration's, not the design's
-FINALISTS = 16  # the best designs that are computed again, at a time
-CANDIDATES = 4 * FINALISTS  # the best of a search: so many are looked at
-WINDOW = 10  # times longer, for the maximum to stay
+FINER = (2, 4)  # factors by which the steps of the best designs are refined
+MOVED = 1e-3  # relative change of a force that is an error of the integration
+FINALISTS = 16  # the best designs that are computed again together
+CANDIDATES = 4 * FINALISTS  # best designs of a search that are examined
+WINDOW = 10  # factor by which the window is longer in which the maximum must not change
 
 
 class Again(NamedTuple):
@@ -39,7 +39,7 @@ class Again(NamedTuple):
     t_end, dt : float
         [s].
     force : float
-        [N]; nan where a scene could not be followed that long.
+        [N]; nan if a scene could not be integrated that long.
     """
 
     t_end: float
@@ -58,18 +58,18 @@ class Best:
     peak_force : float
         Largest force on the wall, with the finest of the steps [N].
     evaluations : int
-        Number of different designs computed; with "gradient" of all, each with its gradient.
+        Number of different designs computed; with "gradient" of all designs with gradients.
     history : ndarray, (evaluations,)
-        Force of each in the order in which they were proposed [N], with the step of the search;
+        Force of each in the order of the proposals [N], with the step of the search;
         `numpy.minimum.accumulate(history)` shows the progress of the search.
     converged_in_time : bool
         Whether the force agrees with two finer steps, and in a window ten times longer.
     again : tuple of Again
-        The best with the step of the search, finer ones, and in the longer window.
+        The best design with the step of the search, with finer ones, and in the longer window.
     rejected : int
-        Better designs of the search whose force moved with the step.
+        Number of better designs of the search whose force changed with the step.
     failed : int
-        Designs that were lost twice with the worker that computed them; inf in `history`.
+        Number of designs that were lost twice with their worker; inf in `history`.
     method : str
     seed : int
     """
@@ -96,10 +96,10 @@ class Best:
         if self.failed:
             lines.append(f"{self.failed} designs were lost with their workers")
         if self.rejected:
-            lines.append(f"{self.rejected} better ones moved with the step and were not taken")
+            lines.append(f"{self.rejected} better ones were rejected: their force changes with dt")
         if not self.converged_in_time:
             lines.append(
-                f"NOT converged in time: these differ by more than {MOVED:g}; take a longer "
+                f"not converged in time: these differ by more than {MOVED:g}; take a longer "
                 "t_end, or this force as an estimate"
             )
         return filled("\n".join(lines))
@@ -110,21 +110,21 @@ class Best:
 def chosen(
     force: Force, t_end: float, dt: float, top: Array, forces: Array
 ) -> tuple[Array, tuple[Again, ...], bool, int]:
-    """The best design that does not move with the step, in the longer window too.
+    """The best design whose force does not change with the step, also in the longer window.
 
     Parameters
     ----------
     force : callable (t_end, dt, rows) -> ndarray, (rows,)
-        Of rows of genes, on the wall [N].
+        Forces on the wall for rows of genes [N].
     t_end, dt : float
-        Of the search [s].
+        Duration and step of the search [s].
     top, forces : ndarray, (designs, count), (designs,)
-        Its best rows, the first the best, and what it found for them [N].
+        Its best rows, the best one first, and their forces in the search [N].
 
     Returns
     -------
     row, again, converged, rejected
-        Its genes, and what `Best` says of it.
+        Its genes, and the attributes of `Best`.
     """
     rejected = 0
     for first in range(0, len(top), FINALISTS):
@@ -148,7 +148,7 @@ def chosen(
 def _lasting(force: Force, t_end: float, dt: float, rows: Array, worth: Array) -> tuple[int, float]:
     """Number of the design with the least force in the longer window, and that force [N].
 
-    It is looked for from the best on, as long as another could have less.
+    The search starts from the best and ends when no other design can have a smaller one.
     """
     best: tuple[float, int, float] | None = None
     for k in np.argsort(worth, kind="stable").tolist():

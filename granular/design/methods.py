@@ -26,15 +26,15 @@ from tensegrity.typing import Array, Indices
 Proposals = Generator[Any, Any, None]
 
 POPULATION = 64
-PAIRS = 2  # individuals that a parent is the best of
-MUTATIONS = 0.5  # chance that a child is changed no more
+PAIRS = 2  # individuals of a tournament, the best of which becomes a parent
+MUTATIONS = 0.5  # probability that the mutation of a child ends
 TRIES = 20  # times that a full population tries to produce new individuals
-STALE = 15  # populations without a better design, after which a method starts anew
-STARTS = 8  # from which one goes downhill before any is heard of
-HOPS = 4  # of these, from near the lowest places
-LOWEST = 6  # of which there are so many
+STALE = 15  # populations without a better design, after which a method restarts
+STARTS = 8  # starting points of a batch
+HOPS = 4  # of these, close to the lowest minima
+LOWEST = 6  # number of these minima
 JUMP = 0.15  # of the range of a diameter
-LEAST_DISTANCE = 0.1  # of the range: what two of them differ by, in some diameter
+LEAST_DISTANCE = 0.1  # of the range: least difference of two of them, in some diameter
 SIGMA = 0.3  # of the range of a gene, at the start of an adaptation
 
 
@@ -67,7 +67,7 @@ def genetic(space: Order | Choice, rng: np.random.Generator) -> Proposals:
 
 
 def _ranked(rows: Indices, forces: Array) -> tuple[Indices, Array]:
-    """The best first."""
+    """Rows by their forces, the best first."""
     order = np.argsort(forces, kind="stable")
     return rows[order], forces[order]
 
@@ -99,7 +99,7 @@ def adapting(space: Sizes, rng: np.random.Generator) -> Proposals:
             asked = np.array([optimizer.ask() for _ in range(POPULATION)])
             rows, values = yield space.projected(low + (high - low) * asked)
             worst = 2 * values[np.isfinite(values)].max(initial=0.5)
-            finite = np.where(np.isfinite(values), values, worst)  # what has no number ranks last
+            finite = np.where(np.isfinite(values), values, worst)  # nan and inf rank last
             genes = (rows - low) / (high - low)
             optimizer.tell(list(zip(genes, finite.tolist(), strict=True)))
             stale = 0 if values.min() < best else stale + 1
@@ -107,7 +107,7 @@ def adapting(space: Sizes, rng: np.random.Generator) -> Proposals:
 
 
 def starting(space: Sizes, rng: np.random.Generator) -> Proposals:
-    """Starts from which to go downhill: drawn evenly, and near the lowest places found."""
+    """Starting points of descents: uniformly distributed, and close to the lowest minima found."""
     rows, forces = np.empty((0, space.count)), np.empty(0)
     while True:
         starts = space.random(rng, STARTS)
@@ -124,7 +124,7 @@ def starting(space: Sizes, rng: np.random.Generator) -> Proposals:
 
 
 def _distinct(rows: Any, least: float) -> list[int]:
-    """Numbers of rows that differ from all such before them by more than that in some gene."""
+    """Numbers of rows that differ from all selected ones before by more than `least` in a gene."""
     kept: list[int] = []
     for k, row in enumerate(rows):
         if all(np.abs(row - rows[j]).max() > least for j in kept):
@@ -152,7 +152,7 @@ def suits(
     is_built : bool
         Whether a function builds the scenes, so that no gradients are available.
     is_scattered : bool
-        Whether a quantile over deviations is minimised, which has no gradients here either.
+        Whether a quantile over deviations is minimised, whose gradients are not computed either.
 
     Returns
     -------
@@ -171,13 +171,13 @@ def suits(
     propose, spaces = METHODS[method]
     if not isinstance(space, spaces):
         fitting = [name for name, (_, kinds) in METHODS.items() if isinstance(space, kinds)]
-        reason = ", whose genes are kinds and have no slopes" if method == "gradient" else ""
+        reason = ", whose genes are kinds and have no derivatives" if method == "gradient" else ""
         raise TensegrityError(
             f"method {method!r} does not search {type(space).__name__}{reason}: "
             f"take {' or '.join(fitting)}"
         )
     if method == "gradient" and is_built:
-        raise TensegrityError(f"method {method!r} follows chains before a wall: no build is taken")
+        raise TensegrityError(f"method {method!r} is for chains before a wall, not for a build")
     if method == "gradient" and is_scattered:
-        raise TensegrityError(f"method {method!r} follows one chain at a time: no scatter is taken")
+        raise TensegrityError(f"method {method!r} computes one chain at a time: no scatter")
     return method, propose

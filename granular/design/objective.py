@@ -43,12 +43,12 @@ from tensegrity.typing import Array
 METHOD: Any = METHODS["rkn6"]
 EXPONENT = 1.5  # of Hertz's law; `granular.contact` derives it
 STEP_FRACTION = 0.25  # of the time unit of the fastest contact
-PER_DOUBLING = 4  # step counts of one doubling: chains run together where they have the same
+PER_DOUBLING = 4  # step counts per factor of 2: chains of equal counts run together
 BATCH = 8  # chains in one compiled loop; wider batches are no faster
-CHUNK = 512  # steps of which the last bead's motion is kept at a time
+CHUNK = 512  # steps for which the last bead's motion is stored at a time
 MOST = 10**8  # steps
 PATIENCE = 1000  # windows that are searched for the arrival of a wave
-EVERY = 2  # steps between the values that a spline goes through
+EVERY = 2  # steps between the values that a spline interpolates
 PART = 16  # chains that one worker is given
 
 Build = Callable[[Sequence[Bead]], tuple[Any, str]]
@@ -62,7 +62,7 @@ class Peaks(NamedTuple):
     force : ndarray, (designs,)
         Largest [N].
     first : ndarray, (designs,)
-        When the first pulse had its maximum [s]; inf where it had none yet.
+        Time of the maximum of the first pulse [s]; inf if it had none yet.
     """
 
     force: Array
@@ -84,7 +84,7 @@ def peak_force(
     beads : sequence of Bead, or sequence of such sequences
         A design in the order of the axis, from the struck end to the wall; or several.
     striker : Striker
-        In contact with the first bead, moving; it is free to leave.
+        In contact with the first bead, moving; it may separate.
     wall : Material
         Of the plane wall that the last bead touches.
     t_end : float
@@ -147,7 +147,7 @@ def checked_beads(beads: Any) -> tuple[list[tuple[Bead, ...]], bool]:
 
 
 def check_blow(striker: Striker, wall: Material) -> None:
-    """Refuse what is no striker or no material of a wall."""
+    """Refuse anything but a striker and the material of a wall."""
     check.kind("striker", striker, Striker)
     check.kind("wall", wall, Material, "; take one of granular.materials")
 
@@ -196,7 +196,7 @@ def _by_step_count(
     t_end: float,
     dt: float | None,
 ) -> Iterator[tuple[int, list[int]]]:
-    """Step counts, and the numbers of the chains of one length that take so many."""
+    """Step counts, and the numbers of the chains of one length with each count."""
     sets: dict[tuple[int, int], list[int]] = {}
     units: dict[frozenset[Bead], float] = {}
     for number, chain in enumerate(chains):
@@ -253,7 +253,7 @@ def largest(
 
 
 def _peaks(moving: _Moving, wall_contact: Array, steps: int) -> Peaks:
-    """The same for as many as run in one loop, from their start."""
+    """The same for the chains of one loop, from their start."""
     dt, overlap = moving.dt, np.zeros(wall_contact.size)
     first = np.full(overlap.shape, math.inf)
     for done in range(0, steps, CHUNK):
@@ -269,9 +269,9 @@ def _peaks(moving: _Moving, wall_contact: Array, steps: int) -> Peaks:
 class _Moving:
     """Chains in motion, of which the last bead is followed.
 
-    They stand in the order of their rows from the wall: what is kept of all steps comes first.
-    A compiled loop leaves the closing kick of a step to the next one; what the last bead's
-    velocity at the step has besides is added from its two contacts.
+    Sites are numbered from the wall, so that those recorded at all steps come first.  A compiled
+    loop merges the closing kick of a step with the next one; its contribution to the last bead's
+    velocity is added from the bead's two contacts.
     """
 
     def __init__(self, count: int, chains: int, dt: float) -> None:
@@ -282,7 +282,7 @@ class _Moving:
         self._u, self._v = np.zeros((2, count + 1, chains))
 
     def start(self, contacts: Array, weights: Array, speed: Array, gaps: Array) -> None:
-        """Others, at their start.
+        """Start other chains.
 
         Parameters
         ----------
@@ -321,8 +321,8 @@ class _Moving:
 
 
 def _largest(start: Array, stop: Array, rise: Array, fall: Array) -> tuple[Array, Array]:
-    """Where in a step, from 0 to 1, and how high the cubic with these values and slopes, times
-    the step, is highest; the first slope is > 0, the second <= 0."""
+    """Place in a step, from 0 to 1, and value of the maximum of the cubic with these values and
+    slopes times the step; the first slope is > 0, the second <= 0."""
     gain = stop - start
     bend, twist = 3 * gain - 2 * rise - fall, rise + fall - 2 * gain
     share = rise / (np.sqrt(np.maximum(bend**2 - 3 * twist * rise, 0.0)) - bend)
@@ -367,13 +367,13 @@ def not_arrived(
 def wall_peak(build: Build, beads: Sequence[Bead], t_end: float, dt: float) -> tuple[float, float]:
     """Largest force on a wall [N], between the steps too, and when [s].
 
-    As `granular.observables.largest` finds it among values at every `EVERY`-th step.  A largest
-    force that is the last one, still rising, is inf: the wave has not arrived.
+    It is that of `tensegrity.largest_peak` among values at every `EVERY`-th step.  If the largest
+    force is the last one and still increasing, it is inf: the wave has not arrived.
 
     Parameters
     ----------
     build : callable
-        Of the beads, gives a scene with a striker and the name of one of its walls.
+        Maps beads to a scene with a striker and the name of one of its walls.
     beads : sequence of Bead
     t_end, dt : float
         [s].
@@ -386,7 +386,7 @@ def wall_peak(build: Build, beads: Sequence[Bead], t_end: float, dt: float) -> t
     Raises
     ------
     TensegrityError
-        `build` fails, or returns no scene and name of a wall.
+        `build` fails, or does not return a scene and the name of a wall.
     """
     try:
         scene, name = build(beads)
@@ -400,7 +400,7 @@ def wall_peak(build: Build, beads: Sequence[Bead], t_end: float, dt: float) -> t
 
 @dataclass(frozen=True)
 class Problem:
-    """What a design is worth: rows of genes -> forces on the wall; sent to workers.
+    """The objective function: maps rows of genes to forces on the wall; sent to workers.
 
     Attributes
     ----------
@@ -411,7 +411,7 @@ class Problem:
         [s].
     build : callable or None
     scatter : Scatter or None
-        The worth is then a quantile over its draws, the same for every design.
+        The objective is then a quantile over its draws, which are the same for every design.
     """
 
     space: Space

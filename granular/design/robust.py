@@ -84,7 +84,7 @@ def robustness(
     t_end : float
         Time after the impact [s], > 0.
     diameters, gaps, speed, draws, seed : optional
-        Of the deviations; see `Scatter`.
+        Parameters of the deviations; see `Scatter`.
 
     Returns
     -------

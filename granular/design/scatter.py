@@ -89,7 +89,7 @@ class Scatter:
         Returns
         -------
         chains : Designs
-            Those of the first design first; (designs times draws, beads).
+            The chains, those of the first design first; (designs times draws, beads).
         gaps : ndarray, (designs times draws, contacts)
             Initial separations [m], the striker's 0.
         speeds : ndarray, (designs times draws,)

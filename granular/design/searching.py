@@ -59,7 +59,7 @@ def search(
     space : Order, Sizes or Choice
     striker : Striker
     wall : Material
-        Of the wall behind the chain or, with a `build`, of the wall whose force is minimised.
+        Material of the wall behind the chain; with a `build`, that of the wall of the objective.
     t_end : float
         Time after the impact within which the peak force is determined [s], > 0.
     build : callable, optional
@@ -80,7 +80,7 @@ def search(
     seed : int, optional
         >= 0.  The result depends on the seed only, not on the executor.
     executor : concurrent.futures.Executor, optional
-        Whose workers compute the designs; see `tensegrity.sweep`.
+        Its workers compute the designs; see `tensegrity.sweep`.
     checkpoint : str or path, optional
         File that is replaced after every batch.  The same search continues from it after an
         interruption; a larger budget continues where a smaller one ended.
@@ -157,10 +157,10 @@ def _parts(data: dict[str, Any]) -> tuple[dict[str, Any], list[tuple[Any, Array]
 
 
 class _SearchRecord:
-    """The designs of a search and what they are worth, in memory and in a file.
+    """The designs of a search and their forces, in memory and in a file.
 
-    Every row that is proposed leads to one design or more: to itself, or to all of a descent.
-    The budget is that of designs.
+    Every proposed row gives one design, itself, or all designs of a descent.  The budget counts
+    designs.
     """
 
     def __init__(
@@ -195,7 +195,7 @@ class _SearchRecord:
 
     @property
     def begun(self) -> int:
-        """Designs that the file had."""
+        """Number of designs that the file contained."""
         return min(sum(len(forces) for _, forces in self._old), self._budget)
 
     def follow(self, proposals: Any) -> None:
@@ -213,7 +213,7 @@ class _SearchRecord:
                 return
 
     def _values(self, rows: Array) -> tuple[Array, Array]:
-        """The best design that each row leads to, and its force; inf beyond the budget."""
+        """The best design of each row, and its force; inf beyond the budget."""
         keys = [row.tobytes() for row in rows]
         new = {key: k for k, key in reversed(list(enumerate(keys))) if key not in self._known}
         numbers = sorted(new.values())[: self._budget - len(self.forces)]
@@ -233,7 +233,7 @@ class _SearchRecord:
         return found, values
 
     def _descents(self, rows: Array) -> Iterator[list[Descent]]:
-        """What rows lead to, in lists of what is known together: by the file, or computed."""
+        """The designs of rows, from the file or computed, in lists that are obtained together."""
         begun = len(self._whole)
         old = self._old[begun : begun + len(rows)]
         yield [
@@ -243,7 +243,7 @@ class _SearchRecord:
         yield from self._computed(self._leads, rows[len(old) :], begun + len(old))
 
     def _take(self, key: bytes, descent: Descent) -> None:
-        """Count a descent, as far as the budget goes."""
+        """Count a descent, up to the budget."""
         is_fresh = len(self._whole) >= len(self._old)
         forces = descent.forces[: self._budget - len(self.forces)]
         self.forces += forces.tolist()
@@ -259,7 +259,7 @@ class _SearchRecord:
                 self._require_same_digest()
 
     def _rank(self, designs: list[tuple[Array, float]]) -> None:
-        """Note those among the best."""
+        """Update the list of the best designs."""
         if not designs:
             return
         rows, values = (np.array(x) for x in zip(*designs, strict=True))
@@ -268,7 +268,7 @@ class _SearchRecord:
         self._best, self._best_forces = top[order].astype(rows.dtype), forces[order]
 
     def _write(self) -> None:
-        """Keep what is new."""
+        """Write new designs to the file."""
         if self._path is None or len(self._whole) <= self._written:
             return
         self._written = len(self._whole)
@@ -327,7 +327,7 @@ class _SearchRecord:
                 given += 1
 
     def best(self) -> Best:
-        """The best design that does not move with the step, in the longer window too."""
+        """The best design whose force does not change with the step, also in the longer window."""
         problem, some = self._problem, np.isfinite(self._best_forces)
         if not some.any():
             raise TensegrityError(f"no design of {len(self.forces)} has a force at the wall")

@@ -37,7 +37,7 @@ class Designs:
     Attributes
     ----------
     mass, modulus, poisson, radius : ndarray, (designs, beads)
-        [kg], [Pa], 1, and of the contacts [m].
+        [kg], [Pa], 1, and radii of contact [m].
     """
 
     mass: Array
@@ -47,7 +47,7 @@ class Designs:
 
     @classmethod
     def of(cls, chains: Sequence[Sequence[Bead]]) -> Designs:
-        """Those of sequences of beads."""
+        """The designs of sequences of beads."""
         rows = [
             [(b.mass, b.material.modulus, b.material.poisson, b.contact_radius) for b in chain]
             for chain in chains
@@ -62,7 +62,7 @@ class Designs:
 
     @property
     def columns(self) -> tuple[Array, Array, Array, Array]:
-        """All four."""
+        """The four arrays."""
         return self.mass, self.modulus, self.poisson, self.radius
 
     def behind(self, striker: Bead) -> Designs:
@@ -78,11 +78,11 @@ class Designs:
         return hertz_constants(*self._partners(wall))
 
     def contact_slopes(self, wall: Material) -> tuple[Array, Array]:
-        """Derivatives of these by the radius before and behind each contact [N/m^2.5]."""
+        """Derivatives of these with respect to the radii on both sides of a contact [N/m^2.5]."""
         return hertz_slopes(*self._partners(wall))
 
     def _partners(self, wall: Material) -> tuple[Array, ...]:
-        """What both sides of the contacts are made of, the wall's last."""
+        """Properties of the partners on both sides of the contacts, the wall's last."""
         solid = self.modulus, self.poisson, self.radius
         last = wall.modulus, wall.poisson, math.inf
         after = (np.append(x[:, 1:], np.full((len(self), 1), y), axis=1)
@@ -142,7 +142,7 @@ class Order(Kinds):
     Raises
     ------
     TensegrityError
-        Something else than beads, or beads that are all equal.
+        Anything but beads, or beads that are all equal.
     """
 
     given: tuple[Bead, ...]
@@ -170,7 +170,7 @@ class Order(Kinds):
         return np.array([self.kinds.index(bead) for bead in self.given])
 
     def random(self, rng: Generator, count: int) -> Indices:
-        """Rows drawn evenly; (count, beads)."""
+        """Uniformly distributed rows; (count, beads)."""
         return rng.permuted(np.tile(self.row, (count, 1)), axis=1)
 
     def children(self, rng: Generator, one: Indices, other: Indices) -> Indices:
@@ -195,7 +195,7 @@ class Order(Kinds):
         return np.where(free, rows, one)
 
     def mutants(self, rng: Generator, rows: Indices) -> Indices:
-        """Rows with two unequal beads changed for each other, or one moved elsewhere."""
+        """Rows with two unequal beads exchanged, or one moved elsewhere."""
         first = rng.integers(self.count, size=(len(rows), 1))
         unlike = rows != np.take_along_axis(rows, first, axis=1)
         second = np.argmax(np.where(unlike, rng.random(rows.shape), -1.0), axis=1)[:, None]
@@ -221,7 +221,7 @@ class Choice(Kinds):
     Raises
     ------
     TensegrityError
-        Such as the name of a material in place of one.
+        Bad input, such as the name of a material in place of a Material.
     """
 
     count: int
@@ -240,7 +240,7 @@ class Choice(Kinds):
             raise TensegrityError(f"materials {check.shown(materials)} leave no choice")
 
     def random(self, rng: Generator, count: int) -> Indices:
-        """Rows drawn evenly; (count, beads)."""
+        """Uniformly distributed rows; (count, beads)."""
         return rng.integers(len(self.kinds), size=(count, self.count))
 
     def children(self, rng: Generator, one: Indices, other: Indices) -> Indices:
@@ -287,7 +287,7 @@ class Sizes:
     Raises
     ------
     TensegrityError
-        A length that no such diameters can sum to; limits in the wrong order.
+        No such diameters have this sum; limits in the wrong order.
     """
 
     count: int
@@ -315,7 +315,7 @@ class Sizes:
             object.__setattr__(self, name, value)
 
     def random(self, rng: Generator, count: int) -> Array:
-        """Rows of diameters drawn evenly between the limits, then shifted to the length [m]."""
+        """Rows of diameters, uniform between the limits, then shifted to the length [m]."""
         return self.projected(rng.uniform(*self.diameters, (count, self.count)))
 
     def projected(self, rows: Array) -> Array:
@@ -353,7 +353,7 @@ Space = Order | Sizes | Choice
 
 
 def moved(rng: Generator, rows: Any) -> Any:
-    """Rows in each of which one gene was taken out and put in elsewhere."""
+    """Rows in each of which one gene is moved to another place."""
     count = rows.shape[1]
     start, stop = rng.integers(count, size=(2, len(rows), 1))
     place = np.arange(count)

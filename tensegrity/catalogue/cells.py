@@ -1,4 +1,4 @@
-"""The planar X, prisms, and what is built of prisms that share nodes: columns and plates."""
+"""The planar X, prisms, and columns and plates of prisms that share nodes."""
 
 from __future__ import annotations
 
@@ -130,7 +130,7 @@ def column(
     chirality: str = "alternate",
     periodic: bool = False,
 ) -> Structure | Lattice:
-    """A column of prisms that share their polygons, each twisted against the one below.
+    """A column of prisms that share their polygons, each rotated relative to the one below.
 
     Parameters
     ----------
@@ -166,19 +166,19 @@ def plate(
     Parameters
     ----------
     rows, columns : int, optional
-        Number of prisms either way.
+        Number of prisms in either direction.
     side : float, optional
         Side of the lower squares [m]; neighbours share it and the upper node above its midpoint.
     height : float, optional
-        From one layer to the other [m].
+        Distance of the two layers [m].
     prestrain, k_bar, k_string, mass : optional
         Largest prestrain of a string, >= 0; then as of `Structure`.
 
     Returns
     -------
     Structure
-        Cross strings come first, then those of the upper layer, of the rim of the lower one and,
-        where there are any, those that two lower squares share, which carry twice the force.
+        Cross strings come first, then those of the upper layer, of the rim of the lower layer and
+        those, if any, that two lower squares share, which carry twice the force.
 
     Notes
     -----

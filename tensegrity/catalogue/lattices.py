@@ -1,4 +1,4 @@
-"""Lattices: plane ones of springs, X modules, truncated octahedra, and a locally resonant one."""
+"""Lattices: plane lattices of springs, X modules, truncated octahedra, and a resonant lattice."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def honeycomb(side: float = 1.0, k_bar: float = 100.0, mass: float = 1.0) -> Lat
     Returns
     -------
     Lattice
-        One branch of its waves has frequency 0.
+        The frequencies of one branch of its waves are 0.
     """
     (side,) = sizes(side=side)
     pairs = [(0, 1), (1, 0, (0, 1)), (1, 0, (-1, 1))]
@@ -115,7 +115,7 @@ def kagome(side: float = 1.0, k_bar: float = 100.0, mass: float = 1.0) -> Lattic
     Returns
     -------
     Lattice
-        As many bars as degrees of freedom: the triangles turn without resistance.
+        It has as many bars as degrees of freedom: the triangles rotate without resistance.
     """
     (side,) = sizes(side=side)
     vectors = 2 * side * HEXAGONAL
@@ -182,7 +182,7 @@ def x_plate(
     Returns
     -------
     Lattice
-        One node a cell; bars that cross are not joined.
+        One node per cell; bars that cross are not joined.
     """
     vectors = np.diag(sizes(width=width, height=height))
     k_bar = check.number("k_bar", k_bar, above=0, unit="N/m")

@@ -115,7 +115,7 @@ def geodesic(
     Parameters
     ----------
     solid : {"tetrahedron", "cube", "octahedron", "dodecahedron", "icosahedron"}, optional
-        Whose rotations it has.
+        The solid whose rotations leave the structure invariant.
     pattern : {"zigzag", "diamond"}, optional
         "zigzag" is the truncated solid: a polygon of strings round each corner, a string on each
         edge; a bar joins the ends of three strings that make a Z.  "diamond" is the snub solid: a

@@ -27,7 +27,7 @@ def sizes(**given: float) -> list[float]:
 
 
 def orbit_matrix(nodes: Array, orbits: Sequence[Orbit]) -> Array:
-    """The equilibrium matrix [m] for one force density an orbit, (nodes, dim, orbits)."""
+    """The equilibrium matrix [m] for one force density per orbit, (nodes, dim, orbits)."""
     ends = np.array([pair for orbit in orbits for pair in orbit])
     starts = np.cumsum([0, *map(len, orbits[:-1])])
     matrix = np.add.reduceat(equilibrium_matrix(nodes, ends), starts, axis=1)

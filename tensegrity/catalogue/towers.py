@@ -52,7 +52,7 @@ def tower(
     Raises
     ------
     EquilibriumError
-        If at no overlap there is a self-stress with strings that pull.
+        If no overlap admits a self-stress with all strings in tension.
 
     Notes
     -----
@@ -79,7 +79,7 @@ def tower(
     bars, strings = _stages(nodes(0.0), stages)
 
     def determinant(overlap: float) -> float:
-        """Of the equilibrium of a node of each triangle, less what turning and lifting leave."""
+        """Determinant of the equilibrium of one node of each triangle, without rigid motions."""
         rows = orbit_matrix(nodes(overlap), [*bars, *strings])[::3].reshape(6 * stages, -1)
         sign, size = np.linalg.slogdet(np.delete(rows, [1, 2], axis=0))
         return float(sign * np.exp(size / len(rows)))
@@ -128,7 +128,7 @@ def dome(
     sides : int, optional
         Bars in the ring, and posts in each hoop; at least 3.
     hoops : int, optional
-        Rings of posts whose feet are joined by strings; none leaves a wheel about one post.
+        Number of rings of posts whose feet are joined by strings; 0 gives a wheel about one post.
     radius, rise, post : float, optional
         Of the ring; of the top above the ring; length of the posts, upright [m].  Ridges lie on a
         paraboloid, hoops at equal distances.
@@ -146,7 +146,7 @@ def dome(
     Raises
     ------
     EquilibriumError
-        If a string would have to push, as in hoops of three sides.
+        If a string would be in compression, as in hoops of three sides.
 
     Notes
     -----

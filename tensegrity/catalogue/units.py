@@ -58,7 +58,7 @@ def twin_strings(
     Raises
     ------
     TensegrityError
-        An argument outside these bounds.
+        An argument is outside these bounds.
 
     Examples
     --------

@@ -206,7 +206,7 @@ def _splitting(method: str | methods.Method) -> methods.Splitting:
     if type(found) is not methods.Splitting:
         reason = "its stages cannot be inverted one by one"
         if isinstance(found, (methods.Splitting, methods.Corrected)):
-            reason = "it is not composed of kicks and drifts alone"
+            reason = "it has more than kicks and drifts, whose adjoint alone is derived here"
         raise TensegrityError(
             f"method {found.name!r} has no gradient, because {reason}: take verlet or rkn6"
         )

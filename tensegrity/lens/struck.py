@@ -167,7 +167,7 @@ class Struck:
             if t_end > PATIENCE * travel.max():
                 missing = prestrains[found.index(None)]
                 raise TensegrityError(
-                    f"prestrain {missing:g}: no pulse comes to the end of the chain within "
+                    f"prestrain {missing:g}: no pulse reaches the end of the chain within "
                     f"{t_end:.4g} s, {t_end / travel.max():.2g} times the acoustic travel time"
                 )
             t_end *= EXTENSION

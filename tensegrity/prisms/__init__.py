@@ -1,4 +1,4 @@
 """The tensegrity prism: potential, equilibrium paths, limit load, stability, fits to measurements.
 
-The formulas are derived in `derivations`; this room evaluates them.
+The formulas are derived in `derivations`; this package evaluates them.
 """

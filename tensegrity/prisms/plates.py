@@ -3,7 +3,7 @@
 Each plate is a polygon that two units share, with a mass and a moment of inertia; its coordinates
 are the axial displacement and the rotation times the radius of gyration.  The energy of a unit is
 that of its members as a function of its height and twist, its bases in equilibrium at each.
-Source: seeds/000, part III, "Elastic problem", where the twist is in equilibrium too.
+Source: the talk, part III, "Elastic problem", where the twist is in equilibrium too.
 """
 
 from __future__ import annotations

@@ -34,7 +34,7 @@ def on_site_springs(ground: Any, sites: int) -> list[Force]:
     Raises
     ------
     TensegrityError
-        Something else, or another number of springs.
+        Neither of these, or another number of springs.
     """
     if ground is None or isinstance(ground, Potential):
         return [] if ground is None else [Force(ground)]

@@ -1,4 +1,4 @@
-"""A network drawn: sites at their places, walls, and forces as lines whose width is the force.
+"""A network drawn: sites at their positions, walls, and forces as lines of proportional width.
 
 In space it is seen along the second axis, so that the first and the last one span the picture, or
 from a direction of choice, the farthest sites first.
@@ -133,13 +133,13 @@ class Picture:
         return x @ self._axes.T
 
     def _frame(self, low: Array, high: Array) -> None:
-        """Show what is between two corners [m]."""
+        """Show the part between two corners [m]."""
         room = MARGIN * (high - low).max()
         (left, bottom), (right, top) = self._unit * (low - room), self._unit * (high + room)
         self.ax.set(xlim=(left, right), ylim=(bottom, top))
 
     def make_room(self, u: Array) -> None:
-        """Let all displacements (T, sites, dim) [m] be seen, as far as half the picture goes."""
+        """Extend the picture to all displacements (T, sites, dim) [m], by at most half its size."""
         moved, most = (
             self._places + self._factor * self._seen(u),
             (self._high - self._low).max() / 2,
