@@ -70,30 +70,31 @@ class Assembly(Crystal, Network):
     def contact_forces(self, u: ArrayLike, v: ArrayLike | None = None) -> Array:
         """Compressive force in each listed contact [N], those with walls last; (..., contacts).
 
-        Contacts that dissipate need the velocities v [m/s] too, of the shape of u.
+        Contacts that may form are those of `listed(u)`.  Contacts that dissipate need the
+        velocities v [m/s] too, of the shape of u.
         """
-        self._refuse_followed("contact forces")
+        bonds, u = len(self.bonds), check.rows("displacements", u, self.shape)
+        if dynamics(self).follows:
+            fixed = self.listed(u)
+            forces, walls = fixed.contact_forces(u, v), fixed.wall_contacts
+            faces = dynamics(self).clearance.faces(self.positions + u, walls)
+            forces[..., len(fixed.bonds) :] *= faces
+            return forces
         forces = np.concatenate([-self.bond_tension(u), self.wall_load(u)], axis=-1)
         if not self._losses:
             return forces
-        bonds, u = len(self.bonds), check.rows("displacements", u, self.shape)
         r, rate = dynamics(self).elongations(u), contact_rates(self, u, needed_velocities(self, v))
         for loss in self._losses:
             sign, first = (1, bonds) if loss.on == "walls" else (-1, 0)
-            at = np.add(first, loss.at)
-            forces[..., at] += sign * loss.values(r[..., at], rate[..., at])
+            at = np.asarray(loss.at, dtype=int) + first
+            if len(at):
+                forces[..., at] += sign * loss.values(r[..., at], rate[..., at])
         return forces
 
     def overlaps(self, u: ArrayLike) -> Array:
-        """Overlap of each listed contact of two beads [m], < 0 for a gap; (..., bonds)."""
-        self._refuse_followed("overlaps")
-        return -self.elongation(u)
-
-    def _refuse_followed(self, what: str) -> None:
-        if dynamics(self).follows:
-            raise TensegrityError(
-                f"{what} of contacts that come and go: take those of one instant, listed(u)"
-            )
+        """Overlap of each contact of two beads, as in `contact_forces` [m], < 0 for a gap."""
+        u = check.rows("displacements", u, self.shape)
+        return -self.listed(u).elongation(u)
 
 
 class AssemblyDynamics(NetworkDynamics):

@@ -405,8 +405,8 @@ def test_bad_input_says_what_and_why():
     refused("driven site 8 must be below 8", {"drive": {8: SHAKER}})
     refused("site 0 is held", {"drive": {0: SHAKER}, "ends": ("fixed", "free")})
     refused("has 2 components, must have 1", moved((T, T)))
-    refused("'midpoint' is no splitting", {"drive": {0: SHAKER}}, method="midpoint")
-    refused("'corrected6' is no splitting", {"drive": {0: SHAKER}}, method="corrected6")
+    refused("'midpoint' is not a splitting", {"drive": {0: SHAKER}}, method="midpoint")
+    refused("'corrected6' is not a splitting", {"drive": {0: SHAKER}}, method="corrected6")
     refused(r"dt 0.5 s is beyond 0.\d+ s for dashpots", {"damping": Damping(ground=20.0)}, dt=0.5,
             error=StabilityError)  # fmt: skip
     chain = Chain(CUBIC, 8, drive={0: Drive(displacement=0.1 * sp.cos(T))})

@@ -15,6 +15,7 @@ from granular import (
     fcc_pack,
     hertz,
     hexagonal_pack,
+    kuwabara_kono,
     materials,
     pack,
     simulate,
@@ -203,6 +204,26 @@ def test_a_contact_that_forms_ends_a_run_with_fixed_ones():
     scene = pack(places, STEEL, {"floor": (Wall((0, 0), (0, 1)), WALL)}, "fixed")
     with pytest.raises(ContactError, match="sites 0 and 1"):
         simulate(scene, scene.at_rest({0: (2.0, 0.0)}), 6e-3, dt=1e-6)
+
+
+@pytest.mark.parametrize("law", [hertz, kuwabara_kono(restitution=0.9, speed=1.0)])
+def test_contact_forces_of_a_run_are_those_of_all_contacts_listed_in_it(law):
+    places = 1.02 * D * (np.stack(np.divmod(np.arange(12), 4), axis=1) + 0.6)
+    walls = {"floor": (Wall.between((0, 0), (2.2 * D, 0), side=(0, 1)), WALL)}
+    scene = pack(places, STEEL, walls, law=law)
+    start = scene.at_rest({0: (1.0, -2.0), 5: (2.0, -1.0), 9: (1.0, -3.0)})
+    run = simulate(scene, start, 6e-3, dt=1e-6, method="rk8", record=Record(interval=1e-5))
+    v = () if law is hertz else (run.v,)
+    forces, count = scene.contact_forces(run.u, *v), len(scene.listed(run.u).bonds)
+    floor = wall_force(run, "floor")
+    np.testing.assert_allclose(forces[:, count:].sum(axis=1), floor, rtol=1e-12, atol=1e-9)
+    assert floor.max() > 100
+    assert (scene.positions + run.final.u)[:, 1].min() < 0  # beyond its end
+    for k in range(0, len(run.t), 100):
+        alone = scene.contact_forces(run.u[k], *(x[k] for x in v))
+        assert alone.size < forces.shape[1]
+        np.testing.assert_allclose(alone.sum(), forces[k].sum(), rtol=1e-12, atol=1e-9)
+    assert not forces[:, :count][scene.overlaps(run.u) <= 0].any()
 
 
 def test_a_bead_that_flies_past_the_end_of_a_wall_is_followed():

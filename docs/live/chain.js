@@ -1,5 +1,5 @@
 "use strict";
-/* The chain of the page: what is asked of the compiled C, and what is looked up in the tables.
+/* The chain of the page: calls of the compiled C, and values from the tables.
    Knows nothing of the document. */
 
 const FINE = 0, LOCKED = 1;
@@ -9,7 +9,7 @@ const HALVINGS = 10;       // of the step, where a spring stiffens beyond what w
 const TIMED = 12;          // bonds over which the leading pulse is timed
 const ALIKE = 1e-3;        // relative difference of two peaks that have one wave
 const QUIET = 1e-7;        // speeds of sound below it are none: a sonic vacuum
-const KEPT = 1200;         // states of a run that are kept, to go back to
+const MOST_STATES = 1200;         // stored states of a run, to return to
 const LASTS = 1.25;        // times that the first pulse takes to the end: how long a run is
 const FARTHEST = 0.9;      // of the way to an end of a domain, to which a mass is pulled
 const NEARBY = 1e-3;       // relative difference of two peaks, for the slope of the energy
@@ -52,7 +52,7 @@ class Chain {
     this.near = near;
     this.blow = own ? own.blow : given.blow;
     this.waves = own || pluck ? [] : given.waves || [];
-    this.kept = [];
+    this.states = [];
     this.every = 1;
     this.past = false;
     this.steps = this.sound = 0;
@@ -63,7 +63,7 @@ class Chain {
       this.energy = this.dt = 0;
       this.last = 1;
       this.pluck = null;
-      this.keep();
+      this.store();
       this.ended = true;
       return this.fail(`No state of this prism carries a preload of ${spring.preload} N: it is `
         + "beyond its largest axial load. Lower the preload.");
@@ -81,7 +81,7 @@ class Chain {
     const way = this.waves.length ? this.waves[0].at : this.pluck
       ? Math.min(this.pluck.site, this.units - this.pluck.site) : 0;
     this.last = LASTS * (this.units - way) / this.expected_speed();
-    this.keep();
+    this.store();
     return "";
   }
 
@@ -101,20 +101,20 @@ class Chain {
                                       Math.min(FARTHEST * Math.min(...most), pull)) };
   }
 
-  /* Keep this state, to go back to; where there are many, every second one is dropped. */
-  keep() {
+  /* Store this state, to return to; where there are many, every second one is dropped. */
+  store() {
     this.frames = (this.frames || 0) + 1;
-    if (this.kept.length && this.frames % this.every) return;
-    this.kept.push({ time: this.time, u: this.u.slice(), v: this.v.slice() });
-    if (this.kept.length < KEPT) return;
-    this.kept = this.kept.filter((_, k) => k % 2 === 0);
+    if (this.states.length && this.frames % this.every) return;
+    this.states.push({ time: this.time, u: this.u.slice(), v: this.v.slice() });
+    if (this.states.length < MOST_STATES) return;
+    this.states = this.states.filter((_, k) => k % 2 === 0);
     this.every *= 2;
   }
 
-  /* Go to a time of the run: back to the state kept next to it, or on by steps. */
+  /* Go to a time of the run: back to the nearest stored state, or on by steps. */
   seek(time) {
-    const known = this.kept[this.kept.length - 1].time;
-    const one = this.kept.reduce((best, x) =>
+    const known = this.states[this.states.length - 1].time;
+    const one = this.states.reduce((best, x) =>
       (Math.abs(x.time - time) < Math.abs(best.time - time) ? x : best));
     this.u.set(one.u);
     this.v.set(one.v);
@@ -172,7 +172,7 @@ class Chain {
     if (this.ended) return this.message;
     if (this.past) {
       this.c.resume(this.time);
-      this.kept = this.kept.filter((one) => one.time <= this.time);
+      this.states = this.states.filter((one) => one.time <= this.time);
       [this.past, this.message] = [false, ""];
     }
     let left = steps * 2 ** this.halved;
@@ -184,7 +184,7 @@ class Chain {
         left -= done;
         if (this.halved === HALVINGS) {
           this.ended = true;
-          this.keep();
+          this.store();
           return this.fail(`${found === LOCKED ? this.locked()
             : "A unit became too stiff to be followed."} The run ends here. ${this.advice()}`);
         }
@@ -193,7 +193,7 @@ class Chain {
       } else left -= part;
       if (clock && clock() > deadline) break;
     }
-    this.keep();
+    this.store();
     return "";
   }
 
@@ -201,8 +201,8 @@ class Chain {
   locked() {
     let worst = 0, unit = 0, side = 0;
     for (let b = 0; b < this.units; b++) {
-      const r = this.elongation(b), s = r > 0 ? 1 : 0, share = r / this.c.end(this.segment(b), s);
-      if (share > worst) [worst, unit, side] = [share, b, s];
+      const r = this.elongation(b), s = r > 0 ? 1 : 0, fraction = r / this.c.end(this.segment(b), s);
+      if (fraction > worst) [worst, unit, side] = [fraction, b, s];
     }
     const spring = this.springs[this.segment(unit)];
     const flat = !spring.elastic && this.c.end(this.segment(unit), 0) <= -this.lengths[0];

@@ -8,7 +8,7 @@
 #define SEGMENTS 2
 #define SAMPLES 64           /* of a curve, where its largest stiffness or load is looked for */
 #define SHARE 0.2            /* of the largest elongation: from there a pulse counts */
-#define HELD_BACK 0.999      /* of the way to an end of a domain, for what is asked there */
+#define HELD_BACK 0.999      /* of the way to an end of a domain, where values are requested */
 #define PART 0.8             /* of the way that all energy would drive one spring: what to expect */
 #define ROUGH 0.5            /* of the stability limit: steps longer than that are not taken */
 
@@ -237,7 +237,7 @@ static void watch(real dt)
 }
 
 /* Whether a step is valid: no spring beyond its domain, none too stiff for the step. */
-static int judged(real dt)
+static int checked(real dt)
 {
     for (int s = 0; s < chain.runs; s++) {
         const integer springs = first[s + 1] - first[s], places = springs < BLOCK ? springs : BLOCK;
@@ -264,7 +264,7 @@ EXPORT(run) int run(int steps, real dt)
         forget();
         advance(&chain, 0, 1, 0);
         postprocess(&chain, 0, u, v);
-        const int found = judged(dt);
+        const int found = checked(dt);
         if (found != FINE) {
             for (integer i = 0; i <= bonds(); i++) u[i] = u_before[i], v[i] = v_before[i];
             return found;

@@ -82,12 +82,12 @@ const net = {
   },
 
   advance(steps) {
-    this.c.go(this.base, steps, this.given.kept);
+    this.c.go(this.base, steps, this.given.decay);
     this.done += steps;
   },
 
   /* Kinetic energy of each part over that of the impact. */
-  shares() {
+  fractions() {
     const { mass, parts, dim, hit } = this.given, v = this.row("v"), found = {};
     const energy = (i) => mass[i] / 2 * v.subarray(i * dim, i * dim + dim).reduce((sum, x) => sum + x * x, 0);
     const whole = mass[parts.striker ? parts.striker[0] : 0] / 2 * this.hit ** 2;
@@ -113,7 +113,7 @@ const net = {
   facts() {
     const { given } = this;
     if (given.discs) return { "Discs switched": `${this.switched()} of ${given.discs}` };
-    return Object.fromEntries(Object.entries(this.shares()).map(([name, x]) =>
+    return Object.fromEntries(Object.entries(this.fractions()).map(([name, x]) =>
       [name[0].toUpperCase() + name.slice(1), `${(100 * x).toFixed(1)} %`]));
   },
 
@@ -216,7 +216,7 @@ started(CODE, TABLES).then((found) => {
   $("method").textContent = TABLES.method;
   $("back").hidden = !location.pathname.endsWith("/live.html");
   listen();
-  asked();
+  readAddress();
 }).catch((error) => {
   $("message").hidden = false;
   $("message").textContent = `This browser cannot run the chain: ${error.message}`;

@@ -121,7 +121,7 @@ def _table(given):
         "names": list(SCENE.kinds),
         "dt": dt,
         "steps": math.ceil(given["last"] / dt / FRAMES),
-        "kept": math.exp(-drag * dt / 2),
+        "decay": math.exp(-drag * dt / 2),
         "parts": parts,
         "discs": DISCS if drag else 0,
         "least": given.get("least", 0.0),

@@ -359,11 +359,11 @@ function strains() {
   return Array.from({ length: chain.units }, (_, b) => (u[b] - u[b + 1]) / lengths[chain.segment(b)]);
 }
 
-/* The space-time map anew, from the states that were kept. */
+/* The space-time map anew, from the states that are stored. */
 function remap() {
   if (!view.colour) colours();
   view.map = new SpaceTime(chain.units, chain.last, view.top);
-  for (const { time, u } of chain.kept)
+  for (const { time, u } of chain.states)
     view.map.add(time, Array.from({ length: chain.units }, (_, b) =>
       (u[b] - u[b + 1]) / chain.lengths[chain.segment(b)]), view.colour);
 }
@@ -476,13 +476,13 @@ function closer(overlays) {
 
 function dots(paper, points) {
   curve(paper, points, "chain", [], 1.5);
-  const apart = paper.px(1) - paper.px(0);
-  if (apart < 3.5) return;
+  const spacing = paper.px(1) - paper.px(0);
+  if (spacing < 3.5) return;
   paper.pen.fillStyle = view.colour.chain;
   for (const [x, y] of points) {
     if (paper.px(x) < paper.box.l - 1 || paper.px(x) > paper.box.r + 1) continue;
     paper.pen.beginPath();
-    paper.pen.arc(paper.px(x), paper.py(y), Math.min(2.6, apart / 2.4), 0, 7);
+    paper.pen.arc(paper.px(x), paper.py(y), Math.min(2.6, spacing / 2.4), 0, 7);
     paper.pen.fill();
   }
 }
@@ -649,10 +649,10 @@ function listen() {
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { colours(); remap(); draw(); });
 }
 
-/* What the address asks for: #scene=collision&units=200&steps=2000, or numbers of one's own,
+/* Settings from the address: #scene=collision&units=200&steps=2000, or numbers of one's own,
    #height=0.7&prestrain=0.01&preload=0&blow=0.1, with the other settings of `address`.  With `steps`
    the chain is left there, paused. */
-function asked() {
+function readAddress() {
   const given = new URLSearchParams(location.hash.slice(1));
   const known = given.has("scene") && Object.hasOwn(TABLES.scenes, given.get("scene"));
   const scene = known ? given.get("scene") : Object.keys(TABLES.scenes)[0];

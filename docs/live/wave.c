@@ -41,9 +41,9 @@ static void lay_matrices(void)
     for (int m = 0; m < 2 * POINTS; m++) one[m] = two[m] = 0;
     for (int n = 0; n <= POINTS; n++) {
         const real y = n * 3.14159265358979323846 / (2 * half_length);
-        const real symbol = n ? sin(y) / y : 1, share = (n % POINTS ? 1.0 : 0.5) / POINTS;
+        const real symbol = n ? sin(y) / y : 1, weight = (n % POINTS ? 1.0 : 0.5) / POINTS;
         for (int m = 0; m < 2 * POINTS; m++) {
-            const real wave = share * symbol * cosine[n * m % (2 * POINTS)];
+            const real wave = weight * symbol * cosine[n * m % (2 * POINTS)];
             one[m] += wave;
             two[m] += symbol * wave;
         }
@@ -51,9 +51,9 @@ static void lay_matrices(void)
     for (int i = 0; i <= POINTS; i++)
         for (int j = 0; j <= POINTS; j++) {
             const int near = i > j ? i - j : j - i, far = (i + j) % (2 * POINTS);
-            const real share = j % POINTS ? 1 : 0.5;
-            mean[i][j] = share * (one[near] + one[far]);
-            square[i][j] = share * (two[near] + two[far]);
+            const real weight = j % POINTS ? 1 : 0.5;
+            mean[i][j] = weight * (one[near] + one[far]);
+            square[i][j] = weight * (two[near] + two[far]);
         }
 }
 
@@ -74,13 +74,13 @@ static int solved(real *x)
             if (fabs(table[i][k]) > fabs(table[best][k])) best = i;
         if (!(fabs(table[best][k]) > 1e-300)) return 0;
         for (int j = k; best != k && j <= n; j++) {
-            const real kept = table[k][j];
-            table[k][j] = table[best][j], table[best][j] = kept;
+            const real saved = table[k][j];
+            table[k][j] = table[best][j], table[best][j] = saved;
         }
         for (int i = k + 1; i < n; i++) {
-            const real share = table[i][k] / table[k][k];
-            if (share != 0)
-                for (int j = k + 1; j <= n; j++) table[i][j] -= share * table[k][j];
+            const real weight = table[i][k] / table[k][k];
+            if (weight != 0)
+                for (int j = k + 1; j <= n; j++) table[i][j] -= weight * table[k][j];
         }
     }
     for (int i = n - 1; i >= 0; i--) {
@@ -154,8 +154,8 @@ EXPORT(wave_energy) real wave_energy(int segment, real peak)
 {
     real sum = 0;
     for (int i = 0; i <= POINTS; i++) {
-        const real speed = peak * rates[i], share = i % POINTS ? 2 : 1;
-        sum += share * (speed * speed / 2 + value(segment, 0, peak * profile[i]));
+        const real speed = peak * rates[i], weight = i % POINTS ? 2 : 1;
+        sum += weight * (speed * speed / 2 + value(segment, 0, peak * profile[i]));
     }
     return sum * half_length / POINTS;
 }

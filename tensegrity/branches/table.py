@@ -36,12 +36,15 @@ class Event:
         Value of each column at the event.
     note : str
         A description in words, or empty.
+    units : dict of str to str
+        Units of the columns, for printing.
     """
 
     kind: str
     row: int
     at: dict[str, float] = field(repr=False)
     note: str = ""
+    units: Mapping[str, str] = field(default_factory=dict, repr=False)
 
     @property
     def value(self) -> float:
@@ -55,7 +58,8 @@ class Event:
         raise AttributeError(f"event has no {name!r}, only {', '.join(at)}")
 
     def __str__(self) -> str:
-        shown = [f"{k} {v:.6g}" for k, v in self.at.items()][:FIRST]
+        first = list(self.at.items())[:FIRST]
+        shown = [f"{k} {v:.6g} {self.units.get(k, '')}".rstrip() for k, v in first]
         more = f" and {len(self.at) - FIRST} more" if len(self.at) > FIRST else ""
         note = f"; {self.note}" if self.note else ""
         return filled(f"{self.kind}: {', '.join(shown)}{more}{note}")
@@ -79,7 +83,8 @@ class Table:
     _units: ClassVar[Mapping[str, str]] = {}  # of columns
 
     def __init__(self, columns: Mapping[str, Any], events: Iterable[Event], end: str) -> None:
-        self.columns, self.events, self.end = dict(columns), tuple(events), end
+        self.events = tuple(replace(e, units=self._units) for e in events)
+        self.columns, self.end = dict(columns), end
 
     def __getattr__(self, name: str) -> Any:
         columns = self.__dict__.get("columns", {})

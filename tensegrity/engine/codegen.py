@@ -118,7 +118,7 @@ def reverse_text(laws, own, wanted, dim, exact):
     str
     """
     arguments = (
-        "integer apart, const real *r, real *f, real *k, real *d, const real *shared, "
+        "integer stride, const real *r, real *f, real *k, real *d, const real *shared, "
         "const real *own, integer all"
     )
     hooks, packed, runs, scalars = [], [], [], []
@@ -133,7 +133,7 @@ def reverse_text(laws, own, wanted, dim, exact):
             hooks += [scalar(number, "tension", functions(law)["tension"])] * exact
             continue
         found = [f"INTO({x} + g * WIDE)" for x in ("f", "k")]
-        found += [f"INTO(d + {m} * apart + g * WIDE)" for m in range(count)]
+        found += [f"INTO(d + {m} * stride + g * WIDE)" for m in range(count)]
         for _, kind in mine:
             p = _packs(law, own[number] if kind else (), "wide(shared[{}])")
             given, name = [["load(r + g * WIDE)"], p], f"slopes_{number}_{kind}"

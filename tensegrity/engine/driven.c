@@ -25,7 +25,7 @@ typedef struct {
     real *term, *next, *pull, *given; /* scratch: (entries) twice, (entries + 1), (moved, degree) */
     real *sums, *output_sums;        /* work, loss, elongation range (2): so far, and in the output */
     const integer *ends;             /* (damped_bonds, 2) first entries of their ends */
-    const real *apart;               /* (damped_bonds, DIM + 2) their geometry D, g, L */
+    const real *geometry;               /* (damped_bonds, DIM + 2) their geometry D, g, L */
     real *room;                      /* scratch: (levels + 3, 2 entries + 1) */
     real *elongations;               /* scratch: (bonds) elongations, in the order of the loop */
     integer entries, moving, forcing, damped, degree, damped_bonds, levels, bonds, stage, step;
@@ -182,7 +182,7 @@ static void resisted(const scene *c, const drive *d, integer s, real tau, real *
     EACH(n) rate[i] = v[i], pull[i] = -d->ground[i] * v[i];
     for (integer q = 0; q < d->damped_bonds; q++) {
         const integer i = d->ends[2 * q], j = d->ends[2 * q + 1];
-        const real *place = d->apart + q * (DIM + 2);
+        const real *place = d->geometry + q * (DIM + 2);
         real w[DIM], along[DIM], r, speed = 0;
         AXES(k) w[k] = u[j + k] - u[i + k];
         pair_contact(place, w, place[DIM], place[DIM + 1], &r, along);

@@ -275,7 +275,7 @@ class BoundDriven(Bound):
             ends = loop.dim * np.stack([of.first, of.second], axis=1)[damped_bonds]
             arrays |= {
                 "bond": forcing.bond[damped_bonds],
-                "apart": of.geometry[:, damped_bonds].T,
+                "geometry": of.geometry[:, damped_bonds].T,
                 "ends": ends.astype(np.int64),
                 "room": np.zeros((schedule.levels + 3, 2 * entries + 1)),
             }

@@ -55,13 +55,13 @@ static int linearised(const scene *c, const implicit *m)
     for (integer b = 0; b < bonds; b++) {
         const integer ends[2] = {m->from[b], m->to[b]}, wall = ends[0] >= n;
         const real length = m->geometry[(DIM + 1) * bonds + b], *p = m->parameters + b * PARAMETERS;
-        real apart[DIM], moved[DIM], along[DIM], r, tension = 0, stiffness = 0;
+        real separation[DIM], moved[DIM], along[DIM], r, tension = 0, stiffness = 0;
         AXES(k) {
-            apart[k] = m->geometry[k * bonds + b];
+            separation[k] = m->geometry[k * bonds + b];
             moved[k] = place[ends[1] + k] - (wall ? 0 : place[ends[0] + k]);
         }
         (wall ? wall_contact : pair_contact)(
-            apart, moved, m->geometry[DIM * bonds + b], length, &r, along);
+            separation, moved, m->geometry[DIM * bonds + b], length, &r, along);
         switch (m->law[b]) {
 #define LAW_CASE(K)                                                                         \
     case K: tension = tension_##K(r, p), stiffness = stiffness_##K(r, p); break;
@@ -69,7 +69,7 @@ static int linearised(const scene *c, const implicit *m)
         }
 #ifdef OWN_TANGENT
         real second[DIM * DIM];
-        pair_tangent(apart, moved, m->geometry[DIM * bonds + b], length, second);
+        pair_tangent(separation, moved, m->geometry[DIM * bonds + b], length, second);
 #define TANGENT(k, l) stiffness * along[k] * along[l] + tension * second[DIM * k + l]
 #else
         const real across = DIM > 1 && !wall ? tension / (length + r) : 0; /* it turns */

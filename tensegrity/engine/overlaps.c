@@ -98,17 +98,17 @@ static void run_of(const scene *c, const openings *o, integer s, const real *res
         const integer some = last - b < BLOCK ? last - b : BLOCK;
         real r[BLOCK], change[BLOCK];
         EACH(some) {
-            real at[DIM], apart[DIM], along[DIM], speed[DIM];
+            real at[DIM], separation[DIM], along[DIM], speed[DIM];
             const integer p = from[b + i], q = to[b + i];
             AXES(k) {
                 at[k] = geometry[k * n + b + i];
-                apart[k] = wall ? u[q + k] : u[q + k] - u[p + k];
+                separation[k] = wall ? u[q + k] : u[q + k] - u[p + k];
                 speed[k] = wall ? v[q + k] : v[q + k] - v[p + k];
             }
             const real gap = geometry[DIM * n + b + i], length = geometry[(DIM + 1) * n + b + i];
             r[i] = change[i] = 0;
-            if (wall) wall_contact(at, apart, gap, length, r + i, along);
-            else pair_contact(at, apart, gap, length, r + i, along);
+            if (wall) wall_contact(at, separation, gap, length, r + i, along);
+            else pair_contact(at, separation, gap, length, r + i, along);
             AXES(k) change[i] += along[k] * speed[k];
         }
         for (integer j = b; j < o->count; j += o->bonds)

@@ -18,11 +18,11 @@ typedef struct {
     const real *kicks, *drifts;      /* dt times the coefficients (stages + 1), (stages) */
     const real *grid;                /* (2) constants that round increments of u and of v */
     real *ub, *vb, *wb;              /* (objectives, entries) */
-    real *pb;                        /* (objectives, wanted, apart) */
+    real *pb;                        /* (objectives, wanted, stride) */
     real *gb;                        /* (objectives, bonds) of elongations, in a network */
-    real *r, *f, *k, *d;             /* scratch (apart), (apart + 2), (apart), (wanted, apart) */
+    real *r, *f, *k, *d;             /* scratch (stride), (stride + 2), (stride), (wanted, stride) */
     real *along, *pull, *turn;       /* scratch (DIM, bonds), (entries), (entries) */
-    real *bent;                      /* scratch (apart), of a network */
+    real *bent;                      /* scratch (stride), of a network */
     real *low, *high, *travel;       /* elongation range (bonds), distance moved, as in scene.h */
     const integer *from, *to;        /* (bonds) where their rows begin */
     const integer *first;            /* (runs + 1) first bond of each run */
@@ -30,7 +30,7 @@ typedef struct {
     const integer *wall;             /* (runs) whether its contacts are with walls */
     const integer *own_at;           /* (runs) where its own parameters begin */
     integer runs, bonds, entries, moving, objectives, wanted, stages, closing;
-    integer room, apart; /* padded number of entries; stride of arrays over bonds */
+    integer room, stride; /* padded number of entries; stride of arrays over bonds */
     integer together;    /* whether scratch k, d and pull have rows for all stages */
 } scene;
 
@@ -45,7 +45,7 @@ typedef struct {
 /* Vectors of bonds of one law: tensions, stiffnesses and derivatives in the requested
    parameters. */
 #define ARGUMENTS                                                                           \
-    integer packs, integer apart, const real *restrict r, real *restrict f, real *restrict k, \
+    integer packs, integer stride, const real *restrict r, real *restrict f, real *restrict k, \
         real *restrict d, const real *restrict shared, const real *restrict own, integer all
 typedef void packed(ARGUMENTS);
 #define BOND_0(K) const real *p = shared;
@@ -63,7 +63,7 @@ typedef void packed(ARGUMENTS);
             real y[2 + WANTED];                                                             \
             slopes_##K(r[i], p, y);                                                         \
             f[i] = y[0], k[i] = y[1];                                                       \
-            for (int m = 0; m < WANTED; m++) d[m * apart + i] = y[2 + m];                   \
+            for (int m = 0; m < WANTED; m++) d[m * stride + i] = y[2 + m];                   \
         }                                                                                   \
     }
 SCALARS(SCALAR_SLOPES)
@@ -72,12 +72,12 @@ SCALARS(SCALAR_SLOPES)
 static packed *const slopes[] = {RUNS(SLOPES)};
 
 /* In blocks that stay in the nearest cache; the last vector writes beyond the n bonds. */
-static void batches(packed *law, integer n, integer apart, const real *r, real *f, real *k, real *d,
+static void batches(packed *law, integer n, integer stride, const real *r, real *f, real *k, real *d,
                     const real *shared, const real *own)
 {
     for (integer j = 0; j < n; j += ROOM * WIDE) {
         const integer left = n - j < ROOM * WIDE ? n - j : ROOM * WIDE;
-        law((left + WIDE - 1) / WIDE, apart, r + j, f + j, k + j, d + j, shared, own + j, n);
+        law((left + WIDE - 1) / WIDE, stride, r + j, f + j, k + j, d + j, shared, own + j, n);
     }
 }
 
@@ -86,7 +86,7 @@ static void evaluated(const scene *c, packed *const *laws)
 {
     for (integer s = 0; s < c->runs; s++) {
         const integer at = c->first[s];
-        batches(laws[c->law[s]], c->first[s + 1] - at, c->apart, c->r + at, c->f + 1 + at, c->k + at,
+        batches(laws[c->law[s]], c->first[s + 1] - at, c->stride, c->r + at, c->f + 1 + at, c->k + at,
                 c->d + at, c->shared + s * PARAMETERS, c->own + c->own_at[s]);
     }
 #ifndef DIM /* no force beyond the last bond */
@@ -144,7 +144,7 @@ PACKED pack shifted_back(pack here, pack after)
 
 PACKED void carry_rows(const scene *c, real a, real b, integer o, const int rows)
 {
-    const integer room = c->room, entries = c->entries, apart = c->apart, all = c->wanted * apart;
+    const integer room = c->room, entries = c->entries, stride = c->stride, all = c->wanted * stride;
     const real *w = c->w, *k = c->k, *d = c->d, *pull = c->pull;
     real *ub = c->ub + o * entries, *vb = c->vb + o * entries, *wb = c->wb + o * entries;
     real *pb = c->pb + o * all;
@@ -163,7 +163,7 @@ PACKED void carry_rows(const scene *c, real a, real b, integer o, const int rows
             const pack back = bent * stiffness;
             store(vb + at, v[l]);
             store(wb + at, load(wb + at) + a * v[l] * force);
-            for (integer m = i; m < i + all; m += apart)
+            for (integer m = i; m < i + all; m += stride)
                 store(pb + l * all + m, load(pb + l * all + m) + bent * load(d + m));
             store(ub + at, u[l] + shifted(before[l], back) - back);
             before[l] = back, u[l] = next_u, v[l] = next_v, moved[l] = next_moved;
@@ -220,7 +220,7 @@ static void gather(const scene *c)
 #define ROWS 1
 static void carry(const scene *c, real a, real b, integer o, integer rows)
 {
-    const integer n = c->bonds, apart = c->apart;
+    const integer n = c->bonds, stride = c->stride;
     real *vb = c->vb + o * c->entries, *wb = c->wb + o * c->entries;
     EACH(c->entries) {
         vb[i] += b * c->ub[o * c->entries + i];
@@ -230,7 +230,7 @@ static void carry(const scene *c, real a, real b, integer o, integer rows)
     const real *restrict turn = c->turn, *restrict k = c->k, *restrict d = c->d;
     const real *restrict f = c->f + 1, *restrict r = c->r, *restrict along = c->along;
     const real *restrict length = c->geometry + (DIM + 1) * n;
-    real *restrict ub = c->ub + o * c->entries, *restrict pb = c->pb + o * c->wanted * apart;
+    real *restrict ub = c->ub + o * c->entries, *restrict pb = c->pb + o * c->wanted * stride;
     real *restrict bent = c->bent, *restrict gb = c->gb + o * n;
     for (integer s = 0; s < c->runs; s++)
         for (integer i = c->first[s]; i < c->first[s + 1]; i++) {
@@ -256,7 +256,7 @@ static void carry(const scene *c, real a, real b, integer o, integer rows)
         }
     EACH(n) gb[i] += bent[i] * k[i];
     for (integer m = 0; m < c->wanted; m++)
-        EACH(n) pb[m * apart + i] += bent[i] * d[m * apart + i];
+        EACH(n) pb[m * stride + i] += bent[i] * d[m * stride + i];
 }
 #endif
 
@@ -340,7 +340,7 @@ static void invert(const scene *c, real a, real b)
 static scene of_stage(const scene *c, integer i)
 {
     scene one = *c;
-    one.k += i * c->apart, one.d += i * c->wanted * c->apart, one.pull += i * c->entries;
+    one.k += i * c->stride, one.d += i * c->wanted * c->stride, one.pull += i * c->entries;
     return one;
 }
 
@@ -389,10 +389,10 @@ void reverse(const scene *c, integer steps, integer opened, integer last, const 
     }
 }
 
-/* Evaluate a law at n elongations with parameters p; rows of results have the stride `apart`, with
+/* Evaluate a law at n elongations with parameters p; rows of results have the stride `stride`, with
    room for a vector beyond the last. */
-void evaluate(integer law, integer n, integer apart, const real *p, const real *r, real *f, real *k,
+void evaluate(integer law, integer n, integer stride, const real *p, const real *r, real *f, real *k,
               real *d)
 {
-    batches(slopes[2 * law], n, apart, r, f, k, d, p, p);
+    batches(slopes[2 * law], n, stride, r, f, k, d, p, p);
 }

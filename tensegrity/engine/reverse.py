@@ -184,7 +184,7 @@ class ReverseLoop:
             runs=len(runs.law),
             bonds=n,
             entries=entries,
-            apart=room,
+            stride=room,
             moving=sites * size,
             objectives=totals.objectives,
             wanted=layout.most,

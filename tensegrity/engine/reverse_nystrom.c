@@ -37,7 +37,7 @@ static void reverse_slope(const scene *c, const tangents *t, integer j, integer 
     }
     scene stage = of_stage(c, j);
     stage.ub = of_u, stage.vb = slope;
-    stage.wb += o * n, stage.pb += o * c->wanted * c->apart;
+    stage.wb += o * n, stage.pb += o * c->wanted * c->stride;
     carry(&stage, 1, 0, 0, 1);
     for (integer e = 0; e < t->places; e++) {
         const integer first = t->first[e], second = t->second[e];

@@ -73,11 +73,12 @@ class Stability:
     def __str__(self) -> str:
         phases, along = (", ".join(f"{x:.4f}" for x in np.round(values, 4) + 0.0)
                          for values in (self.wavenumber, self.direction))  # fmt: skip
+        unit = ("N", "N/m", "N/m^2")[len(self.wavenumber) - 1]
         return filled(
             f"Stability: {self.kind}\n"
             f"  waves:          w^2/k^2 >= {self.wave:.6g} m^2/s^2, least at phases ({phases})\n"
             f"  long waves:     c^2 >= {self.long:.6g} m^2/s^2, least along ({along})\n"
-            f"  uniform strain: stiffness >= {self.strain:.6g}"
+            f"  uniform strain: stiffness >= {self.strain:.6g} {unit}"
         )
 
     __repr__ = __str__

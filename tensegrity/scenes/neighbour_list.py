@@ -39,8 +39,11 @@ class NeighbourList(Clearance):
 
     def near(self, u):
         """Pairs of sites, and of a site and a wall that it faces, with a gap below the skin at
-        displacements u [m]; two sorted arrays (n, 2)."""
-        return self._near(u)[:2]
+        displacements u (..., sites, dim) [m], in any of their rows; two sorted arrays (n, 2)."""
+        if u.ndim == 2:
+            return self._near(u)[:2]
+        found = zip(*map(self.near, u.reshape(-1, *u.shape[-2:])), strict=True)
+        return tuple(np.unique(np.concatenate(pairs), axis=0) for pairs in found)
 
     def _near(self, u):
         """The pairs of `near`, and the pairs of a site and a wall that it is near but does not
@@ -54,9 +57,12 @@ class NeighbourList(Clearance):
     def _find(self, u):
         x = self.positions + u
         pairs, walls = self.pairs(x), self.wall_pairs(x)
-        facing = self._by_wall("overhang", x, walls) < 0
-        before = self._by_wall("height", x, walls) > 0
-        return _sorted(pairs), _sorted(walls[facing & before]), walls[~(facing & before)]
+        facing = self.faces(x, walls)
+        return _sorted(pairs), _sorted(walls[facing]), walls[~facing]
+
+    def faces(self, x, walls):
+        """Whether sites at positions x are in front of walls, pairs (n, 2); (..., n)."""
+        return (self._by_wall("overhang", x, walls) < 0) & (self._by_wall("height", x, walls) > 0)
 
     def near_contacts(self, u):
         """Contacts with walls that need checks from displacements u on: pairs of a site and a wall

@@ -213,8 +213,8 @@ class Network(Scene):
 
         Parameters
         ----------
-        u : ndarray, (sites, dim)
-            Displacements [m].
+        u : ndarray, (..., sites, dim)
+            Displacements [m], such as those of a run.
 
         Returns
         -------
