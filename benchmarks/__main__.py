@@ -1,4 +1,4 @@
-"""Run benchmarks: `python -m benchmarks [NAME...]`; all where none is named.
+"""Run benchmarks: `python -m benchmarks [NAME...]`; by default all.
 
 `--save FILE` writes the ratios measured, `--compare FILE` holds them against those of a file.
 """
@@ -20,7 +20,7 @@ MARGIN = 0.15  # by which a ratio may differ between two runs
 
 
 def stamp():
-    """What ratios depend on besides the code: commit, CPU, compiler, date."""
+    """The conditions of a measurement: commit, CPU, compiler, date."""
     here = Path(__file__).parent
     command = ["git", "-C", str(here), "describe", "--always", "--dirty", "--exclude=*"]
     commit = subprocess.run(command, capture_output=True, text=True, check=False).stdout.strip()
@@ -34,7 +34,7 @@ def stamp():
 
 
 def compare(then, now):
-    """Print ratios then and now; the number of those that are worse by more than `MARGIN`."""
+    """Print earlier and present ratios; returns how many are worse by more than `MARGIN`."""
     for name in sorted(now.keys() - {"ratios"}):
         print(f"{name:>10}: {then[name]}  ->  {now[name]}")
     before, after, worse = then["ratios"], now["ratios"], 0

@@ -1,4 +1,4 @@
-"""The chart of a benchmark, as PNG, beside its rows, as CSV."""
+"""The chart of a benchmark as PNG, and its rows as CSV."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ from tensegrity import Record
 
 
 def memory():
-    """Largest memory of this program so far [bytes]; the other figure counts its parent's too."""
+    """Largest memory of this program so far [bytes], without that of its parent."""
     try:
         lines = Path("/proc/self/status").read_text().splitlines()
         return next(int(x.split()[1]) * 1024 for x in lines if x.startswith("VmHWM"))

@@ -1,4 +1,4 @@
-"""A pack of beads in whatever revision is on the path; run, a process that advances it when asked.
+"""A pack of beads of the revision on the path; as a program, a process that advances it on request.
 
 `python _network.py side layers steps` answers each line it reads by the CPU seconds of so many
 steps.

@@ -1,8 +1,8 @@
-"""What others would run instead: the same chains in heyoka.py, SciPy, numba and LAMMPS.
+"""Peers: the same chains in heyoka.py, SciPy, numba and LAMMPS.
 
-Each function gives `Entry` values.  What is compiled before a run is compiled outside the timed
-part and told apart.  A tension comes as a function of modules, because each peer needs it in its
-own: (elongation) -> tension, from `lambdify`.
+Each function gives `Entry` values.  Compilation before a run is timed separately.  A tension is a
+function of modules, because each peer requires it in its own: (elongation) -> tension, from
+`lambdify`.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class Entry:
 
 
 def has(name):
-    """Whether a package can be imported; says so where not."""
+    """Whether a package can be imported; prints a message if not."""
     import importlib
 
     try:
@@ -56,7 +56,7 @@ def has(name):
 
 
 def prism_values(prism, r):
-    """What to put into the formulas by the height of a rigid-elastic prism, stretched by r."""
+    """Values for the formulas in the height of a rigid-elastic prism, extended by r."""
     from derivations import rigid_elastic
     from derivations.prism import circumradius, k_cross, natural_cross
 
@@ -70,7 +70,7 @@ def prism_values(prism, r):
 
 
 def prism_tension(prism):
-    """The textbook force of a rigid-elastic prism, by the height: what one would type."""
+    """The textbook form of the force of a rigid-elastic prism in terms of the height."""
     from derivations import rigid_elastic
 
     r = sp.Symbol("r")
@@ -108,7 +108,7 @@ def heyoka_system(chain, tension, parameters=None):
 
 
 def heyoka(chain, state, t_end, tension, tolerances=HEYOKA):
-    """Taylor's method, compact mode: the other one takes minutes to compile a hundred sites."""
+    """Taylor's method in compact mode; the other mode takes minutes to compile a hundred sites."""
     if not has("heyoka"):
         return
     import heyoka as hy

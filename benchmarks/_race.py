@@ -1,4 +1,4 @@
-"""Contestants that take turns, and what their times and errors say: tables and a chart.
+"""Interleaved runs of several programs, with tables and a chart of times and errors.
 
 A contestant is a name and its runs, each with its setting; rows are (name, setting, error, least
 seconds, seconds to compile).
@@ -78,7 +78,7 @@ def seconds(rows, start, level):
 
 
 def front(rows, mark):
-    """Times and errors of our loops that no faster one betters; `mark` ends their names."""
+    """The Pareto front of times and errors of our loops; `mark` ends their names."""
     mine = {f"{name}{mark}" for name in METHODS}
     found = []
     for seconds, error in sorted((row[3], row[2]) for row in rows if row[0] in mine):
@@ -88,7 +88,7 @@ def front(rows, mark):
 
 
 def shown(rows):
-    """{name: points (seconds, error)} of what the chart shows of a scene: ours, then others."""
+    """{name: points (seconds, error)} that the chart shows for a scene: ours, then others."""
     found = {CALL: [], BARE: front(rows, ""), f"{BARE} +p": front(rows, " +p")}
     for name, _, error, seconds, _ in rows:
         if name.removesuffix(" +p") not in METHODS:

@@ -1,4 +1,4 @@
-"""The loop on uniform prisms in whatever revision is on the path: seconds, and what it moved."""
+"""The loop on uniform prisms of the revision on the path: seconds and displacements."""
 
 import hashlib
 import time

@@ -1,4 +1,4 @@
-"""Interleaved timing: all rivals in turn, several rounds, the best of each; and what came of it."""
+"""Interleaved timing: all programs in turn, several rounds, the best of each; and tables."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def best(rivals, rounds=ROUNDS):
 
 
 def record(table, row, column, ours, theirs):
-    """Keep a ratio for `python -m benchmarks --save`: less is better; no absolute times.
+    """Record a ratio for `python -m benchmarks --save`; smaller is better, no absolute times.
 
     The table's name ends before a comma or a bracket, beyond which titles say what was measured.
     """

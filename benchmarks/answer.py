@@ -45,7 +45,7 @@ CALLS, ROW_COUNTS, ROW_SITES = 300, (200, 4200), (16, 256)
 
 @dataclass(frozen=True)
 class Case:
-    """A scene to be run; `tension` is what peers need of it."""
+    """A scene to be run; `tension` is its force law for peers."""
 
     run: tuple
     tension: tuple | None = None
@@ -270,7 +270,7 @@ def _call(case, tol):
 
 
 def fixed_cost():
-    """Seconds of a call that does next to nothing: the least of many, each from another state; and
+    """Seconds of a call of hardly any work: the least of many, each from another state; and
     of the steps alone that it does."""
     chain = Chain(Prism(1.0, 0.7, 0.01, 1.0).potential(), 10)
     states = [chain.at_rest({0: 0.02 + 1e-5 * k}) for k in range(CALLS)]
@@ -293,7 +293,7 @@ def fixed_cost():
 
 
 def row_cost():
-    """{sites: seconds of a recorded row}, from runs that differ in nothing but their rows."""
+    """{sites: seconds of a recorded row}, from runs that differ in their rows only."""
     found = {}
     for sites in ROW_SITES:
         chain = Chain(Prism(1.0, 0.7, 0.01, 1.0).potential(), sites)

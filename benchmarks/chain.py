@@ -50,7 +50,7 @@ UNITS = 2_000 * 512  # operations of one call, short enough to run undisturbed
 
 
 def unit_calls():
-    """Calls that do nothing but square roots, and divisions."""
+    """Calls that perform only square roots, or only divisions."""
     unit, calls = native.library(UNIT), {}
     for name in ("roots", "divisions"):
         function = getattr(unit, name)
@@ -60,7 +60,7 @@ def unit_calls():
 
 
 def machine_bound():
-    """Nanoseconds that a square root and a division take when nothing else is done."""
+    """Nanoseconds of a square root and of a division by themselves."""
     return {name: t / UNITS * 1e9 for name, t in best(unit_calls()).items()}
 
 
@@ -170,7 +170,7 @@ def overheads():
 
 
 def main():
-    """Print nanoseconds per bond-step, the ratios, and the targets beside what was measured."""
+    """Print nanoseconds per bond-step, the ratios, and the targets with the measured values."""
     unit = machine_bound()
     bound = 2 * unit["roots"] + unit["divisions"]
     cost = {}

@@ -1,8 +1,8 @@
-"""What the loop pays for generality: parameters of each bond, lanes of their own, an older loop.
+"""The cost of generality in the loop: parameters of each bond or lane, and an older loop.
 
 All ratios are of CPU time in one run.  With $TENSEGRITY_BEFORE naming a checkout of an earlier
 revision (`git worktree add ../before 5119a1f`), its loop on a uniform chain of prisms is timed
-beside ours in alternating processes of their own, and the bits of both are compared.
+and ours in alternating processes, and the bits of both are compared.
 """
 
 from __future__ import annotations
@@ -121,7 +121,7 @@ def against(before):
 
 
 def main():
-    """Print nanoseconds per bond-step and the ratios beside their targets."""
+    """Print nanoseconds per bond-step, and the ratios with their targets."""
     cost = {sites: times(scenes(sites), sites - 1, max(WORK // sites, 20)) for sites in SIZES}
     rows = [(name, *(cost[n][name] for n in SIZES)) for name in cost[SIZES[0]]]
     table("ns per bond-step, velocity Verlet", ["", *map(str, SIZES)], rows)

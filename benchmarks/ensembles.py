@@ -1,4 +1,4 @@
-"""Many chains in one call, and what is spared: sites at rest, and rows that nobody wants.
+"""Many chains in one call, and savings by sites at rest and by rows that are not recorded.
 
 CPU time, all in turn in one run; the wall clock only where threads are compared.  heyoka advances
 eight chains in the lanes of a vector, each with the natural length of its own cross strings, and
@@ -112,7 +112,7 @@ def ensembles():
 
 
 def spared():
-    """Print what is spared over doing it."""
+    """Print savings over the full computation."""
     rows = []
     for name, spring, sites, t_end, v in (
         ("4,000 prisms, half the way", Prism(1.0, 0.7, 0.1, 1.0).potential(), 4000, 1100.0, 0.05),
@@ -149,7 +149,7 @@ def spared():
 
 
 def swept():
-    """Print what a case of a sweep costs besides its work."""
+    """Print the overhead of a case of a sweep."""
     with ProcessPoolExecutor(2) as pool:
         sweep(abs, range(100), pool)
         seconds = cpu({"sweep": lambda: sweep(abs, range(CASES), pool)}, time.perf_counter)["sweep"]

@@ -1,4 +1,4 @@
-"""Forces of velocity: what a contact that dissipates costs over an elastic one.
+"""Forces that depend on velocity: the cost of a dissipative contact over an elastic one.
 
 CPU time, all in turn in one run.  A force evaluation is a stage of one contact, at equal fixed
 steps of "rk8"; from call to answer, the elastic row has the default method of a tolerance.  The
@@ -61,7 +61,7 @@ def evaluations():
 
 
 def answers():
-    """Print call to answer over the elastic row, at tolerances, with the errors that are met."""
+    """Print the time of a call over that of the elastic chain, at tolerances, with the errors."""
     record = Record(times=[T_END])
     for tol, names in TOLERANCES.items():
         scenes = {name: row_of({"elastic": hertz, **LAWS}[name]) for name in names}

@@ -1,7 +1,7 @@
 """Cost of a gradient: over the run that it is of, over differences, and over stored states.
 
 Ratios of CPU time in one process, minima over rounds.  A gradient is value and derivatives; the
-run is `simulate` with as few rows, and the bare loop beside it.
+run is `simulate` with equally few rows; the bare loop is timed too.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ PEERS = ("ours", "jax", "diffrax")
 
 
 def scenes(bonds=60):
-    """{name: (chain, state, the parameters asked for)}."""
+    """{name: (chain, state, the requested parameters)}."""
     ends, spread = ("free", "fixed"), np.linspace(0.01, 0.05, bonds)
     prisms = Chain([Prism(1.0, 0.7, p, 1.0).potential() for p in spread], bonds + 1, ends=ends)
     hertz = Chain([PowerLaw(1 + k, 1.5) for k in spread], bonds + 1, ends=ends)
@@ -101,7 +101,7 @@ def stored(peer, steps):
 
 
 def main():
-    """Print ratios beside their aims."""
+    """Print ratios with their targets."""
     kinds = ("asked", "none", "all", "exact", "8 in one")
     rows = [costs(name, *one, method) for name, one in scenes().items()
             for method in ("verlet", "rkn6")]  # fmt: skip

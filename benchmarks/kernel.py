@@ -67,7 +67,7 @@ def blow(chain, speed):
 
 
 def contestants(family):
-    """{name: spring} of one family, the converged one to compare with, and the range met."""
+    """{name: spring} of one family, the converged one for comparison, and the range of the run."""
     spring, speed = FAMILIES[family]
     chain = Chain(spring, SITES)
     low, high = simulate(chain, blow(chain, speed), STEPS * DT, dt=DT).elongation_range[0]
@@ -245,7 +245,7 @@ def cheapest(rows, family, start, error):
 
 
 def main():
-    """Print and chart times and errors, and the targets beside what was measured."""
+    """Print and chart times and errors, and the targets with the measured values."""
     unit = machine_bound()
     rows = measure()
     table(

@@ -95,7 +95,7 @@ def _numba(network, velocity, steps):
 
 
 class _Earlier:
-    """The earlier revision, in a process of its own that advances when asked."""
+    """The earlier revision, in a process of its own that advances on request."""
 
     def __init__(self, folder, size, steps):
         here = Path(__file__).parent
@@ -247,7 +247,7 @@ def threads():
 
 
 def main():
-    """Print nanoseconds per contact-step and the ratios beside their targets."""
+    """Print nanoseconds per contact-step, and the ratios with their targets."""
     module = lammps.library()
     if not os.environ.get(BEFORE):
         print(f"no earlier revision to compare with: set {BEFORE}")
@@ -278,7 +278,7 @@ def main():
 
 
 def _features():
-    """Features of the processor that the compiler is told to use."""
+    """Features of the processor that the compiler uses."""
     if "-mno-avx512f" in os.environ.get("CC", ""):
         return ""
     try:

@@ -1,15 +1,14 @@
-"""Error against processor time: every method, and what others would run, on five scenes.
+"""Error against processor time: every method, and other programs, on five scenes.
 
 Solitary wave, wave near locking and softening chain (smooth); struck beads and a Y-guide (contacts
-that open, steel).  The error of the last state is taken against Blanes and Moan's method with
-steps far smaller, in extended precision where the scene is smooth; how good that is, a run with
-twice its step tells.  All contestants of a scene take turns; times are those of the processor, the
-least of several rounds.  "simulate" is the whole call with a tolerance, its rows and energies; the
-other runs of ours are the prepared loop alone, at a step that nobody tells it;
-a peer's run is its own call.  Compile times are told apart.  The chart shows the call, and as a
-thin line beside it the loops that were best, of all methods; the table has each.
-Peers get the prism's force as one would type it; of the softening prism, whose force solves
-equations, the polynomial that ours is fitted by.
+that open, steel).  The reference for the last state is Blanes and Moan's method with far smaller
+steps, in extended precision where the scene is smooth; a run with twice its step estimates its
+error.  All programs take turns on a scene; times are processor times, the least of several rounds.
+"simulate" is the whole call with a tolerance, its rows and energies; our other runs are those of
+the prepared loop alone with a given step, and a peer's run is its own call.  Compile times are
+listed separately.  The chart shows the call, and as a thin line the best loops of all methods; the
+table lists each.  Peers evaluate the prism's force in its textbook form; for the softening prism,
+whose force solves equations, they use the polynomial fitted to ours.
 Forces: the formula, and polynomials of it (`+p`) whose error is a small part of the run's.
 """
 
