@@ -298,7 +298,26 @@ def chain(
 def initial_gaps(
     gaps: ArrayLike, contacts: int, is_loaded: bool, walls: object
 ) -> tuple[float, ...]:
-    """The separations in all contacts [m]; none where all beads touch."""
+    """The initial separations in all contacts.
+
+    Parameters
+    ----------
+    gaps : float or array_like, (contacts,)
+        [m], >= 0.
+    contacts : int
+    is_loaded, walls : object
+        Whether there are loads, and walls at both ends, which gaps exclude.
+
+    Returns
+    -------
+    tuple of float
+        [m]; empty where all beads touch.
+
+    Raises
+    ------
+    TensegrityError
+        Gaps of another shape, below 0, or excluded.
+    """
     given = check.floats("gaps", gaps)
     if given.ndim and given.shape != (contacts,):
         raise TensegrityError(f"gaps have shape {given.shape}, must be ({contacts},), a contact")

@@ -237,9 +237,9 @@ def test_starts_lost_with_a_worker_are_counted(monkeypatch):
 @pytest.mark.parametrize(
     ("changed", "words"),
     [
-        ({"space": ORDER}, "does not search Order, whose genes .* no slopes: take ga"),
-        ({"space": CHOICE}, "does not search Choice, whose genes .* no slopes"),
-        ({"build": before_a_wall}, "follows chains before a wall: no build"),
+        ({"space": ORDER}, "does not search Order, whose genes .* no derivatives: take ga"),
+        ({"space": CHOICE}, "does not search Choice, whose genes .* no derivatives"),
+        ({"build": before_a_wall}, "is for chains before a wall, not for a build"),
         ({"budget": 63}, "budget 63 is below"),
         ({"t_end": 1e-5}, "t_end 1e-05 s is before the wave"),
     ],

@@ -100,9 +100,7 @@ class Moduli:
         n = n / size
         off = n - np.linalg.pinv(self.lattice.vectors) @ (self.lattice.vectors @ n)
         if np.abs(off).max() > ALONG:
-            raise TensegrityError(
-                f"direction {check.shown(direction)} is outside the span of the lattice vectors"
-            )
+            raise TensegrityError(f"direction {check.shown(direction)} leaves the vectors' span")
         stiff, inertia, scale = _long_waves(self.lattice, n, self.frequency)
         root = np.linalg.inv(np.linalg.cholesky(inertia))
         squares = np.linalg.eigvalsh(root @ stiff @ root.T)

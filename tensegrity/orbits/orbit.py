@@ -80,8 +80,7 @@ def periodic_orbit(
         raise TensegrityError(f"guess {check.shown(guess)} is not a State or an Orbit")
     if dynamics(scene).follows:
         raise TensegrityError(
-            "periodic_orbit: the contacts of the scene are detected during a run, must be fixed: "
-            "see `scene.listed`"
+            "periodic_orbit: contacts are detected during a run, must be fixed: see `scene.listed`"
         )
     if dynamics(scene).is_driven:
         return _driven_orbit(scene, guess, period, energy)
