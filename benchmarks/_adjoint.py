@@ -22,10 +22,10 @@ def ours(steps):
 
     springs = [Prism(1.0, HEIGHT, p, 1.0).potential() for p in PRESTRAINS]
     chain = Chain(springs, BONDS + 1, ends=("free", "fixed"))
-    asked, state = objective.displacement(SITE), chain.at_rest({0: SPEED})
+    chosen, state = objective.displacement(SITE), chain.at_rest({0: SPEED})
 
     def call():
-        found = gradient(asked, chain, state, steps * DT, dt=DT, wanted=("prestrain",))
+        found = gradient(chosen, chain, state, steps * DT, dt=DT, wanted=("prestrain",))
         return found.value, found.by("prestrain")
 
     return call

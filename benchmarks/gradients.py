@@ -54,7 +54,7 @@ def loop(chain, state, method, steps):
     return lambda: bound.advance(steps)
 
 
-def costs(name, chain, state, asked, method="verlet", steps=STEPS):
+def costs(name, chain, state, chosen, method="verlet", steps=STEPS):
     """Rows of the table: ratios of one scene."""
     t_end, last = steps * DT, chain.sites - 2
     peak, few = o.peak(o.load(bond=last)), Record(every=-(-steps // 32))
@@ -62,26 +62,26 @@ def costs(name, chain, state, asked, method="verlet", steps=STEPS):
     times = cpu({
         "loop": loop(chain, state, method, steps),
         "run": lambda: simulate(chain, state, t_end, dt=DT, method=method, record=few),
-        "asked": lambda: gradient(peak, *run_of, **how, wanted=asked),
+        "chosen": lambda: gradient(peak, *run_of, **how, wanted=chosen),
         "none": lambda: gradient(peak, *run_of, **how, wanted=()),
         "all": lambda: gradient(peak, *run_of, **how),
-        "exact": lambda: gradient(peak, *run_of, **how, wanted=asked, exact=True),
+        "exact": lambda: gradient(peak, *run_of, **how, wanted=chosen, exact=True),
         "ten": lambda: gradient([o.load(bond=k) for k in range(0, last, last // 8)], *run_of,
-                                **how, wanted=asked),
+                                **how, wanted=chosen),
     })  # fmt: skip
     ratios = [times[k] / times[base] for base in ("run", "loop")
-              for k in ("asked", "none", "all", "exact", "ten")]  # fmt: skip
+              for k in ("chosen", "none", "all", "exact", "ten")]  # fmt: skip
     ns = 1e9 * times["loop"] / (steps * (last + 1))
     return (f"{name}, {method}", ns, *ratios)
 
 
-def differences(name, chain, state, asked):
+def differences(name, chain, state, chosen):
     """CPU seconds of a gradient, and of 60 more runs for one-sided differences."""
     t_end, last = STEPS * DT, chain.sites - 2
     few, peak = Record(every=STEPS), o.peak(o.load(bond=last))
     times = cpu({
         "run": lambda: simulate(chain, state, t_end, dt=DT, record=few),
-        "gradient": lambda: gradient(peak, chain, state, t_end, dt=DT, wanted=asked),
+        "gradient": lambda: gradient(peak, chain, state, t_end, dt=DT, wanted=chosen),
     }, 3)  # fmt: skip
     many = (last + 2) * times["run"]
     return name, times["gradient"], many, many / times["gradient"]
@@ -102,7 +102,7 @@ def stored(peer, steps):
 
 def main():
     """Print ratios with their targets."""
-    kinds = ("asked", "none", "all", "exact", "8 in one")
+    kinds = ("chosen", "none", "all", "exact", "8 in one")
     rows = [costs(name, *one, method) for name, one in scenes().items()
             for method in ("verlet", "rkn6")]  # fmt: skip
     part = len(kinds) + 2
