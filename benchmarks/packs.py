@@ -17,7 +17,6 @@ from functools import partial
 
 import numpy as np
 
-from benchmarks import lammps
 from benchmarks._timing import record, table
 from granular import Bead, Striker, fcc_pack, materials, simulate
 from granular.lammps import run_lammps
@@ -135,39 +134,6 @@ def against_lammps(ours):
     ]
 
 
-MILLION = 100, 100  # layers and side
-BUILD = """
-import sys
-from benchmarks import _million
-print(*getattr(_million, sys.argv[1])(*map(int, sys.argv[2:])))
-"""
-
-
-def million():
-    """Rows on a pack of a million beads, without and with the first step, against LAMMPS, each in a
-    process of its own."""
-    found = {}
-    for name in ("here", "theirs") if lammps.library() else ("here",):
-        command = [sys.executable, "-c", BUILD, name, *map(str, MILLION)]
-        said = [subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
-                for _ in range(REPEATS)]  # fmt: skip
-        found[name] = np.array(said, dtype=float).reshape(REPEATS, -1).min(axis=0)
-    seconds, size, first, most = found["here"]
-    rows = [
-        ("built, CPU s", seconds, ""), ("peak memory, B a bead", size, "<= 500"),
-        ("first step, CPU s", first, ""), ("peak memory, B a bead", most, ""),
-    ]  # fmt: skip
-    if "theirs" in found:
-        theirs, room = found["theirs"]
-        record("1e6 beads", "build", "here over LAMMPS", seconds, theirs)
-        record("1e6 beads", "memory", "here over LAMMPS", size, room)
-        rows += [
-            ("LAMMPS, CPU s", theirs, ""), ("LAMMPS, B a bead", room, ""),
-            ("here / LAMMPS", seconds / theirs, "<= 4"),
-        ]  # fmt: skip
-    return rows
-
-
 CHILD = """
 import resource, time
 from benchmarks import packs
@@ -223,4 +189,3 @@ def main():
     )  # fmt: skip
     table("833 beads, 1 ms, from the call to the answer", head, against_lammps(costs["fixed"]))
     table("50,000 beads, 0.2 ms", head, large())
-    table("1e6 beads: built, and the first step", head, million())

@@ -48,7 +48,6 @@ BATCH = 8  # chains in one compiled loop; wider batches are no faster
 CHUNK = 512  # steps for which the last bead's motion is stored at a time
 MOST = 10**8  # steps
 PATIENCE = 1000  # windows that are searched for the arrival of a wave
-EVERY = 2  # steps between the values that a spline interpolates
 PART = 16  # chains that one worker is given
 
 Build = Callable[[Sequence[Bead]], tuple[Any, str]]
@@ -367,8 +366,8 @@ def not_arrived(
 def wall_peak(build: Build, beads: Sequence[Bead], t_end: float, dt: float) -> tuple[float, float]:
     """Largest force on a wall [N], between the steps too, and when [s].
 
-    It is that of `tensegrity.largest_peak` among values at every `EVERY`-th step.  If the largest
-    force is the last one and still increasing, it is inf: the wave has not arrived.
+    It is that of `tensegrity.largest_peak` among the forces at all steps.  If the largest force is
+    the last one and still increasing, it is inf: the wave has not arrived.
 
     Parameters
     ----------
@@ -392,8 +391,8 @@ def wall_peak(build: Build, beads: Sequence[Bead], t_end: float, dt: float) -> t
         scene, name = build(beads)
     except (TypeError, ValueError) as error:
         raise TensegrityError(f"build {check.shown(build)} gives no scene: {error}") from error
-    kept = Record(every=EVERY, sites=wall_sites(scene, name))
-    run = simulate(scene, scene.start(), t_end, method=METHOD, dt=dt, record=kept)
+    record = Record(every=1, sites=wall_sites(scene, name))
+    run = simulate(scene, scene.start(), t_end, method=METHOD, dt=dt, record=record)
     time, force = largest_peak(run.t, wall_force(run, name))
     return (force, time) if force > 0 and time < run.t[-1] else (math.inf, t_end)
 

@@ -34,7 +34,7 @@ from tensegrity.runs import archive
 from tensegrity.runs.sweep import Failed, WorkerPool, require_same, write_checkpoint
 from tensegrity.typing import Array
 
-COARSE = 2.0  # steps of a search over the default ones
+COARSE = 4.0  # steps of a search over the default ones: they rank designs alike
 IDLE = 30  # batches without a new design, after which a search ends
 
 

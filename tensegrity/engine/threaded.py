@@ -17,6 +17,7 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import cache, partial
 from threading import Event, Lock, Thread
+from weakref import ref
 
 import numpy as np
 
@@ -127,7 +128,8 @@ class Threaded(Bound):
 
     def _take_threads(self, count):
         self._pool, self._count, self._failure = _pool(count), count, None
-        self._called = STEPS(self._called_by_march)
+        loop = ref(self)  # no cycle, which would hold the arrays of a run until it is found
+        self._called = STEPS(lambda *given: loop()._called_by_march(*given))
         self._march = self._marched(self._called)
 
     def go(self, done, end, wanted=()):

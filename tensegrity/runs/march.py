@@ -28,9 +28,9 @@ from tensegrity.typing import Array, Observer
 
 BLOCK = 8_000_000  # bonds x stages x steps of an attempt: about 20 ms, the delay of an interrupt
 FIRST = 4  # times as many in the first attempt, so that a short run is a single call
-ROOM = 8_000_000  # most numbers in u over all steps of an attempt, which observers may request
+ROOM = 8_000_000  # most numbers in u that a record or an observer of a user takes from an attempt
 RUN_ERRORS = ContactError, LockingError, StabilityError
-FEWEST = 400  # least steps of an attempt: parts of a long chain exchange data every few tens
+FEWEST = 100  # least steps of an attempt: copies of the state before and after take as long as some
 
 
 class Start(NamedTuple):
@@ -196,21 +196,23 @@ def march(
 def _go(reached: MarchResult, steps: int, users: Any, others: Any) -> None:
     """Do all steps, or those until an observer ends the run."""
     problem, motion, recorder = reached.problem, reached.motion, reached.recorder
-    largest = max(FEWEST, BLOCK // (problem.dynamics.cost * problem.method.stages))
-    room = max(1, ROOM // math.prod(problem.scene.shape))
-    most, is_given = min(FIRST * largest, room), problem.choice == "dt"
-    observers = [*others, *users, *([recorder] if recorder else [])]
+    block = BLOCK // (problem.dynamics.cost * problem.method.stages)
+    most, is_given = max(FEWEST, FIRST * block), problem.choice == "dt"
+    takers = [*users, *([recorder] if recorder else [])]
+    observers, room = [*others, *takers], max(1, ROOM // math.prod(problem.scene.shape))
     seconds, since = recorder and problem.record.checkpoint, time.monotonic()
     if seconds is not None:
         recorder.save_checkpoint(motion)
     with progress(steps, "step", motion.done) if steps > most else nullcontext() as bar:
         while not reached.complete and reached.stop is None:
-            _attempt(motion, min(steps - motion.done, most), observers, is_given)
+            end = min((one.last_step(room) for one in takers), default=steps)
+            end = min(steps, motion.done + most, max(end, motion.done + 1))
+            _attempt(motion, end - motion.done, observers, is_given)
             motion.accept()
             _notify_observers(reached, users, others)
             if bar is not None:
                 bar.update(motion.done - bar.n)
-            most = min(largest, room)
+            most = max(FEWEST, block)
             reached.complete = reached.stop is None and motion.done == steps
             late = seconds is not None and time.monotonic() - since > seconds
             if reached.stop is None and (late or (seconds is not None and reached.complete)):

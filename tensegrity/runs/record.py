@@ -331,6 +331,11 @@ class OutputStates:
             np.empty((count, *sums[0])) if sums else None,
         )  # fmt: skip
 
+    def last_step(self, count: int) -> int | float:
+        """The last step up to which no more than so many of the next instants are due."""
+        following = self.count + count
+        return self._plan.due[following] - 1 if following < len(self._plan.due) else math.inf
+
     def due(self, motion: Any) -> range:
         """Numbers of the instants whose states are accepted and not yet taken."""
         return range(self.count, int(self._plan.due.searchsorted(motion.done, side="right")))

@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -55,7 +55,8 @@ class Trial:
     """
 
     def __init__(self, march: MarchResult, instants: int) -> None:
-        self.march, self.instants, self.run = march, instants, march.run
+        self.march: Any = march
+        self.instants, self.run = instants, march.run
         self.steps, self.complete, self.elongation_range = (
             march.steps,
             march.complete,
@@ -84,9 +85,14 @@ class Trial:
     def _sizes(self) -> Array:
         return _largest(self.samples)
 
+    def without_state(self) -> Trial:
+        """This run as far as finer ones are compared with it, without rows and last state."""
+        self.march = self.run = None
+        return self
+
     def gap(self, finer: Trial) -> float:
         """Largest difference from a finer trial run in u and in v, over the largest value there."""
-        gaps = _largest(self.samples - finer.samples)
+        gaps = _largest(self.samples, finer.samples)
         return float(np.divide(gaps, finer._sizes, out=gaps, where=finer._sizes > 0).max())
 
 
@@ -102,11 +108,18 @@ def trial_of(problem: Problem, rows: bool = False) -> Problem:
     )
 
 
-def _largest(samples: Array) -> Array:
-    """Largest absolute values of u and of v."""
-    return np.abs(samples).reshape(2, -1).max(axis=1)
+def _largest(samples: Array, others: Array | None = None) -> Array:
+    """Largest absolute values of u and of v, or of their differences from others, some instants at
+    a time: of a large scene, their copies are as large as all else."""
+    found, count = np.zeros(2), max(1, AT_ONCE // samples[:, :1].size)
+    for k in range(0, samples.shape[1], count):
+        some = samples[:, k : k + count]
+        some = some if others is None else some - others[:, k : k + count]
+        np.maximum(found, np.abs(some).reshape(2, -1).max(axis=1), out=found)
+    return found
 
 
+AT_ONCE = 1_000_000  # most numbers of samples that are compared at once
 FORCE_FRACTION = 0.1  # of a tolerance that the error of fitted forces may take
 FIRST_ERROR, LEAST_ERROR = 1e-3, 1e-13  # of the first fit over the tolerance, and of any fit
 FINER = 0.2  # error of the fit that shows the error of another one, over that
@@ -278,7 +291,7 @@ def seconds_saved(problem, steps, tol):
 TRIAL = 0.85  # first step over the stability limit where a tolerance decides
 AT_FIRST = 13  # least steps of the first run where forces are smooth; compared at 7 instants
 DENSE = 2  # first steps between two instants of comparison where forces are smooth
-FEWEST, MOST_COMPARED = 16, 2_000_000  # least instants; most numbers in u of a run at them
+FEWEST, MOST_COMPARED = 4, 2_000_000  # least instants; most numbers in u of a run at them
 COMPARED = 3  # most runs that are compared, the finest included
 SECOND = 1e-6  # tolerances below this are rarely attained by the second run
 ROUND_OFF = 1e-14  # relative differences below this are round-off
@@ -355,7 +368,8 @@ def converged(problem, first, error, tol):
         if found.refinement in [r.refinement for r in trials]:  # stability required a finer step
             factor = estimator.first
             continue
-        trials = sorted([*trials, found], key=lambda r: r.refinement)[-COMPARED:]
+        *trials, finest = sorted([*trials, found], key=lambda r: r.refinement)[-COMPARED:]
+        trials = [*(r.without_state() for r in trials), finest]
         gaps = [(r.refinement / trials[-1].refinement, r.gap(trials[-1])) for r in trials[:-1]]
         estimate = estimator.estimate(gaps) + estimator.round_off(trials[-1], gaps[-1][1])
         if estimate <= estimator.accept * tol or gaps[-1][1] < ROUND_OFF:
