@@ -16,7 +16,7 @@ from benchmarks import lammps, packs
 from granular import simulate
 from tensegrity import Chain, Prism, Record, State
 
-WORK, LONGEST = 1e8, 1600  # site-steps, and steps, of the longer one of two runs
+WORK, LONGEST = 5e7, 1600  # site-steps, and steps, of the longer one of two runs
 MORE, ROUNDS = 8, 3  # times as many as of the shorter one; turns, of which the least time counts
 
 

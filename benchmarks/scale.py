@@ -27,7 +27,7 @@ CHAINS = tuple(10**k for k in range(2, 8))
 PACKS = (3, 5), (8, 10), (20, 22), (46, 46), (100, 100)  # layers and side
 LARGEST = 214, 216  # ten million beads, where there is room for them
 ROOM = 16e9  # bytes
-REPEATS = 3
+REPEATS, FEW = 3, 100  # processes, of sizes or layers below so many
 COLUMNS = ("sites", "built [s]", "site-step [ns]", "built [B]", "run [B]")
 BEYOND = 10**8, 10**9, 10**10
 DESIGNS, BUDGET = 10**8, 20_000
@@ -41,7 +41,7 @@ def measured(kind, *size):
     one = os.environ | {"TENSEGRITY_THREADS": "1"}
     found = [
         subprocess.run(command, capture_output=True, text=True, check=True, env=one).stdout.split()
-        for _ in range(1 if size[0] in (LARGEST[0], CHAINS[-1]) else REPEATS)
+        for _ in range(REPEATS if size[0] < FEW else 1)
     ]
     return np.array(found, dtype=float).min(axis=0)
 

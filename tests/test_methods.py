@@ -15,6 +15,7 @@ from tensegrity import (
     Chain,
     Nystrom,
     Potential,
+    Record,
     Splitting,
     State,
     gradient,
@@ -24,6 +25,7 @@ from tensegrity import (
 from tensegrity.engine.methods import RK8, Corrected, Method, default, find, nystrom_of
 from tensegrity.engine.openings import zetas
 from tensegrity.errors import TensegrityError
+from tensegrity.runs.motion import Motion
 
 EXPLICIT = [method for method in METHODS.values() if method.explicit]
 SPLITTINGS = [method for method in EXPLICIT if method.symplectic]
@@ -282,3 +284,21 @@ def test_corrections_have_their_tables_at_every_exponent(first):
             assert Polynomial(powers)(np.array([-1.0, -0.4, 1.0])) == pytest.approx(
                 values, abs=1e-13
             )
+
+
+@pytest.mark.parametrize(("record", "attempts"), [({"times": [8.0]}, 1), ({"every": 1}, 33)])
+def test_states_that_are_taken_limit_an_attempt_not_the_size_of_the_scene(
+    record, attempts, monkeypatch
+):
+    """Large scenes advanced by single steps as long as they took more than `ROOM` numbers."""
+    chain = prism_chain(20)
+    start = smooth_blow(chain)
+    how = {"dt": 8.0 / 64, "method": "verlet", "record": Record(**record)}
+    whole, calls = simulate(chain, start, 8.0, **how), []
+    monkeypatch.setattr("tensegrity.runs.march.ROOM", 2 * chain.sites)
+    accept = Motion.accept
+    monkeypatch.setattr(Motion, "accept", lambda it: calls.append(accept(it)))
+    run = simulate(chain, start, 8.0, **how)
+    assert len(calls) == attempts
+    assert np.array_equal(run.u, whole.u)
+    assert np.array_equal(run.energy, whole.energy)

@@ -21,7 +21,6 @@ from tensegrity import (
     TensegrityError,
     simulate,
 )
-from tensegrity.runs import march
 
 HOW = {"dt": 0.1, "method": "rkn6"}
 
@@ -253,21 +252,3 @@ def test_a_stop_and_a_disk_that_is_full_leave_the_last_row_as_the_end(tmp_path, 
     run = caught.value.run
     assert run.t[-1] == pytest.approx(run.steps * run.dt)
     assert np.array_equal(run.u[-1], run.final.u)
-
-
-@pytest.mark.parametrize(("record", "attempts"), [({"times": [8.0]}, 1), ({"every": 1}, 33)])
-def test_states_that_are_taken_limit_an_attempt_not_the_size_of_the_scene(
-    record, attempts, monkeypatch
-):
-    """Large scenes advanced by single steps as long as they took more than `ROOM` numbers."""
-    chain = prism_chain(20)
-    start = smooth_blow(chain)
-    how = {"dt": 8.0 / 64, "method": "verlet", "record": Record(**record)}
-    whole, calls = simulate(chain, start, 8.0, **how), []
-    monkeypatch.setattr(march, "ROOM", 2 * chain.sites)
-    advance = march._attempt
-    monkeypatch.setattr(march, "_attempt", lambda *given: calls.append(advance(*given)))
-    run = simulate(chain, start, 8.0, **how)
-    assert len(calls) == attempts
-    assert np.array_equal(run.u, whole.u)
-    assert np.array_equal(run.energy, whole.energy)
