@@ -111,14 +111,16 @@ def designs():
 
 def chart(found):
     """Time and memory of a site against their number."""
-    rows = [(kind, *row) for kind, several in found.items() for row in several]
+    rows = [(kind, n, s, 1e9 * e, *b) for kind, several in found.items() for n, s, e, *b in several]
     with charted("scale", FOLDER, ("kind", *COLUMNS), rows, figsize=(7, 3.4)) as (figure, written):
+        figure.suptitle("The time of a step is nearly proportional to the number of sites")
         panels = figure.subplots(1, 2)
         for kind, several in found.items():
             count, _, each, _, most = np.transpose(several)
-            for axes, y in zip(panels, (1e9 * each, most), strict=True):
+            below = 7 if kind == "pack" else -15
+            for axes, y, beside in zip(panels, (1e9 * each, most), (7, below), strict=True):
                 axes.loglog(count, y, "o-", ms=4)
-                axes.annotate(kind, (count[-1], y[-1]), (0, 7), textcoords="offset points",
+                axes.annotate(kind, (count[-1], y[-1]), (0, beside), textcoords="offset points",
                               ha="right", fontsize=8.5)  # fmt: skip
         panels[0].set(ylabel="a site and a step [ns]", title="(a) time")
         panels[1].set(ylabel="memory of a site [bytes]", title="(b) memory")
