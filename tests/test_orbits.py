@@ -339,3 +339,42 @@ def test_the_linear_chain_has_no_orbit_off_its_frequencies():
     chain = Chain(Potential(r**2 / 2, r), 20)
     with pytest.raises(TensegrityError, match="slides to the state at rest"):
         periodic_orbit(chain, BENT, period=2.0)
+
+
+def diatomic_breather(light_centred, sites, start, frequencies):
+    """Of prisms between masses 1 and 2, from the shape of a mode at the edge of a band."""
+    x = np.arange(sites) - sites // 2
+    light = (x % 2 == 0) == light_centred
+    chain = Chain(SPRING, sites, np.where(light, 1.0, 2.0))
+    shape, width = np.where(light, 0.0, 2.0) * np.sin(np.pi * x / 2), 0.1
+    if start == "optic":
+        shape, width = np.where(light, 1.0, -0.5), 0.2
+    u = 0.01 * shape / np.cosh(width * x)
+    return followed(chain, State(u - u.mean(), 0 * x), frequencies)
+
+
+@pytest.mark.parametrize(
+    ("light_centred", "energy", "width", "multiplier"),
+    [
+        (True, 0.0190964098941, 0.0858504763, None),
+        (False, 0.0241840893433, 0.0976019978, 1.6887901),
+    ],
+)
+def test_breathers_of_two_masses_above_the_optic_band(light_centred, energy, width, multiplier):
+    ratios = np.array([1.02, 1.04, 1.06, 1.08, 1.1])
+    orbit = diatomic_breather(light_centred, 61, "optic", 0.45942436158 * ratios)
+    assert np.allclose([orbit.energy, np.ptp(orbit.state.u)], [energy, width], rtol=2e-9, atol=0)
+    found = real_ones(floquet(orbit))
+    assert found == pytest.approx([] if multiplier is None else [multiplier], abs=1e-7)
+
+
+def test_a_breather_that_leaves_the_acoustic_band_has_a_strong_quartet():
+    frequencies = [0.27, 0.275, 0.28, 0.285, 0.29]
+    orbit = diatomic_breather(True, 81, "acoustic", frequencies)
+    size = [orbit.energy, np.ptp(orbit.state.u)]
+    assert size == pytest.approx([0.048684512, 0.166134036], rel=1e-8)
+    found = floquet(orbit)
+    assert found.multipliers[0] == pytest.approx(1.15628 + 0.36517j, abs=5e-6)
+    assert found.growth == pytest.approx(0.29 * math.log(abs(1.15628 + 0.36517j)), rel=5e-5)
+    fewer = diatomic_breather(True, 61, "acoustic", frequencies)
+    assert floquet(fewer).multipliers[0] == pytest.approx(found.multipliers[0], abs=1e-6)
