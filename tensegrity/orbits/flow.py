@@ -3,7 +3,7 @@
 A run of a splitting is followed by the reverse loop of `tensegrity.engine.reverse`, with one
 objective for each entry of the final state: what it propagates to the start are the rows of the
 tangent map.  The stiffnesses of a stage are computed once for all rows.  Dashpots and forces of
-velocity cannot be inverted stage by stage: a driven or damped chain is followed by a Runge-Kutta
+velocity cannot be inverted stage by stage: a driven or damped scene is followed by a Runge-Kutta
 method, whose recorded stages the same loop takes in reverse order.
 """
 
