@@ -127,7 +127,7 @@ def tuning():
 
 def draw(figure, tables):
     """Bands on the left, driven amplitude ratios at the same frequencies on the right."""
-    figure.set_size_inches(11, 9)
+    figure.set_size_inches(9, 7.4)
     axes = figure.subplots(2, 2)
     for row, name in zip(axes, SCENES, strict=True):
         unit = 1.0 if name == SCENES[0] else 1e3
@@ -135,11 +135,13 @@ def draw(figure, tables):
         _, low, high, top = tables[f"{name} edges"]["edge"] / unit
         bands, driven = tables[f"{name} bands"], tables[f"{name} driven"]
         left, right = row
-        for key, color in (("acoustic", "C0"), ("optic", "C3")):
-            left.plot(bands["wavenumber"], bands[key] / unit, color, label=f"{key} band")
+        for key, color, at in (("acoustic", "C0", 0.4 * low), ("optic", "C3", 0.965 * top)):
+            left.plot(bands["wavenumber"], bands[key] / unit, color)
+            left.annotate(f"{key} band", (1.9, at), color=color)
+        left.annotate("gap", (0.15, (low + high) / 2), va="center", color="0.4")
         still = tables[f"{name} modes"]["frequency"] / unit
-        left.plot(np.full(len(still), math.pi * 1.04), still, "k_", ms=7,
-                  label="modes of the finite chain")  # fmt: skip
+        left.plot(np.full(len(still), math.pi * 1.04), still, "k_", ms=7)
+        left.annotate("modes of the finite chain", (3.1, 0.03 * top), ha="right")
         left.set(xlabel="wavenumber [rad per cell]", ylabel=label)
         fine = np.linspace(driven["frequency"][0], driven["frequency"][-1], 400)
         spring, masses, _ = numbers(name)
@@ -147,13 +149,19 @@ def draw(figure, tables):
         right.plot(driven["ratio"], driven["frequency"] / unit, "o", color="C2", ms=5,
                    label="driven runs")  # fmt: skip
         right.set(xlabel="amplitude ratio of successive cells", xlim=(0, 1.12), ylabel=label)
+        right.legend(loc="lower left")
         for ax in row:
-            ax.axhspan(low, high, color="0.88", label="gap")
+            ax.axhspan(low, high, color="0.88")
             ax.axhline(top, color="0.6", lw=0.8, ls="--")
             ax.set_ylim(0, 1.15 * top)
-            ax.set_title(TITLES[name], fontsize=10)
-            beside = {"loc": "lower right", "bbox_to_anchor": (0.92, 0)}  # the modes at the edge
-            ax.legend(fontsize=8, **(beside if ax is left else {"loc": "lower left"}))
+    titles = (
+        "(a) Masses 1 and 2.5 leave a gap",
+        "(b) in which no driven wave gets far",
+        "(c) So do beads of steel and PTFE, pressed",
+        "(d) and their waves stay out, too",
+    )
+    for ax, title in zip(axes.flat, titles, strict=True):
+        ax.set_title(title, fontsize=10)
 
 
 def table(tables):

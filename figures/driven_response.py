@@ -97,43 +97,46 @@ def data():
     return tables
 
 
-def response(ax, tables, name, color, label=None):
+def response(ax, tables, name, color):
     """A path: what is not stable dashed, events as points."""
     w, amplitude, stable = tables[f"path {name}"].values()
-    ax.plot(w, np.where(stable > 0, amplitude, np.nan), color)
-    ax.plot(w, np.where(stable > 0, np.nan, amplitude), color, ls="--", lw=1)
+    for chosen, style in ((stable > 0, "-"), (stable == 0, "--")):
+        near = chosen | np.append(chosen[1:], False) if style == "--" else chosen
+        ax.plot(w, np.where(near, amplitude, np.nan), color, ls=style, lw=1.2)
     kinds, places, heights = tables[f"events {name}"].values()
     for kind, x, y in zip(kinds, places, heights, strict=True):
         ax.plot([x], [y], {"fold": "ko", "torus": "ks"}.get(kind, "kx"), ms=5, mfc="w")
-    if label:
-        at = int(np.argmax(amplitude))
-        ax.annotate(label, (w[at], amplitude[at]), color=color, ha="right", va="bottom")
 
 
 def draw(figure, tables):
-    figure.set_size_inches(11.5, 3.9)
-    prisms, row, sent = figure.subplots(1, 3)
+    figure.set_size_inches(9, 6.4)
+    axes = figure.subplot_mosaic([["prism", "beads"], ["sent", "sent"]])
+    prisms, row, sent = axes.values()
     for k, force in enumerate(FORCES):
-        response(prisms, tables, force, f"C{k}", f"{1e3 * force:g} mN ")
+        response(prisms, tables, force, f"C{k}")
+        w, amplitude, _ = tables[f"path {force}"].values()
+        at = int(np.argmax(amplitude))
+        place = w[at] - (0.0, 0.024, 0.008)[k], amplitude[at] - (0.0105, 0.0, 0.0)[k]
+        prisms.annotate(f"{1e3 * force:g} mN", place, color=f"C{k}", ha="right" if k else "center")
     prisms.set(xlabel="frequency of the drive [rad/s]", ylabel="amplitude [m]")
+    prisms.set_ylim(bottom=-0.0025)
     prisms.set_title("(a) A prism's response folds over", fontsize=10)
     response(row, tables, "beads", "C0")
-    row.plot([], [], "ko", mfc="w", ms=5, label="fold")
-    row.plot([], [], "ks", mfc="w", ms=5, label="torus point")
-    row.plot([], [], "C0--", lw=1, label="unstable")
-    row.legend(fontsize=8, frameon=False)
+    for words, place in (("fold", (2.8, 0.18)), ("torus point", (2.816, 0.235)),
+                         ("unstable", (2.773, 0.29))):  # fmt: skip
+        row.annotate(words, place)
     row.set(xlabel="frequency of the drive [rad/s]", ylabel="amplitude of a bead [m]")
     row.set_title("(b) Ten beads lose stability in two ways", fontsize=10)
     drive, *found = tables["transmitted"].values()
     for k, values in enumerate(found):
         sent.loglog(drive, values, f"C{3 * k}o-", ms=4)
-    sent.annotate("light bead\nnear the drive", (0.0072, 3e-6), color="C0")
-    sent.annotate("light bead\nat the far end", (drive[6], 6e-11), color="C3")
+    sent.annotate("light bead near the drive", (0.0078, 1.2e-6), color="C0")
+    sent.annotate("light bead at the far end", (drive[6], 1e-10), color="C3")
     sent.xaxis.set_minor_formatter("")
     sent.axvline(tables["lost"]["drive"][0], color="0.5", ls=":")
-    sent.annotate("torus point", (tables["lost"]["drive"][0] * 1.08, 3e-3), color="0.4", fontsize=8)
+    sent.annotate("torus point", (tables["lost"]["drive"][0] * 0.98, 3e-3), color="0.4", ha="right")
     sent.set(xlabel="amplitude of the drive [m]", ylabel="energy of the last bead [J]")
-    sent.set_title("(c) One way waves pass, the other way not", fontsize=10)
+    sent.set_title("(c) Beyond a torus point waves pass one way, not the other", fontsize=10)
 
 
 def table(tables):

@@ -84,35 +84,37 @@ def data():
 
 def draw(figure, tables):
     """Bands above, a tuned run below."""
-    figure.set_size_inches(11, 9)
+    figure.set_size_inches(9, 7)
     above, below = figure.subfigures(2, 1)
     highest = max(np.nanmax(tables[f"preload {x:g} N"]["cut-off"]) for x in PRELOADS)
-    for ax, preload in zip(above.subplots(1, 3, sharey=True), PRELOADS, strict=True):
+    titles = "(a) Prestrain moves the bands", "(b) less so under 0.02 N", "(c) and under 0.05 N"
+    panels = above.subplots(1, 3, sharey=True)
+    for ax, preload, title in zip(panels, PRELOADS, titles, strict=True):
         x, low, high, top = tables[f"preload {preload:g} N"].values()
-        ax.fill_between(x, 0, low, color="C0", alpha=0.25, label="acoustic band")
-        ax.fill_between(x, low, high, color="0.85", label="gap")
-        ax.fill_between(x, high, top, color="C3", alpha=0.25, label="optic band")
-        ax.plot(x, top, "k-", lw=1, label="cut-off")
-        ax.set(
-            xscale="log",
-            xlabel="prestrain",
-            title=f"preload {preload:g} N",
-            ylim=(0, 1.05 * highest),
-        )
-        if not preload:
-            ax.set_ylabel("frequency [rad/s]")
-            ax.legend(fontsize=8, loc="upper left")
+        ax.fill_between(x, 0, low, color="C0", alpha=0.25)
+        ax.fill_between(x, low, high, color="0.85")
+        ax.fill_between(x, high, top, color="C3", alpha=0.25)
+        ax.plot(x, top, "k-", lw=1)
+        ax.set(xscale="log", xlabel="prestrain", ylim=(0, 1.05 * highest))
+        ax.set_title(title, fontsize=10)
+    panels[0].set_ylabel("frequency [rad/s]")
+    bands = (("acoustic band", 0.9, "C0"), ("gap", 2.6, "0.35"), ("optic band", 3.28, "C3"))
+    for words, y, color in bands:
+        panels[2].annotate(words, (3e-3, y), color=color)
+    panels[2].annotate("cut-off", (3e-3, 4.2))
     gap, arrived = below.subplots(1, 2)
     t, _, low, high = tables["prestrain"].values()
     w = tables["run"]["frequency"][0]
-    gap.fill_between(t, low, high, color="0.85", label="gap")
-    gap.axhline(w, color="C2", label="frequency of the drive")
+    gap.fill_between(t, low, high, color="0.85")
+    gap.axhline(w, color="C2")
+    gap.annotate("gap", (600, 1.7), color="0.35", ha="center")
+    gap.annotate("drive", (20, w - 0.2), color="C2")
     gap.set(xlabel="time [s]", ylabel="frequency [rad/s]", ylim=(0, 1.5 * w))
-    gap.set_title(f"prestrain from {BEFORE:g} to {AFTER:g} and back", fontsize=10)
-    gap.legend(fontsize=8, loc="lower right")
+    words = f"(d) Prestrain from {BEFORE:g} to {AFTER:g} and back moves the gap"
+    gap.set_title(words, fontsize=10)
     arrived.plot(tables["arrived"]["t"], tables["arrived"]["u"], "C2", lw=0.6)
-    arrived.set(xlabel="time [s]", ylabel=f"displacement in cell {FAR} / drive")
-    arrived.set_title("transmitted wave", fontsize=10)
+    arrived.set(xlabel="time [s]", ylabel=f"displacement in cell {FAR} over the drive's")
+    arrived.set_title("(e) and meanwhile no wave arrives", fontsize=10)
 
 
 def table(tables):

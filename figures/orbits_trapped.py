@@ -141,7 +141,7 @@ def data():
 
 
 def draw(figure, tables):
-    figure.set_size_inches(11.5, 3.7)
+    figure.set_size_inches(9, 3.4)
     shape, curve, part = figure.subplots(1, 3)
     site, run, orbit = tables["shape"].values()
     shape.plot(site, run, "C0-", lw=1.2, label="run, when largest")
@@ -153,22 +153,22 @@ def draw(figure, tables):
         ylim=(-0.011, 0.026),
     )
     shape.legend(frameon=False, fontsize=9, loc="upper left")
-    shape.set_title("(a) What is left has the breather's shape", fontsize=10)
+    shape.set_title("(a) What stays is a breather in shape", fontsize=10)
     curve.plot(tables["family"]["energy"], tables["family"]["frequency"], "k-", lw=1.2)
     curve.plot(tables["struck"]["energy trapped"], tables["struck"]["frequency in the run"], "C0o")
     curve.annotate("breather", (0.0063, 0.656), ha="right")
     curve.annotate("runs", (0.0024, 0.622), color="C0")
     curve.set(xlabel="energy near the light mass [J]", ylabel="frequency [Hz]")
     curve.set_xticks([0, 0.004, 0.008, 0.012])
-    curve.set_title("(b) and its frequency", fontsize=10)
+    curve.set_title("(b) and in frequency", fontsize=10)
     ratio = tables["struck"]["speed ratio"]
     for name, color in (("trapped", "C0"), ("at a heavy mass", "C3")):
         part.semilogy(ratio, tables["struck"][name], f"{color}o-")
-    part.annotate("light mass", (ratio[1], tables["struck"]["trapped"][1] * 1.4), color="C0")
+    part.annotate("light mass", (ratio[1], 0.025), color="C0")
     at = ratio[1], tables["struck"]["at a heavy mass"][1] * 1.6
     part.annotate("heavy mass", at, color="C3")
     part.set(xlabel="speed over that of sound", ylabel="part of the wave's energy")
-    part.set_title("(c) A light mass traps, a heavy one does not", fontsize=10)
+    part.set_title("(c) Heavy masses trap nothing", fontsize=10)
 
 
 def table(tables):

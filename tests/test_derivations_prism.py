@@ -302,3 +302,21 @@ def test_equations_vanish_at_the_self_stressed_state():
         values = {prism.base: 1.1, prism.reference_height: 0.8, prism.prestrain: 0.2}
         values |= {prism.k_cross: 1.5, prism.k_base: 4.0, prism.k_bar: 9.0}
         assert abs(float(at_rest.subs(values).evalf(30))) < 1e-14
+
+
+def test_small_breathers_of_prisms_exist_below_one_prestrain():
+    at = hardening.breather_extension()
+    q = float(at.subs(hardening.eta, 1.5 * sp.sqrt(3)))
+    assert q / (1 - q) == pytest.approx(0.19624381171867, rel=1e-13)
+
+    def condition(prestrain):
+        spring = Prism(1.0, 1.5, prestrain, 1.0).potential()
+        r = 1e-3 * np.arange(-4, 5)
+        slopes = np.polynomial.Polynomial.fit(r, spring.tension(r), 8).deriv
+        second, third, fourth = (slopes(k)(0.0) for k in (1, 2, 3))
+        return second * fourth / 2 - third**2
+
+    assert condition(0.995 * q / (1 - q)) > 0 > condition(1.005 * q / (1 - q))
+    always = sp.nsolve(at - 1, hardening.eta, 1.5) / sp.sqrt(3)  # height over base
+    assert float(always) == pytest.approx(0.88, abs=5e-3)
+    assert float(at.subs(hardening.eta, 0.85 * sp.sqrt(3))) > 1

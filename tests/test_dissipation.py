@@ -348,11 +348,11 @@ def test_energy_and_loss_add_up_to_1e_9_with_contacts_that_close(law, tol):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(20))
 def test_no_tolerance_is_missed_by_random_packs_that_dissipate(seed):
-    """25 packs a seed whose contacts come and go; the reference takes 20 times as many steps."""
+    """10 packs a seed whose contacts come and go; the reference takes 20 times as many steps."""
     random = np.random.default_rng(100 + seed)
-    for _ in range(25):
+    for _ in range(10):
         count, dim = int(random.integers(2, 6)), int(random.integers(1, 4))
         beads = [Bead(d, STEEL) for d in random.uniform(3e-3, 5e-3, count)]
         places = np.zeros((count, dim))

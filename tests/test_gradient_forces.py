@@ -15,7 +15,6 @@ from tensegrity import (
     Drive,
     Ensemble,
     Force,
-    Network,
     Potential,
     State,
     TensegrityError,
@@ -230,9 +229,6 @@ def chain_of(*forces, **more):
         ("different things", lambda: chain_of(DRAG, Force(C * RATE, "bonds",
                                                           parameters={"c": 0.1})), {}),
         ("is not one of", scene, {"wanted": ["q"]}),
-        ("a network that is driven", lambda: Network(
-            np.arange(5)[:, None] * 1.0, [(j, j + 1) for j in range(4)], SPRING,
-            damping=Damping(ground=0.1)), {}),
     ],
 )  # fmt: skip
 def test_what_has_no_gradient_is_refused(words, make, more):

@@ -176,7 +176,7 @@ ELASTIC = Prism(1.0, 0.7, 0.1, 1.0, k_base=10.0, k_bar=100.0).potential()
             "leaves out springs to the ground",
             lambda: gradient(energy(), chain(), chain().at_rest(), 1, dt=0.1),
         ),
-        ("no drive", lambda: periodic_orbit(chain(), chain().at_rest(), period=1.0)),
+        ("at rest", lambda: periodic_orbit(chain(), chain().at_rest(), period=1.0)),
     ],
 )
 def test_what_the_ground_cannot_be_is_refused(words, make):

@@ -8,7 +8,6 @@ from scipy.integrate import solve_ivp
 from granular import Bead, hexagonal_pack, materials, y_guide
 from tensegrity import (
     Chain,
-    Damping,
     Network,
     Potential,
     Prism,
@@ -159,7 +158,6 @@ WRONG = [
         hexagonal_pack(2, 2, bead=BEAD, floor=STEEL, contacts="follow"),
         "detected during a run, must be fixed",
     ),
-    (Network([[0, 0], [1, 0]], [[0, 1]], PRISM, damping=Damping(ground=0.1)), "driven scene"),
 ]
 
 

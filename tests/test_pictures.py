@@ -17,9 +17,6 @@ QUICK = 1.2  # s; pictures that take longer are slow tests
 PENDING = {
     "constitutive_rigid",
     "derivations_ledger",
-    "driven_gap",
-    "driven_response",
-    "driven_tuning",
     "gradients_fit",
     "granular_fig3",
     "granular_losses",
@@ -37,7 +34,6 @@ PENDING = {
     "response_states",
     "softening_orders",
     "solitary_errors",
-    "solitary_families",
     "solitary_profiles",
     "structures_beam",
     "structures_columns",

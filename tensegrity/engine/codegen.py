@@ -102,7 +102,7 @@ def _force(number, force):
 
 
 def reverse_text(laws, own, wanted, dim, exact):
-    """C source of the reverse loop: `reverse.c`, for chains with `reverse_nystrom.c`.
+    """C source of the reverse loop: `reverse.c` and `reverse_nystrom.c`.
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ def reverse_text(laws, own, wanted, dim, exact):
             p = _packs(law, own[number] if kind else (), "wide(shared[{}])")
             given, name = [["load(r + g * WIDE)"], p], f"slopes_{number}_{kind}"
             packed.append(simd.text(function, name, arguments, given, [found]))
-    parts = ["reverse.c", *["steps.c"] * exact, *["reverse_nystrom.c"] * (not dim)]
+    parts = ["reverse.c", *["steps.c"] * exact, "reverse_nystrom.c"]
     lists = {"RUNS": runs, "SCALARS": scalars}
     return whole(laws, own, hooks, dim, packed, lists, {"EXACT": exact}, parts)
 

@@ -21,7 +21,7 @@ from tensegrity.engine import forced, march
 from tensegrity.engine.bonds import Bonds
 from tensegrity.engine.bound import Bound
 from tensegrity.engine.compiled import compiled
-from tensegrity.engine.forced import AppliedForce
+from tensegrity.engine.force_law import AppliedForce
 from tensegrity.engine.law import Change
 from tensegrity.engine.layout import of_contacts
 from tensegrity.engine.methods import Splitting

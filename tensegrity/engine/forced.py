@@ -7,214 +7,59 @@ weights of the method.  See `forced.c`.
 
 from __future__ import annotations
 
-import hashlib
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tensegrity.engine import geometry
 from tensegrity.engine.bonds import KINDS
-from tensegrity.engine.compiled import Functions, evaluated
-from tensegrity.engine.geometry import functions
-from tensegrity.engine.law import continuity, to_casadi
-from tensegrity.engine.law import functions as law_functions
+from tensegrity.engine.compiled import Functions
+from tensegrity.engine.force_law import BOND, SITE, AppliedForce, ForceLaw
+from tensegrity.engine.forces import connectivity
+from tensegrity.engine.law import named
 from tensegrity.engine.native import structure
 from tensegrity.once import once
 
 if TYPE_CHECKING:
-    import sympy as sp
-
     from tensegrity.engine.bonds import Bonds
     from tensegrity.engine.methods import Nystrom
     from tensegrity.typing import Array, Indices
 
 FORCING = structure("forced.c", "forcing")
-SITE, BOND = "SITE", "BOND"  # as in forced.c
-WORKS, LOSES, STORES = range(3)  # what becomes of the work of a force; as in forced.c
-
-
-@dataclass(frozen=True)
-class ForceLaw:
-    """The expressions of a force, on a site or along a bond.
-
-    Attributes
-    ----------
-    expressions : tuple of sympy.Expr
-        [N]; on a site its components, in a bond a tension, and what acts along the slip.  With a
-        law, its energy [J].
-    time : sympy.Symbol
-    state : tuple of sympy.Symbol
-        Displacements and velocities of the site, and its speed; or elongation of the bond, its
-        rate, and its slip.
-    parameters : tuple of sympy.Symbol
-    on : {"SITE", "BOND"}
-    law : Law, optional
-        Of a spring between a site and the ground, whose energy is energy of the scene.
-    """
-
-    expressions: tuple[sp.Expr, ...]
-    time: sp.Symbol
-    state: tuple[sp.Symbol, ...]
-    parameters: tuple[sp.Symbol, ...]
-    on: str
-    law: Any = None
-
-    @property
-    def rates(self) -> tuple[sp.Symbol, ...]:
-        """Those symbols of the state that are velocities."""
-        return self.state[len(self.state) // 2 :]
-
-    @property
-    def dissipates(self) -> bool:
-        """Whether the force depends on velocity: its negative work then counts as a loss."""
-        used = set().union(*(one.free_symbols for one in self.expressions))
-        return bool(used & {*self.rates})
-
-    @property
-    def continuity(self) -> float:
-        """See `law.continuity`."""
-        return min(map(continuity, self.expressions))
-
-    @property
-    def name(self) -> str:
-        """Identifies the force in other processes."""
-        return _digest(self)
-
-    @property
-    def macro(self) -> tuple[Any, ...]:
-        """What the list FORCES of `forced.c` has of a force besides its number."""
-        kind = LOSES if self.dissipates else WORKS if self.law is None else STORES
-        return len(self.parameters), len(self.expressions), self.on, kind
-
-    def function(self) -> Any:
-        """CasADi function (t, state, parameters) -> components of the force."""
-        import casadi as ca
-
-        t, x = ca.SX.sym("t"), ca.SX.sym("x", len(self.state))
-        p = ca.SX.sym("p", len(self.parameters))
-        if self.law is not None:
-            return ca.Function("force", [t, x, p], [-law_functions(self.law)["tension"](x[0], p)])
-        values = (t, *ca.vertsplit(x), *(ca.vertsplit(p) if self.parameters else ()))
-        symbols = (self.time, *self.state, *self.parameters)
-        made = [to_casadi(one, symbols)(*values) for one in self.expressions]
-        return ca.Function("force", [t, x, p], [ca.densify(ca.vertcat(*map(ca.SX, made)))])
-
-    def slopes(self) -> Any:
-        """CasADi function (t, state, parameters) -> derivatives by the state, column by column."""
-        return self._derivatives("slopes", 1)
-
-    def _derivatives(self, name: str, argument: int) -> Any:
-        import casadi as ca
-
-        function = self.function()
-        given = function.sx_in()
-        found = ca.jacobian(function(*given), given[argument])
-        return ca.Function(name, given, [ca.densify(ca.vec(found))])
-
-    def functions(self) -> dict[str, Any]:
-        """The components, and their derivatives by the state and by the parameters."""
-        found = {"values": self.function(), "slopes": self.slopes()}
-        return found | ({"by": self._derivatives("by", 2)} if self.parameters else {})
 
 
 @once
-def _slopes(law: ForceLaw) -> Any:
-    return law.slopes()
+def _compiled(law: ForceLaw, dim: int, kind: str, own: Any) -> Functions:
+    key = named("derivatives of", [own] if own else (), law.name, dim, kind)
+    return Functions(key, lambda: law.between(dim, kind, own))
 
 
-@once
-def _compiled(law: ForceLaw) -> Functions:
-    return Functions(("derivatives of", law.name), law.functions)
-
-
-@once
-def _digest(law: ForceLaw) -> str:
-    from sympy import srepr
-
-    parts = (*law.expressions, law.time, *law.state, *law.parameters)
-    kind = law.on if law.law is None else f"{law.on} of an energy"
-    return hashlib.sha256("|".join([kind, *map(srepr, parts)]).encode()).hexdigest()
-
-
-@dataclass(frozen=True, eq=False)
-class AppliedForce:
-    """A force on some sites or bonds.
-
-    Attributes
-    ----------
-    law : ForceLaw
-    places : ndarray of int, (places,)
-        Numbers of the sites or bonds; contacts with walls follow the bonds.
-    values : ndarray, (parameters, places)
-        Values of its parameters.
-    """
-
-    law: ForceLaw
-    places: Indices
-    values: Array
-
-    def stored(self, order: int, u: Array) -> Array:
-        """Energies [J] of on-site springs, or derivatives of a given order, at displacements u
-        [m] (..., sites); (..., places)."""
-        at = np.ascontiguousarray(u[..., self.places])
-        return np.asarray(evaluated(self.law.law, order, self.values, at))
-
-
-def largest_decay(
-    applied: tuple[AppliedForce, ...], bonds: Bonds, t: float, u: Array, v: Array
-) -> float:
-    """Bound on the rates at which velocities of a scene decay or grow by forces, with the frequency
-    of on-site springs [1/s].
-
-    Parameters
-    ----------
-    applied : tuple of AppliedForce
-    bonds : Bonds
-    t : float
-        [s]
-    u, v : ndarray, (sites[, dim])
-        [m], [m/s]
-
-    Returns
-    -------
-    float
-    """
-    sites, dim = len(u), max(bonds.dim, 1)
-    total, stiffness = np.zeros((2, sites))
-    for one in applied:
-        law, at = one.law, one.places
-        if law.law is not None:
-            stiffness[at] += np.abs(one.stored(2, u))
-        if not (law.dissipates and len(at)):
-            continue
-        if law.on == SITE:
-            x = np.concatenate([y.reshape(sites, -1)[at].T for y in (u, v)])
-            x = np.concatenate([x, np.linalg.norm(x[dim:], axis=0)[None]])
-            ends: Any = [at]
-        else:
-            ends = _ends(bonds, at)
-            x = _relative(bonds, at, u, v)
-        slopes = np.abs(np.array(_slopes(law)(t, x, one.values)))
-        slopes = slopes.reshape(len(law.state), -1, len(at))[-len(law.rates) :]
-        if law.on == SITE:  # a sum of components is at most sqrt(dim) of their norm
-            slopes[-1] *= np.sqrt(dim)
-        elif len(law.expressions) > 1:  # a force across the slip turns with it
-            force = np.abs(np.array(law.function()(t, x, one.values))[1])
-            slip = np.where(x[2] > 0, x[2], np.inf)
-            slopes[-1, 1] = np.maximum(slopes[-1, 1], force / slip)
-        rate = slopes.sum(axis=0).max(axis=0) if law.on == SITE else slopes.sum(axis=(0, 1))
-        for end in ends:
-            free = end < sites
-            np.add.at(total, end[free], rate[free] * len(ends))
-    weights = np.asarray(bonds.inverse_mass)[:sites]
-    frequency = np.sqrt(np.max(stiffness * weights, initial=0.0))
-    return float(np.max(total * weights, initial=0.0) + frequency)
+def _evaluated(
+    one: AppliedForce, name: str, bonds: Bonds, t: Array, u: Array, v: Array
+) -> tuple[Array, Array]:
+    """Rows of both ends of all places, (2, places), where that of the number of sites is the ground
+    or a wall; a function of `ForceLaw.between`, (times, places, columns, dim)."""
+    at, dim, sites = one.places, max(bonds.dim, 1), len(bonds.inverse_mass)
+    first, second, pair, place = connectivity(bonds)
+    kind = KINDS[not (one.law.on == SITE or pair[at].all())]
+    if one.law.on == SITE:
+        ends, of = np.stack([np.full(len(at), sites), at]), np.zeros((len(at), dim + 2))
+    else:
+        ends, of = np.stack([np.minimum(first, sites)[at], second[at]]), place[:, at].T
+    rows = [np.repeat(t, len(at))[:, None]]
+    for x in (u, v):
+        whole = np.zeros((len(t), sites + 1, dim))
+        whole[:, :sites] = x.reshape(len(t), sites, dim)
+        rows.append((whole[:, ends[1]] - whole[:, ends[0]]).reshape(-1, dim))
+    rows += [np.tile(x, (len(t), 1)) for x in (one.values.T, of)]
+    found = _compiled(one.law, dim, kind, geometry.own(bonds.laws))(name, *rows)
+    return ends, found.reshape(len(t), len(at), -1, dim)
 
 
 def tangent_springs(
     applied: tuple[AppliedForce, ...], bonds: Bonds, t: Array, u: Array, v: Array
 ) -> tuple[Indices, Array, Array]:
-    """The derivatives of the forces of a chain, as springs and dashpots between two of its entries.
+    """The derivatives of the forces of a scene, as springs and dashpots between two of its sites.
 
     Parameters
     ----------
@@ -222,47 +67,35 @@ def tangent_springs(
     bonds : Bonds
     t : ndarray, (times,)
         [s]
-    u, v : ndarray, (times, sites)
+    u, v : ndarray, (times, entries)
         [m], [m/s]
 
     Returns
     -------
     ends : ndarray of int, (2, places)
-        Numbers of the sites; the number of sites stands for the ground.
-    stiff, loss : ndarray, (times, places)
-        [N/m], [N s/m]
+        Numbers of the sites; the number of sites stands for the ground and for walls.
+    stiff, loss : ndarray, (times, places, dim, dim)
+        Of the force on the first end, by the components of the difference [N/m], [N s/m].
     """
-    ends, parts, sites = [], [], u.shape[1]
+    dim = max(bonds.dim, 1)
+    ends, stiff = np.zeros((2, 0), dtype=int), np.zeros((len(t), 0, dim, dim))
+    loss = stiff
     for one in applied:
-        at, on_site = one.places, one.law.on == SITE
-        ends.append(np.stack([np.full(len(at), sites), at] if on_site else _ends(bonds, at)))
-        by_u, by_v, by_speed = _evaluated(one, "slopes", t, u, v)
-        if on_site:  # a tension between the ground and a site pulls it back
-            by_u, by_v = -by_u, -by_v - by_speed * np.sign(v[:, at])
-        parts.append((by_u, by_v))
-    stiff, loss = (np.concatenate([part[k] for part in parts], axis=1) for k in (0, 1))
-    return np.concatenate(ends, axis=1), stiff, loss
+        of, by = _evaluated(one, "slopes", bonds, t, u, v)
+        ends = np.append(ends, of, axis=1)
+        stiff, loss = (
+            np.append(x, by[:, :, k : k + dim], axis=1) for x, k in ((stiff, 0), (loss, dim))
+        )
+    return ends, stiff, loss
 
 
-def _evaluated(one: AppliedForce, name: str, t: Array, u: Array, v: Array) -> Array:
-    """A function of `ForceLaw.functions`, of a chain, (results, times, places)."""
-    at = one.places
-    if one.law.on == SITE:
-        x = [u[:, at], v[:, at], np.abs(v[:, at])]
-    else:
-        r, rate = (np.diff(y, axis=1)[:, at] for y in (u, v))
-        x = [r, rate, 0 * r]
-    rows = np.repeat(t, len(at))[:, None], np.reshape(x, (3, -1)).T
-    found = _compiled(one.law)(name, *rows, np.tile(one.values, len(t)).T)
-    return found.T.reshape(-1, len(t), len(at))
-
-
-def values_on_chain(one: AppliedForce, t: Array, u: Array, v: Array) -> Array:
+def values_on_chain(one: AppliedForce, bonds: Bonds, t: Array, u: Array, v: Array) -> Array:
     """A force of a chain in some states.
 
     Parameters
     ----------
     one : AppliedForce
+    bonds : Bonds
     t : ndarray, (times,)
         [s]
     u, v : ndarray, (times, sites)
@@ -273,72 +106,44 @@ def values_on_chain(one: AppliedForce, t: Array, u: Array, v: Array) -> Array:
     ndarray, (times, places)
         On sites towards higher sites, in bonds a tension [N].
     """
-    values: Array = _evaluated(one, "values", t, u, v)[0]
-    return values
+    values: Array = _evaluated(one, "values", bonds, t, u, v)[1][..., 0, 0]
+    return -values if one.law.on == SITE else values
 
 
 def pull_back(
     applied: tuple[AppliedForce, ...], bonds: Bonds, t: Array, u: Array, v: Array, slopes: Array
-) -> tuple[list[Array], Array]:
-    """Derivatives of objectives by the parameters of the forces of a chain, and by inverse masses.
+) -> tuple[list[Array], list[Array], Array]:
+    """Derivatives of objectives by the parameters of the forces of a scene, and by inverse masses.
 
     Parameters
     ----------
     applied, bonds, t, u, v
         As of `tangent_springs`.
-    slopes : ndarray, (times, objectives, sites)
+    slopes : ndarray, (times, objectives, more than sites, dim)
         Derivatives by the accelerations.
 
     Returns
     -------
-    by_parameters : list of ndarray, (objectives, parameters, places)
+    by_parameters, by_gap : list of ndarray, (objectives, parameters, places), (objectives, places)
         Of each force.
-    by_weight : ndarray, (objectives, sites)
+    by_weight : ndarray, (objectives, more than sites, dim)
         Of the forces alone.
     """
-    found, by_weight = [], np.zeros(slopes.shape[1:])
+    dim, weight = max(bonds.dim, 1), np.zeros(slopes.shape[2])
+    weight[: len(bonds.inverse_mass)] = bonds.inverse_mass
+    by_parameters, by_gap, by_weight = [], [], np.zeros(slopes.shape[1:])
     for one in applied:
-        at, w = one.places, bonds.inverse_mass
-        ends = [(at, 1.0)] if one.law.on == SITE else [(at, 1.0), (at + 1, -1.0)]
-        values, pull = _evaluated(one, "values", t, u, v)[0], 0.0
-        for end, sign in ends:
-            of_end = sign * slopes[..., end]
-            pull = pull + w[end] * of_end
-            by_weight[:, end] += np.einsum("top,tp->op", of_end, values)
-        if not one.law.parameters:
-            found.append(np.zeros((len(by_weight), 0, len(at))))
-            continue
-        by = _evaluated(one, "by", t, u, v)
-        found.append(np.einsum("top,ktp->okp", pull, by))
-    return found, by_weight
-
-
-def _ends(bonds: Bonds, at: Indices) -> tuple[Indices, Indices]:
-    """Rows that bonds join; walls follow the sites."""
-    of = bonds.contacts
-    return (at, at + 1) if of is None else (of.first[at], of.second[at])
-
-
-def _relative(bonds: Bonds, at: Indices, u: Array, v: Array) -> Array:
-    """Elongations of some bonds, their rates, and their slip; (3, bonds)."""
-    first, second = _ends(bonds, at)
-    if bonds.contacts is None:
-        u, v = u.ravel(), v.ravel()
-        r = u[second] - u[first]
-        return np.stack([r, v[second] - v[first], np.zeros(len(at))])
-    wall = first >= len(u)
-    ends = np.where(wall, 0, first)
-    w, speed = (x[second] - np.where(wall[:, None], 0.0, x[ends]) for x in (u, v))
-    of, found = bonds.contacts.geometry_of(at), np.zeros((3, len(at)))
-    for kind, chosen in enumerate((~wall, wall)):
-        if chosen.any():
-            r, along = functions(bonds.dim)[KINDS[kind]](
-                of[:-2, chosen], w[chosen].T, of[-2:-1, chosen], of[-1:, chosen]
-            )
-            rate = np.sum(np.array(along).T * speed[chosen], axis=1)
-            across = speed[chosen] - rate[:, None] * np.array(along).T
-            found[:, chosen] = np.array(r)[0], rate, np.linalg.norm(across, axis=1)
-    return found
+        ends, values = _evaluated(one, "values", bonds, t, u, v)
+        by, pull = _evaluated(one, "slopes", bonds, t, u, v)[1][:, :, 2 * dim :], 0.0
+        for end, sign in zip(ends, (1.0, -1.0), strict=True):
+            of_end = sign * slopes[:, :, end]
+            pull = pull + weight[end, None] * of_end
+            parts = np.einsum("topi,tpi->opi", of_end, values[:, :, 0])
+            np.add.at(by_weight.swapaxes(0, 1), end, parts.swapaxes(0, 1))
+        found = np.einsum("topi,tpki->okp", pull, by)
+        by_parameters.append(found[:, :-1])
+        by_gap.append(found[:, -1])
+    return by_parameters, by_gap, by_weight
 
 
 class Stages:

@@ -8,6 +8,7 @@ those of `methods.Splitting`; the loop is the C text of `reverse.c`.
 from __future__ import annotations
 
 import ctypes
+import math
 from functools import cached_property
 
 import numpy as np
@@ -159,7 +160,7 @@ class ReverseLoop:
         entries, (first, second) = self.u.size, (size * x[runs.source] for x in layout.ends)
         where = {"from": first, "to": second, "first": runs.first}
         where |= {"law": 2 * runs.law + runs.own, "wall": runs.kind == WALL}
-        together = not dim and (totals.objectives > 1 or not isinstance(method, Splitting))
+        together = not dim and totals.objectives > 1 and isinstance(method, Splitting)
         rows = method.stages if together else 1
         scratch = {"r": room, "f": room + 2, "bent": room, "k": (rows, room)}
         scratch |= {"d": (rows, layout.most, room), "pull": (rows, entries)}
@@ -227,43 +228,47 @@ class ReverseLoop:
         self.layout.library.reverse(self._address, steps, opened, last, given)
 
     def reverse_stages(self, method, dt, path, ends, last=0, cotangents=None, **given):
-        """The adjoint of the steps of a Runge-Kutta method, of a chain.
+        """The adjoint of the steps of a Runge-Kutta method.
 
         Parameters
         ----------
         method : Nystrom
         dt : float
             [s]
-        path : ndarray, (stages of all steps, 2, sites)
+        path : ndarray, (stages of all steps, 2, entries of the sites)
             u and v of the stages.
         ends : ndarray of int, (2, places)
             Between which sites the derivatives of further forces act; the number of sites stands
-            for the ground.
+            for the ground and for walls.
         last : int, optional
             Number of the last step.
         cotangents : OutputCotangents, optional
             Derivatives of the objectives with respect to the states before, the first included.
         **given : ndarray
-            `stiff` and `loss` (stages of all steps, places), these derivatives by the elongations
-            and their rates; `pulled`, `moved`, the numbers of driven sites; `pull_by`, `u_by` and
-            `v_by` (stages of all steps, those), derivatives of the drives by a parameter; `slopes`
-            (stages of all steps, objectives, entries), which receives the derivatives of the
-            objectives by the accelerations of the stages.
+            `stiff` and `loss` (stages of all steps, places, dim, dim), these derivatives; `pulled`,
+            `moved`, the numbers of driven entries; `pull_by`, `u_by` and `v_by` (stages of all
+            steps, those[, parameters]), derivatives of the drives by one or more parameters;
+            `slopes` (stages of all steps, objectives, entries), which receives the derivatives of
+            the objectives by the accelerations of the stages.
 
         Returns
         -------
-        ndarray, (objectives,)
-            Derivatives by that parameter.
+        ndarray, (objectives[, parameters])
+            Derivatives by those parameters.
         """
-        by, q, entries = np.zeros(len(self.ub)), method.stages, self.ub[0].size
+        q, entries, objectives = method.stages, self.ub[0].size, len(self.ub)
+        by = np.zeros((objectives, *given["pull_by"].shape[2:]))
         powers = {"nodes": 1, "velocities": 1, "rates": 1, "matrix": 2, "positions": 2}
         arrays = {name: dt**k * np.array(getattr(method, name)) for name, k in powers.items()}
         arrays |= {"path": path, "by": by, "dt": np.array([dt]), "slopes": None} | given
-        arrays |= {name: np.zeros((q, entries)) for name in ("slope", "of_u", "of_v")}
-        numbers = {"stages": q, "sites": path.shape[2], "places": ends.shape[1]}
+        arrays |= {name: np.zeros((objectives, q, entries)) for name in ("of_u", "of_v")}
+        arrays["slope"] = np.zeros(entries)
+        numbers = {"stages": q, "free": path.shape[2], "places": ends.shape[1]}
         numbers |= {"pulling": len(given["pulled"]), "moving": len(given["moved"])}
+        numbers["count"] = math.prod(by.shape[1:])
+        first, second = max(self.layout.dim, 1) * ends
         arrays |= dict(zip(("first", "second", "pulled", "moved"),
-                           map(integers, (*ends, given["pulled"], given["moved"])),
+                           map(integers, (first, second, given["pulled"], given["moved"])),
                            strict=True))  # fmt: skip
         arrays = {k: x if x is None else np.ascontiguousarray(x) for k, x in arrays.items()}
         filled, before = TANGENTS(**arrays, **numbers), cotangents and cotangents.address

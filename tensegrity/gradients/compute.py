@@ -129,8 +129,7 @@ def gradient(
         See `tensegrity.objective`; a bare trace stands for its value at the end.  Several
         objectives are evaluated in the same run and reverse pass.
     scene : Scene
-        A `Chain`, a `Network` of fixed contacts, an `Ensemble`, or what `granular` builds; with
-        drives, dashpots or further forces a chain.
+        A `Chain`, a `Network` of fixed contacts, an `Ensemble`, or what `granular` builds.
     state : State
         Initial displacements [m] and velocities [m/s]; not changed.
     t_end : float
@@ -294,13 +293,13 @@ def _of_scene(task: _Task, scene: Any, state: Any) -> list[Gradient]:
     if not run.complete:
         raise KeyboardInterrupt
     t = dt * np.arange(first, last + 1, dtype=float)
-    given = forced.complete(samples, t, forward.rows) if forced else ()
+    if forced:
+        forced.complete(samples, t, forward.rows)
     sampled = forward.rows, forward.closing
     values, slopes = _valued(task, traces, t, samples.values(*sampled), windows, first)
     each = [samples.pullback(one, *sampled) for one in slopes]
     by_rows, p, g, m, w = map(np.array, zip(*each, strict=True))
-    by_rows[..., given] = 0.0
-    cotangents = OutputCotangents(by_rows, samples.places, samples.u_count, first)
+    cotangents = _cotangents(forced, by_rows, samples, first)
     back = forced or Backward(layout, task.method, dt, len(windows), grid)
     more = (len(windows),) if forced else (forward.recompute, every)
     back.go(forward.states, cotangents, *more)
@@ -318,6 +317,13 @@ def _of_scene(task: _Task, scene: Any, state: Any) -> list[Gradient]:
         )
         for k, value in enumerate(values)
     ]  # fmt: skip
+
+
+def _cotangents(forced: Any, by_rows: Array, samples: Any, first: int) -> OutputCotangents:
+    """Derivatives by what moves freely, from those by rows of samples, which are changed."""
+    if forced:
+        forced.withdraw(by_rows)
+    return OutputCotangents(by_rows, samples.places, samples.u_count, first)
 
 
 def _valued(

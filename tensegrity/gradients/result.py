@@ -94,13 +94,14 @@ class Gradient:
         name : str
             "prestrain", "height", "k_cross" of prisms; "stiffness" (at fixed preload), "preload"
             of power laws; a symbol of a user's own `Potential`; a parameter of a `Force`, which in
-            bonds may be that of the spring; "diameter", "modulus" of beads, at the same constants
-            of dissipation.
+            bonds may be that of the spring, or of a `Drive`, for each site that it drives; "bond",
+            "ground" of a `Damping`; "diameter", "modulus" of beads, at the same constants of
+            dissipation.
 
         Returns
         -------
-        ndarray, (bonds,), of beads and of forces on sites (sites,)
-            0 where a bond has no such argument; (springs,) for a network.
+        ndarray, (bonds,), of beads, drives and forces on sites (sites,)
+            0 where a bond has no such argument; (springs,) in a network.
 
         Raises
         ------

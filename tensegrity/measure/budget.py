@@ -16,11 +16,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from tensegrity import check
-from tensegrity.engine.forced import SITE, AppliedForce, values_on_chain
+from tensegrity.engine.force_law import SITE, AppliedForce
+from tensegrity.engine.forced import values_on_chain
 from tensegrity.errors import TensegrityError
 from tensegrity.printing import printed
 from tensegrity.runs.run import Run
 from tensegrity.scenes.chain import Chain
+from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.force import applied_forces
 from tensegrity.typing import Array
 
@@ -123,7 +125,8 @@ def budget(run: Run, bond: int) -> Budget:
 
 def _beyond(one: AppliedForce, run: Run, bond: int) -> Array:
     """Rates of energy and momentum by a force on what is beyond a bond, (T, 2) [W], [N]."""
-    force, at = values_on_chain(one, run.t, run.u, run.v), one.places
+    bonds, at = dynamics(run.scene).loop_bonds, one.places
+    force = values_on_chain(one, bonds, run.t, run.u, run.v)
     if one.law.on == SITE:
         here = force[:, at > bond]
         return np.stack([np.sum(here * run.v[:, at[at > bond]], axis=1), here.sum(axis=1)], axis=1)

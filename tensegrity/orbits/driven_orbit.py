@@ -1,8 +1,9 @@
-"""Periodic responses of driven and damped chains, by shooting over the period of the drives.
+"""Periodic responses of driven and damped scenes, by shooting over the period of the drives.
 
-The unknowns are the state z(0) = (u, v) at the sites that move freely, the equations z(T) = z(0);
-Newton's method takes the tangent of the whole period, whose eigenvalues are the orbit's Floquet
-multipliers.  Source: R. Seydel, Practical Bifurcation and Stability Analysis, chapter 7.
+The unknowns are the state z(0) = (u, v) of the coordinates that move freely, the equations
+z(T) = z(0); Newton's method takes the tangent of the whole period, whose eigenvalues are the
+orbit's Floquet multipliers.  Source: R. Seydel, Practical Bifurcation and Stability Analysis,
+chapter 7.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from tensegrity.orbits.flow import DrivenFlow
 from tensegrity.orbits.shooting import Orbit, Shooting
 from tensegrity.readonly import FixedDict
+from tensegrity.scenes.forcing import driven_entries
 from tensegrity.scenes.scene import Scene, State, varied
 from tensegrity.typing import Array
 
@@ -24,7 +26,7 @@ SHIFTED = 1e-9  # change of a translation of the chain in one period below which
 
 
 class WholePeriod(Shooting):
-    """The equations z(T) = z(0) in unknowns u(0) [m] and v(0) T/2 pi [m] of the free sites.
+    """The equations z(T) = z(0) in unknowns u(0) [m] and v(0) T/2 pi [m] of the free entries.
 
     Parameters
     ----------
@@ -37,19 +39,24 @@ class WholePeriod(Shooting):
     Attributes
     ----------
     free : ndarray of int
-        Numbers of the sites whose motion is not prescribed.
+        Entries whose motion is not prescribed.
     """
 
     def __init__(self, scene: Scene, guess: State, period: float) -> None:
         super().__init__(scene, DrivenFlow(scene, 1, period))
         self._period, self._start = period, scene.at_rest()
         self._rate = period / (2 * math.pi)  # displacement over velocity [s]
-        moved = [site for site, drive in scene.drive.items() if drive.prescribes]
-        free = self.of.inverse_mass > 0
-        free[moved] = False
+        self._moved, self._motions = driven_entries(scene, True)
+        free = self.inverse_mass > 0
+        free[self._moved] = False
         self.free = np.flatnonzero(free)
-        self.guess = np.concatenate([guess.u[self.free], guess.v[self.free] * self._rate])
-        self._shifts: float | None = None if len(self.free) == scene.sites else 0.0
+        self.guess = self._unknowns(guess.u.ravel(), guess.v.ravel())
+        axes = np.tile(np.eye(scene.dim), (scene.sites, 1))  # shifts of the whole scene
+        axes = axes[:, free.reshape(-1, scene.dim).all(axis=0)][free]
+        self._shifts, self._checked = axes / math.sqrt(scene.sites), False
+
+    def _unknowns(self, u: Array, v: Array) -> Array:
+        return np.append(u[self.free], v[self.free] * self._rate)
 
     @property
     def steps(self) -> int:
@@ -71,14 +78,12 @@ class WholePeriod(Shooting):
         -------
         State
         """
-        u, v = self._start.u.copy(), self._start.v.copy()
-        for site, drive in self.scene.drive.items():
-            if drive.prescribes and values:
-                u[site], v[site] = (s.varied(values)(np.zeros(1), k)[0]
-                                    for s in drive.signals for k in (0, 1))  # fmt: skip
-        u[self.free], v[self.free] = x.reshape(2, -1)
-        v[self.free] /= self._rate
-        return State(u, v)
+        both = np.stack([self._start.u.ravel(), self._start.v.ravel()])
+        for entry, signal in zip(self._moved if values else (), self._motions, strict=False):
+            both[:, entry] = [signal.varied(values)(np.zeros(1), k)[0] for k in (0, 1)]
+        both[:, self.free] = x.reshape(2, -1)
+        both[1, self.free] /= self._rate
+        return State(*both.reshape(2, *self.scene.shape))
 
     def equations(
         self,
@@ -104,36 +109,37 @@ class WholePeriod(Shooting):
         jacobian : ndarray, (2 free, 2 free)
         column : ndarray, (2 free,)
         """
-        start, free, sites = self.state(x, values), self.free, self.scene.sites
-        here = np.append(free, sites + free)
+        start, free = self.state(x, values), self.free
+        here = np.append(free, start.u.size + free)
         if not self.inside(start.u):
             return x + math.nan, np.eye(len(x)), 0 * x
-        u, v, tangent, column = self.flow.tangents(start.u, start.v, period, values, by)
+        begin = start.u.ravel(), start.v.ravel()
+        u, v, tangent, column = self.flow.tangents(*begin, period, values, by)
         scale = np.repeat([1.0, self._rate], len(free))
         tangent = tangent[np.ix_(here, here)] * scale[:, None] / scale
         column = column[here] * scale
-        residual = np.append(u[free], v[free] * self._rate) - x
+        residual = self._unknowns(u, v) - x
         if not (np.isfinite(tangent).all() and np.isfinite(residual).all()):
             return x + math.nan, np.eye(len(x)), 0 * x
         jacobian = tangent - np.eye(len(x))
         count = len(free)
-        if self._shifts is None:
-            shift = np.abs(jacobian[:, :count].sum(axis=1)).max()
-            self._shifts = float(shift < SHIFTED)
-        residual[count:] += self._shifts * np.mean(x[:count] - self.guess[:count])
-        jacobian[count:, :count] += self._shifts / count
+        if not self._checked:
+            moved = np.abs(jacobian[:, :count] @ self._shifts).max(axis=0, initial=0.0)
+            self._shifts, self._checked = self._shifts[:, moved < SHIFTED], True
+        residual[count:] += self._shifts @ (self._shifts.T @ (x - self.guess)[:count])
+        jacobian[count:, :count] += self._shifts @ self._shifts.T
         return residual, jacobian, column
 
     def multipliers(self, jacobian: Array) -> NDArray[np.complex128]:
         """Floquet multipliers, (2 free,), from the derivatives of `equations` in z(0)."""
         count, whole = len(self.free), jacobian + np.eye(len(jacobian))
-        whole[count:, :count] -= (self._shifts or 0.0) / count
+        whole[count:, :count] -= self._shifts @ self._shifts.T
         return np.linalg.eigvals(whole).astype(complex)
 
     def rates(self, period: float) -> Array:
         """The time derivative of the state at the start of the last run, (2 free,) [m/s]."""
         v, acceleration = self.flow.rates_at_start(period)
-        return np.append(v[self.free], acceleration[self.free] * self._rate)
+        return self._unknowns(v, acceleration)
 
     def found(
         self, x: Array, period: float, residual: float, values: Mapping[str, float] | None = None
@@ -159,7 +165,7 @@ class WholePeriod(Shooting):
                 for site, one in scene.drive.items()
             }
             scene = varied(scene, drive=FixedDict(drive))
-        self.flow.end(state.u, state.v, period, values)
+        self.flow.end(state.u.ravel(), state.v.ravel(), period, values)
         opens = bool(self.of.springs.kinks_within(self.flow.ranges))
         energy = self.above_rest(state.u, state.v)
         return Orbit(scene, state, period, energy, residual, opens, self.flow.steps)
@@ -181,7 +187,7 @@ class WholePeriod(Shooting):
 
 
 def whole_multipliers(orbit: Orbit) -> NDArray[np.complex128]:
-    """Floquet multipliers of an orbit of a driven or damped chain, (2 free,)."""
+    """Floquet multipliers of an orbit of a driven or damped scene, (2 free,)."""
     whole = WholePeriod(orbit.scene, orbit.state, orbit.period)
     whole.flow.steps = orbit.steps
     return whole.multipliers(whole.equations(whole.guess, orbit.period)[1])

@@ -3,7 +3,7 @@
 After a run of a splitting, the reverse loop of `tensegrity.engine.reverse` propagates one objective
 for each entry of the final state to the start, which gives the rows of the tangent map.  The
 stiffnesses of a stage are computed once for all rows.  Dashpots and forces that depend on velocity
-cannot be inverted stage by stage: a driven or damped chain is integrated by a Runge-Kutta method,
+cannot be inverted stage by stage: a driven or damped scene is integrated by a Runge-Kutta method,
 whose recorded stages the same loop takes in reverse order.
 """
 
@@ -132,11 +132,14 @@ class Flow:
 
 
 class DrivenFlow:
-    """The map of a driven or damped chain's state from t = 0 over a given time, in equal steps.
+    """The map of a driven or damped scene's state from t = 0 over a given time, in equal steps.
+
+    States are flattened; `entries` counts the coordinates of all sites.
 
     Parameters
     ----------
-    scene : Chain
+    scene : Scene
+        Its list of contacts fixed.
     steps : int
     duration : float
         Time for which the drives are checked [s].
@@ -150,17 +153,19 @@ class DrivenFlow:
         self.steps = steps
         self._forcing = forcing_of(scene, duration, as_forces=True)
         self._signals = [driven_entries(scene, prescribed)[1] for prescribed in (True, False)]
-        self._u, self._v = np.zeros((2, scene.sites))
+        self._u, self._v = dynamics(scene).arrays(scene.at_rest())
+        self._here = tuple(x[: scene.sites] for x in (self._u, self._v))  # without walls
         self._loop = driven.bind(self._forcing, self._u, self._v, methods.RK8, 1.0)
-        self._path = np.zeros((0, 2, scene.sites))
+        self._path = np.zeros((0, 2, scene.sites * scene.dim))
 
     @cached_property
     def _back(self) -> ReverseLoop:
-        free = self._forcing.bonds.inverse_mass.copy()
-        free[self._forcing.moved] = 0.0
-        bonds = replace(self._forcing.bonds, inverse_mass=free)
+        bonds = self._forcing.bonds
         layout = Layout(bonds, ((),) * len(bonds.laws))
-        return ReverseLoop(layout, methods.RK8, 1.0, Totals(layout, 2 * len(free)))
+        totals = Totals(layout, 2 * self._path.shape[2])
+        loop = ReverseLoop(layout, methods.RK8, 1.0, totals)
+        loop.scene.filled["w"].reshape(-1)[self._forcing.moved] = 0.0  # a view
+        return loop
 
     def end(
         self, u: Array, v: Array, duration: float, values: Mapping[str, float] | None = None
@@ -169,7 +174,7 @@ class DrivenFlow:
 
         Parameters
         ----------
-        u, v : ndarray, (sites,)
+        u, v : ndarray, (entries,)
             Initial state [m], [m/s].
         duration : float
             [s]
@@ -178,7 +183,7 @@ class DrivenFlow:
 
         Returns
         -------
-        u, v : ndarray, (sites,)
+        u, v : ndarray, (entries,)
             Velocities of sites whose motion is prescribed are 0.
         """
         motions, forces = ([x.varied(values or {}) for x in some] for some in self._signals)
@@ -187,12 +192,14 @@ class DrivenFlow:
         if len(self._path) != count:
             self._path = np.zeros((count, *self._path.shape[1:]))
             self._loop.record_stages(self._path)
-        self._u[:], self._v[:] = u, v
+        for array, given in zip(self._here, (u, v), strict=True):
+            array[:] = given.reshape(array.shape)
         self._loop.set_step(dt)
         self._loop.schedule = Stages(varied, methods.RK8, dt)
         self._loop.forget_range()
         self._loop.go(0, self.steps)
-        return self._u.copy(), self._v.copy()
+        ends = [array.reshape(-1).copy() for array in self._here]
+        return ends[0], ends[1]
 
     def tangents(
         self,
@@ -213,14 +220,14 @@ class DrivenFlow:
 
         Returns
         -------
-        u, v : ndarray, (sites,)
+        u, v : ndarray, (entries,)
             Final state.
-        tangent : ndarray, (2 sites, 2 sites)
+        tangent : ndarray, (2 entries, 2 entries)
             Derivatives of final u, then v, with respect to initial u, then v.
-        column : ndarray, (2 sites,)
+        column : ndarray, (2 entries,)
             Derivatives with respect to the parameter, or 0.
         """
-        final, sites, dt = self.end(u, v, duration, values), len(u), duration / self.steps
+        final, entries, dt = self.end(u, v, duration, values), len(u), duration / self.steps
         stages = Stages(self._forcing, methods.RK8, dt)
         at, forcing, loop = stages.times(0, self.steps)[:-1], self._forcing, self._back
         given: dict[str, Any] = {"moved": forcing.moved, "pulled": forcing.forced}
@@ -232,11 +239,12 @@ class DrivenFlow:
         ends, given["stiff"], given["loss"] = tangent_springs(
             forcing.applied, forcing.bonds, at, at_u, at_v
         )
-        loop.ub[:], loop.vb[:] = 0.0, 0.0
-        each = np.arange(sites)
-        loop.ub[each, each] = loop.vb[sites + each, each] = 1.0
+        by_u, by_v = (array.reshape(2 * entries, -1) for array in (loop.ub, loop.vb))  # views
+        by_u[:], by_v[:] = 0.0, 0.0
+        each = np.arange(entries)
+        by_u[each, each] = by_v[entries + each, each] = 1.0
         column = loop.reverse_stages(methods.RK8, dt, self._path, ends, **given)
-        return *final, np.hstack([loop.ub[:, :sites], loop.vb[:, :sites]]), column
+        return *final, np.hstack([by_u[:, :entries], by_v[:, :entries]]), column
 
     @property
     def ranges(self) -> Array:
@@ -251,5 +259,5 @@ class DrivenFlow:
 
     @property
     def displacements(self) -> Array:
-        """Displacements at the beginnings of the steps of the last run [m], (steps, sites)."""
+        """Displacements at the beginnings of the steps of the last run [m], (steps, entries)."""
         return self._path[:: methods.RK8.stages, 0]

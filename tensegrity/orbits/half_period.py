@@ -7,8 +7,9 @@ import math
 import numpy as np
 
 from tensegrity.errors import TensegrityError
-from tensegrity.orbits.flow import Flow
+from tensegrity.orbits.flow import DrivenFlow, Flow
 from tensegrity.orbits.shooting import FINEST, NoOrbitError, Orbit, Shooting, symmetries
+from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.scene import Scene, State
 from tensegrity.typing import Array
 
@@ -39,9 +40,13 @@ class HalfPeriod(Shooting):
     energy: float | None = None
 
     def __init__(self, scene: Scene, guess: Array) -> None:
-        super().__init__(scene, Flow(scene, 1))
+        grounded = dynamics(scene).has_forces
+        super().__init__(scene, DrivenFlow(scene, 1, 0.0) if grounded else Flow(scene, 1))
+        self._part = {} if grounded else {"of_u": False}
         self._guess, self.free = guess, np.flatnonzero(self.inverse_mass > 0)
         self.shifts = symmetries(scene, guess)[self.free]
+        if grounded:
+            self.shifts = self.shifts[:, :0]
         self._size = self.extent(guess) or 1.0
 
     def extent(self, u: Array) -> float:
@@ -101,8 +106,8 @@ class HalfPeriod(Shooting):
         jacobian : ndarray, (free, free)
         acceleration : ndarray, (free,)
         """
-        end, v, tangent = self.flow.tangents(u, 0 * u, half, of_u=False)
-        jacobian, v = tangent[np.ix_(self.free, self.free)], v[self.free]
+        end, v, tangent = self.flow.tangents(u, 0 * u, half, **self._part)[:3]
+        jacobian, v = tangent[-len(u) :][np.ix_(self.free, self.free)], v[self.free]
         if not (np.isfinite(jacobian).all() and np.isfinite(v).all() and self.inside(end)):
             return v + math.nan, jacobian, 0 * v
         acceleration = (self.forces(end) * self.inverse_mass)[self.free]

@@ -18,8 +18,7 @@ from tensegrity.errors import TensegrityError
 from tensegrity.orbits.driven_orbit import WholePeriod
 from tensegrity.orbits.half_period import HalfPeriod
 from tensegrity.orbits.period import DrivePeriod, fitting
-from tensegrity.orbits.shooting import NoOrbitError, Orbit
-from tensegrity.scenes.chain import Chain
+from tensegrity.orbits.shooting import NoOrbitError, Orbit, is_reversible
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.scene import Scene, State
 
@@ -35,7 +34,7 @@ def periodic_orbit(
     energy: float | None = None,
 ) -> Orbit:
     """A time-periodic orbit of a scene: of an undriven one, at rest twice in a period, or the
-    response of a chain with drives, dashpots and forces of its own.
+    response of one with drives, dashpots and forces of its own.
 
     Parameters
     ----------
@@ -82,7 +81,7 @@ def periodic_orbit(
         raise TensegrityError(
             "periodic_orbit: contacts are detected during a run, must be fixed: see `scene.listed`"
         )
-    if dynamics(scene).is_driven:
+    if not is_reversible(scene):
         return _driven_orbit(scene, guess, period, energy)
     if (period is None) == (energy is None):
         raise TensegrityError("give exactly one of period and energy")
@@ -114,7 +113,6 @@ def _driven_orbit(
     """`periodic_orbit` of a scene that is driven or damped."""
     if scene.tune:
         raise TensegrityError("periodic_orbit is not available for chains with tuned springs")
-    check.kind("driven scene", scene, Chain)
     if energy is not None:
         raise TensegrityError("the energy of a driven orbit cannot be given: its drives set it")
     shortest = DrivePeriod(scene).value

@@ -21,7 +21,7 @@ from tensegrity.errors import TensegrityError
 from tensegrity.orbits.driven_orbit import WholePeriod
 from tensegrity.orbits.half_period import HalfPeriod
 from tensegrity.orbits.period import DrivePeriod
-from tensegrity.orbits.shooting import Orbit
+from tensegrity.orbits.shooting import Orbit, is_reversible
 from tensegrity.orbits.stability import STABLE, half_multipliers
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.scene import Scene
@@ -113,7 +113,7 @@ def orbit_path(orbit: Orbit, by: str, until: float) -> OrbitPath:
     ['fold at 1.726272601', 'fold at 1.698961890']
     """
     check.kind("orbit", orbit, Orbit)
-    driven = dynamics(orbit.scene).is_driven
+    driven = not is_reversible(orbit.scene)
     names = _names(orbit.scene) if driven else {"period": orbit.period, "energy": orbit.energy}
     if not isinstance(by, str) or by not in names:
         raise TensegrityError(

@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 
 from tensegrity.errors import TensegrityError
+from tensegrity.readonly import FixedDict
 from tensegrity.runs.integrate import simulate
 from tensegrity.runs.run import Run
 from tensegrity.scenes.dynamics import dynamics
-from tensegrity.scenes.scene import Scene, State
+from tensegrity.scenes.scene import Scene, State, varied
 from tensegrity.structures.supports import orthonormal, rigid_motions
 from tensegrity.typing import Array
 
@@ -71,6 +72,12 @@ class Orbit:
         return simulate(self.scene, self.state, self.period, tol=tol)
 
 
+def is_reversible(scene: Scene) -> bool:
+    """Whether all forces have a potential that does not depend on time."""
+    further = dynamics(scene).further_forces
+    return all(one.stores for one in further) and not (scene.drive or scene.damping or scene.tune)
+
+
 class NoOrbitError(Exception):  # internal: its words become part of a `TensegrityError`
     """Newton's method did not converge."""
 
@@ -89,13 +96,13 @@ class Shooting:
     inverse_mass : ndarray, (entries,)
         [1/kg], 0 at held sites.
     rest : ndarray, shape of the scene
-        Displacements at rest [m]; 0 for a driven chain.
+        Displacements at rest without drives [m].
     """
 
     def __init__(self, scene: Scene, flow: Any) -> None:
         self.scene, self.flow, self.of = scene, flow, dynamics(scene)
         self.inverse_mass = np.repeat(self.of.inverse_mass, scene.dim)
-        self.rest = np.zeros(scene.shape) if scene.drive else scene.at_rest().u
+        self.rest = varied(scene, drive=FixedDict()).at_rest().u
         self._least = scene.energy(State(self.rest, 0 * self.rest))
 
     def step(self, x: Array) -> tuple[Array, float]:

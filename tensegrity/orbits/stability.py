@@ -26,9 +26,8 @@ from tensegrity.errors import ResolutionError, TensegrityError
 from tensegrity.orbits.driven_orbit import whole_multipliers
 from tensegrity.orbits.flow import DrivenFlow, Flow
 from tensegrity.orbits.half_period import HalfPeriod
-from tensegrity.orbits.shooting import Orbit
+from tensegrity.orbits.shooting import Orbit, is_reversible
 from tensegrity.scenes.chain import Chain
-from tensegrity.scenes.dynamics import dynamics
 from tensegrity.typing import Array
 from tensegrity.waves.by_speed import neutral_motions
 from tensegrity.waves.solitary import SolitaryWave
@@ -164,7 +163,7 @@ def floquet(of: SolitaryWave | TransitionWave | Orbit) -> Floquet:
 
 def _of_orbit(orbit: Orbit) -> Floquet:
     """The multipliers of one period, without those of the neutral motions."""
-    if dynamics(orbit.scene).is_driven:  # nothing is neutral
+    if not is_reversible(orbit.scene):  # nothing is neutral
         found = _descending(whole_multipliers(orbit))
         return _verdict(found, found[:0], 1 / orbit.period)
     u = orbit.state.u.ravel()

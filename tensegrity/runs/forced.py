@@ -10,7 +10,7 @@ import numpy as np
 
 from tensegrity.engine import driven
 from tensegrity.engine.driven import LARGEST_DAMPING, Locked
-from tensegrity.engine.forced import largest_decay
+from tensegrity.engine.force_law import largest_decay
 from tensegrity.engine.methods import Nystrom, Splitting
 from tensegrity.errors import LockingError, StabilityError, TensegrityError
 from tensegrity.runs.motion import Motion, MotionState

@@ -56,7 +56,8 @@ class Trial:
 
     def __init__(self, march: MarchResult, instants: int) -> None:
         self.march: Any = march
-        self.instants, self.run = instants, march.run
+        self.run: Any = march.run
+        self.instants = instants
         self.steps, self.complete, self.elongation_range = (
             march.steps,
             march.complete,

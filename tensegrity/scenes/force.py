@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tensegrity import check
-from tensegrity.engine.forced import BOND, SITE, AppliedForce, ForceLaw
+from tensegrity.engine.force_law import BOND, SITE, AppliedForce, ForceLaw
 from tensegrity.engine.law import Law
 from tensegrity.errors import TensegrityError
 from tensegrity.printing import concise
@@ -380,18 +380,18 @@ def dashpots(scene: Any) -> list[Force]:
     """The dashpots of a scene as forces."""
     import sympy as sp
 
-    c, rate = sp.symbols("c rate")
+    ground, bond, rate = sp.symbols("ground bond rate")
     damping, counts = scene.damping, place_counts(scene)
     found: list[Force] = []
     if damping is None:
         return found
     if damping.ground.any():
-        along = [-c * sp.Symbol(f"v_{k}") for k in AXES[: scene.dim]]
-        values = {"c": damping.each("ground", counts["sites"])}
-        found.append(Force(along if scene.dim > 1 else -c * sp.Symbol("v"), parameters=values))
+        along = [-ground * sp.Symbol(f"v_{k}") for k in AXES[: scene.dim]]
+        values = {"ground": damping.each("ground", counts["sites"])}
+        found.append(Force(along if scene.dim > 1 else -ground * sp.Symbol("v"), parameters=values))
     if damping.bond.any():
-        values = {"c": damping.each("bond", counts["bonds"])}
-        found.append(Force(c * rate, "bonds", parameters=values))
+        values = {"bond": damping.each("bond", counts["bonds"])}
+        found.append(Force(bond * rate, "bonds", parameters=values))
     return found
 
 

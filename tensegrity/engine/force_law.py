@@ -1,0 +1,269 @@
+"""The laws of forces of time, displacement and velocity, on sites and along bonds, as functions.
+
+Also bounds on the rates at which they change velocities, which limit the step.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tensegrity.engine.bonds import KINDS
+from tensegrity.engine.compiled import evaluated
+from tensegrity.engine.geometry import functions
+from tensegrity.engine.law import continuity, to_casadi
+from tensegrity.engine.law import functions as law_functions
+from tensegrity.once import once
+
+if TYPE_CHECKING:
+    import sympy as sp
+
+    from tensegrity.engine.bonds import Bonds
+    from tensegrity.typing import Array, Indices
+
+SITE, BOND = "SITE", "BOND"  # as in forced.c
+WORKS, LOSES, STORES = range(3)  # what becomes of the work of a force; as in forced.c
+
+
+@dataclass(frozen=True)
+class ForceLaw:
+    """The expressions of a force, on a site or along a bond.
+
+    Attributes
+    ----------
+    expressions : tuple of sympy.Expr
+        [N]; on a site its components, in a bond a tension, and what acts along the slip.  With a
+        law, its energy [J].
+    time : sympy.Symbol
+    state : tuple of sympy.Symbol
+        Displacements and velocities of the site, and its speed; or elongation of the bond, its
+        rate, and its slip.
+    parameters : tuple of sympy.Symbol
+    on : {"SITE", "BOND"}
+    law : Law, optional
+        Of a spring between a site and the ground, whose energy is energy of the scene.
+    """
+
+    expressions: tuple[sp.Expr, ...]
+    time: sp.Symbol
+    state: tuple[sp.Symbol, ...]
+    parameters: tuple[sp.Symbol, ...]
+    on: str
+    law: Any = None
+
+    @property
+    def rates(self) -> tuple[sp.Symbol, ...]:
+        """Those symbols of the state that are velocities."""
+        return self.state[len(self.state) // 2 :]
+
+    @property
+    def dissipates(self) -> bool:
+        """Whether the force depends on velocity: its negative work then counts as a loss."""
+        used = set().union(*(one.free_symbols for one in self.expressions))
+        return bool(used & {*self.rates})
+
+    @property
+    def continuity(self) -> float:
+        """See `law.continuity`."""
+        return min(map(continuity, self.expressions))
+
+    @property
+    def name(self) -> str:
+        """Identifies the force in other processes."""
+        return _digest(self)
+
+    @property
+    def macro(self) -> tuple[Any, ...]:
+        """What the list FORCES of `forced.c` has of a force besides its number."""
+        kind = LOSES if self.dissipates else WORKS if self.law is None else STORES
+        return len(self.parameters), len(self.expressions), self.on, kind
+
+    def function(self) -> Any:
+        """CasADi function (t, state, parameters) -> components of the force."""
+        import casadi as ca
+
+        t, x = ca.SX.sym("t"), ca.SX.sym("x", len(self.state))
+        p = ca.SX.sym("p", len(self.parameters))
+        if self.law is not None:
+            return ca.Function("force", [t, x, p], [-law_functions(self.law)["tension"](x[0], p)])
+        values = (t, *ca.vertsplit(x), *(ca.vertsplit(p) if self.parameters else ()))
+        symbols = (self.time, *self.state, *self.parameters)
+        made = [to_casadi(one, symbols)(*values) for one in self.expressions]
+        return ca.Function("force", [t, x, p], [ca.densify(ca.vertcat(*map(ca.SX, made)))])
+
+    def slopes(self) -> Any:
+        """CasADi function (t, state, parameters) -> derivatives by the state, column by column."""
+        import casadi as ca
+
+        function = self.function()
+        given = function.sx_in()
+        found = ca.jacobian(function(*given), given[1])
+        return ca.Function("slopes", given, [ca.densify(ca.vec(found))])
+
+    def between(self, dim: int, kind: str, own: Any = None) -> dict[str, Any]:
+        """CasADi functions (t, w, s, parameters, geometry) of the force on the first of two ends,
+        the ground for a force on a site.
+
+        Parameters
+        ----------
+        dim : int
+        kind : {"pair", "wall"}
+            Of the contact.
+        own : Law, optional
+            With a geometry of its own.
+
+        Returns
+        -------
+        dict of str to casadi.Function
+            "values", (dim,), and "slopes", column by column the derivatives by the difference w of
+            the displacements, by that of the velocities s, by the parameters and by the gap.
+        """
+        import casadi as ca
+
+        t, force, sizes = ca.SX.sym("t"), self.function(), {"w": dim, "s": dim}
+        sizes |= {"p": len(self.parameters), "x": dim + 2}
+        w, s, p, x = given = [ca.SX.sym(name, size) for name, size in sizes.items()]
+        if self.on == SITE:
+            found = -force(t, ca.vertcat(w, s, _norm(s)), p)
+        else:
+            r, along = functions(dim, own)[kind](x[:-2], w, x[-2], x[-1])
+            rate = ca.dot(along, s)
+            across = s - rate * along
+            slip, speed = ca.SX.sym("slip"), _norm(across)
+            f = force(t, ca.vertcat(r, rate, slip), p)
+            found = f[0] * along
+            if len(self.expressions) > 1:
+                each = ca.substitute(ca.vertcat(f[1], ca.jacobian(f[1], slip)), slip, speed)
+                found -= ca.if_else(speed > 0, each[0] / speed, each[1]) * across
+            found = ca.substitute(found, slip, speed)
+        columns = [ca.vec(ca.jacobian(found, y)) for y in (w, s, p, x[-2])]
+        made = {"values": found, "slopes": ca.vertcat(*columns)}
+        return {name: ca.Function(name, [t, *given], [ca.densify(y)]) for name, y in made.items()}
+
+
+def _norm(x: Any) -> Any:
+    """The length of a vector, with derivatives 0 where it is 0."""
+    import casadi as ca
+
+    square = ca.dot(x, x)
+    return ca.if_else(square > 0, ca.sqrt(ca.if_else(square > 0, square, 1)), 0)
+
+
+@once
+def _slopes(law: ForceLaw) -> Any:
+    return law.slopes()
+
+
+@once
+def _digest(law: ForceLaw) -> str:
+    from sympy import srepr
+
+    parts = (*law.expressions, law.time, *law.state, *law.parameters)
+    kind = law.on if law.law is None else f"{law.on} of an energy"
+    return hashlib.sha256("|".join([kind, *map(srepr, parts)]).encode()).hexdigest()
+
+
+@dataclass(frozen=True, eq=False)
+class AppliedForce:
+    """A force on some sites or bonds.
+
+    Attributes
+    ----------
+    law : ForceLaw
+    places : ndarray of int, (places,)
+        Numbers of the sites or bonds; contacts with walls follow the bonds.
+    values : ndarray, (parameters, places)
+        Values of its parameters.
+    """
+
+    law: ForceLaw
+    places: Indices
+    values: Array
+
+    def stored(self, order: int, u: Array) -> Array:
+        """Energies [J] of on-site springs, or derivatives of a given order, at displacements u
+        [m] (..., sites); (..., places)."""
+        at = np.ascontiguousarray(u[..., self.places])
+        return np.asarray(evaluated(self.law.law, order, self.values, at))
+
+
+def largest_decay(
+    applied: tuple[AppliedForce, ...], bonds: Bonds, t: float, u: Array, v: Array
+) -> float:
+    """Bound on the rates at which velocities of a scene decay or grow by forces, with the frequency
+    of on-site springs [1/s].
+
+    Parameters
+    ----------
+    applied : tuple of AppliedForce
+    bonds : Bonds
+    t : float
+        [s]
+    u, v : ndarray, (sites[, dim])
+        [m], [m/s]
+
+    Returns
+    -------
+    float
+    """
+    sites, dim = len(u), max(bonds.dim, 1)
+    total, stiffness = np.zeros((2, sites))
+    for one in applied:
+        law, at = one.law, one.places
+        if law.law is not None:
+            stiffness[at] += np.abs(one.stored(2, u))
+        if not (law.dissipates and len(at)):
+            continue
+        if law.on == SITE:
+            x = np.concatenate([y.reshape(sites, -1)[at].T for y in (u, v)])
+            x = np.concatenate([x, np.linalg.norm(x[dim:], axis=0)[None]])
+            ends: Any = [at]
+        else:
+            ends = _ends(bonds, at)
+            x = _relative(bonds, at, u, v)
+        slopes = np.abs(np.array(_slopes(law)(t, x, one.values)))
+        slopes = slopes.reshape(len(law.state), -1, len(at))[-len(law.rates) :]
+        if law.on == SITE:  # a sum of components is at most sqrt(dim) of their norm
+            slopes[-1] *= np.sqrt(dim)
+        elif len(law.expressions) > 1:  # a force across the slip turns with it
+            force = np.abs(np.array(law.function()(t, x, one.values))[1])
+            slip = np.where(x[2] > 0, x[2], np.inf)
+            slopes[-1, 1] = np.maximum(slopes[-1, 1], force / slip)
+        rate = slopes.sum(axis=0).max(axis=0) if law.on == SITE else slopes.sum(axis=(0, 1))
+        for end in ends:
+            free = end < sites
+            np.add.at(total, end[free], rate[free] * len(ends))
+    weights = np.asarray(bonds.inverse_mass)[:sites]
+    frequency = np.sqrt(np.max(stiffness * weights, initial=0.0))
+    return float(np.max(total * weights, initial=0.0) + frequency)
+
+
+def _ends(bonds: Bonds, at: Indices) -> tuple[Indices, Indices]:
+    """Rows that bonds join; walls follow the sites."""
+    of = bonds.contacts
+    return (at, at + 1) if of is None else (of.first[at], of.second[at])
+
+
+def _relative(bonds: Bonds, at: Indices, u: Array, v: Array) -> Array:
+    """Elongations of some bonds, their rates, and their slip; (3, bonds)."""
+    first, second = _ends(bonds, at)
+    if bonds.contacts is None:
+        u, v = u.ravel(), v.ravel()
+        r = u[second] - u[first]
+        return np.stack([r, v[second] - v[first], np.zeros(len(at))])
+    wall = first >= len(u)
+    ends = np.where(wall, 0, first)
+    w, speed = (x[second] - np.where(wall[:, None], 0.0, x[ends]) for x in (u, v))
+    of, found = bonds.contacts.geometry_of(at), np.zeros((3, len(at)))
+    for kind, chosen in enumerate((~wall, wall)):
+        if chosen.any():
+            r, along = functions(bonds.dim)[KINDS[kind]](
+                of[:-2, chosen], w[chosen].T, of[-2:-1, chosen], of[-1:, chosen]
+            )
+            rate = np.sum(np.array(along).T * speed[chosen], axis=1)
+            across = speed[chosen] - rate[:, None] * np.array(along).T
+            found[:, chosen] = np.array(r)[0], rate, np.linalg.norm(across, axis=1)
+    return found
