@@ -257,7 +257,7 @@ def test_a_path_is_written_and_drawn(tmp_path):
 
 
 WRONG = [
-    (Chain(PRISM, 2, damping=Damping(ground=0.1)), {}, "no drive with a period"),
+    (Chain(PRISM, 2, damping=Damping(ground=0.1)), {}, "no periodic drive"),
     (shaken(PRISM, 0.1, 0.1, 2.0), {"energy": 1.0}, "energy of a driven orbit"),
     (shaken(PRISM, 0.1, 0.1, 2.0), {"period": 1.5 * math.pi}, "must be a whole multiple"),
     (shaken(PRISM, 0.1, 0.1, 2.0, drive={1: Drive(force=T)}), {}, "has no period"),
