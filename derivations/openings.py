@@ -196,9 +196,5 @@ def argument() -> list[Step]:
              "kicks of the same step. With corrections the error decreases with the power", left()),
         Step("if the order of the method is higher. A contact that lasts for less than a step but "
              "across the end of one retains an error of order 2 n + 1. Steps that depend on the "
-             "signs of overlaps are not time-reversible."),
-        Step("The same holds for the force of a contact that dissipates, which begins with a power "
-             "of tau from 0 to 1 and with a strength that depends on v. Its J at the onset, of the "
-             "kicks of a Runge-Kutta method, raises the order from n + 1 to 2, which is also that "
-             "of the kink where such a force ends."),
+             "signs of overlaps are not time-reversible. For n < 1 (losses) order 2 is left."),
     ]  # fmt: skip

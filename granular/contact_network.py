@@ -79,7 +79,19 @@ class ChainContacts:
         return [s for s in (site - 1, site, site + 1) if 0 <= s < self.scene.sites]
 
     def sensed(self, u: Array, v: Array, sites: Sequence[int]) -> Array:
-        """Forces across the middle planes of beads [N], (..., sites); see `sensor_force`."""
+        """Forces across the middle planes of beads; see `sensor_force`.
+
+        Parameters
+        ----------
+        u, v : ndarray, (..., *shape of the scene)
+            [m], [m/s]
+        sites : sequence of int
+
+        Returns
+        -------
+        ndarray, (..., sites)
+            [N]
+        """
         forces = self.scene.contact_forces(u, v)
         return np.stack([forces[..., self.of_site(s)].sum(axis=-1) / 2 for s in sites], axis=-1)
 
@@ -164,7 +176,19 @@ class AssemblyContacts:
         return sorted({site, *bonds[(bonds == site).any(axis=1)].ravel().tolist()})
 
     def sensed(self, u: Array, v: Array, sites: Sequence[int]) -> Array:
-        """Forces across the middle planes of beads [N], (..., sites); see `sensor_force`."""
+        """Forces across the middle planes of beads; see `sensor_force`.
+
+        Parameters
+        ----------
+        u, v : ndarray, (..., *shape of the scene)
+            [m], [m/s]
+        sites : sequence of int
+
+        Returns
+        -------
+        ndarray, (..., sites)
+            [N]
+        """
 
         def forces(scene: Any, rows: Array, rates: Array) -> Array:
             of, load = AssemblyContacts(scene), scene.contact_forces(rows, rates)
