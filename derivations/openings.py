@@ -196,5 +196,5 @@ def argument() -> list[Step]:
              "kicks of the same step. With corrections the error decreases with the power", left()),
         Step("if the order of the method is higher. A contact that lasts for less than a step but "
              "across the end of one retains an error of order 2 n + 1. Steps that depend on the "
-             "signs of overlaps are not time-reversible."),
+             "signs of overlaps are not time-reversible. For n < 1 (losses) order 2 is left."),
     ]  # fmt: skip

@@ -7,7 +7,7 @@ listed by the scene or, if contacts may form and break, near given displacements
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -78,9 +78,22 @@ class ChainContacts:
         """Sites on which the contacts of a site depend."""
         return [s for s in (site - 1, site, site + 1) if 0 <= s < self.scene.sites]
 
-    def cosines(self, u: Array, site: int) -> Array:
-        """Component of each contact's direction along the bead's displacement: all of it."""
-        return np.ones(len(self.of_site(site)))
+    def sensed(self, u: Array, v: Array, sites: Sequence[int]) -> Array:
+        """Forces across the middle planes of beads; see `sensor_force`.
+
+        Parameters
+        ----------
+        u, v : ndarray, (..., *shape of the scene)
+            [m], [m/s]
+        sites : sequence of int
+
+        Returns
+        -------
+        ndarray, (..., sites)
+            [N]
+        """
+        forces = self.scene.contact_forces(u, v)
+        return np.stack([forces[..., self.of_site(s)].sum(axis=-1) / 2 for s in sites], axis=-1)
 
     def bead_energies(self, u: Array, v: Array) -> Array:
         """Energy of each site [J], without the contacts with walls; (..., sites)."""
@@ -156,9 +169,33 @@ class AssemblyContacts:
         return np.flatnonzero(np.isin(self.scene.bonds, list(sites)).all(axis=1)).tolist()
 
     def neighbours(self, site: int) -> list[int]:
-        """Sites on which the contacts of a bead depend."""
+        """Sites on which the contacts of a bead depend: all where contacts come."""
         bonds = self.scene.bonds
+        if dynamics(self.scene).follows:
+            return list(range(self.scene.sites))
         return sorted({site, *bonds[(bonds == site).any(axis=1)].ravel().tolist()})
+
+    def sensed(self, u: Array, v: Array, sites: Sequence[int]) -> Array:
+        """Forces across the middle planes of beads; see `sensor_force`.
+
+        Parameters
+        ----------
+        u, v : ndarray, (..., *shape of the scene)
+            [m], [m/s]
+        sites : sequence of int
+
+        Returns
+        -------
+        ndarray, (..., sites)
+            [N]
+        """
+
+        def forces(scene: Any, rows: Array, rates: Array) -> Array:
+            of, load = AssemblyContacts(scene), scene.contact_forces(rows, rates)
+            parts = [load[..., of.of_site(s)] * of.cosines(rows, s) for s in sites]
+            return np.stack([one.sum(axis=-1) / 2 for one in parts], axis=-1)
+
+        return self._each(u, forces, v)
 
     def cosines(self, u: Array, site: int) -> Array:
         """|n . k| of each contact of a bead, k along its displacement; (..., contacts).

@@ -74,16 +74,9 @@ def sensor_force(run: Run, part: str | Sequence[int], number: int | None = None)
 
 def _sensed(run: Run, sites: Sequence[int]) -> Array:
     """Sensor forces of beads by their sites, (T, sites) [N]."""
-    scene = crystal_of(run)
-    contacts = contacts_of(scene)
+    contacts = contacts_of(crystal_of(run))
     near = sorted({k for site in sites for k in contacts.neighbours(site)})
-    u = rows(run, near)
-    forces = scene.contact_forces(u, rows(run, near, "v"))
-    columns = [
-        (forces[:, contacts.of_site(site)] * contacts.cosines(u, site)).sum(axis=-1) / 2
-        for site in sites
-    ]
-    return np.stack(columns, axis=1)
+    return contacts.sensed(rows(run, near), rows(run, near, "v"), sites)
 
 
 def wall_force(run: Run, name: str, each: bool = False) -> Array:

@@ -15,6 +15,7 @@ from granular import (
     kuwabara_kono,
     pack,
     power,
+    sensor_force,
     simulate,
     viscous,
     wall_force,
@@ -115,6 +116,32 @@ def _at_walls(run):
     place = (scene.positions + run.u)[:, sites] - points[walls]
     gap, rate = (np.einsum("tsk,sk->ts", x, normals[walls]) for x in (place, run.v[:, sites]))
     return gap - D / 2, rate
+
+
+@pytest.mark.parametrize("name", [None, "viscous"])
+def test_sensors_read_contacts_that_come_and_go(name):
+    """Eq. (5) of the paper written out, with all pairs and walls."""
+    law = LAWS[name] if name else power(2e9, 1.5)
+    scene, state = loose(3, 1, walls={key: (w, STEEL) for key, w in SIDES.items()}, law=law)
+    run = simulate(scene, state, 5e-4, dt=5e-7, method="rk8", record=Record(every=20))
+    found = sensor_force(run, range(9))
+    for number in (0, 4, 8):
+        for row in range(len(run.t)):
+            place, v = scene.places + run.u[row], run.v[row]
+            k = run.u[row, number] / (np.linalg.norm(run.u[row, number]) or 1.0)
+            ends = [(place[j] - place[number], v[j] - v[number], D, BEAD)
+                    for j in range(9) if j != number]  # fmt: skip
+            ends += [((w.point - place[number]) @ w.normal * w.normal, -v[number], D / 2, STEEL)
+                     for w in SIDES.values()]  # fmt: skip
+            total = 0.0
+            for apart, speed, touch, other in ends:
+                n = apart / np.linalg.norm(apart)
+                d, rate = touch - np.linalg.norm(apart), -(n @ speed)
+                if d > 0:
+                    force = law(BEAD, other).constant * d**1.5 + (2.0 * rate if name else 0.0)
+                    total += max(force, 0.0) * abs(n @ k) / 2
+            assert found[row, number] == pytest.approx(total, rel=1e-6, abs=1e-9 * found.max())
+    assert found.max() > 10.0
 
 
 @pytest.mark.parametrize("name", LAWS)

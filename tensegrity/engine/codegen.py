@@ -86,7 +86,22 @@ def _forces(forces):
     if not forces:
         return {}, [], []
     rows = [(k, *one.macro) for k, one in enumerate(forces)]
-    return {"FORCES": rows}, [_force(k, one) for k, one in enumerate(forces)], ["forced.c"]
+    hooks = [_force(k, one) for k, one in enumerate(forces)]
+    hooks += [_onset(k, one) for k, one in enumerate(forces) if one.onset is not None]
+    return {"FORCES": rows}, hooks, ["forced.c"]
+
+
+def _onset(number, force):
+    """How a force begins where a contact closes, and the C that calls it."""
+    import casadi as ca
+
+    unique, function = f"begin{number}", force.onset.function(force.parameters)
+    sx = function.sx_in()
+    return ca.Function(unique, sx, [function(*sx)]), (
+        f"static inline real onset_{number}(real q, const real *p) {{ real y; "
+        f"const real *arg[] = {{&q, p}}; real *res[] = {{&y}}; {unique}(arg, res, 0, 0, 0); "
+        "return y; }"
+    )
 
 
 def _force(number, force):
@@ -95,9 +110,11 @@ def _force(number, force):
 
     unique, function = f"force{number}", force.function()
     sx = function.sx_in()
+    none = f"static inline real onset_{number}(real q, const real *p) {{ return 0; }}"
     return ca.Function(unique, sx, [function(*sx)]), (
         f"static inline void force_{number}(real t, const real *x, const real *p, real *y) {{ "
-        f"const real *arg[] = {{&t, x, p}}; real *res[] = {{y}}; {unique}(arg, res, 0, 0, 0); }}"
+        f"const real *arg[] = {{&t, x, p}}; real *res[] = {{y}}; {unique}(arg, res, 0, 0, 0); }}\n"
+        f"{none if force.onset is None else ''}"
     )
 
 

@@ -236,10 +236,11 @@ class BoundDriven(Bound):
     output_sums: Any
 
     def __init__(
-        self, loop: Any, forcing: Forcing, u: Array, v: Array, method: Any, dt: float
-    ) -> None:
+        self, loop: Any, forcing: Forcing, u: Array, v: Array, method: Any, dt: float,
+        corrects: bool,
+    ) -> None:  # fmt: skip
         splits = isinstance(method, Splitting)
-        self._forcing = forcing
+        self._forcing, self._corrects = forcing, corrects
         self.schedule: Any = (Schedule if splits else forced.Stages)(forcing, method, dt)
         self.sums = np.array([0.0, 0.0, np.inf, -np.inf])
         self.output_sums = self.sums.copy() if splits else self.sums
@@ -248,7 +249,7 @@ class BoundDriven(Bound):
     def _steps(self, method: Any) -> Any:
         forcing, schedule, loop = self._forcing, self.schedule, self._loop
         if not isinstance(method, Splitting):
-            self._timed_fields = forced.fields(forcing, self.sums)
+            self._timed_fields = forced.fields(forcing, self.sums, self._corrects)
             kind, steps = super()._steps(method)
             steps.fill(forcing=self._timed_fields)
             return kind, steps
@@ -357,7 +358,9 @@ class BoundDriven(Bound):
         return super().range if self._forcing.tuning is None else self.sums[2:][None].copy()
 
 
-def bind(forcing: Forcing, u: Array, v: Array, method: Any, dt: float) -> BoundDriven:
+def bind(
+    forcing: Forcing, u: Array, v: Array, method: Any, dt: float, corrects: bool = False
+) -> BoundDriven:
     """Prepare a loop that advances rows `u` and `v` of a driven scene in place.
 
     Parameters
@@ -369,6 +372,8 @@ def bind(forcing: Forcing, u: Array, v: Array, method: Any, dt: float) -> BoundD
         The latter, with rows for rates, takes further forces, and no dashpots or changing springs.
     dt : float
         Step [s].
+    corrects : bool, optional
+        Whether steps are corrected where contacts close, which their adjoint does not know.
 
     Returns
     -------
@@ -379,4 +384,5 @@ def bind(forcing: Forcing, u: Array, v: Array, method: Any, dt: float) -> BoundD
     if forcing.tuning is not None:
         laws, own = (laws[0], Change(laws[0], forcing.tuning.moving)), (None, None)
     forces = tuple(one.law for one in forcing.applied)
-    return BoundDriven(compiled(laws, own, bonds.dim, 1, forces), forcing, u, v, method, dt)
+    loop = compiled(laws, own, bonds.dim, 1, forces)
+    return BoundDriven(loop, forcing, u, v, method, dt, corrects)

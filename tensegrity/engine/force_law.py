@@ -6,6 +6,7 @@ Also bounds on the rates at which they change velocities, which limit the step.
 from __future__ import annotations
 
 import hashlib
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +27,39 @@ if TYPE_CHECKING:
 
 SITE, BOND = "SITE", "BOND"  # as in forced.c
 WORKS, LOSES, STORES = range(3)  # what becomes of the work of a force; as in forced.c
+
+
+@dataclass(frozen=True)
+class Onset:
+    """The force of a contact that closes: strength (its rate times the time since)^power.
+
+    Attributes
+    ----------
+    place : sympy.Expr
+        The elongation where it closes.
+    strength : sympy.Expr
+        Of `rate` and the parameters, for the tension.
+    rate : sympy.Symbol
+        Of the overlap.
+    power : float
+        At least 0, below 1.
+    rest : sympy.Expr
+        The force of a closed contact.
+    """
+
+    place: sp.Expr
+    strength: sp.Expr
+    rate: sp.Symbol
+    power: float
+    rest: sp.Expr
+
+    def function(self, parameters: tuple[sp.Symbol, ...]) -> Any:
+        """CasADi function (rate, parameters) -> strength."""
+        import casadi as ca
+
+        q, p = ca.SX.sym("q"), ca.SX.sym("p", len(parameters))
+        made = to_casadi(self.strength, (self.rate, *parameters))(q, *ca.vertsplit(p))
+        return ca.Function("onset", [q, p], [ca.densify(ca.SX(made))])
 
 
 @dataclass(frozen=True)
@@ -67,8 +101,14 @@ class ForceLaw:
 
     @property
     def continuity(self) -> float:
-        """See `law.continuity`."""
-        return min(map(continuity, self.expressions))
+        """See `law.continuity`; of what the steps do not correct at the onset of contacts."""
+        left = self.expressions if self.onset is None else (self.onset.rest,)
+        return min(1.0 if self.onset else math.inf, *map(continuity, left))
+
+    @property
+    def onset(self) -> Onset | None:
+        """How the force begins where a contact closes, if it is not smooth there."""
+        return _onset(self)
 
     @property
     def name(self) -> str:
@@ -79,7 +119,8 @@ class ForceLaw:
     def macro(self) -> tuple[Any, ...]:
         """What the list FORCES of `forced.c` has of a force besides its number."""
         kind = LOSES if self.dissipates else WORKS if self.law is None else STORES
-        return len(self.parameters), len(self.expressions), self.on, kind
+        begins = int(self.onset is not None)
+        return len(self.parameters), len(self.expressions), self.on, kind, begins
 
     def function(self) -> Any:
         """CasADi function (t, state, parameters) -> components of the force."""
@@ -153,6 +194,31 @@ def _norm(x: Any) -> Any:
 
 
 @once
+def _onset(law: ForceLaw) -> Onset | None:
+    """See `ForceLaw.onset`: of a force along a bond of one overlap, Max(place - r, 0)."""
+    import sympy as sp
+
+    if law.on == SITE or len(law.expressions) > 1:
+        return None
+    (tension,), (r, rate, _), known = law.expressions, law.state, {law.state[0], *law.parameters}
+    gaps = {x for one in tension.atoms(sp.Max) for x in one.args
+            if x.free_symbols <= known and x.diff(r) == -1}  # fmt: skip
+    if len(gaps) != 1:
+        return None
+    (gap,) = gaps
+    d, q, back = sp.Symbol("d", positive=True), sp.Symbol("q", positive=True), {}
+    closed = tension.subs(sp.Max(gap, 0), d).subs(r, gap + r - d)
+    positive = {one: sp.Symbol(one.name, positive=True) for one in law.parameters}
+    back = {new: old for old, new in positive.items()}
+    first = closed.subs(rate, -q).xreplace(positive).as_leading_term(d)
+    strength, power = first.as_coeff_exponent(d)
+    if strength.has(d, sp.Max, sp.Piecewise) or not (power.is_number and 0 <= power < 1):
+        return None
+    place = gap + r
+    return Onset(sp.expand(place), strength.xreplace(back), q, float(power), closed)
+
+
+@once
 def _slopes(law: ForceLaw) -> Any:
     return law.slopes()
 
@@ -182,6 +248,18 @@ class AppliedForce:
     law: ForceLaw
     places: Indices
     values: Array
+
+    @property
+    def onsets(self) -> Array:
+        """Elongations where contacts close, whose forces begin in a way to correct; (places,)."""
+        import casadi as ca
+
+        if self.law.onset is None:
+            return np.full(len(self.places), np.nan)
+        p = ca.SX.sym("p", len(self.values))
+        place = to_casadi(self.law.onset.place, self.law.parameters)(*ca.vertsplit(p))
+        found = np.array(ca.Function("place", [p], [ca.densify(ca.SX(place))])(self.values))
+        return np.broadcast_to(found.ravel(), len(self.places)).copy()
 
     def stored(self, order: int, u: Array) -> Array:
         """Energies [J] of on-site springs, or derivatives of a given order, at displacements u

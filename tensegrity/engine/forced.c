@@ -22,7 +22,11 @@ typedef struct {
     const integer *moved, *pulled;   /* entries of u */
     real *sums;                      /* work of drives and forces, loss */
     real *given;                     /* scratch: results on all sites, or of all bonds */
-    integer moving, pulling, stage, step, entries;
+    const real *onset;               /* (places) elongation where a contact closes, else NaN */
+    const real *alpha, *zeta;        /* (forces), (forces, degree + 1) power of the overlap with
+                                        which the force then begins, and Hurwitz' zeta function */
+    real *before;                    /* (places, 2) elongations and rates before the step */
+    integer moving, pulling, stage, step, entries, places, degree;
 } forcing;
 
 #ifdef DIM
@@ -149,8 +153,97 @@ static real power_of_forces(integer n, const real *restrict f, const real *restr
     }
 #endif
 
-#define DEFINE(k, count, results, on, becomes) on##_FORCE(k, count, results)
+#define DEFINE(k, count, results, on, becomes, begins) on##_FORCE(k, count, results)
 FORCES(DEFINE)
+
+#define COUNTED(k, count, results, on, becomes, begins) + count
+enum { MOST_NUMBERS = 1 FORCES(COUNTED) };
+
+/* Elongation and rate of place e, and the direction of its bond; where the rows of its ends begin. */
+static void place_of(const scene *c, const forcing *d, integer e, integer *ends, real *along, real *x)
+{
+#ifdef DIM
+    const real *geometry = d->geometry + (DIM + 2) * e;
+    ends[0] = d->ends[2 * e], ends[1] = d->ends[2 * e + 1];
+    const integer wall = ends[0] >= c->sites * DIM;
+    real w[DIM];
+    AXES(j) w[j] = c->u[ends[1] + j] - (wall ? 0 : c->u[ends[0] + j]);
+    if (wall) wall_contact(geometry, w, geometry[DIM], geometry[DIM + 1], x, along);
+    else pair_contact(geometry, w, geometry[DIM], geometry[DIM + 1], x, along);
+    x[1] = 0;
+    AXES(j) x[1] += along[j] * (c->v[ends[1] + j] - (wall ? 0 : c->v[ends[0] + j]));
+#else
+    ends[0] = d->place[e], ends[1] = ends[0] + 1, *along = 1;
+    x[0] = c->u[ends[1]] - c->u[ends[0]], x[1] = c->v[ends[1]] - c->v[ends[0]];
+#endif
+}
+
+/* The impulse over dt that steps of a rule lack of the force of contact e, which begins at x of
+   the step with the overlap's rate q: `derivations.openings`. */
+static real lacking(const forcing *d, integer e, real x, real q, real dt, integer stages,
+                    const real *nodes, const real *weights, int *becomes)
+{
+    real strength = 0, alpha = 0, sum = 0, p[MOST_NUMBERS];
+    const real *zeta = 0;
+#define BEGINS(k, count, results, on, to, begins)                                              \
+    if (begins && e >= d->first[k] && e < d->first[k + 1]) {                                   \
+        const integer n = d->first[k + 1] - d->first[k], i = e - d->first[k];                  \
+        for (int m = 0; m < count; m++) p[m] = d->parameters[d->begin[k] + m * n + i];         \
+        strength = onset_##k(q, p), alpha = d->alpha[k];                                       \
+        zeta = d->zeta + k * (d->degree + 1), *becomes = to;                                   \
+    }
+    FORCES(BEGINS)
+    if (!zeta) return 0;
+    for (integer s = 0; s < stages; s++) {
+        const real node = nodes[s] / dt, far = (node > 1 ? 1 : node) - x; /* 1 but for round-off */
+        const real share = far + 1 - ceil(far), t = 2 * share - 1;
+        real value = 0;
+        for (integer m = d->degree; m >= 0; m--) value = value * t + zeta[m];
+        sum += weights[s] / dt * (value + pow(share, alpha));
+    }
+    return -strength * pow(q * dt, alpha) * sum;
+}
+
+static void note_elongations(const scene *c, const forcing *d)
+{
+    integer ends[2];
+    real along[COORDINATES];
+    for (integer e = 0; e < d->places; e++)
+        if (d->onset[e] == d->onset[e]) place_of(c, d, e, ends, along, d->before + 2 * e);
+}
+
+/* Add what the rule lacks of the forces of contacts that closed in a step; the largest change of a
+   displacement. */
+static real add_lacking(const scene *c, const forcing *d, real dt, integer stages,
+                        const real *nodes, const real *weights)
+{
+    real largest = 0;
+    for (integer e = 0; e < d->places; e++) {
+        if (d->onset[e] != d->onset[e]) continue;
+        real along[COORDINATES], x[3], *before = d->before + 2 * e;
+        integer ends[2];
+        place_of(c, d, e, ends, along, x);
+        const real w0 = d->onset[e] - before[0], w1 = d->onset[e] - x[0];
+        const real d0 = -dt * before[1], d1 = -dt * x[1];
+        before[0] = x[0], before[1] = x[1];
+        if (!(w0 <= 0 && w1 > 0)) continue;
+        const real path[4] = {w0, d0, 3 * (w1 - w0) - 2 * d0 - d1, 2 * (w0 - w1) + d0 + d1};
+        const real at = root_between(path, 0, 1), q = incline(path, at) / dt;
+        if (!(q > 0)) continue;
+        int becomes = 0;
+        const real pull = dt * lacking(d, e, at, q, dt, stages, nodes, weights, &becomes);
+        for (integer end = 0; end < 2; end++)
+            for (integer j = 0; j < COORDINATES; j++) {
+                const integer row = ends[end] + j;
+                const real change = (end ? -pull : pull) * c->w[row] * along[j];
+                c->v[row] += change, c->u[row] += (1 - at) * dt * change;
+                if (row < d->entries) largest = larger(largest, fabs((1 - at) * dt * change));
+            }
+        d->sums[becomes == 1] += becomes == 1 ? -pull * q : becomes == 0 ? pull * q : 0;
+        place_of(c, d, e, ends, along, before);
+    }
+    return largest;
+}
 
 /* Displacements and velocities of prescribed sites in a stage. */
 static void prescribe(const forcing *d, real *u, real *v)
@@ -175,7 +268,7 @@ static void add_forces(const scene *c, forcing *d, const real *u, const real *v,
         a[q] += c->w[q] * d->pull[at];
         work -= d->pull_rate[at] * u[q]; /* the rest of their work is added outside */
     }
-#define APPLY(k, count, results, on, becomes)                                                    \
+#define APPLY(k, count, results, on, becomes, begins)                                                 \
     {                                                                                          \
         const real power = apply_##k(c, d, t, u, v, a);                                        \
         if (becomes == 1) d->sums[1] -= part * power;                                           \

@@ -18,6 +18,7 @@ from tensegrity.engine.force_law import BOND, SITE, AppliedForce, ForceLaw
 from tensegrity.engine.forces import connectivity
 from tensegrity.engine.law import named
 from tensegrity.engine.native import structure
+from tensegrity.engine.openings import DEGREE, zeta_powers
 from tensegrity.once import once
 
 if TYPE_CHECKING:
@@ -211,7 +212,7 @@ class Stages:
         return {name: np.ascontiguousarray(rows, dtype=float) for name, rows in found.items()}
 
 
-def fields(forcing: Any, sums: Array) -> Any:
+def fields(forcing: Any, sums: Array, corrects: bool) -> Any:
     """The structure `forcing` of `forced.c`, without what depends on time.
 
     Parameters
@@ -219,6 +220,8 @@ def fields(forcing: Any, sums: Array) -> Any:
     forcing : Forcing
     sums : ndarray, (2,) or more
         Receives work and loss [J].
+    corrects : bool
+        Whether steps are corrected where contacts close.
 
     Returns
     -------
@@ -241,6 +244,14 @@ def fields(forcing: Any, sums: Array) -> Any:
         "given": np.zeros(max((n * len(one.law.expressions) for n, one in
                                zip(counts, applied, strict=True)), default=0)),
     }  # fmt: skip
+    powers = [one.law.onset.power if one.law.onset else 0.0 for one in applied]
+    onsets = [one.onsets if corrects else np.full(len(one.places), np.nan) for one in applied]
+    arrays |= {
+        "onset": np.concatenate([np.zeros(0), *onsets]),
+        "alpha": np.array(powers),
+        "zeta": np.array([zeta_powers(-x) for x in powers]),
+        "before": np.zeros(2 * sum(counts)),
+    }
     if of is not None:
         bonds = [np.where(one.law.on == BOND, one.places, 0) for one in applied]
         at = np.concatenate([np.zeros(0, dtype=int), *bonds])
@@ -250,6 +261,7 @@ def fields(forcing: Any, sums: Array) -> Any:
             arrays["geometry"] = of.geometry_of(at).T
         arrays["ends"] = ends.astype(np.int64)
     numbers = {"moving": len(forcing.moved), "pulling": len(forcing.forced), "stage": 0, "step": 0}
-    numbers["entries"] = len(forcing.mass)
+    numbers |= {"entries": len(forcing.mass), "degree": DEGREE}
+    numbers["places"] = sum(counts) if any(np.isfinite(x).any() for x in onsets) else 0
     arrays = {name: np.ascontiguousarray(x) for name, x in arrays.items()}
     return FORCING(**dict.fromkeys(FORCING.kinds) | arrays | numbers | {"sums": sums})

@@ -17,34 +17,9 @@
              start += n, n = row + some - start < SCAN ? row + some - start : SCAN)
 
 #define ABREAST 16 /* kicks summed in SIMD registers */
-#define LAST_STEP 1e-9
 #define NEAR 1.0
 #define SERIES 24
 #define ROUNDS 4
-
-static real cubic(const real *p, real x) { return p[0] + x * (p[1] + x * (p[2] + x * p[3])); }
-static real incline(const real *p, real x) { return p[1] + x * (2 * p[2] + x * 3 * p[3]); }
-
-/* The root of a cubic between two places with different signs: Newton's method from the root of the
-   chord; a last step below LAST_STEP leaves an error of its square. */
-static real root_between(const real *p, real low, real high)
-{
-    const real first = cubic(p, low), last = cubic(p, high);
-    const int below = first > 0;
-    real x = low + (high - low) * (first / (first - last));
-    if (!(x > low && x < high)) x = (low + high) / 2;
-    for (int k = 0; k < 60; k++) {
-        const real y = cubic(p, x), rate = incline(p, x);
-        if ((y > 0) == below) low = x;
-        else high = x;
-        const real next = rate != 0 ? x - y / rate : low;
-        const int inside = next >= low && next <= high;
-        if (inside && fabs(next - x) <= LAST_STEP) return next;
-        x = inside && next != low && next != high ? next : (low + high) / 2;
-        if (high - low <= 1e-16) break;
-    }
-    return x;
-}
 
 /* x^exponent of x >= 0; the slope of Hertz's law, the most frequent one, is a square root. */
 static inline real raised(real x, real exponent)

@@ -38,18 +38,21 @@ def hurwitz(s, q):
 
 
 @once
+def zeta_powers(s):
+    """Coefficients in t = 2 q - 1 of zeta(s, 1 + q), (DEGREE + 1,)."""
+    from numpy.polynomial import chebyshev
+
+    t, found = chebyshev.chebpts1(DEGREE + 8), np.zeros(DEGREE + 1)
+    powers = chebyshev.cheb2poly(chebyshev.chebfit(t, hurwitz(s, 1 + (1 + t) / 2), DEGREE))
+    found[: len(powers)] = powers  # NumPy drops highest coefficients that are 0
+    return found
+
+
+@once
 def zetas(exponent):
     """Coefficients in t = 2 q - 1 of zeta(s, 1 + q), for s = -exponent, -exponent - 1 and
     1 - exponent; (3, DEGREE + 1).  The first term of zeta(s, q), q^-s, is added by the loop."""
-    from numpy.polynomial import chebyshev
-
-    t = chebyshev.chebpts1(DEGREE + 8)
-    orders = -exponent, -exponent - 1, 1 - exponent
-    found = np.zeros((len(orders), DEGREE + 1))
-    for row, s in zip(found, orders, strict=True):  # NumPy drops highest coefficients that are 0
-        powers = chebyshev.cheb2poly(chebyshev.chebfit(t, hurwitz(s, 1 + (1 + t) / 2), DEGREE))
-        row[: len(powers)] = powers
-    return found
+    return np.array([zeta_powers(s) for s in (-exponent, -exponent - 1, 1 - exponent)])
 
 
 def beta(exponent):

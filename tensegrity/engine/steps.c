@@ -69,6 +69,9 @@ integer advance_nystrom(const scene *c, const nystrom *t, integer steps, integer
     const integer n = t->count;
     const real dt = *t->dt;
     real *restrict u = c->u, *restrict v = c->v, *restrict place = t->place;
+#ifdef FORCES
+    note_elongations(c, t->forcing);
+#endif
     for (integer k = 0; k < steps; k++) {
         for (integer s = 0; s < t->stages; s++) {
             const real node = t->nodes[s];
@@ -96,6 +99,7 @@ integer advance_nystrom(const scene *c, const nystrom *t, integer steps, integer
             EACH(n) v[i] += b * slope[i];
         }
 #ifdef FORCES
+        *t->travel += add_lacking(c, t->forcing, dt, t->stages, t->nodes, t->velocities);
         *t->travel += end_step(t->forcing, u, v);
 #endif
     }

@@ -21,6 +21,7 @@ import numpy as np
 from tensegrity import check
 from tensegrity.engine import methods, native, threaded
 from tensegrity.engine.codegen import depends_on
+from tensegrity.engine.driven import bind as bind_driven
 from tensegrity.engine.reverse import Layout, OnGrid, OutputCotangents
 from tensegrity.errors import TensegrityError
 from tensegrity.gradients import result
@@ -283,7 +284,7 @@ def _of_scene(task: _Task, scene: Any, state: Any) -> list[Gradient]:
     every = task.checkpoints
     states = STATES if every is None else max(STATES, math.isqrt(steps // every + 1))
     state, grid = _on_grid(task, scene, state, dt) if task.exact else (state, None)
-    bind = None if grid is None else partial(OnGrid, layout, grid=grid)
+    bind = _bind(forced, layout, grid)
     record = Record(every=max(1, -(-steps // ROWS)))
     problem = Problem(scene, state, task.t_end, task.method, record, bind=bind)
     stride = max(1, -(-steps // states))
@@ -317,6 +318,14 @@ def _of_scene(task: _Task, scene: Any, state: Any) -> list[Gradient]:
         )
         for k, value in enumerate(values)
     ]  # fmt: skip
+
+
+def _bind(forced: Any, layout: Layout, grid: Any) -> Any:
+    """The loop of the run, if it is not that of every run: on a grid, or without the corrections at
+    the onset of contacts."""
+    if forced:
+        return bind_driven
+    return None if grid is None else partial(OnGrid, layout, grid=grid)
 
 
 def _cotangents(forced: Any, by_rows: Array, samples: Any, first: int) -> OutputCotangents:

@@ -105,7 +105,8 @@ class ForcedMotion(Motion):
                 bond=np.zeros(len(listed.scene.springs)),
                 applied=applied_forces(listed.scene, bool(self.forcing.applied)),
             )
-        return driven.bind(self.forcing, u, v, self.problem.method, self.dt)
+        corrects = self.problem.bind is None
+        return driven.bind(self.forcing, u, v, self.problem.method, self.dt, corrects)
 
     def release(self) -> None:
         """Nothing to return: the loop belongs to this run alone."""
@@ -267,7 +268,9 @@ class ForcedMotion(Motion):
         if impulse is not None:
             rows[1][walls] = impulse
         rows[1].reshape(-1)[self.forcing.moved] = 0.0
-        bound = driven.bind(self.forcing, rows[0], rows[1], self.problem.method, part)
+        bound = driven.bind(
+            self.forcing, rows[0], rows[1], self.problem.method, part, self.problem.bind is None
+        )
         bound.sums[:2] = sums - prescribed_sums[0]  # as the loop sums them
         bound.short(t)
         u[...], v[...] = rows[0][:sites], rows[1][:sites]

@@ -161,7 +161,8 @@ def attainable_order(problem, elongation_range):
     and of the drives.
 
     A force that grows like overlap^n from a kink limits the order to n + 1, or to n + 3 where the
-    method corrects it; one of velocity that changes like the power n of something, to n + 1.
+    method corrects it; one of velocity that changes like the power n of something, to n + 1, but
+    for the onset of contacts, which is corrected.
     """
     dyn = problem.dynamics
     driven = time_signals(problem.scene) if dyn.is_driven else ()
