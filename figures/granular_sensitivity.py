@@ -112,7 +112,6 @@ def table(tables):
 def draw(figure, tables):
     """All changes on one axis, a mark for each quantity."""
     figure.set_size_inches(9, 5.6)
-    figure.suptitle(__doc__.splitlines()[0].rstrip("."), fontsize=11)
     axes, cases = figure.subplots(), tables["cases"]
     names, rows = (*HALF, *FULL), np.arange(len(CASES) - 1)[::-1]
     for k, (name, mark) in enumerate(zip(names, MARKS, strict=True)):

@@ -64,7 +64,6 @@ def table(tables):
 def draw(figure, tables):
     """Energy densities, two scenes per row."""
     figure.set_size_inches(9, 9.5)
-    figure.suptitle(__doc__.splitlines()[0].rstrip("."), fontsize=11)
     axes = figure.subplots(3, 2)
     for one, name in zip(axes.ravel(), SCENES, strict=True):
         image = _beads.draw_density(one, tables[f"{name} density"], name, [BEFORE])

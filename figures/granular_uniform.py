@@ -158,7 +158,6 @@ def _long_wave_width():
 def draw(figure, tables):
     """Shape; speed against force; force and speed against momentum."""
     figure.set_size_inches(9, 3.9)
-    figure.suptitle(__doc__.splitlines()[0].rstrip("."), fontsize=11)
     shape_axes, *others = figure.subplots(1, 3)
     theory, shape = tables["theory"], tables["shape"]
     shape_axes.plot(theory["x [beads]"], theory["exact"], "C1")

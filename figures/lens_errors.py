@@ -1,4 +1,4 @@
-"""Acoustic lens: loss of peak pressure by errors of prestrain, and error of one-way coupling."""
+"""Errors of prestrain of 1 % cost the lens 2 % of its peak, and the fluid's reaction far less."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import functools
 import numpy as np
 
 from figures import _lens
+from figures._draw import name_curves
 from figures._lens import row
 from tensegrity import Chain, Prism
 
@@ -101,23 +102,19 @@ def table(tables):
 
 def draw(figure, tables):
     """Fractions for each error, change of the peak against the coupling."""
-    figure.set_size_inches(11, 4.5)
+    figure.set_size_inches(9, 4.2)
     a, b = figure.subplots(1, 2)
     for k, error in enumerate(ERRORS):
-        for kind, marker in (("of the lens", "o"), ("of its own", "x")):
-            found = tables["shares"][f"{error:g} {kind}"]
-            spread = k + (0.12 if marker == "x" else -0.12) + 0.0 * found
-            words = {"o": "peak over that of the lens", "x": "over the sum of single peaks"}
-            a.plot(spread, found, marker, color="C0" if marker == "o" else "C1", alpha=0.6,
-                   label=words[marker] if k == 0 else None)  # fmt: skip
+        found = tables["shares"][f"{error:g} of the lens"]
+        a.plot(k + np.linspace(-0.2, 0.2, len(found)), found, "C0o", ms=4)
     a.set_xticks(range(len(ERRORS)), [f"{100 * e:g} %" for e in ERRORS])
-    a.set(xlabel="standard deviation of the errors of prestrain", ylabel="fraction of the peak",
-          title=f"21 chains, {len(SEEDS)} seeds each")  # fmt: skip
-    a.legend(fontsize=8, loc="lower left")
+    a.set(xlabel="standard deviation of the errors of prestrain",
+          ylabel="peak over that of the exact lens", title=f"{len(SEEDS)} lenses each")  # fmt: skip
     coupling = tables["coupling"]
     number = coupling["rho c A/(m cs)"]
-    b.loglog(number, coupling["peak falls by"], "o-", label="peak of the end falls by")
-    b.loglog(number, number, "k:", lw=1, label="rho c A/(m cs)")
-    b.set(xlabel="rho c A/(m cs)", ylabel="relative change",
-          title="bound on the error of one-way coupling")  # fmt: skip
-    b.legend(fontsize=8)
+    b.loglog(number, coupling["peak falls by"], "o-", label="peak of\nthe end")
+    b.loglog(number, number, "k:", lw=1, label="slope 1")
+    b.set(xlabel=r"coupling number $\rho c A / (m c_s)$", ylabel="relative change by the fluid",
+          title="what one-way coupling leaves out")  # fmt: skip
+    b.set_xlim(right=3 * number.max())
+    name_curves(b)

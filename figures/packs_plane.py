@@ -108,7 +108,6 @@ def draw(figure, tables):
     from figures._draw import name_curves
 
     figure.set_size_inches(9, 6.4)
-    figure.suptitle(__doc__.splitlines()[0].rstrip("."), fontsize=11)
     (a, b), (c, d) = figure.subplots(2, 2)
     for name in HITS:
         t = tables[f"{name}_floor"]
