@@ -1,4 +1,4 @@
-"""No law of losses gives all five numbers that the paper measured"""
+"""No law of losses gives all five numbers that the paper measured."""
 
 from __future__ import annotations
 

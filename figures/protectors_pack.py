@@ -149,9 +149,9 @@ def draw(figure, tables):
 
     figure.set_size_inches(9, 4.8)
     left, right = figure.subplots(1, 2, width_ratios=(1, 1.3))
-    for name in SPACES:
+    for name, words in zip(SPACES, ("order of two", "choice of six"), strict=True):
         one = tables[f"history {name}"]
-        left.plot(one["designs"], one["least [N]"], label=name.partition(" of ")[0])
+        left.plot(one["designs"], one["least [N]"], label=words)
     known = dict(zip(*list(tables["peaks"].values())[:2], strict=True))
     for name in ("alternating rows", "random orders, median", "random orders, best"):
         left.axhline(known[name], color="0.3", ls=":", lw=1)
@@ -162,7 +162,9 @@ def draw(figure, tables):
     stage(right, tables, [COLOURS[name] for name in materials])
     used = [name for name in COLOURS if name in materials]
     handles = [Patch(facecolor=COLOURS[n], edgecolor="0.3", label=n) for n in used]
-    right.legend(handles=handles, ncols=3, fontsize=9, loc="upper center", bbox_to_anchor=(0.5, -0.2))
+    right.legend(
+        handles=handles, ncols=3, fontsize=9, loc="upper center", bbox_to_anchor=(0.5, -0.2)
+    )
 
 
 def animate(tables, path):

@@ -1,4 +1,4 @@
-"""With plates between its units a column of prisms carries the load of a single one
+"""With plates between its units a column of prisms carries the load of a single one.
 
 Units share their triangles, or stand on rigid plates guided along the column, each on triangles of
 its own; the top is free to tilt or rides on a guided plate.  With plates between its units a column

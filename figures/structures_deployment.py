@@ -1,4 +1,4 @@
-"""Shortening its cross strings raises a folded prism, except where its weight folds it
+"""Shortening its cross strings raises a folded prism, except where its weight folds it.
 
 Limits of the starting state.  Without load a prism is prestressed at one twist only, with
 s^2 = h^2 + 2 R^2 (1 - S): shorter cross strings then lower it, longer ones are slack, and the

@@ -1,4 +1,4 @@
-"""A fit recovers prestrain and base stiffness of a prism from a noisy load curve"""
+"""A fit recovers prestrain and base stiffness of a prism from a noisy load curve."""
 
 from __future__ import annotations
 

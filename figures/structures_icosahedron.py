@@ -1,4 +1,4 @@
-"""Where strings go slack, the stable branch of an icosahedron leaves the symmetric path"""
+"""Where strings go slack, the stable branch of an icosahedron leaves the symmetric path."""
 
 from __future__ import annotations
 

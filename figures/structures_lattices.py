@@ -1,4 +1,4 @@
-"""Prestress tunes lattices: their phases, their gaps, and their effective mass
+"""Prestress tunes lattices: their phases, their gaps, and their effective mass.
 
 The octahedra are those of `catalogue.octahedra`, their strings shortened at free lattice vectors,
 with bars that buckle at a given load.  The prisms alternate, one of a kind that stiffens under

@@ -1,4 +1,4 @@
-"""A gap stops waves in a lattice, and slack strings limit the force behind a blow
+"""A gap stops waves in a lattice, and slack strings limit the force behind a blow.
 
 Resonators in a frame are shaken along one edge: what is transmitted is held against the decay per
 cell of `decay`.  Octahedra of little prestress are struck on a face: strings slacken, and the force

@@ -1,4 +1,4 @@
-"""Softening units lower the peak of a blow the more of them there are, stiffening ones never"""
+"""Softening units lower the peak of a blow the more of them there are, stiffening ones never."""
 
 from __future__ import annotations
 

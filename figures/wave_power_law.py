@@ -1,4 +1,4 @@
-"""Stiffening power laws carry compression waves, softening ones rarefaction under preload"""
+"""Stiffening power laws carry compression waves, softening ones rarefaction under preload."""
 
 from __future__ import annotations
 

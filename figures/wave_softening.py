@@ -1,4 +1,4 @@
-"""A rarefaction wave leads where the end is held or pulled, never where a free end is pushed"""
+"""A rarefaction wave leads where the end is held or pulled, never where a free end is pushed."""
 
 from __future__ import annotations
 

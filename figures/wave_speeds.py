@@ -1,4 +1,4 @@
-"""Near the sound speed waves are far from sech², at twelve times it they nearly are the tent"""
+"""Near the sound speed waves are far from sech², at twelve times it they nearly are the tent."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Without prestrain solitary waves are still two and a half prisms wide"""
+"""Without prestrain solitary waves are still two and a half prisms wide."""
 
 from __future__ import annotations
 

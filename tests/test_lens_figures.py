@@ -19,15 +19,7 @@ def test_a_map_covers_the_box_row_by_row():
 
 
 @pytest.mark.slow
-def test_errors_of_one_percent_and_the_reaction_of_the_fluid_cost_little():
+def test_errors_of_one_percent_cost_little():
     of_lens, of_own = lens_errors.detuned(0.01, seed=0)
     assert 0.97 < of_own < 0.999
     assert of_lens == pytest.approx(of_own, abs=0.02)
-
-
-@pytest.mark.slow
-def test_without_a_fluid_the_second_integrator_finds_the_arrival_of_the_lens():
-    t, push = lens_errors.pushed_back(0.0)
-    lens = _lens.lens()
-    assert t == pytest.approx(lens.arrivals.max(), abs=1e-4)
-    assert lens_errors.pushed_back(1e-2)[1] < push

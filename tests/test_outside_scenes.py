@@ -214,21 +214,21 @@ def test_space_truss_snaps_back(path):
 
 
 def test_rows_of_the_space_truss_are_equilibria_of_the_energy(path):
-    stored, moves = energy(NODES, BARS, LOADS)
-    forces = sp.lambdify(moves, [sp.diff(stored, x) for x in moves], "numpy", cse=True)
+    stored, symbols = energy(NODES, BARS, LOADS)
+    derived = sp.lambdify(symbols, [sp.diff(stored, x) for x in symbols], "numpy", cse=True)
     *x, load = moves(path).T
-    for found, force in zip(forces(*x), LOADS.values(), strict=True):
+    for found, force in zip(derived(*x), LOADS.values(), strict=True):
         assert np.abs(found - load * force).max() < 1e-12
 
 
 def test_limit_points_agree_with_thirty_digits(path):
     """Gradient and Hessian by SymPy, the extended system by mpmath."""
-    stored, moves = energy(NODES, BARS, LOADS)
-    gradient = sp.Matrix([stored]).jacobian(moves)
+    stored, symbols = energy(NODES, BARS, LOADS)
+    gradient = sp.Matrix([stored]).jacobian(symbols)
     force = list(LOADS.values())
     total = float(np.linalg.norm(forces(), axis=1).sum())
     with mp.workdps(30):
-        evaluate = sp.lambdify(moves, (gradient, gradient.jacobian(moves)), "mpmath", cse=True)
+        evaluate = sp.lambdify(moves, (gradient, gradient.jacobian(symbols)), "mpmath", cse=True)
 
         def system(*x):
             g, h = evaluate(*x[:5])

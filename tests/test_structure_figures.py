@@ -9,7 +9,6 @@ from figures import (
     structures_chain,
     structures_columns,
     structures_deployment,
-    structures_gap,
     structures_lattices,
     structures_plates,
     structures_struck,
@@ -21,11 +20,9 @@ from tensegrity import (
     bands,
     catalogue,
     decay,
-    dispersion,
     equilibrium,
     equilibrium_path,
     held,
-    modes,
     plates,
 )
 
@@ -228,27 +225,3 @@ def test_the_wave_of_the_chain_decays_among_alternating_plates():
     assert shares[0] == pytest.approx(shares[1], abs=1e-5)
     assert 0.3 < shares[1][-1] < 0.7
     assert (np.diff(shares[1]) < 0).all()
-
-
-@pytest.mark.parametrize("name", structures_gap.EDGES)
-def test_edges_of_the_gap_rise_with_amplitude_as_quadrature_says(name):
-    moving = structures_gap.EDGES[name]
-    chain, shape = structures_gap.row(moving)
-    x, w, residual = structures_gap.followed(chain, shape, np.array([0.002, 0.008, 0.02]))
-    exact = structures_gap.by_quadrature(structures_gap.MASSES[moving], x)
-    assert w == pytest.approx(exact, rel=1e-8)
-    assert residual.max() < 1e-10
-    edge = dispersion(structures_gap.SPRING, structures_gap.MASSES, [np.pi])[0, 1 - moving]
-    assert w[0] == pytest.approx(edge, rel=2e-3)
-    assert w[2] > 1.02 * edge
-
-
-def test_the_vibration_of_a_defect_rises_with_the_square_of_a_small_amplitude():
-    chain, shape = structures_gap.with_defect()
-    x, w, _ = structures_gap.followed(chain, shape, np.array([0.002, 0.004]))
-    low, high = dispersion(structures_gap.SPRING, structures_gap.MASSES, [np.pi])[0]
-    assert low < w[0] < w[1] < high
-    start = modes(chain, count=chain.sites).frequencies
-    rest = start[np.abs(start - w[0]).argmin()]
-    rises = (w - rest) / x**2
-    assert rises[1] == pytest.approx(rises[0], rel=0.05)
