@@ -22,7 +22,7 @@ GROUP = "composite"
 
 CHANGED = ("peak", "k_bar near", "k_cross far", "preload")
 SIZES = (1e-6, 1e-3, 1e-2)  # relative changes, uniform up to these on both sides
-DRAWS, SEED = 14, 0
+DRAWS, DRAWN, SEED = 8, 14, 0  # followed, of so many random ones of each size
 QUANTITIES = ("reflected rarefactions", "reflected compressions", "transmitted rarefactions",
               "transmitted compressions")  # fmt: skip
 
@@ -33,8 +33,7 @@ def cases():
     named = dict(zip(NAMES, next(iter(FOUND.values())), strict=True))
     found = [(0.0, named)]
     for size in SIZES:
-        for _ in range(DRAWS):
-            factor = 1 + size * rng.uniform(-1, 1, len(CHANGED))
+        for factor in 1 + size * rng.uniform(-1, 1, (DRAWN, len(CHANGED)))[:DRAWS]:
             changed = {k: named[k] * f for k, f in zip(CHANGED, factor, strict=True)}
             found.append((size, {**named, **changed}))
     return found

@@ -13,8 +13,7 @@ TABLES = {
 }
 SOURCES = {"a": "1", "b": "2"}
 SELECTED = {"protectors_robust_data"}
-"""Where a search ends at one of several designs of nearly equal force: which one, the last digit of a
-processor decides."""
+"""A search that ends at one of several designs of nearly equal force, as a processor rounds."""
 
 
 def results():

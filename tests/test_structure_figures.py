@@ -205,21 +205,6 @@ def test_waves_of_plates_are_those_of_nodes_where_they_are_long():
         assert (ratio > 3.4).all()
 
 
-def test_extension_and_twist_travel_together_in_a_column_of_one_hand():
-    """The wave that Newton's method finds keeps its form in a run, the better the finer it is."""
-    _, r, residual, speed, state = structures_plates.permanent()
-    assert residual < 1e-14
-    assert np.abs(r[-1]).max() < 1e-11 * r[0, 0]
-    assert speed * structures_plates.PRISM.height > 1.09 * 1.368504482822
-    column = structures_plates.PRISM.column(200, "same", plates=structures_plates.PLATES)
-    shift = state.u[0] - state.u[-1]
-    assert column.momentum(state) == pytest.approx(3.0 * speed * shift, rel=1e-10)
-    found = [structures_plates.travelled(tol, speed, state)[1:] for tol in (1e-5, 1e-8)]
-    assert found[0][0] < 5e-8
-    assert found[1][0] < 3e-9
-    assert max(behind for _, behind in found) < 1e-9
-
-
 def test_the_wave_of_the_chain_decays_among_alternating_plates():
     shares = [structures_plates.shed(1.0, tol)[1] for tol in (1e-5, 1e-7)]
     assert shares[0] == pytest.approx(shares[1], abs=1e-5)
