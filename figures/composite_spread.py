@@ -22,7 +22,7 @@ GROUP = "composite"
 
 CHANGED = ("peak", "k_bar near", "k_cross far", "preload")
 SIZES = (1e-6, 1e-3, 1e-2)  # relative changes, uniform up to these on both sides
-DRAWS, DRAWN, SEED = 8, 14, 0  # followed, of so many random ones of each size
+DRAWS, DRAWN, SEED = 4, 14, 0  # followed, of so many random ones of each size
 QUANTITIES = ("reflected rarefactions", "reflected compressions", "transmitted rarefactions",
               "transmitted compressions")  # fmt: skip
 

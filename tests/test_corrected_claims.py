@@ -93,7 +93,7 @@ def test_the_reflected_rarefaction_is_robust_and_the_train_is_not():
     tables = composite_spread.data()
     one = composite_spread.spread(tables, 1e-2)["energy of reflected rarefactions"]
     assert len(one) == composite_spread.DRAWS
-    assert 0.287 < one.min() < one.max() < 0.2912
+    assert 0.288 < one.min() < one.max() < 0.2912
     train = composite_spread.spread(tables, 1e-6)["transmitted compressions"]
     assert 0 < (train >= 2).sum() < composite_spread.DRAWS
 

@@ -98,9 +98,7 @@ def test_pictures_are_written_with_their_tables(tmp_path, capsys):
     assert (folder / "constitutive_rigid.png").read_bytes().startswith(b"\x89PNG")
     assert {path.suffix for path in folder.iterdir()} == {".png", ".csv"}
     said = capsys.readouterr().out
-    assert re.search(
-        r"1/1 +[0-9.]+ s  constitutive/constitutive_rigid: A slender", said
-    )
+    assert re.search(r"1/1 +[0-9.]+ s  constitutive/constitutive_rigid: A slender", said)
     assert said.splitlines()[-1].startswith(f"{tmp_path / 'index.html'} shows all")
     written = read_tables(folder / "constitutive_rigid.csv")
     computed = constitutive_rigid.data()

@@ -228,7 +228,7 @@ def test_limit_points_agree_with_thirty_digits(path):
     force = list(LOADS.values())
     total = float(np.linalg.norm(forces(), axis=1).sum())
     with mp.workdps(30):
-        evaluate = sp.lambdify(moves, (gradient, gradient.jacobian(symbols)), "mpmath", cse=True)
+        evaluate = sp.lambdify(symbols, (gradient, gradient.jacobian(symbols)), "mpmath", cse=True)
 
         def system(*x):
             g, h = evaluate(*x[:5])
