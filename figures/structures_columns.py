@@ -85,7 +85,7 @@ def draw(figure, tables):
         axes.set_ylabel("load at loss of stability /\nlargest of the chain")
         axes.label_outer()
         if kind == (False, False):
-            axes.annotate("height, prestrain:", (10, 2), annotation_clip=False)
+            axes.text(0.04, 0.04, "at the curves:\nheight, prestrain", transform=axes.transAxes)
             name_curves(axes)
 
 
