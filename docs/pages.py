@@ -273,19 +273,13 @@ def claim_page(source):
 
 
 def limits(source):
-    """The pages on limits and on those of gradients: as `python -m figures` wrote them, or as they
-    are under version control."""
-    parts = []
-    for group in ("limits", "gradients"):
-        made, shown = OUTPUT / group / f"{group}.md", source / "pictures" / f"{group}.md"
-        page = made if made.is_file() else shown
-        if page.is_file():
-            text = page.read_text(encoding="utf-8")
-            for name in re.findall(r"\]\(([\w.]+\.png)\)", text):
-                copied(page.parent / name, source / "limits_pictures")
-            text = re.sub(r"\]\(([\w.]+\.png)\)", r"](limits_pictures/\1)", text)
-            parts.append(text.replace("# ", "## ", 1) if parts else text)
-    write(source / "limits.md", *parts)
+    """The page on limits: as `python -m figures` wrote it, or as it is under version control."""
+    made, shown = OUTPUT / "limits" / "limits.md", source / "pictures" / "limits.md"
+    page = made if made.is_file() else shown
+    text = page.read_text(encoding="utf-8")
+    for name in re.findall(r"\]\(([\w.]+\.png)\)", text):
+        copied(page.parent / name, source / "limits_pictures")
+    write(source / "limits.md", re.sub(r"\]\(([\w.]+\.png)\)", r"](limits_pictures/\1)", text))
 
 
 def public(modules):

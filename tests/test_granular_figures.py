@@ -48,7 +48,7 @@ def test_peaks_of_the_protectors_table_are_those_that_were_optimised(kind):
 
 def test_the_group_holds_figures_2_to_6_and_one_dimension():
     names = {f"granular_fig{k}" for k in range(2, 7)}
-    names |= {f"granular_{k}" for k in ("uniform", "steps", "graded", "motion", "energy")}
+    names |= {f"granular_{k}" for k in ("uniform", "steps", "motion", "energy")}
     assert names <= set(chosen(["granular"]))
 
 
