@@ -50,9 +50,8 @@ def in_tnsgrt(s):
 def densities():
     """Force densities by linear programming of structures with one state of self-stress."""
     from figures.structures_icosahedron import icosahedron
-    from figures.structures_tower import tower
 
-    shapes = {"icosahedron": icosahedron(), "tower of two stages": tower()}
+    shapes = {"icosahedron": icosahedron()}
     for sides in (3, 4, 5, 8):
         shapes[f"prism of {sides} sides"] = Prism(
             1.0, 1.0, 0.1, 1.0, 5.0, 50.0, sides=sides

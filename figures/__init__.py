@@ -20,7 +20,7 @@ FIRST = (
     "response_limit_load",
     "structures_icosahedron",
     "wave_supersonic",
-    "solitary_profiles",
+    "wave_speeds",
     "solitary_families",
     "wave_collision",
     "granular_fig2",

@@ -64,19 +64,21 @@ def render(name, module, folder):
 
 
 def pictured(module, tables):
-    """The figure of a picture, with letters at its panels."""
+    """The figure of a picture, with its title, and letters at its panels."""
     import matplotlib.pyplot as plt
 
     figure = plt.figure(layout="constrained")
     module.draw(figure, tables)
     several = panels(figure)
+    if not figure.get_suptitle() and not (len(several) == 1 and several[0].get_title()):
+        figure.suptitle(title(module), fontsize=11)
     for k, axes in enumerate(several if len(several) > 1 else ()):
         titles = [axes.get_title(loc=where) for where in ("left", "center", "right")]
-        if not any(title.startswith("(") for title in titles):
+        if not any(words.startswith("(") for words in titles):
             where = "left" if titles[0] else "center"
-            title = f"({chr(ord('a') + k)}) {titles[0] or titles[1]}".strip()
+            words = f"({chr(ord('a') + k)}) {titles[0] or titles[1]}".strip()
             axes.set_title(
-                title, loc=where, fontsize=axes.title.get_fontsize() if titles[1] else 10
+                words, loc=where, fontsize=axes.title.get_fontsize() if titles[1] else 10
             )
     return figure
 
@@ -112,13 +114,13 @@ def name_curves(axes, *, spread=11.0, at=-1):
     ends = axes.transData.transform(places)
     scale, last = figure.dpi / 72, -np.inf
     for k in sorted(range(len(lines)), key=lambda k: ends[k][1]):
-        y = max(ends[k][1], last + spread * scale)
-        last = y
+        last = max(ends[k][1], last + spread * scale)
+        is_first = ends[k][0] <= axes.transData.transform(lines[k].get_xydata())[:, 0].min()
         axes.annotate(
             lines[k].get_label(), places[k],
-            (4 if points[k] else -4, (y - ends[k][1]) / scale),
+            (-6 if is_first else 6, (last - ends[k][1]) / scale),
             textcoords="offset points", va="center",
-            ha="left" if points[k] else "right", color=lines[k].get_color(), fontsize=9,
+            ha="right" if is_first else "left", color=lines[k].get_color(), fontsize=9,
             annotation_clip=False,
         )  # fmt: skip
 

@@ -15,7 +15,6 @@ PAGES = {
     "composite": "The composite claim",
     "limits": "Limits of the methods",
     "protectors": "Protectors",
-    "gradients": "Limits of gradients",
 }  # titles of the pages that groups have
 FIRST = "start"  # group
 STYLE = """

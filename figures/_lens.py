@@ -43,12 +43,6 @@ def peaks(one, points, t):
     return np.concatenate([one.pressure(p, t).max(axis=0) for p in parts])
 
 
-def point_peaks(one, points, t):
-    """The largest pressures with ends as point sources, at a tenth of the cost."""
-    parts = _parts(points, MANY // (len(t) * one.chains))
-    return np.concatenate([one.point_pressures(p, t).sum(axis=0).max(axis=0) for p in parts])
-
-
 def _parts(points, share):
     return [points[k : k + max(1, share)] for k in range(0, len(points), max(1, share))]
 
@@ -56,14 +50,3 @@ def _parts(points, share):
 def line(x, y):
     """Points (n, 2) along a line on which one coordinate may stand still."""
     return np.stack(np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float)), axis=-1)
-
-
-def half_width(x, profile):
-    """Width of the peak nearest to the middle of x where it has fallen to half on both sides."""
-    k = int(np.argmax(profile))
-    half = profile[k] / 2
-    left = np.flatnonzero(profile[:k] < half)[-1]
-    right = k + np.flatnonzero(profile[k:] < half)[0]
-    low = np.interp(half, profile[[left, left + 1]], x[[left, left + 1]])
-    high = np.interp(-half, -profile[[right - 1, right]], x[[right - 1, right]])
-    return float(high - low)

@@ -1,9 +1,10 @@
-"""Axial load and elastic energy of rigid-elastic prisms against height, to locking or collapse."""
+"""A slender rigid prism locks where its bars meet, a thick one collapses flat."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from figures._draw import name_curves
 from tensegrity import NoLocking, Prism
 
 NAME = "constitutive_rigid"
@@ -43,28 +44,24 @@ def _curve(prism):
 
 
 def draw(figure, tables):
-    """Four panels: load and energy of the slender and the thick prism."""
+    """Load above and energy below, of the slender and the thick prism."""
+    figure.set_size_inches(9, 5.5)
     axes = figure.subplots(2, 2, sharex="col")
-    for column, (height, word) in enumerate(((SLENDER, "locks"), (THICK, "collapses flat"))):
-        load_axes, energy_axes = axes[:, column]
-        for index, prestrain in enumerate(PRESTRAINS):
+    for column, (height, word) in zip(
+        axes.T, ((SLENDER, "locks"), (THICK, "collapses flat")), strict=True
+    ):
+        for prestrain in PRESTRAINS:
             table = tables[f"h{height:g}_p{prestrain:g}"]
-            style = {"color": f"C{index}", "label": f"prestrain {prestrain:g}"}
-            load_axes.plot(table["height"], table["load"], **style)
-            energy_axes.plot(table["height"], table["energy"], **style)
-        locking = table["locking_height"][0]
-        if np.isfinite(locking):
-            for ax in (load_axes, energy_axes):
+            for ax, name in zip(column, ("load", "energy"), strict=True):
+                ax.plot(table["height"], table[name], label=f"prestrain {prestrain:g}")
+        if np.isfinite(locking := table["locking_height"][0]):
+            column[0].set_ylim(-0.45, 1.0)  # the load is unbounded at locking
+            for ax in column:
                 ax.axvline(locking, color="0.4", ls="--", lw=1)
-            energy_axes.annotate(
-                "locking: bars meet", (locking, 0.9), xytext=(6, 0), color="0.3",
-                xycoords=("data", "axes fraction"), textcoords="offset points",
-            )  # fmt: skip
-        load_axes.axhline(0, color="0.7", lw=0.8)
-        load_axes.set_title(f"height {height:g} m, base 1 m: {word}", fontsize=10)
-        energy_axes.set_xlabel("height [m]")
-        if np.isfinite(locking):
-            load_axes.set_ylim(-0.35, 1.0)  # the load is unbounded at locking
-    axes[0, 0].set_ylabel("axial load [N]\n(compression > 0)")
-    axes[1, 0].set_ylabel("energy [J]")
-    axes[0, 1].legend(fontsize=8)
+            column[1].annotate("locking:\nbars meet", (locking, 0.7), xytext=(6, 0),
+                               xycoords=("data", "axes fraction"),
+                               textcoords="offset points")  # fmt: skip
+        column[0].set_title(f"height {height:g} m, base 1 m: {word}", fontsize=10)
+        column[0].set(ylabel="axial load [N]\n(compression > 0)")
+        column[1].set(xlabel="height [m]", ylabel="energy [J]")
+        name_curves(column[0])

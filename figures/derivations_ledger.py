@@ -70,7 +70,7 @@ def table(tables):
 
 def draw(figure, tables):
     """A row of squares for each derivation; below, the slips as printed and as derived."""
-    figure.set_size_inches(12.5, 9.5)
+    figure.set_size_inches(9, 9.5)
     upper, lower = figure.subfigures(2, 1, height_ratios=(1.1, 1))
     axes = upper.subplots()
     entries, titles = tables["entries"], tables["derivations"]["title"]
@@ -81,23 +81,22 @@ def draw(figure, tables):
             several.append((place[title], titles.index(title)))
             place[title] += 1
         label = f"{SHOWN.get(kind, kind)}: {len(several)}"
-        axes.scatter(*zip(*several, strict=True), 130, COLOURS[kind], marker="s", label=label)
+        axes.scatter(*zip(*several, strict=True), 52, COLOURS[kind], marker="s", label=label)
     for row, title in enumerate(titles):
         if not place[title]:
             axes.text(-0.3, row, "not printed in the sources", color="0.6", va="center")
-    axes.set_yticks(range(len(titles)), titles)
-    axes.set(xticks=[], ylim=(len(titles) - 0.4, -0.6), xlim=(-0.7, 27))
+    axes.set_yticks(range(len(titles)), titles, fontsize=8)
+    axes.set(xticks=[], ylabel="derivation", ylim=(len(titles) - 0.4, -0.6), xlim=(-0.7, 27.5))
     axes.grid(False)
     for side in axes.spines.values():
         side.set_visible(False)
     axes.tick_params(length=0)
-    axes.legend(loc="lower right")
-    upper.suptitle(f"{len(pairs)} printed formulas and claims, by the derivation that settles them")
-    for x, head in ((0.02, "a slip, as printed"), (0.3, "as derived")):
+    axes.legend(loc="lower right", fontsize=8)
+    for x, head in ((0.02, "a slip, as printed"), (0.38, "as derived")):
         lower.text(x, 0.96, head, weight="bold")
     slips = list(zip(*tables["slips"].values(), strict=True))
     for k, (where, printed, derived, note) in enumerate(slips):
         y = 0.94 * (1 - k / len(slips))
-        lower.text(0.02, y - 0.06, printed, color="C3", va="center", fontsize=13)
-        lower.text(0.3, y - 0.06, derived, color="C2", va="center", fontsize=13)
-        lower.text(0.02, y - 0.13, f"{where}: {note}", fontsize=9, color="0.3", va="center")
+        lower.text(0.02, y - 0.06, printed, color="C3", va="center", fontsize=11)
+        lower.text(0.38, y - 0.06, derived, color="C2", va="center", fontsize=11)
+        lower.text(0.02, y - 0.13, f"{where}: {note}", fontsize=8, color="0.3", va="center")

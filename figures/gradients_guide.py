@@ -67,7 +67,6 @@ def draw(figure, tables):
     from matplotlib.ticker import MaxNLocator
 
     figure.set_size_inches(9, 3.9)
-    figure.suptitle(__doc__.splitlines()[0].rstrip("."), fontsize=11)
     beads = tables["beads"]
     places = np.stack([beads["x"], beads["y"]], axis=1)
     shown = {

@@ -76,7 +76,6 @@ def section(beads):
 def draw(figure, tables):
     """The beads in position, coloured by the derivative; in space a section."""
     figure.set_size_inches(9, 4.6)
-    figure.suptitle(__doc__.splitlines()[0].rstrip("."), fontsize=11)
     panels = figure.subplots(1, 2, width_ratios=(1.6, 1))
     every, behind = slice(None), section(tables["space"])
     for axes, name, rows, title, size in (

@@ -179,7 +179,6 @@ def table(tables):
 def draw(figure, tables):
     """Envelopes of the load of the wall, and the prestrains."""
     figure.set_size_inches(9, 4.2)
-    figure.suptitle(__doc__.splitlines()[0].rstrip("."), fontsize=11)
     left, right = figure.subplots(1, 2)
     loads, prestrains = tables["loads"], tables["prestrains"]
     span = 10.0  # s, of each of which the largest load is drawn

@@ -83,7 +83,6 @@ def table(tables):
 def draw(figure, tables):
     """Both scenes on logarithmic axes."""
     figure.set_size_inches(9, 4.3)
-    figure.suptitle(__doc__.splitlines()[0].rstrip("."), fontsize=11)
     for axes, name in zip(figure.subplots(1, 2, sharey=True), SCENES, strict=True):
         one, chosen = tables[name], tables[f"{name} by default"]
         for k, method in enumerate(NAMES):

@@ -158,7 +158,6 @@ def _split_ratios():
 def draw(figure, tables):
     """Curves as in the paper; speeds as sampled every 3 us."""
     figure.set_size_inches(9, 4.6)
-    figure.suptitle(__doc__.splitlines()[0].rstrip("."), fontsize=11)
     left, right = figure.subplots(1, 2, width_ratios=(1.7, 1.2))
     _guide.draw_curves(left, tables["curves"], [2.5] * 4, f"struck at {SPEED} m/s")
     (v_i, v_t, v_r), _ = ratios(tables)

@@ -79,7 +79,6 @@ def table(tables):
 def draw(figure, tables):
     """Both scenes, one row per scene."""
     figure.set_size_inches(9, 10)
-    figure.suptitle(__doc__.splitlines()[0].rstrip("."), fontsize=11)
     axes = figure.subplots(2, 2)
     titles = {"PTFE": "PTFE, 0.45 g at 0.25 m/s", "steel": "steel, 5.33 g at 0.18 m/s"}
     for name, both in zip(SCENES, axes, strict=True):

@@ -46,6 +46,5 @@ def table(tables):
 def draw(figure, tables):
     """Curves and density."""
     figure.set_size_inches(9, 5)
-    figure.suptitle(__doc__.splitlines()[0].rstrip("."), fontsize=11)
     titles = ("steel and PTFE branch, 0.45 g at 0.20 m/s", "stem 1, PTFE branch, stem 2")
     _guide.draw_scene(figure, figure.subplots(1, 2), tables, DIVISIONS, titles)

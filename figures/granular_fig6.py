@@ -48,6 +48,5 @@ def table(tables):
 def draw(figure, tables):
     """Curves and density."""
     figure.set_size_inches(9, 5)
-    figure.suptitle(__doc__.splitlines()[0].rstrip("."), fontsize=11)
     titles = ("steel and Parylene branch, 5.33 g at 0.35 m/s", "stem 1, Parylene branch, stem 2")
     _guide.draw_scene(figure, figure.subplots(1, 2), tables, DIVISIONS, titles)

@@ -67,7 +67,6 @@ def _forces(tables):
 def draw(figure, tables):
     """Draw selected frames, about the fork and where the branches rejoin."""
     figure.set_size_inches(9, 6.2)
-    figure.suptitle(__doc__.splitlines()[0].rstrip("."), fontsize=11)
     forces, t = _forces(tables), tables["forces"]["t [s]"]
     panels = figure.subplots(2, 2)
     for axes, (frame, where) in zip(panels.ravel(), SHOWN.items(), strict=True):

@@ -148,7 +148,6 @@ def table(tables):
 def draw(figure, tables):
     """Momenta against half-angle."""
     figure.set_size_inches(8, 4.5)
-    figure.suptitle(__doc__.splitlines()[0].rstrip("."), fontsize=11)
     axes, m = figure.subplots(), tables["momenta"]
     angles = m["half angle [deg]"]
     for k, wave in enumerate(("I1/I0", "I2/I0")):

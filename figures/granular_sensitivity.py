@@ -32,6 +32,8 @@ CASES = {  # what differs: keywords of the guides, Parylene bead
     "walls run through the junction bead": ({"through": STEEL.radius / 2}, PARYLENE),
     "stem 2 stopped by steel": ({"end": materials["steel"]}, PARYLENE),
     "Parylene radius 2.38 mm": ({}, replace(PARYLENE, contact_radius=STEEL.radius)),
+    "striker faster by 1 %": ({"faster": 1e-2}, PARYLENE),
+    "striker faster by 1e-6": ({"faster": 1e-6}, PARYLENE),
 }
 HALF = ("F_i/F_t", "F_i/F_r", "peak force in a PTFE branch, bead 7 [N]")
 FULL = (
@@ -70,14 +72,21 @@ def _run(guide, t_end):
     return simulate(guide, guide.start(), t_end, **how)
 
 
+def _given(keywords, speed):
+    """Beads, striker and keywords of a guide."""
+    rest = {k: v for k, v in keywords.items() if k != "faster"}
+    striker = _guide.light(speed * (1 + keywords.get("faster", 0.0)))
+    return {"bead": STEEL, "striker": striker, **rest}
+
+
 def _half(keywords):
-    run = _run(y_guide(bead=STEEL, striker=_guide.light(0.585), **keywords), HALF_END)
+    given = _given(keywords, 0.585)
+    run = _run(y_guide(**given), HALF_END)
     stem = sensor_force(run, "stem 1", 16)
     instant, incident = first_peak(run.t, stem)
     there = first_peak(run.t, sensor_force(run, "branch 1", 4))[1]
     back = first_peak(run.t, stem, (instant + BEYOND, math.inf))[1]
-    guide = y_guide(bead=STEEL, branches=(STEEL, PTFE), striker=_guide.light(0.585), **keywords)
-    soft = _run(guide, 0.6e-3)
+    soft = _run(y_guide(branches=(STEEL, PTFE), **given), 0.6e-3)
     return (
         incident / there,
         incident / back,
@@ -86,10 +95,7 @@ def _half(keywords):
 
 
 def _full(keywords, coated):
-    guide = diamond_guide(
-        bead=STEEL, branches=(STEEL, coated), striker=_guide.light(0.5), **keywords
-    )
-    run = _run(guide, FULL_END)
+    run = _run(diamond_guide(branches=(STEEL, coated), **_given(keywords, 0.5)), FULL_END)
     forces = [
         largest_peak(run.t, sensor_force(run, *s))[1] for s in (("branch 2", 7), ("stem 2", 5))
     ]
@@ -106,13 +112,13 @@ def table(tables):
             if k == 0 or (change is not None and abs(change) > LEAST):
                 shown = "" if k == 0 else f" ({change:+.1f} %)"
                 lines.append(row("sensitivity", f"{case}: {name}", f"{value:.4g}{shown}"))
-    return lines
+    moved = [abs(changes(cases[name])[-1] or 0.0) for name in (*HALF, *FULL)]
+    return [*lines, row("sensitivity", f"{case}: largest change [%]", max(moved))]
 
 
 def draw(figure, tables):
     """All changes on one axis, a mark for each quantity."""
     figure.set_size_inches(9, 5.6)
-    figure.suptitle(__doc__.splitlines()[0].rstrip("."), fontsize=11)
     axes, cases = figure.subplots(), tables["cases"]
     names, rows = (*HALF, *FULL), np.arange(len(CASES) - 1)[::-1]
     for k, (name, mark) in enumerate(zip(names, MARKS, strict=True)):

@@ -7,8 +7,8 @@ import numpy as np
 from figures import _beads
 from figures._beads import bead
 from figures._guide import row
-from granular import Bead, materials
-from tensegrity import peaks
+from granular import Bead, chain, materials, simulate
+from tensegrity import Record, peaks
 
 NAME = "granular_steps"
 GROUP = "granular"
@@ -27,6 +27,7 @@ SCENES = {  # first beads, second beads, duration [s], what the talk says
 }
 SENSOR = 15  # beads behind the step
 BACK = 5  # beads before it
+PRELOADS, BLOW, LONG = (0.0, 20.0), 0.05, 3e-3  # N, m/s, s: of a step that is a diode
 
 
 def data():
@@ -44,7 +45,25 @@ def data():
             "energy beyond": beyond,
         }
         tables[f"{name} numbers"] = {"energy error": [run.energy_error]}
+    pair = STEEL, bead("ptfe")
+    tables["diode"] = {
+        "preload [N]": PRELOADS,
+        "steel to PTFE": [passed(*pair, preload) for preload in PRELOADS],
+        "PTFE to steel": [passed(*pair[::-1], preload) for preload in PRELOADS],
+    }
     return tables
+
+
+def passed(first, second, preload, blow=BLOW):
+    """Fraction of the kinetic energy beyond the step after a blow on the first bead, in the mean
+    while the front is well behind the step."""
+    scene = chain([first] * BEFORE + [second] * AFTER, preload=preload)
+    record = Record(interval=LONG / 600)
+    run = simulate(scene, scene.at_rest({0: blow}), LONG, tol=1e-6, record=record)
+    energy = scene.mass * run.v**2
+    front = np.array([np.flatnonzero(x > 1e-4 * x.max())[-1] for x in energy])
+    away = (front > BEFORE + SENSOR) & (front < BEFORE + AFTER - 8)
+    return float((energy[away, BEFORE:].sum(axis=1) / energy[away].sum(axis=1)).mean())
 
 
 def table(tables):
@@ -58,13 +77,17 @@ def table(tables):
             row("steps", f"{name}: pulses above 5 % behind the step", count, said),
             row("steps", f"{name}: energy beyond it as the largest passes", passed),
         ]
+    preloads, *ways = tables["diode"].items()
+    for k, preload in enumerate(preloads[1]):
+        for way, found in ways:
+            words = f"{way}, preload {preload:g} N: energy that passes the step"
+            lines.append(row("steps", words, float(found[k])))
     return lines
 
 
 def draw(figure, tables):
     """Energy densities, two scenes per row."""
     figure.set_size_inches(9, 9.5)
-    figure.suptitle(__doc__.splitlines()[0].rstrip("."), fontsize=11)
     axes = figure.subplots(3, 2)
     for one, name in zip(axes.ravel(), SCENES, strict=True):
         image = _beads.draw_density(one, tables[f"{name} density"], name, [BEFORE])

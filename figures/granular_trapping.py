@@ -49,7 +49,6 @@ def table(tables):
 def draw(figure, tables):
     """Stacked fractions against time."""
     figure.set_size_inches(9, 6)
-    figure.suptitle(__doc__.splitlines()[0].rstrip("."), fontsize=11)
     for axes, (name, one) in zip(figure.subplots(2, 2).ravel(), tables.items(), strict=True):
         parts = [part for part in one if part != "t [s]"]
         axes.stackplot(1e3 * one["t [s]"], [one[part] for part in parts], labels=parts, alpha=0.85)

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from derivations import contact
 from figures._beads import bead
 from figures._guide import PTFE, STEEL, row
 from granular import Bead, Striker, chain, hertz, simulate
-from tensegrity import PowerLaw, Record, State, first_peak, largest_peak, solitary_wave, width
+from tensegrity import PowerLaw, Record, State, first_peak, solitary_wave
 
 NAME = "granular_uniform"
 GROUP = "granular"
@@ -26,31 +25,14 @@ HERTZ = 1.5
 
 
 def data():
-    """Peak force, speed, momentum, energy of the wave in each chain; shape and exact wave."""
+    """Peak force, speed, momentum, energy of the wave in each chain; the exact wave."""
     found = [measured(name, v) for name, speeds in SCENES.items() for v in speeds]
     exact = solitary_wave(PowerLaw(1.0, HERTZ), mass=1.0, amplitude=-1.0)
-    x = np.linspace(-4, 4, 401)
-    run, contact_number, rate = shape_run()
-    shortening = run.scene.overlaps(run.u)[:, contact_number]
-    instant, _ = first_peak(run.t, run.scene.contact_forces(run.u)[:, contact_number])
-    inside = np.abs(run.t - instant) * rate < 4
-    _, kappa, power = (e.subs(contact.exponent, HERTZ) for e in contact.nesterenko())
-    compact = np.abs(x) < np.pi / 2 / float(kappa)
-    long_wave = np.where(compact, np.cos(np.minimum(np.abs(x), 3) * float(kappa)), 0)
-    _, top = largest_peak(run.t, shortening)
     return {
         "waves": {key: np.array([f[key] for f in found]) for key in found[0]},
-        "shape": {
-            "x [beads]": (run.t[inside] - instant) * rate,
-            "overlap over peak": np.maximum(shortening[inside], 0) / top,
-        },
-        "theory": {
-            "x [beads]": x,
-            "exact": np.abs(exact.elongation(x)) / abs(exact.amplitude),
-            "long wave": np.maximum(long_wave, 0) ** float(power),
-        },
         "exact": {
             "constant": [exact.speed],
+            "width": [exact.width(0.01)],
             "effective mass": [exact.momentum**2 / (2 * exact.energy)],
         },
     }
@@ -86,16 +68,6 @@ def measured(name, velocity):
     }
 
 
-def shape_run():
-    """The run whose wave is drawn, the contact at which it is read, and its speed."""
-    one = bead("steel")
-    scene = chain([one] * 160, striker=Striker(one, 0.585))
-    run = simulate(scene, scene.start(), 1.3e-3, dt=0.4e-6, method="rkn6", record=Record(every=1))
-    forces = scene.contact_forces(run.u)
-    times = [first_peak(run.t, forces[:, j])[0] for j in (100, 140)]
-    return run, 120, 40 / (times[1] - times[0])
-
-
 def constants(tables):
     """c of V = c (F alpha^2)^(1/6) m^(-1/2), in beads per second, of each wave."""
     w = tables["waves"]
@@ -124,8 +96,6 @@ def table(tables):
     momentum, force, rate = scaled(tables)
     powers = [np.polyfit(np.log(momentum), np.log(y), 1)[0] for y in (force, rate)]
     mass = w["momentum [kg m/s]"] ** 2 / (2 * w["energy [J]"] * w["mass [kg]"])
-    shape = tables["shape"]
-    wide = width(shape["x [beads]"], shape["overlap over peak"], 0.01)
     name = "1D"
     return [
         row(name, "constant c of V = 2 r c alpha^(1/3) m^(-1/2) F^(1/6)", f"{found[2]:.9f}"),
@@ -136,8 +106,7 @@ def table(tables):
         row(name, "power of momentum in the speed, all chains", f"{powers[1]:.6f}", "1/5"),
         row(name, "effective mass in beads", f"{mass[2]:.6f}", 1.4),
         row(name, "the same of the exact travelling wave", f"{exact['effective mass'][0]:.6f}"),
-        row(name, "width in beads, at 1 % of the compression", wide, "about 5"),
-        row(name, "width of the long wave's solution in beads", _long_wave_width(), "about 5"),
+        row(name, "width of the exact wave in beads, at 1 %", exact["width"][0], "about 5"),
         row(name, "steel bead of 4.76 mm: mass by density [g]", mass_by_density(STEEL), 0.45),
         row(name, "PTFE bead of 4.76 mm: mass by density [g]", mass_by_density(PTFE), 0.123),
         row(name, "fraction of the energy in the wave", float(w["fraction of the energy"][2])),
@@ -149,34 +118,17 @@ def mass_by_density(one):
     return 1e3 * Bead(one.diameter, one.material).mass
 
 
-def _long_wave_width():
-    """Length of the hump of the long-wave solution, in beads."""
-    kappa = contact.nesterenko()[1].subs(contact.exponent, HERTZ)
-    return float(np.pi / kappa)
-
-
 def draw(figure, tables):
-    """Shape; speed against force; force and speed against momentum."""
-    figure.set_size_inches(9, 3.9)
-    figure.suptitle(__doc__.splitlines()[0].rstrip("."), fontsize=11)
-    shape_axes, *others = figure.subplots(1, 3)
-    theory, shape = tables["theory"], tables["shape"]
-    shape_axes.plot(theory["x [beads]"], theory["exact"], "C1")
-    shape_axes.plot(theory["x [beads]"], theory["long wave"], "C2--")
-    shape_axes.plot(shape["x [beads]"][::3], shape["overlap over peak"][::3], "C0.", ms=4)
-    for text, place, colour in (
-        ("exact\nwave", (1.05, 0.62), "C1"),
-        ("in a chain", (1.5, 0.3), "C0"),
-        ("long wave,\n$\\cos^4$", (-4.1, 0.2), "C2"),
-    ):
-        shape_axes.text(*place, text, color=colour)
-    shape_axes.set(xlabel="distance from the peak [beads]", ylabel="compression over its peak")
+    """Force and speed against momentum."""
+    figure.set_size_inches(9, 4.2)
     momentum, force, rate = scaled(tables)
     names = list(tables["waves"]["material"])
     for axes, y, power, label in (
-        (others[0], force, 6 / 5, r"force / $(\alpha^{2/5} m^{3/5})$  [(m/s)$^{6/5}$]"),
-        (others[1], rate, 1 / 5, r"speed $(m/\alpha)^{2/5}$  [beads (m/s)$^{1/5}$]"),
-    ):
+        (figure.add_subplot(1, 2, 1), force, 6 / 5,
+         r"force / $(\alpha^{2/5} m^{3/5})$  [(m/s)$^{6/5}$]"),
+        (figure.add_subplot(1, 2, 2), rate, 1 / 5,
+         r"speed $(m/\alpha)^{2/5}$  [beads (m/s)$^{1/5}$]"),
+    ):  # fmt: skip
         line = np.array([momentum.min(), momentum.max()])
         axes.loglog(line, y[0] * (line / momentum[0]) ** power, "k-", lw=0.8)
         axes.text(line[0], y.max(), f"line: power {power:g}", va="top")

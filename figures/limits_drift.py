@@ -1,9 +1,10 @@
-"""Energy drift over ten million steps: classical Runge-Kutta against symplectic methods."""
+"""In ten million steps rk4 loses a third of the energy; symplectic methods lose none."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from figures._draw import name_curves
 from figures._limits import COLOURS, grid, prism_chain
 from tensegrity import METHODS, State
 from tensegrity.scenes.dynamics import dynamics
@@ -91,14 +92,10 @@ def draw(figure, tables):
     axes = figure.subplots()
     for name in WORK:
         t = tables[name]
-        axes.loglog(
-            t["time [s]"], np.abs(t["change of the energy"]), "o-", ms=3, lw=0.7,
-            color=COLOURS[name], label=name,
-        )  # fmt: skip
+        axes.loglog(t["time [s]"], np.abs(t["change of the energy"]), "o", ms=3,
+                    color=COLOURS[name], label=name)  # fmt: skip
     t = tables["rk4"]
-    axes.loglog(t["time [s]"], -t["predicted"], "k--", lw=1, label="rk4, predicted by modes")
-    axes.set(
-        xlabel="time [s]", ylabel="relative change of the energy",
-        title=f"{STEPS:.0e} steps of rk4 and verlet, rkn6 with {1 / WORK['rkn6']:g} times the step",
-    )  # fmt: skip
-    axes.legend()
+    axes.loglog(t["time [s]"], -t["predicted"], "k--", lw=1)
+    axes.set(xlabel="time [s]", ylabel="relative change of the energy")
+    axes.annotate("line: as the eigenvalues of a step predict", (3e2, 1e-4), va="top")
+    name_curves(axes)

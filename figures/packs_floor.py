@@ -88,7 +88,6 @@ def draw(figure, tables):
     from figures._draw import name_curves
 
     figure.set_size_inches(9, 6.6)
-    figure.suptitle(__doc__.splitlines()[0].rstrip("."), fontsize=11)
     (a, b), (c, d) = figure.subplots(2, 2)
     forces, peaks = tables["forces"], tables["peaks"]
     t = 1e3 * forces["t [s]"]

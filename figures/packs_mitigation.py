@@ -97,7 +97,6 @@ def table(tables):
 def draw(figure, tables):
     """Efficiency by layers, by sides, and by beads and with a tolerance."""
     figure.set_size_inches(9, 4)
-    figure.suptitle(__doc__.splitlines()[0].rstrip("."), fontsize=11)
     a, b, c = figure.subplots(1, 3)
     t, hard = tables["layers"], tables["hard"]
     a.plot(t["layers"], 100 * t["PTFE sides"], "o-")

@@ -14,7 +14,7 @@ import numpy as np
 
 from figures import _packs
 from figures._packs import ROW, SLOW, STEEL, D, row
-from granular import energies, wall_force
+from granular import wall_force
 from tensegrity import Record, largest_peak, peaks
 from tensegrity.animation import moving
 from tensegrity.plotting import film
@@ -43,31 +43,21 @@ def down(scene):
 
 
 def data():
-    """Forces on the floor, fronts, energy fractions of the rows, and the frames of each hit."""
+    """Forces on the floor and fronts of each hit."""
     tables = {}
     for name, how in HITS.items():
         scene = _packs.plane(**how)
         run = _packs.exact(scene, END, Record(interval=ROW))
-        each = wall_force(run, "floor", each=True)[:, list(scene.parts["row 12"])]
         struck = [k for k in range(len(scene.bonds)) if scene.sites - 1 in scene.bonds[k]]
         line = [max(struck, key=lambda k: scene.contact_forces(run.u)[:, k].max()), *down(scene)]
         forces = scene.contact_forces(run.u)[:, line]
         firsts = np.array([first(run.t, force) for force in forces.T])
-        shares = energies(run).fractions
         tables |= {
-            f"{name}_floor": {"t [s]": run.t, "floor [N]": each.sum(axis=1)},
-            f"{name}_beads": {
-                "x [m]": scene.positions[list(scene.parts["row 12"]), 0],
-                "peak [N]": np.array([largest_peak(run.t, f)[1] for f in each.T]),
-            },
+            f"{name}_floor": {"t [s]": run.t, "floor [N]": wall_force(run, "floor")},
             f"{name}_line": {
                 "t [s]": firsts[:, 0],
                 "speed [m/s]": np.append(D / np.diff(firsts[:, 0]), np.nan),
             },
-            f"{name}_rows": {"t [s]": run.t[::10], **{
-                part: shares[::10][:, list(sites)].sum(axis=1)
-                for part, sites in scene.parts.items()
-            }},
         }  # fmt: skip
     return tables
 
@@ -84,13 +74,12 @@ def thinned(scene):
 
 
 def table(tables):
-    """Peaks on the floor, speeds of the front, energy at the bottom."""
+    """Peaks on the floor, speeds of the front."""
     rows = []
     for name in HITS:
         t = tables[f"{name}_floor"]
         instant, force = largest_peak(t["t [s]"], t["floor [N]"])
-        line, shares = tables[f"{name}_line"], tables[f"{name}_rows"]
-        low = sum(shares[f"row {k}"] for k in range(7, 13))
+        line = tables[f"{name}_line"]
         rows += [
             row(f"plane, {name}", "peak on the floor [N]", force, KNOWN[name][0]),
             row(f"plane, {name}", "at [us]", 1e6 * instant, KNOWN[name][1]),
@@ -98,44 +87,28 @@ def table(tables):
             *(row(f"plane, {name}", f"front along the close-packed line, {where} [m/s]",
                   float(line["speed [m/s]"][k]), SPEEDS[name][n])
               for n, (where, k) in enumerate((("first", 0), ("last", -2)))),
-            row(f"plane, {name}", "largest energy fraction in rows 7 to 12", float(low.max())),
         ]  # fmt: skip
     return rows
 
 
 def draw(figure, tables):
-    """Floor, speed of the front, force along the floor, energy fractions of the rows."""
+    """Force on the floor, and speed of the front."""
     from figures._draw import name_curves
 
-    figure.set_size_inches(9, 6.4)
-    figure.suptitle(__doc__.splitlines()[0].rstrip("."), fontsize=11)
-    (a, b), (c, d) = figure.subplots(2, 2)
+    figure.set_size_inches(9, 4.2)
+    a, b = figure.subplots(1, 2)
     for name in HITS:
         t = tables[f"{name}_floor"]
         a.plot(1e3 * t["t [s]"], t["floor [N]"], label=name)
         b.plot(np.arange(1, 12), tables[f"{name}_line"]["speed [m/s]"][:-1], "o-", ms=4, label=name)
-        beads = tables[f"{name}_beads"]
-        c.plot(1e3 * beads["x [m]"], beads["peak [N]"], "o-", ms=4, label=name)
-    for axes, at, limits in ((a, np.argmax, None), (b, -1, (0, 14.5)), (c, -1, (0, 245))):
-        axes.set_xlim(limits)
-        name_curves(axes, at=at)
+    name_curves(a, at=np.argmax)
+    b.set_xlim(0, 14.5)
+    name_curves(b)
     direct = _packs.direct(STEEL, SLOW)
     a.axhline(direct, color="k", lw=0.8, ls=":")
     a.text(0.35, direct + 8, "direct hit on the floor")
-    a.set(xlabel="time [ms]", ylabel="force [N]", title="total force on the floor")
-    b.set(
-        xlabel="row", ylabel="speed [m/s]", title="front along the close-packed line", xlim=(-1, 12)
-    )
-    c.set(xlabel="x [mm]", ylabel="peak force [N]", title="single beads along the floor")
-    t = tables["straight_rows"]
-    parts = [k for k in t if k.startswith("row")]
-    image = d.imshow(
-        np.array([t[k] for k in parts]), aspect="auto", cmap="magma", vmin=0, vmax=0.4,
-        extent=(0, 1e3 * t["t [s]"][-1], 12.5, 0.5), interpolation="nearest",
-    )  # fmt: skip
-    d.set(xlabel="time [ms]", ylabel="row", title="energy by row, straight")
-    d.grid(False)
-    figure.colorbar(image, ax=d, label="fraction of the energy")
+    a.set(xlabel="time [ms]", ylabel="force on the floor [N]")
+    b.set(xlabel="row", ylabel="speed of the front along the close-packed line [m/s]")
 
 
 def animate(tables, path):

@@ -79,7 +79,6 @@ def _moving(axes, label=""):
 def draw(figure, tables):
     """Three instants, and the distribution of the energy over time."""
     figure.set_size_inches(9, 5.4)
-    figure.suptitle(__doc__.splitlines()[0].rstrip("."), fontsize=11)
     *panels, last = figure.subplots(1, len(SHOWN) + 1, width_ratios=[1] * len(SHOWN) + [1.4])
     for axes, k in zip(panels, SHOWN, strict=True):
         _moving(axes, "" if k == SHOWN[-1] else None)(k)

@@ -10,9 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from figures import _packs
+from figures._draw import name_curves
 from figures._packs import row
-from figures.packs_mixed import planar
 from granular import Bead, chain, energies, materials, simulate
 from tensegrity import Record
 
@@ -23,8 +22,6 @@ STEEL, PTFE, GLASS = (Bead(0.01, materials[name]) for name in ("steel", "ptfe", 
 LINES = {"steel": [STEEL] * 40, "steel, glass": [STEEL, GLASS] * 20,
          "steel, PTFE": [STEEL, PTFE] * 20, "PTFE": [PTFE] * 40}  # fmt: skip
 END, DT, INTERVAL = 4e-2, 4e-7, 1e-5  # s
-PACKS = ("all steel", "alternating", "random")
-PACKS_END = 4e-3
 MIXED = ("steel, glass", "steel, PTFE")  # heavy and light beads in turn
 EARLY, LATE = (0.0, 2e-3), (END / 2, END)  # s
 SPANS = {  # s, and the mean number there of an independent code
@@ -37,7 +34,7 @@ SPANS = {  # s, and the mean number there of an independent code
 
 def data():
     """Numbers of beads and virial ratios against time."""
-    tables = {"lines": {}, "virial": {}, "packs": {}, "kinetic": {}}
+    tables = {"lines": {}, "virial": {}, "kinetic": {}}
     for name in LINES:
         run = followed(name)
         if name in MIXED:
@@ -45,11 +42,6 @@ def data():
         tables["lines"]["t [s]"] = tables["virial"]["t [s]"] = run.t
         tables["lines"][name] = energies(run).effective_number
         tables["virial"][name] = energies(run).virial_ratio
-    for mix in PACKS:
-        scene = planar(mix)
-        run = _packs.quick(scene, PACKS_END, Record(interval=2e-5))
-        tables["packs"]["t [s]"] = run.t
-        tables["packs"][f"plane, {mix}"] = energies(run).effective_number
     return tables
 
 
@@ -92,19 +84,13 @@ def table(tables):
             words = f"{name}: kinetic energy of heavy over light beads, "
             words += f"{1e3 * first:g} to {1e3 * last:g} ms"
             rows.append(row("thermal", words, heavy_over_light(tables, name, (first, last)), 1))
-    for name, found in tables["packs"].items():
-        if name != "t [s]":
-            rows.append(row("thermal", f"{name}: beads of 247 that share it at 4 ms", found[-1]))
     return rows
 
 
 def draw(figure, tables):
-    """Effective number of beads in lines and packs, running means of the virial ratio."""
-    from figures._draw import name_curves
-
+    """Effective number of beads, and running means of the virial ratio."""
     figure.set_size_inches(9, 4.2)
-    figure.suptitle(__doc__.splitlines()[0].rstrip("."), fontsize=11)
-    a, b, c = figure.subplots(1, 3)
+    a, b = figure.subplots(1, 2)
     t = tables["lines"]["t [s]"]
     wide = np.ones(50) / 50
     for name in LINES:
@@ -112,15 +98,11 @@ def draw(figure, tables):
         a.plot(1e3 * t[25:-24], share, lw=1, label=name)
         mean = np.cumsum(tables["virial"][name]) / np.arange(1, len(t) + 1)
         b.plot(1e3 * t[1:], mean[1:], lw=1, label=name)
-    for name, found in tables["packs"].items():
-        if name != "t [s]":
-            c.plot(1e3 * tables["packs"]["t [s]"], found, label=name.removeprefix("plane, "))
     b.set_ylim(0.52, 0.62)
-    for axes, end in ((a, 58), (b, 58), (c, 5.8)):
-        axes.set(xlabel="time [ms]", xlim=(0, end))
+    for axes in (a, b):
+        axes.set(xlabel="time [ms]", xlim=(0, 52))
         name_curves(axes)
     b.text(1.5, 0.53, "virial theorem: 5/9")
     b.axhline(5 / 9, color="k", lw=0.8, ls=":")
-    a.set(ylabel="effective beads with energy, of 40", title="lines between walls")
-    b.set(ylabel="kinetic over total energy", title="mean since the start")
-    c.set(ylabel="effective beads with energy, of 247", title="packs with a free top")
+    a.set(ylabel="effective beads with energy, of 40")
+    b.set(ylabel="kinetic over total energy, mean since the start")

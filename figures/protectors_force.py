@@ -127,7 +127,6 @@ def sentences(tables):
 def draw(figure, tables):
     """Wall forces of each scene; energy fractions in the stepped and in the best order of sizes."""
     figure.set_size_inches(9, 9.5)
-    figure.suptitle(__doc__.splitlines()[0].rstrip("."), fontsize=11)
     panels = figure.subplots(3, 2).ravel()
     for axes, (name, scene) in zip(panels, common.SCENES.items(), strict=False):
         forces = tables[f"{name} forces"]

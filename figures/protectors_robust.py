@@ -123,7 +123,6 @@ def draw(figure, tables):
         what = "order" if name == "T1" else "sizes"
         axes.set_title(f"({'a' if name == 'T1' else 'b'}) {name}, {what} of 20 steel beads",
                        loc="left")  # fmt: skip
-    figure.suptitle(__doc__.splitlines()[0].rstrip("."), fontsize=11)
 
 
 def text(tables):

@@ -102,7 +102,6 @@ def line(scene, quantity, value, designs, seeds):
 def draw(figure, tables):
     """One panel per scene: methods, random designs, and lines for reference designs."""
     figure.set_size_inches(9, 6.6)
-    figure.suptitle(__doc__.splitlines()[0].rstrip("."), fontsize=11)
     for axes, (name, scene) in zip(
         figure.subplots(2, 2).ravel(), common.SCENES.items(), strict=True
     ):

@@ -1,7 +1,8 @@
-"""Limit load of elastic prisms against prestrain, by continuation of the fold in two parameters."""
+"""The limit load of elastic prisms grows with prestrain at every height."""
 
 from __future__ import annotations
 
+from figures._draw import name_curves
 from tensegrity import Prism
 from tensegrity.prisms.fold_curve import limit_load
 
@@ -24,14 +25,10 @@ def data(progress=iter):
 
 
 def draw(figure, tables):
-    """Limit load, and the height at which it is reached."""
-    load_axes, height_axes = figure.subplots(1, 2)
+    """Limit load of prisms of each height."""
+    axes = figure.subplots()
     for height in HEIGHTS:
         table = tables[f"h{height:g}"]
-        load_axes.plot(table["prestrain"], table["load"])
-        height_axes.plot(table["prestrain"], table["height"] / height, label=f"height {height:g} m")
-    load_axes.set(xlabel="prestrain of the cross strings", ylabel="limit load [N]")
-    height_axes.set(
-        xlabel="prestrain of the cross strings", ylabel="height at the limit / reference height"
-    )
-    height_axes.legend(fontsize=8, title="base 1 m, k_base 2, k_bar 20 N/m", title_fontsize=8)
+        axes.plot(table["prestrain"], table["load"], label=f"height {height:g} m")
+    axes.set(xlabel="prestrain of the cross strings", ylabel="limit load [N]", xlim=(0, 0.47))
+    name_curves(axes, at=0)

@@ -1,14 +1,17 @@
-"""Load against shortening of elastic prisms, thick and slender, for several prestrains."""
+"""A thick prism folds at a load that grows with prestrain; a slender one stiffens to contact."""
 
 from __future__ import annotations
 
+import numpy as np
+
+from figures._draw import name_curves
 from tensegrity import Prism, equilibrium_path
 
 NAME = "response_prestrain"
 GROUP = "response"
 
 SHAPES = {"thick": 0.5, "slender": 1.5}  # height over base
-PRESTRAINS = (0.01, 0.05, 0.1, 0.2, 0.4)
+PRESTRAINS = (0.01, 0.1, 0.4)
 STIFFNESS = {"k_base": 5.0, "k_bar": 50.0}
 
 
@@ -28,27 +31,27 @@ def data(progress=iter):
     return tables
 
 
-MARKS = {"fold": "^", "contact": "s", "flat": "v", "slack": "o", "turn": "<", "bifurcation": "*"}
+MARKS = {"fold": "^", "contact": "s", "flat": "v", "slack": "o"}
 
 
 def draw(figure, tables):
     """Two panels; states unstable under a prescribed load are dashed, events are marked."""
+    figure.set_size_inches(9, 4.5)
     axes = figure.subplots(1, len(SHAPES))
     for ax, shape in zip(axes, SHAPES, strict=True):
-        shown = {}
+        shown = set()
         for index, prestrain in enumerate(PRESTRAINS):
             name = f"{shape}_p{prestrain:g}"
             table, events = tables[name], tables[f"{name}_events"]
-            x, y, stable = table["shortening"], table["load"], table["stable_load"]
-            ax.plot(x, y, color=f"C{index}", lw=0.9, ls="--")
-            solid = [v if s else float("nan") for v, s in zip(y, stable, strict=True)]
-            ax.plot(x, solid, color=f"C{index}", lw=1.7, label=f"prestrain {prestrain:g}")
+            x, y, stable = table["shortening"], table["load"], np.array(table["stable_load"])
+            ax.plot(x, y, f"C{index}--", lw=0.9, label=f"prestrain {prestrain:g}")
+            ax.plot(x, np.where(stable, y, np.nan), f"C{index}", lw=1.7)
             for kind, at, load in zip(*events.values(), strict=True):
-                (shown[kind],) = ax.plot(at, load, MARKS[kind], color=f"C{index}", ms=5)
+                ax.plot(at, load, MARKS[kind], color=f"C{index}", ms=5)
+                if kind not in shown:
+                    ax.annotate(kind, (at, load), (-4, 6), textcoords="offset points", ha="right")
+                    shown.add(kind)
         ax.axhline(0, color="0.7", lw=0.8)
         ax.set_title(f"{shape}: height {SHAPES[shape]:g} m, base 1 m", fontsize=10)
-        ax.set_xlabel("shortening [m]")
-        if shape == "slender":
-            ax.add_artist(ax.legend(fontsize=8, loc="center right"))
-        ax.legend(shown.values(), shown, fontsize=8, loc="lower right")
-    axes[0].set_ylabel("axial load [N] (compression > 0)")
+        ax.set(xlabel="shortening [m]", ylabel="axial load [N], compression > 0")
+        name_curves(ax)

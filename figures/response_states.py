@@ -1,4 +1,4 @@
-"""States of a prism along its path: from tension through the reference to contact of the bars."""
+"""In tension the base strings go slack; in compression the bars meet."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def data(progress=iter):
 
 def draw(figure, tables):
     """Bars thick, strings thin, slack strings dashed."""
-    figure.set_size_inches(10, 3)
+    figure.set_size_inches(9, 3.3)
     table = tables["states"]
     for index, name in enumerate(STATES):
         height, twist, base, load = (table[x][index] for x in ("height", "twist", "base", "load"))

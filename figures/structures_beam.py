@@ -1,22 +1,18 @@
-"""Prestress steers a beam: packets of waves on a plate of X modules, nonlinear, all nodes moving.
+"""Prestress steers a beam of waves on a plate by twenty degrees; red is its path.
 
 A Gaussian packet of the lower branch starts with its crests at 20 degrees to the rows of a plate.
 Its path is compared with the mean of the group velocities over its spectrum, weighted by energy.
-In the last run the prestress changes at once on the way: the packet keeps its wave vector, and its
-direction turns; a part goes into waves of the upper branch.  Without prestress all members are
-bars, for the strings would go slack.
+Without prestress all members are bars, for the strings would go slack.
 Source: seeds/000, concluding remarks, "wave-steering".
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
 from scipy.optimize import brentq
 
-import tensegrity
 from tensegrity import Lattice, Record, State, bands, simulate
 
 NAME = "structures_beam"
@@ -26,7 +22,6 @@ SITES, WIDTH, TRAVEL, START = 60, 7.0, 22.0, (20, 32)  # cells
 FREQUENCY, CRESTS = 1.2, np.radians(20.0)  # rad/s, rad
 SIZE = 1e-3  # m, of the largest displacement
 DENSITIES = (0.0, 0.2, 0.4)  # N/m, of the strings
-SWITCHED = (0.05, 0.4)
 K_BAR, K_STRING = 1.5, 2.0  # N/m
 NEGLIGIBLE = 1e-12
 ROWS = 61
@@ -91,25 +86,6 @@ def followed(density):
     return simulate(scene, State(u, v), t_end, tol=1e-7, record=record), expected
 
 
-@cache
-def turned():
-    """A run of which the prestress changes at half its time, as one; and both velocities."""
-    soft, firm = (plate(q) for q in SWITCHED)
-    centre = carrier(soft)
-    scenes = [lattice.network((SITES, SITES)) for lattice in (soft, firm)]
-    expected = [velocity(lattice, centre) for lattice in (soft, firm)]
-    u, v = packet(soft, centre)
-    u[list(scenes[0].held)] = v[list(scenes[0].held)] = 0.0
-    half = 0.6 * TRAVEL / float(np.linalg.norm(expected[0]))
-    record = Record(interval=2 * half / (ROWS - 1))
-    first = simulate(scenes[0], State(u, v), half, tol=1e-7, record=record)
-    second = simulate(scenes[1], first.final, half, tol=1e-7, record=record)
-    joined = {name: np.concatenate([getattr(first, name)[:-1], getattr(second, name)])
-              for name in ("u", "v")}  # fmt: skip
-    t = np.concatenate([first.t[:-1], half + second.t])
-    return replace(second, t=t, **joined), expected
-
-
 def centres(run):
     """Centres of kinetic energy [m], (rows, 2)."""
     energy = np.sum(run.v**2, axis=2)
@@ -136,46 +112,22 @@ def data():
         path = centres(run)
         tables[f"path at {q}"] = {"x": path[:, 0], "y": path[:, 1]}
         tables[f"map at {q}"] = {"kinetic energy": np.sum(run.v[-1] ** 2, axis=1)}
-    run, (before, after) = turned()
-    path, half = centres(run), ROWS // 2
-    tables["turned path"] = {"x": path[:, 0], "y": path[:, 1]}
-    tables["turned map"] = {"kinetic energy": np.sum(run.v[-1] ** 2, axis=1)}
-    legs = [("before the change", (0, half), before), ("after it", (half + 3, ROWS - 1), after)]
     names = ("force density", "run", "spectrum", "carrier", "energy error")
     tables["angles"] = dict(zip(names, np.array(found).T, strict=True))
-    tables["turn"] = {"leg": [leg for leg, *_ in legs],
-                      "run": [angles(run, v, rows)[0] for _, rows, v in legs],
-                      "spectrum": [angle(v) for *_, v in legs]}  # fmt: skip
     return tables
 
 
 def draw(figure, tables):
-    figure.set_size_inches(9.4, 9)
-    panels = figure.subplots(2, 2, sharex=True, sharey=True).ravel()
-    names = [f"at {q}" for q in DENSITIES]
-    titles = [f"({letter}) prestress {q} N/m: {x:.2f}°" for letter, q, x in
-              zip("abc", DENSITIES, tables["angles"]["run"], strict=True)]  # fmt: skip
-    turn = tables["turn"]["run"]
-    titles.append(f"(d) prestress changed on the way: {turn[0]:.1f}° to {turn[1]:.1f}°")
-    for ax, name, title in zip(panels, [*names, None], titles, strict=True):
-        shown, path = (
-            ("turned map", "turned path") if name is None else (f"map {name}", f"path {name}")
-        )
-        energy = np.reshape(tables[shown]["kinetic energy"], (SITES, SITES))
+    """The path of each packet, and its energy at the end."""
+    figure.set_size_inches(9, 4)
+    panels = figure.subplots(1, 3, sharex=True, sharey=True)
+    for ax, q, x in zip(panels, DENSITIES, tables["angles"]["run"], strict=True):
+        energy = np.reshape(tables[f"map at {q}"]["kinetic energy"], (SITES, SITES))
         ax.imshow(energy.T, origin="lower", cmap="Blues")
-        x, y = tables[path].values()
-        ax.plot(x, y, "C3", lw=1.5)
-        ax.plot(x[0], y[0], "C3o", ms=4)
-        ax.set_title(title)
-    for ax in panels[2:]:
-        ax.set_xlabel("cell along the rows")
-    for ax in panels[::2]:
-        ax.set_ylabel("cell across the rows")
-    figure.suptitle("Prestress steers a beam (red: its path; blue: its energy at the end)")
-
-
-def animate(tables, path):
-    tensegrity.animate(turned()[0], path, "speed", frames=ROWS)
+        ax.plot(*tables[f"path at {q}"].values(), "C3", lw=1.5)
+        ax.set_title(f"prestress {q} N/m: {x:.2f}°", fontsize=10)
+        ax.set(xlabel="cell along the rows", ylabel="cell across the rows")
+        ax.label_outer()
 
 
 def table(tables):
@@ -184,7 +136,4 @@ def table(tables):
         rows.append({"plate": f"force density {q:g} N/m", "run [deg]": float(run),
                      "spectrum [deg]": float(expected), "carrier [deg]": float(alone),
                      "energy error": float(error)})  # fmt: skip
-    for leg, run, expected in zip(*tables["turn"].values(), strict=True):
-        rows.append({"plate": f"{SWITCHED[0]:g} to {SWITCHED[1]:g} N/m, {leg}",
-                     "run [deg]": float(run), "spectrum [deg]": float(expected)})  # fmt: skip
     return rows

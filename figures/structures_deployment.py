@@ -1,4 +1,4 @@
-"""Deployment of a column from a nearly flat state by shortening the cross strings, under weight.
+"""Shortening its cross strings raises a folded prism, except where its weight folds it.
 
 Limits of the starting state.  Without load a prism is prestressed at one twist only, with
 s^2 = h^2 + 2 R^2 (1 - S): shorter cross strings then lower it, longer ones are slack, and the
@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from figures._draw import name_curves
 from figures._files import lines
 from figures._structures import film, frames, show
 from tensegrity import Prism, control_path, equilibrium, plates
@@ -58,23 +59,20 @@ def paid_out():
 
 
 def columns(count, path):
-    """Natural length of the cross strings, height, work, tensions, slack and stability."""
+    """Natural length of the cross strings, height, work, slack and stability."""
     cross = cross_strings(count)
-    first, rest = cross[0], path.structure.natural_lengths[cross[0]]
+    rest = path.structure.natural_lengths[cross[0]]
     reference = REFERENCE.natural_lengths().cross
     end = reference if rest > reference else LONG * reference
     return {
         "control": path.control, "natural_length": rest + path.control * (end - rest),
         "height": path.positions[:, -3:, 2].mean(axis=1), "work": path.work,
-        "bar": path.tensions[:, :first].mean(axis=1),
-        "cross": path.tensions[:, cross].mean(axis=1),
-        "base": path.tensions[:, cross[-1] + 1 :].mean(axis=1),
         "slack": path.slack.sum(axis=1), "stable": path.stable_load,
     }  # fmt: skip
 
 
 def data(progress=iter):
-    """Heights, tensions, slack, stability and work along the way."""
+    """Heights, slack, stability and work along the way."""
     tables, marks = {}, []
     for count, weight in progress([*((count, LIGHT) for count in COUNTS), (1, HEAVY)]):
         path = deployed(count) if weight == LIGHT else paid_out()
@@ -97,36 +95,31 @@ def data(progress=iter):
 
 
 def draw(figure, tables):
-    """Height and work; tensions; the column folded and deployed."""
-    figure.set_size_inches(11, 7)
-    cells = figure.add_gridspec(2, 3, width_ratios=(1, 1, 1.3))
+    """Height and work of a unit; the column folded and deployed."""
+    figure.set_size_inches(9, 7)
+    cells = figure.add_gridspec(2, 2)
     heights, work = figure.add_subplot(cells[0, 0]), figure.add_subplot(cells[1, 0])
-    tension = figure.add_subplot(cells[0, 1]), figure.add_subplot(cells[1, 1])
     for count, colour in zip(COUNTS, ("C0", "C2"), strict=True):
         units = tables[f"units_{count}"]
         word = "1 unit" if count == 1 else f"{count} units"
         heights.plot(units["natural_length"], units["height"] / count, colour, label=word)
-        work.plot(units["natural_length"], units["work"] / count, colour, label=word)
+        work.plot(units["natural_length"], 1e3 * units["work"] / count, colour, label=word)
     heavy = tables["heavy"]
     number = int(np.argmax(heavy["natural_length"]))
     for part, style in ((slice(number + 1), "C3"), (slice(number, None), "C3:")):
-        word = "1 unit, ten times the weight" if style == "C3" else "its unstable branch"
-        heights.plot(heavy["natural_length"][part], heavy["height"][part], style, label=word)
-    heights.plot(heavy["natural_length"][number], heavy["height"][number], "ks", ms=4, label="fold")
+        heights.plot(heavy["natural_length"][part], heavy["height"][part], style)
+    fold = heavy["natural_length"][number], heavy["height"][number]
+    heights.plot(*fold, "ks", ms=4)
+    heights.annotate("ten times the weight:\nfold (dotted: unstable)", fold, (-10, 60),
+                     textcoords="offset points", color="C3")  # fmt: skip
     heights.set(ylabel="height of a unit [m]", ylim=(0, 0.45))
-    heights.legend(fontsize=7, loc="upper right")
-    work.set_ylabel("work done on a unit [J]")
-    for axes, name in zip(tension, ("1 unit", "3 units, mean"), strict=True):
-        units = tables["units_" + name[0]]
-        for member, colour in (("cross", "C0"), ("base", "C1"), ("bar", "0.2")):
-            axes.plot(units["natural_length"], units[member], color=colour, label=member)
-        axes.set_ylabel(f"tension [N], {name}")
-        axes.legend(fontsize=7, loc="upper left")
-    for axes in (heights, work, *tension):
+    work.set_ylabel("work done on a unit [mJ]")
+    for axes in (heights, work):
         axes.invert_xaxis()
-        axes.set_xlabel("natural length of cross strings [m], decreasing", fontsize=8)
+        axes.set_xlabel("natural length of cross strings [m], decreasing")
+        name_curves(axes)
     for place, frame in ((0, 0), (1, FRAMES - 1)):
-        show(figure.add_subplot(cells[place, 2], projection="3d"), tables["frames"], frame)
+        show(figure.add_subplot(cells[place, 1], projection="3d"), tables["frames"], frame)
 
 
 def animate(tables, path):

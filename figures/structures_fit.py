@@ -1,4 +1,4 @@
-"""A prism fitted to a noisy load curve: data, fitted curve, 95 % band, and residuals."""
+"""A fit recovers prestrain and base stiffness of a prism from a noisy load curve."""
 
 from __future__ import annotations
 
@@ -57,12 +57,12 @@ def draw(figure, tables):
     above.fill_between(x, low, high, color="C0", alpha=0.35, label="95 % band of the curve")
     rows = tables["parameters"]
     lines = [
-        f"{name} = {value:.4g} ± {error:.2g}  (true {true:.4g})"
+        f"{name.replace('_', ' ')} = {value:.4g} ± {error:.2g}  (true {true:.4g})"
         for name, value, error, true in zip(
             rows["parameter"], rows["fitted"], rows["error"], rows["true"], strict=True
         )
     ]
-    lines += [f"not identified: {word}" for word in tables["said"]["words"]]
+    lines += [f"not identified: {word.replace('_', ' ')}" for word in tables["said"]["words"]]
     above.text(0.98, 0.04, "\n".join(lines), transform=above.transAxes, ha="right", fontsize=8)
     above.set_ylabel("load [N], compression > 0")
     above.legend(fontsize=8, loc="upper left")

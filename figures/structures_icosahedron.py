@@ -1,9 +1,10 @@
-"""A six-bar tensegrity icosahedron between plates: strings go slack, and the path branches."""
+"""Where strings go slack, the stable branch of an icosahedron leaves the symmetric path."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from figures._draw import name_curves
 from figures._files import lines
 from figures._structures import film, frames, show, upright
 from tensegrity import catalogue, equilibrium_path, plates
@@ -47,15 +48,17 @@ def draw(figure, tables):
     axes = figure.add_subplot(1, 2, 1)
     for branch, style in (("symmetric", "C1--"), ("stable", "C0-")):
         table = tables[branch]
-        axes.plot(table["shortening"], table["load"], style, lw=1.8, label=f"{branch} branch")
+        axes.plot(table["shortening"], table["load"], style, lw=1.8, label=branch)
     events = tables["events"]
     for kind, mark in (("slack", "o"), ("fold", "s"), ("plate", "^")):
         at = [k for k, name in enumerate(events["event"]) if name == kind]
         if at:
             axes.plot([events["shortening"][k] for k in at], [events["load"][k] for k in at],
-                      mark, color="0.2", ms=5, label=kind)  # fmt: skip
+                      mark, color="0.2", ms=5)  # fmt: skip
+            axes.annotate(kind, (events["shortening"][at[0]], events["load"][at[0]]), (-4, 7),
+                          textcoords="offset points", ha="right")  # fmt: skip
     axes.set(xlabel="shortening [m]", ylabel="load [N], compression > 0")
-    axes.legend(fontsize=8, loc="lower right")
+    name_curves(axes)
     space = figure.add_subplot(1, 2, 2, projection="3d")
     show(space, tables["frames"], FRAMES - 1)
 

@@ -1,4 +1,4 @@
-"""Prestress tunes lattices: phases of octahedra, gaps of prisms and resonators, effective mass.
+"""Prestress tunes lattices: their phases, their gaps, and their effective mass.
 
 The octahedra are those of `catalogue.octahedra`, their strings shortened at free lattice vectors,
 with bars that buckle at a given load.  The prisms alternate, one of a kind that stiffens under
@@ -105,15 +105,15 @@ def data():
 
 
 def draw(figure, tables):
-    figure.set_size_inches(10, 7.6)
+    figure.set_size_inches(9, 7.2)
     (phases, prisms), (gaps, mass) = figure.subplots(2, 2)
     x, long, shear = tables["octahedra"].values()
     phases.plot(100 * x, long, "C0")
     phases.plot(100 * x, shear, "C3")
     phases.annotate("shear", (0.4, 0.222), color="C3")
     phases.annotate("longitudinal", (2.2, 0.085), color="C0")
-    phases.annotate("slack", (-1.9, 0.008), fontsize=8)
-    phases.annotate("bars buckled", (6.3, 0.17), fontsize=8)
+    phases.annotate("slack", (-1.9, 0.008))
+    phases.annotate("bars buckled", (6.0, 0.17))
     phases.set(xlabel="strings shorter by [%]", ylabel="speed along an axis [m/s]")
     phases.set_title("(a) Octahedra have three phases")
     f, low, high = tables["prisms"].values()

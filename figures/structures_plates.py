@@ -1,8 +1,8 @@
-"""A model between the chain and the column of nodes: heavy plates that translate and rotate.
+"""Among heavy plates of alternating handedness torsion drains the wave of the chain.
 
-In columns of one handedness extension and twist propagate together: waves of permanent form exist,
-faster than both sound speeds, and radiate nothing in a run.  In an alternating column the wave of
-the chain of condensed prisms, launched without twist, gradually loses its energy to torsion.
+Plates that move and turn are the model between the chain and the column of nodes.  In columns of
+one handedness extension and twist propagate together; in an alternating column the wave of the
+chain of condensed prisms, launched without twist, gradually loses its energy to torsion.
 Source: the talk, part III, "chains of tensegrity prisms", where plates have no rotary inertia.
 """
 
@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from figures._plates import Waves
 from figures.structures_chain import HANDS, LEAST, PRISM, chain, waves
 from tensegrity import Chain, Record, State, bands, simulate, solitary_wave
 
@@ -25,8 +24,6 @@ WAVES = 40.0, 20.0, 10.0  # units a wave
 KINDS = "alternating", "one handedness"
 BRANCHES = [f"{KINDS[0]}, {x}" for x in ("torsional", "axial")]
 BRANCHES += [f"{KINDS[1]}, {x}" for x in ("slow", "fast")]
-RATIOS = (1.02, 1.04, 1.06, 1.1)  # of the speed to that of the faster sound, one after the other
-UNITS, START, TRAVEL = 200, 30, 140
 LONG, SHED = 220, 120  # units of the alternating column, and of travel in it
 TOLERANCES = (1e-5, 1e-8)
 NEAR = 10  # units on either side of the peak that belong to the wave
@@ -53,26 +50,6 @@ def errors(hand, units):
     return w / nearest(PRISM.column(chirality=hand, periodic=True), q, w) - 1
 
 
-def permanent():
-    """The wave of one handedness: grid, differences (points, 2), residual, speed, and its state."""
-    column = Waves(PRISM, PLATES)
-    r = column.small(RATIOS[0])
-    for before, ratio in zip((RATIOS[0], *RATIOS), RATIOS, strict=False):
-        r, residual = column.solved(ratio, r * (ratio**2 - 1) / (before**2 - 1))
-    speed = RATIOS[-1] * column.sound[1]
-    return column.points, r, residual, speed, column.launch(r, speed, UNITS + 1, START)
-
-
-def travelled(tolerance, speed, state):
-    """Differences after the travel, and what is off and left behind over the peak."""
-    column = PRISM.column(UNITS, "same", plates=PLATES)
-    end = simulate(column, state, TRAVEL / speed, tol=tolerance).final
-    first, last = np.diff(state.u, axis=0), np.diff(end.u, axis=0)
-    peak = np.abs(first).max()
-    off = np.abs(last[TRAVEL:] - first[:-TRAVEL]).max() / peak
-    return last, off, np.abs(last[: TRAVEL - NEAR]).max() / peak
-
-
 def shed(part, tolerance):
     """Units travelled by the wave of the chain among alternating plates, and share of the energy
     that is near its peak."""
@@ -94,16 +71,6 @@ def data():
     tables = {"bands": {"phase": PHASES, "chain": chain(PHASES)}}
     tables["bands"] |= dict(zip(("slow", "fast"), plates(PHASES).T, strict=True))
     tables["nodes"] = {"phase": PHASES[rows[0]], "frequency": every[rows]}
-    points, r, residual, speed, state = permanent()
-    tables["wave"] = {"x": points, "extension": r[:, 0], "twist": r[:, 1]}
-    rows = []
-    for tolerance in TOLERANCES:
-        last, off, behind = travelled(tolerance, speed, state)
-        rows.append([tolerance, off, behind, residual, speed])
-    names = ("tolerance", "off", "behind", "residual", "speed")
-    tables["travel"] = dict(zip(names, np.array(rows).T, strict=True))
-    near = slice(START + TRAVEL - 8, START + TRAVEL + 9)
-    tables["after"] = {"x": np.arange(-8, 9), "extension": last[near, 0], "twist": last[near, 1]}
     for name, part in GYRATIONS.items():
         loose, tight = (shed(part, tolerance) for tolerance in TOLERANCES)
         tables[name] = {"units": tight[0], "share": tight[1], "loose": loose[1]}
@@ -113,8 +80,9 @@ def data():
 
 
 def draw(figure, tables):
-    figure.set_size_inches(11, 3.9)
-    left, middle, right = figure.subplots(1, 3)
+    """Bands of one handedness, and the wave of the chain among alternating plates."""
+    figure.set_size_inches(9, 4.2)
+    left, right = figure.subplots(1, 2)
     of = tables["bands"]
     left.plot(*tables["nodes"].values(), ".", color="0.6", ms=4)
     for branch in ("slow", "fast"):
@@ -124,28 +92,13 @@ def draw(figure, tables):
     left.annotate("plates", (0.75, 2.6), color="C0")
     left.annotate("chain", (2.3, 1.25), color="C3")
     left.set(xlabel="phase from unit to unit [rad]", ylabel="frequency [rad/s]", ylim=(0, HIGHEST))
-    left.set_title("(a) one handedness: bands")
-    wave, after = tables["wave"], tables["after"]
-    for name, colour in (("extension", "C0"), ("twist", "C1")):
-        both = np.concatenate([wave[name][:0:-1], wave[name]])
-        x = np.concatenate([-np.array(wave["x"])[:0:-1], wave["x"]])
-        middle.plot(x, 1e3 * both, colour)
-        middle.plot(after["x"], 1e3 * np.array(after[name]), "o", color=colour, ms=4)
-    middle.annotate("extension", (1.3, 140), color="C0")
-    middle.annotate("twist", (2.6, 32), color="C1")
-    middle.set(xlim=(-8, 8), xlabel="distance from the peak [units]")
-    middle.set_ylabel("difference from plate to plate [mm]")
-    middle.set_title(f"(b) the same, after {TRAVEL} units (dots)")
+    left.set_title("one handedness: bands", fontsize=10)
     for n, name in enumerate(GYRATIONS):
         right.plot(tables[name]["units"], tables[name]["share"], f"C{n + 2}")
         right.plot(tables[name]["units"], tables[name]["loose"], ".", color=f"C{n + 2}", ms=4)
-        at = (55, (0.72, 0.31)[n])
-        right.annotate(f"gyration {name}", at, color=f"C{n + 2}")
+        right.annotate(f"gyration {name}", (55, (0.72, 0.31)[n]), color=f"C{n + 2}")
     right.set(xlabel="units travelled", ylabel="fraction of energy near the peak", ylim=(0, 1.05))
-    right.set_title("(c) alternating: decay")
-    figure.suptitle(
-        "Between heavy plates twist travels with the axial wave, or drains the wave of the chain"
-    )
+    right.set_title("alternating: the wave of the chain decays", fontsize=10)
 
 
 def table(tables):
@@ -153,10 +106,6 @@ def table(tables):
         {"wave": f"{units:g} units long"} | dict(zip(BRANCHES, map(float, each), strict=True))
         for units, *each in zip(*tables["models"].values(), strict=True)
     ]
-    for tolerance, off, behind, residual, speed in zip(*tables["travel"].values(), strict=True):
-        rows.append({"wave": f"{KINDS[1]}, {TRAVEL} units at tol {tolerance:g}",
-                     "off": float(off), "left behind": float(behind), "residual": float(residual),
-                     "speed [units/s]": float(speed)})  # fmt: skip
     for name in GYRATIONS:
         rows.append({"wave": f"alternating, gyration {name}, {SHED} units",
                      "share left": float(tables[name]["share"][-1])})  # fmt: skip

@@ -1,4 +1,4 @@
-"""Lattices driven and struck: waves inside and outside a gap, and strings that slacken.
+"""A gap stops waves in a lattice, and slack strings limit the force behind a blow.
 
 Resonators in a frame are shaken along one edge: what is transmitted is held against the decay per
 cell of `decay`.  Octahedra of little prestress are struck on a face: strings slacken, and the force
@@ -99,7 +99,7 @@ def data():
 
 
 def draw(figure, tables):
-    figure.set_size_inches(11, 3.9)
+    figure.set_size_inches(9, 3.9)
     sent, slack, force = figure.subplots(1, 3)
     cells, *found = tables["transmitted"].values()
     for k, (w, values, rate) in enumerate(
@@ -111,11 +111,11 @@ def draw(figure, tables):
             sent.semilogy(cells, line, "k--", lw=1)
         sent.annotate(f"{w} rad/s", (15, values[15] * (0.4 if not rate else 1.7)), color=f"C{k}")
     sent.set(xlabel="cell from the shaken edge", ylabel="amplitude over that of the edge")
-    sent.set_title("(a) In the gap waves decay (dashed: computed)", fontsize=10)
+    sent.set_title("(a) waves decay in the gap", fontsize=10)
     speed, peak, loose, _ = tables[KINDS[0]].values()
     slack.semilogx(speed, 100 * loose, "C0o-")
     slack.set(xlabel="speed of the blow [m/s]", ylabel="most slack strings [%]")
-    slack.set_title("(b) Harder blows slacken more strings", fontsize=10)
+    slack.set_title("(b) harder blows slacken more", fontsize=10)
     rigid = tables[KINDS[1]]["force [N]"]
     force.loglog(speed, rigid, "C3o-", speed, peak, "C0o-")
     force.annotate(
@@ -123,7 +123,7 @@ def draw(figure, tables):
     )
     force.annotate("strings that\nslacken", (speed[2], 0.55 * peak[2]), color="C0")
     force.set(xlabel="speed of the blow [m/s]", ylabel="largest force behind [N]")
-    force.set_title("(c) Slackening lowers the force behind", fontsize=10)
+    force.set_title("(c) slackening lowers the force", fontsize=10)
 
 
 def table(tables):

@@ -15,12 +15,9 @@ from figures import _measure, _scenes
 from figures._measure import Number
 from tensegrity import (
     Potential,
-    Record,
     TensegrityError,
-    budget,
     interface,
     pulses,
-    simulate,
     solitary_wave,
 )
 
@@ -58,7 +55,6 @@ TIMED = 380, 500  # bonds before the interface at which a reflected pulse is tim
 PASSED = 70, 120  # and a transmitted one, beyond
 CUT = 1e-10  # of the peak, cut off where the wave is launched
 COUNTED = 0.25  # of the largest elongation beyond: from there a pulse counts
-CLOSED = 60  # bonds beyond, in the densely recorded runs whose interface is balanced
 CLOSE = 1e-3  # a reflected rarefaction this close to the exact wave of its peak is a soliton
 EVERY = 5  # steps between recorded instants
 
@@ -137,15 +133,6 @@ def exact_ratio(spring, peak):
     return Number(wave.speed_ratio, wave.residual)
 
 
-def balance(case):
-    """Budget of the part beyond the interface, in a short chain that is densely recorded."""
-    reach = solitary_wave(case.near, speed_ratio=case.ratio).reach(CUT)
-    short = case._replace(before=math.ceil(2 * reach) + 6, after=CLOSED)
-    _, scene = composite(short, 40)
-    run = simulate(*scene, method="rkn6", dt=case.step / 8, record=Record(every=1))
-    return budget(run, short.before)
-
-
 def train(run, before, since):
     """Pulses beyond the interface ahead of sound emitted there at an instant.
 
@@ -169,7 +156,6 @@ def data():
         run, found = _measure.resolved(
             scene, lambda run, w=wave, c=case: outcome(run, w, c), EVERY * case.step, step=case.step
         )
-        closed = balance(case)
         since = met(wave) + max(found["late"].value, 0.0)
         pushed, pulled = train(run, case.before, since)
         found |= {
@@ -180,8 +166,6 @@ def data():
             "rarefaction pulses": Number(pulled, 0.0),
             "incident peak": Number(wave.amplitude, wave.residual),
             "time": Number(run.t[-1], 0.0),
-            "energy balance": Number(closed.energy_error, 0.0),
-            "momentum balance": Number(closed.momentum_error, 0.0),
         }
         tables[name] = _measure.as_table(found)
         r = run.scene.elongation(run.final.u)
@@ -231,9 +215,7 @@ def table(tables):
                 f"{value['compression pulses']:.0f} compression and "
                 f"{value['rarefaction pulses']:.0f} rarefaction pulses faster than sound, from "
                 f"{COUNTED:g} of the largest; first a {kind} at {value['on']:.5f} sound speeds "
-                f"({_exact(value['exact on'])}), {value['late']:+.2f} s after sound; interface: "
-                f"energy closes to {value['energy balance']:.0e}, impulse to "
-                f"{value['momentum balance']:.0e}",
+                f"({_exact(value['exact on'])}), {value['late']:+.2f} s after sound",
                 max(found["on"].error, found["late"].error),
             )
         )

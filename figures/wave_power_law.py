@@ -1,10 +1,11 @@
-"""Power-law springs, stiffening (n > 1) and softening (n < 1) in compression."""
+"""Stiffening power laws carry compression waves, softening ones rarefaction under preload."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from figures import _measure, _scenes
+from figures._draw import name_curves
 from tensegrity import TensegrityError, solitary_wave, speed
 
 NAME = "wave_power_law"
@@ -17,7 +18,6 @@ RAREFACTION = 0.6  # m, peak in the precompressed chain of exponent ABNORMAL
 BLOW = 0.5  # m/s
 STRUCK = (1.5, ABNORMAL)  # exponents of the precompressed chains that are struck
 BLOWS = {"pushed": BLOW, "pulled": -BLOW}  # velocity of the first mass
-SHOWN = ((1.5, "pushed"), (ABNORMAL, "pulled"))
 TIMED = (80, 130)  # bonds
 
 
@@ -92,33 +92,34 @@ def data():
             scene = struck(n, blow)
             run, found = _measure.resolved(scene, leading, 0.1)
             tables[f"n{n:g} {blow}"] = _measure.as_table(found)
-            if (n, blow) in SHOWN:
-                tables[f"n{n:g} density"] = _measure.density(run)
             r = run.scene.elongation(run.final.u)
             tables[f"n{n:g} {blow} last"] = {"bond": np.arange(r.size), "elongation": r}
     return tables
 
 
 def draw(figure, tables):
-    """Densities of the struck chains, their last instant, profiles."""
-    figure.set_size_inches(12, 8)
-    axes = figure.subplots(2, 2)
-    for ax, (n, blow) in zip(axes[0], SHOWN, strict=True):
-        title = f"n = {n:g}, precompressed, free end {blow}"
-        _measure.draw_density(ax, tables[f"n{n:g} density"], title)
+    """The struck chains at the last instant, and profiles."""
+    figure.set_size_inches(9, 6.5)
+    above, below = figure.subplots(2, 1)
     for n in STRUCK:
         for blow, line in zip(BLOWS, ("-", ":"), strict=True):
             last = tables[f"n{n:g} {blow} last"]
-            colour = f"C{STRUCK.index(n)}"
-            label = f"n = {n:g}, {blow}"
-            axes[1, 0].plot(last["bond"], last["elongation"], colour + line, lw=0.9, label=label)
-    axes[1, 0].set(xlabel="bond", ylabel="elongation [m]", title="last instant", xlim=(90, 179))
+            above.plot(last["bond"], last["elongation"], f"C{STRUCK.index(n)}{line}", lw=0.9,
+                       label=f"n = {n:g}, {blow}")  # fmt: skip
+    above.set(xlabel="bond", ylabel="elongation [m]", xlim=(90, 179))
+    above.set_title("free ends of precompressed chains pushed and pulled", fontsize=10)
+    name_curves(above, at=_front)
     for name, profile in tables["profiles"].items():
         if name != "x":
-            axes[1, 1].plot(tables["profiles"]["x"], profile, label=f"n = {name}")
-    axes[1, 1].set(xlabel="distance from the peak [sites]", ylabel="elongation over its size")
-    for ax in axes[1]:
-        ax.legend(fontsize=8)
+            below.plot(tables["profiles"]["x"], profile, label=f"n = {name}")
+    below.set(xlabel="distance from the peak [sites]", ylabel="elongation over its size")
+    below.set_title("exact waves", fontsize=10)
+    name_curves(below, at=lambda y: np.flatnonzero(np.abs(y) > 0.4)[-1])
+
+
+def _front(y):
+    """The last bond with half of the largest elongation."""
+    return np.flatnonzero(np.abs(y) > 0.5 * np.abs(y).max())[-1]
 
 
 def table(tables):

@@ -1,11 +1,12 @@
-"""Solitary waves in the limit of zero prestrain: the width remains a few prisms."""
+"""Without prestrain solitary waves are still two and a half prisms wide."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from figures import _measure, _scenes
-from tensegrity import PowerLaw, simulate, solitary_wave
+from figures._draw import name_curves
+from tensegrity import PowerLaw, solitary_wave
 
 NAME = "wave_supercompact"
 GROUP = "waves"
@@ -23,7 +24,7 @@ def at_amplitude(prestrain, part=PART):
 
 
 def data():
-    """Widths at fixed amplitude and at fixed energy; profiles; a density at no prestrain."""
+    """Widths at fixed amplitude and at fixed energy; profiles."""
     energy = at_amplitude(0.0).energy
     rows, profiles = [], {"x": (x := np.linspace(-4, 4, 401))}
     for prestrain in PRESTRAINS:
@@ -44,9 +45,7 @@ def data():
         "case": ["pure cubic force", "no prestrain, peak 1e-3 of the stroke"],
         "width": [cubic.width(), small.width()],
     }
-    wave = at_amplitude(0.0)
-    run = simulate(*_scenes.launched(wave, 60, 8, 44), method="rkn6")
-    return tables | {"density": _measure.density(run)}
+    return tables
 
 
 def _checked(wave):
@@ -55,27 +54,26 @@ def _checked(wave):
 
 
 def draw(figure, tables):
-    """Widths, profiles on a logarithmic scale, and the density in the sonic vacuum."""
-    figure.set_size_inches(13, 4.2)
-    axes = figure.subplots(1, 3)
+    """Widths, and profiles on a logarithmic scale."""
+    figure.set_size_inches(9, 4.2)
+    left, right = figure.subplots(1, 2)
     widths = tables["widths"]
     p0 = np.array(widths["prestrain"], dtype=float)
     shown = np.where(p0 > 0, p0, p0[p0 > 0].min() / 10)
-    axes[0].semilogx(shown, widths["at amplitude"], "o-", label=f"peak {PART:g} of the stroke")
-    axes[0].semilogx(
-        shown, widths["at energy"], "s-", label="energy of that wave at zero prestrain"
-    )
-    axes[0].axhline(tables["limit"]["width"][0], color="0.5", ls=":", label="pure cubic force")
-    axes[0].set(xlabel="prestrain (leftmost: 0)", ylabel="width at 5 % of the peak [sites]")
-    axes[0].legend(fontsize=8)
+    left.semilogx(shown, widths["at amplitude"], "o-", label=f"{PART:g} of the\nstroke")
+    left.semilogx(shown, widths["at energy"], "s-", label="equal\nenergy")
+    left.axhline(tables["limit"]["width"][0], color="0.5", ls=":")
+    left.text(shown.min(), 3.2, "dotted: a pure cubic force")
+    left.set(xlabel="prestrain (leftmost: 0)", ylabel="width at 5 % of the peak [sites]", ylim=0)
     for name, profile in tables["profiles"].items():
         if name != "x" and float(name) in (0.1, 0.01, 1e-3, 0.0):
-            y = np.maximum(profile, 1e-17)
-            axes[1].semilogy(tables["profiles"]["x"], y, label=f"prestrain {name}")
-    axes[1].set(xlabel="distance from the peak [sites]", ylabel="elongation over peak")
-    axes[1].set_ylim(1e-12, 2)
-    axes[1].legend(fontsize=8)
-    _measure.draw_density(axes[2], tables["density"], "no prestrain")
+            x = tables["profiles"]["x"]
+            y = np.where(profile > 1e-12, profile, np.nan)
+            right.semilogy(x[x >= 0], y[x >= 0], label=f"prestrain {name}")
+    right.set(xlabel="distance from the peak [sites]", ylabel="elongation over its peak",
+              ylim=(1e-12, 2))  # fmt: skip
+    name_curves(left, at=0, spread=24)
+    name_curves(right, at=lambda y: np.flatnonzero(np.isfinite(y))[-1])
 
 
 def table(tables):

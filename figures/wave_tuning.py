@@ -142,19 +142,6 @@ def outcome(before, during, after):
     }
 
 
-def balance(before, during, after):
-    """Energy and work over time, over the energy at first."""
-    first, last = before.energy[0], during.work[-1]
-    starts = (0.0, LEAD, LEAD + during.t[-1])
-    runs = (before, during, after)
-    work = [np.zeros(len(before.t)), during.work, np.full(len(after.t), last)]
-    return {
-        "time": np.concatenate([start + run.t for start, run in zip(starts, runs, strict=True)]),
-        "energy": np.concatenate([run.energy for run in runs]) / first,
-        "work": np.concatenate(work) / first,
-    }
-
-
 def densities(before, during, after, spring_at):
     """Density of energy through all three runs, in the springs of each instant."""
     rows = [before.scene.site_energy(before)]
@@ -175,44 +162,26 @@ def data():
         tables[name] = _measure.as_table(found)
         if name == "quick":
             tables[f"{name} density"] = densities(*runs, drawn_in(ramp))
-        tables[f"{name} energy"] = balance(*runs)
     return tables
 
 
 def draw(figure, tables):
-    """Speed and width of waves over prestrain and preload; a wave during a change; its energy."""
-    figure.set_size_inches(9, 9)
-    axes = figure.subplots(3, 2)
-    letters = iter("abcdef")
-    for row, quantity in zip(axes, ("wave speed", "width"), strict=False):
-        for ax, (name, given) in zip(row, MAPS.items(), strict=True):
-            columns = tables[f"{name} map"]
-            shape = len(given[2]), len(given[3])
-            grid = [np.reshape(columns[key], shape) for key in ("prestrain", "preload", quantity)]
-            image = ax.pcolormesh(*grid, cmap="viridis", shading="nearest")
-            ax.grid(False)
-            ax.set_xscale("log" if name == "stiffening" else "linear")
-            ax.set(xlabel="prestrain", ylabel="preload [N]")
-            ax.set_title(f"({next(letters)}) {name}: {quantity}", fontsize=10)
-            figure.colorbar(image, ax=ax, label=UNITS[quantity])
+    """Speed of waves over prestrain and preload; a wave during a change."""
+    figure.set_size_inches(9, 7)
+    axes = figure.subplot_mosaic([[*MAPS], ["change"] * 2])
+    for name, given in MAPS.items():
+        columns, ax = tables[f"{name} map"], axes[name]
+        shape = len(given[2]), len(given[3])
+        grid = [np.reshape(columns[key], shape) for key in ("prestrain", "preload", "wave speed")]
+        image = ax.pcolormesh(*grid, cmap="viridis", shading="nearest")
+        ax.grid(False)
+        ax.set_xscale("log" if name == "stiffening" else "linear")
+        ax.set(xlabel="prestrain", ylabel="preload [N]")
+        ax.set_title(f"{name}: speed of a wave of {given[1]:g} m", fontsize=10)
+        figure.colorbar(image, ax=ax, label="sites/s")
     middle = LEAD + WINDOW / 2 * RAMPS["quick"]
-    title = f"({next(letters)}) strings drawn in at {middle:.3g} s"
-    _measure.draw_density(axes[2, 0], tables["quick density"], title)
-    ax = axes[2, 1]
-    for k, name in enumerate(RAMPS):
-        t, energy, work = tables[f"{name} energy"].values()
-        ax.plot(t, energy, f"C{k}")
-        ax.annotate(f"energy, {name}", (t[-1], energy[-1]), (-2, 6 if k else -6), color=f"C{k}",
-                    textcoords="offset points", ha="right",
-                    va="bottom" if k else "top")  # fmt: skip
-    ax.plot(t, energy - work, "k:")
-    ax.annotate("energy less work, both", (t[-1], 1), (-2, -6), textcoords="offset points",
-                ha="right", va="top")  # fmt: skip
-    ax.set(xlabel="time [s]", ylabel="over the initial energy", ylim=(0, 2.8))
-    ax.set_title(f"({next(letters)}) the change does work on the wave", fontsize=10)
-    figure.suptitle("Prestress tunes the speed and width of waves, even while one travels\n"
-                    "white: the bars meet below that peak (stiffening), or beyond the limit point "
-                    "(softening)", fontsize=10)  # fmt: skip
+    _measure.draw_density(axes["change"], tables["quick density"],
+                          f"cross strings drawn in at {middle:.3g} s")  # fmt: skip
 
 
 def table(tables):

@@ -8,7 +8,7 @@ import sympy as sp
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
-from figures import _composite, _solitons, _stored, composite, wave_composite_map
+from figures import _composite, _solitons, _stored, composite
 from tensegrity import Chain, Potential, Prism, Record, budget, simulate, solitary_wave
 
 RIGID = Prism(1.0, 0.8, 0.02, 1.0).potential()
@@ -184,25 +184,6 @@ def test_the_first_interface_does_both_from_its_parameters():
     near, far, pushed = one.momenta()
     assert near + far == pytest.approx(1, abs=1e-9)
     assert pushed < far < 0  # pushes: what follows the reflected rarefaction pays for it
-
-
-def test_a_map_of_two_resolutions_tells_where_they_differ():
-    nan = float("nan")
-    columns = {
-        "coarse back": [1.01, -0.99, 0.99, nan], "back": [1.0101, 1.02, -0.99, nan],
-        "coarse on": [1.2, -1.1, 1.3, nan], "on": [1.2, -1.1, 1.3, nan],
-    }  # fmt: skip
-    np.testing.assert_array_equal(wave_composite_map.verdicts(columns), [1, 2, 0, nan])
-    np.testing.assert_array_equal(wave_composite_map.verdicts(columns, "coarse "), [1, -1, 0, nan])
-    np.testing.assert_allclose(wave_composite_map.moved(columns), [1e-4, np.inf, np.inf, nan])
-    columns |= {"ratio": [1.1] * 4, "k_cross": [1.0, 2.0, 3.0, 4.0], "rho": [0.1] * 4}
-    row, *each = wave_composite_map.table({"map": columns})
-    assert "both in 1" in row["measured"]
-    assert row["method error"].startswith("two resolutions agree to 0.0001 of a speed in 1,")
-    assert "differ in 2: 1.1 cs to 2 N/m" in row["method error"]
-    assert [one["measured"] for one in each][2:] == [
-        "back compression 0.9900 cs, on rarefaction 1.3000 cs; acoustics +0.10", "the bars meet"
-    ]  # fmt: skip
 
 
 def test_words_and_pictures_are_made_of_what_was_computed():

@@ -98,7 +98,7 @@ def test_pictures_are_written_with_their_tables(tmp_path, capsys):
     assert (folder / "constitutive_rigid.png").read_bytes().startswith(b"\x89PNG")
     assert {path.suffix for path in folder.iterdir()} == {".png", ".csv"}
     said = capsys.readouterr().out
-    assert re.search(r"1/1 +[0-9.]+ s  constitutive/constitutive_rigid: Axial load and", said)
+    assert re.search(r"1/1 +[0-9.]+ s  constitutive/constitutive_rigid: A slender", said)
     assert said.splitlines()[-1].startswith(f"{tmp_path / 'index.html'} shows all")
     written = read_tables(folder / "constitutive_rigid.csv")
     computed = constitutive_rigid.data()
@@ -184,7 +184,6 @@ def test_all_pictures_have_a_cost_and_the_slow_ones_come_last():
 DOORS = ("tensegrity", "tensegrity.objective", "tensegrity.catalogue", "granular",
          "granular.design", "granular.lammps")  # fmt: skip
 INSIDE = {
-    "granular.contact_network.wall_forces": "the walls' forces at rest, without a run",
     "granular.contact_network.wall_sites": "which sites to record for the force on a wall",
     "granular.design.objective": "forces of many designs by the one step of a search",
     "granular.layout.crossed_layout": "a guide whose branches cross, which no source proposes",
@@ -192,7 +191,6 @@ INSIDE = {
     "tensegrity.engine": "the loop itself, its threads, and expressions in CasADi",
     "tensegrity.plotting": "films of tables, which are no runs",
     "tensegrity.prisms.fold_curve.limit_load": "a limit point continued in two parameters",
-    "tensegrity.prisms.stability.first_loss": "stability of a prism on given supports",
     "tensegrity.scenes.dynamics.dynamics": "steps beyond the bounds that `simulate` sets",
     "tensegrity.springs.kinks.TAUT": "a tolerance that is explained",
     "tensegrity.waves.transition.standing_forces": "what pins fronts, without looking for one",

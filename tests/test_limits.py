@@ -16,11 +16,10 @@ from figures import (
     limits_locking,
     limits_round_off,
     limits_stability,
-    limits_stiffness,
 )
 from figures._draw import render
 from figures._gallery import write_page
-from figures._limits import DIFFERENT, EXPLICIT, moved
+from figures._limits import EXPLICIT, moved
 
 PAGE = Path(__file__).parent.parent / "docs" / "pictures" / "limits.md"
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
@@ -152,17 +151,6 @@ def test_recording_more_often_changes_no_bit():
     _, one = limits_bits.run(chain, state, 24.0, 3)
     other = limits_bits.run(chain, state, 24.0, 5)[1][:, ::2]
     assert limits_bits.differing(one, other) == 0
-
-
-def test_explicit_steps_grow_with_the_root_of_the_stiffness_ratio_and_implicit_ones_do_not():
-    t = limits_stiffness.data(np.array([1e2, 1e4, 1e6]), timed=False)["steps"]
-    for name in DIFFERENT:
-        assert np.max(t[f"{name}: error"]) <= limits_stiffness.ERROR
-        if name in LIMITS:
-            assert t[name][2] / t[name][1] == pytest.approx(10, rel=0.02)
-        else:
-            assert np.ptp(t[name]) <= 0.1 * t[name][0]
-            assert t[name][2] < min(t[other][2] for other in EXPLICIT) / 5
 
 
 def section(name):

@@ -2,7 +2,7 @@
 
 import pytest
 
-from figures import _packs, chosen, packs_forming, packs_rest
+from figures import _packs, chosen
 
 
 def numbers(rows):
@@ -17,22 +17,3 @@ def test_a_direct_hit_has_the_reference_s_force():
 
 def test_the_pictures_of_packs_are_one_group():
     assert {"packs_floor", "packs_plane", "packs_space"} < set(chosen(["packs"]))
-
-
-@pytest.mark.slow
-def test_contacts_that_form_are_counted_as_the_reference_s():
-    found = packs_forming.table(packs_forming.data())
-    for line in found:
-        if line["figure"] == "gas" and line["quantity"].startswith("pairs"):
-            assert line["here"] == line["reference"]
-        if line["quantity"].startswith("energy error"):
-            assert line["here"] < 1e-8
-    cue, known = numbers(found)["wall peak [N]"]
-    assert cue == pytest.approx(known, rel=1e-5)
-
-
-@pytest.mark.slow
-def test_packs_at_rest_carry_their_weight():
-    for words, (here, known) in numbers(packs_rest.table(packs_rest.data())).items():
-        if "less 1" in words:
-            assert abs(here - known) < 1e-10

@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 
-from figures.packs_forming import box, gas
 from granular import (
     Bead,
     Pack,
@@ -48,6 +47,24 @@ def planar(rows=12, columns=21, **options):
         "striker": Striker(STEEL, 1.0),
     } | options
     return hexagonal_pack(rows, columns, **options)
+
+
+def box(width, height):
+    """Four steel walls about a rectangle, as `pack` takes them."""
+    planes = {
+        "left": ((0, 0), (1, 0)), "right": ((width, 0), (-1, 0)),
+        "floor": ((0, 0), (0, 1)), "lid": ((0, height), (0, -1)),
+    }  # fmt: skip
+    return {name: (Wall(*plane), WALL) for name, plane in planes.items()}
+
+
+def gas():
+    """36 separated beads that start in as many directions at 2 m/s."""
+    places = (1 + 1.5 * np.array([(i, j) for i in range(6) for j in range(6)])) * D
+    scene = pack(places, STEEL, box(9.5 * D, 9.5 * D))
+    angle = math.pi * (3 - math.sqrt(5)) * np.arange(36)
+    velocity = 2 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return scene, scene.at_rest(dict(enumerate(velocity.tolist())))
 
 
 def largest(t, force):

@@ -1,5 +1,7 @@
 """The wave scenes of the talk: what the pictures claim, at smaller sizes or fewer points."""
 
+import math
+
 import matplotlib
 import numpy as np
 import pytest
@@ -138,7 +140,7 @@ def test_only_pushed_blows_answer_for_a_compressive_disturbance():
 
 
 def test_force_at_the_held_end_closes_the_momentum():
-    scene = wave_softening.struck("held end, next mass pushed", 0.15, *wave_softening.CLOSED)
+    scene = wave_softening.struck("held end, next mass pushed", 0.15, 80, 60.0)
     run = simulate(*scene, method="rkn6", dt=0.025, record=Record(every=1))
     found = budget(run, 0)
     assert found.momentum_error < 1e-10
@@ -182,9 +184,18 @@ def test_weak_soft_branch_answers_late_with_compression():
     assert found["energy"] > 5 * wave_composite.acoustics(case) ** 2
 
 
+def balance(case):
+    """Budget of the part beyond the interface, in a short chain that is densely recorded."""
+    reach = solitary_wave(case.near, speed_ratio=case.ratio).reach(wave_composite.CUT)
+    short = case._replace(before=math.ceil(2 * reach) + 6, after=60)
+    _, scene = wave_composite.composite(short, 40)
+    run = simulate(*scene, method="rkn6", dt=case.step / 8, record=Record(every=1))
+    return budget(run, short.before)
+
+
 @pytest.mark.parametrize("name", [name for name in wave_composite.cases() if "weak" in name])
 def test_budget_of_the_interface_closes(name):
-    found = wave_composite.balance(wave_composite.cases()[name])
+    found = balance(wave_composite.cases()[name])
     assert found.energy_error < 1e-9
     assert found.momentum_error < 1e-10
     assert abs(found.work[-1]) > 0
