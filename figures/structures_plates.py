@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from figures._plates import Waves
 from figures.structures_chain import HANDS, LEAST, PRISM, chain, waves
 from tensegrity import Chain, Record, State, bands, simulate, solitary_wave
 
@@ -25,7 +24,8 @@ WAVES = 40.0, 20.0, 10.0  # units a wave
 KINDS = "alternating", "one handedness"
 BRANCHES = [f"{KINDS[0]}, {x}" for x in ("torsional", "axial")]
 BRANCHES += [f"{KINDS[1]}, {x}" for x in ("slow", "fast")]
-RATIOS = (1.02, 1.04, 1.06, 1.1)  # of the speed to that of the faster sound, one after the other
+RATIO = 1.1  # of the speed to that of the faster sound
+POINTS = np.arange(161) / 8  # units from the peak
 UNITS, START, TRAVEL = 200, 30, 140
 LONG, SHED = 220, 120  # units of the alternating column, and of travel in it
 TOLERANCES = (1e-5, 1e-8)
@@ -54,13 +54,10 @@ def errors(hand, units):
 
 
 def permanent():
-    """The wave of one handedness: grid, differences (points, 2), residual, speed, and its state."""
-    column = Waves(PRISM, PLATES)
-    r = column.small(RATIOS[0])
-    for before, ratio in zip((RATIOS[0], *RATIOS), RATIOS, strict=False):
-        r, residual = column.solved(ratio, r * (ratio**2 - 1) / (before**2 - 1))
-    speed = RATIOS[-1] * column.sound[1]
-    return column.points, r, residual, speed, column.launch(r, speed, UNITS + 1, START)
+    """The wave of one handedness, and its state in a column."""
+    column = PRISM.column(UNITS, "same", plates=PLATES)
+    wave = solitary_wave(column, speed_ratio=RATIO)
+    return wave, wave.launch(column, at=START + 0.5)
 
 
 def travelled(tolerance, speed, state):
@@ -94,12 +91,13 @@ def data():
     tables = {"bands": {"phase": PHASES, "chain": chain(PHASES)}}
     tables["bands"] |= dict(zip(("slow", "fast"), plates(PHASES).T, strict=True))
     tables["nodes"] = {"phase": PHASES[rows[0]], "frequency": every[rows]}
-    points, r, residual, speed, state = permanent()
-    tables["wave"] = {"x": points, "extension": r[:, 0], "twist": r[:, 1]}
+    wave, state = permanent()
+    r, speed = wave.elongation(POINTS), wave.speed
+    tables["wave"] = {"x": POINTS, "extension": r[:, 0], "twist": r[:, 1]}
     rows = []
     for tolerance in TOLERANCES:
         last, off, behind = travelled(tolerance, speed, state)
-        rows.append([tolerance, off, behind, residual, speed])
+        rows.append([tolerance, off, behind, wave.residual, speed])
     names = ("tolerance", "off", "behind", "residual", "speed")
     tables["travel"] = dict(zip(names, np.array(rows).T, strict=True))
     near = slice(START + TRAVEL - 8, START + TRAVEL + 9)

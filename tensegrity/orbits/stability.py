@@ -34,6 +34,7 @@ from tensegrity.orbits.half_period import HalfPeriod
 from tensegrity.orbits.shooting import Orbit
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.dynamics import dynamics
+from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array
 from tensegrity.waves.by_speed import neutral_motions
 from tensegrity.waves.solitary import SolitaryWave
@@ -104,7 +105,7 @@ def floquet(of: SolitaryWave | TransitionWave | Orbit) -> Floquet:
     Raises
     ------
     TensegrityError
-        Not a wave or an orbit, or a wave that is too wide for a window.
+        Not a wave or an orbit, a wave of several components, or one too wide for a window.
     ResolutionError
         The neutral multipliers deviate from 1 by more than 1e-6 with the smallest steps, or an
         unstable multiplier depends on the window.
@@ -144,8 +145,9 @@ def floquet(of: SolitaryWave | TransitionWave | Orbit) -> Floquet:
         shift = np.concatenate(flow.rates_at_start(1 / of.speed))
         motions = (there @ shift)[:, None]
     else:
-        flow = Flow(Chain(of.potential, sites, of.mass), FIRST)
         motions = neutral_motions(of, x).reshape(2, 2 * sites).T
+        assert isinstance(of.potential, Potential)  # of one component, as dH/dc exists
+        flow = Flow(Chain(of.potential, sites, of.mass), FIRST)
     inner = np.flatnonzero(np.abs(place) <= half - math.floor(SHORTER * sites))
     while True:
         tangent = there @ _passed(of, flow, x) @ back
