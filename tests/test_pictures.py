@@ -49,8 +49,6 @@ PENDING = {
     "structures_struck",
     "structures_tower",
     "structures_waves",
-    "transition_speed",
-    "transition_switch",
     "wave_mitigation",
     "wave_power_law",
     "wave_softening",
