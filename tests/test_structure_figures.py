@@ -17,7 +17,17 @@ from figures import (
     structures_tower,
     structures_waves,
 )
-from tensegrity import EquilibriumError, Prism, bands, decay, dispersion, equilibrium, modes
+from tensegrity import (
+    EquilibriumError,
+    Prism,
+    State,
+    bands,
+    decay,
+    dispersion,
+    equilibrium,
+    modes,
+    simulate,
+)
 
 
 def test_tower_found_from_natural_lengths_is_stable_with_all_strings_taut():
@@ -173,6 +183,32 @@ def test_a_beam_goes_where_its_spectrum_says(density):
         length = np.linalg.norm(path[-1] - path[0])
         assert length == pytest.approx(structures_beam.TRAVEL, rel=1e-3)
         assert run.energy_error < 1e-12
+
+
+def test_prestress_that_changes_in_a_run_turns_its_beam():
+    """A sudden change is two runs, one after the other; a slow one keeps the beam's branch."""
+    picture = structures_beam
+    off = []
+    for ramp in (0.4, 0.2):
+        run, _ = picture.turned(ramp)
+        half = picture.ROWS // 2
+        firm = picture.plate(picture.SWITCHED[1]).network((picture.SITES,) * 2)
+        middle = State(run.u[half - 1], run.v[half - 1])
+        soft = picture.plate(picture.SWITCHED[0]).network((picture.SITES,) * 2)
+        step = run.t[half] - run.t[half - 1]
+        there = simulate(soft, middle, step, tol=1e-7).final
+        end = simulate(firm, there, run.t[-1] - run.t[half], tol=1e-7).final
+        off.append(np.abs(run.final.u - end.u).max() / np.abs(end.u).max())
+    assert off[1] < off[0] / 2
+    assert off[1] < 6e-3
+    turned = []
+    for ramp in (picture.RAMP, picture.RAMP / 2):
+        run, velocities = picture.turned(ramp)
+        rows = half + picture.APART, picture.ROWS - 1
+        found, expected = picture.angles(run, velocities[1], rows)
+        turned.append(abs(found - expected))
+    assert turned[0] < turned[1] < 1.5
+    assert turned[0] < 0.6
 
 
 @pytest.mark.parametrize("frequency", [1.4, 1.7])
