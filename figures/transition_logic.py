@@ -109,14 +109,15 @@ def draw(figure, tables):
         )
     figure.colorbar(shown, ax=[panels["b"]]).set_label("twist [rad]")
     ax, found = panels["d"], tables["by torque"]
-    for inputs, words, marker in (("AB", "both are struck", "s"), ("A", "one is struck", "o")):
-        ax.plot(1e3 * found["torque"], found[f"of {inputs}"], marker=marker, ms=6, label=words)
+    both = ("AB", "both are struck", "s", DISCS - 0.4), ("A", "one is struck", "o", 0.3)
+    for k, (inputs, words, marker, level) in enumerate(both):
+        ax.plot(1e3 * found["torque"], found[f"of {inputs}"], f"C{k}", marker=marker, ms=6)
+        ax.annotate(words, (5.0, level), color=f"C{k}")
     for name, torque in GATES.items():
         ax.axvline(1e3 * torque, color="0.6", lw=1, ls="--")
-        ax.annotate(name, (1e3 * torque, DISCS / 2), (4, 0), textcoords="offset points", fontsize=9)
+        ax.annotate(name, (1e3 * torque, DISCS / 2), (4, 0), textcoords="offset points")
     ax.set(xlabel="torque of the junction [mN m]", ylabel="discs of the output switched")
     ax.set_title("(d) A larger torque makes an OR of an AND", fontsize=10)
-    ax.legend(loc="center")
 
 
 def table(tables):

@@ -22,6 +22,7 @@ WELL = 0.3  # a
 WELLS = (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.43, 0.45, 0.47)  # with DASHPOT
 DASHPOT = 0.8  # N s/m
 SITES, AT, PASSED = 260, 110, 60  # of a run; place of the front, and sites that it passes
+NAMES = {0.1: (0.42, 0.02), 0.25: (1.0, 0.15), 1.0: (1.1, 0.26)}  # places of names
 TESTED = {0.1: (0.7, 1.9), 0.25: (0.7,), 1.0: (0.9,)}  # dashpots of runs
 
 
@@ -104,21 +105,22 @@ def draw(figure, tables):
         left.plot(g, continuum(k, WELL, g), color, ls="--", lw=1)
         right.plot(a, continuum(k, a, DASHPOT), color, ls="--", lw=1)
         found = tables[f"k = {k:g}, dashpots"]
-        left.plot(found["dashpot"], found["speed"], color, marker="o", ms=4, label=f"k = {k:g} N/m")
+        left.plot(found["dashpot"], found["speed"], color, marker="o", ms=4)
+        left.annotate(f"k = {k:g} N/m", NAMES[k], color=color)
         run = tables[f"k = {k:g}, runs"]
         left.plot(run["dashpot"], run["speed"], "kx", ms=9, mew=1.5)
         found, limit = tables[f"k = {k:g}, barriers"], tables[f"k = {k:g}, pinned"]["from a"][0]
         right.plot(found["a"], found["speed"], color, marker="o", ms=4)
         right.plot([limit], [0], color, marker="s", ms=6, clip_on=False, zorder=9 - number)
-    left.plot([], [], "0.4", ls="--", lw=1, label="continuum")
-    left.plot([], [], "kx", ms=9, mew=1.5, label="runs from a step")
-    right.plot([], [], "0.4", ls="none", marker="s", ms=8, label="pinned from here on")
+    left.annotate(
+        "dashed: continuum", (0.95, 0.93), xycoords="axes fraction", ha="right", color="0.4"
+    )
+    left.annotate("crosses: runs from a step", (0.95, 0.86), xycoords="axes fraction", ha="right")
+    right.annotate("pinned from\nthe square on", (0.41, 0.2), ha="left", color="0.3")
     left.set(xlabel="dashpot to the ground g [N s/m]", ylabel="speed [sites/s]", ylim=(0, None))
     left.set_title(f"barrier at a = {WELL:g}", fontsize=10)
     right.set(xlabel="place of the barrier a [m]", ylabel="speed [sites/s]", ylim=(0, None))
     right.set_title(f"dashpot g = {DASHPOT:g} N s/m; equal wells at a = 1/2", fontsize=10)
-    left.legend()
-    right.legend()
 
 
 def table(tables):

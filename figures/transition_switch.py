@@ -137,13 +137,13 @@ def draw(figure, tables):
         ax.plot(1e3 * found["released"], found["speed"], color, marker="o", ms=4)
         ax.annotate(
             f"dashpot {dashpot:g} N m s/rad", (1e3 * found["released"][-1], found["speed"][-1]),
-            (6, -3), textcoords="offset points", color=color, fontsize=9,
+            (6, -3), textcoords="offset points", color=color, fontsize=10,
         )  # fmt: skip
         if dashpot == DASHPOT:
             there = 1e3 * found["released"][TORQUES.index(TORQUE)]
             ax.plot([there], [run_speed], "kx", ms=10, mew=1.5)
             ax.annotate("run (a)", (there, run_speed), (-8, 8), textcoords="offset points",
-                        ha="right", fontsize=9)  # fmt: skip
+                        ha="right", fontsize=10)  # fmt: skip
     ax.set(xlabel="energy released by a disc [mJ]", ylabel="speed of the front [discs/s]")
     ax.set(xlim=(1.3, 4.1), ylim=(0, 0.125))
     ax.set_title("(d) Fronts that release more are faster, dashpots slow them", fontsize=10)

@@ -154,18 +154,19 @@ def draw(figure, tables):
         ax.pcolormesh(heights, found["prestrain"], count(found), cmap="Blues", vmin=-1, vmax=4,
                       shading="nearest")  # fmt: skip
         for name, words, color in (("threshold", "splits", "C1"), ("last", "ends", "C3")):
-            ax.plot(limits["height"], limits[name], color, lw=2, label=f"derived: {words} the well"
-                    + "s" * (name == "last"))  # fmt: skip
+            ax.plot(limits["height"], limits[name], color, lw=2)
+            ax.annotate(f"derived: {words} the well" + "s" * (name == "last"),
+                        (0.97, 0.9 - 0.08 * (name == "last")), xycoords="axes fraction", ha="right",
+                        color=color, bbox={"fc": "w", "ec": "none", "pad": 2})  # fmt: skip
         middle = len(heights) // 4
         lower, upper, top = limits["threshold"][middle], limits["last"][middle], found["prestrain"]
         for level, words in ((lower / 2, "one well"), ((lower + upper) / 2, "two wells"),
                              ((upper + top[-1]) / 2, "none")):  # fmt: skip
-            ax.text(heights[middle], level, words, ha="center", va="center", fontsize=9)
+            ax.text(heights[middle], level, words, ha="center", va="center", fontsize=10)
         ax.set(xlabel="height over side", ylabel="prestrain of the strings")
         ax.set(xlim=heights[[0, -1]], ylim=top[[0, -1]])
         ax.set_title(f"({letter}) {'triangles' if sides == 3 else 'squares'}, by number of wells",
                      fontsize=10)  # fmt: skip
-        ax.legend(fontsize=9, loc="upper right")
     _pitchfork(panels[1, 0], tables)
     ax, potential = panels[1, 1], tables["potential"]
     for number, p in enumerate(PUSHED):
@@ -180,36 +181,35 @@ def draw(figure, tables):
             textcoords="offset points",
             ha="right",
             color=f"C{number}",
-            fontsize=9,
+            fontsize=10,
         )
         level = np.interp(
             folds, np.sort(found["twist"]), found["torque"][np.argsort(found["twist"])]
         )
-        ax.plot(
-            folds, 1e3 * level, "ks", ms=6, mfc="none", label="folds" if p == PUSHED[0] else None
-        )
-    ax.plot([], [], "0.4", lw=1, label="energy of rigid bars")
-    ax.plot([], [], "0.4", ls="none", marker="o", ms=4, label="path of the structure")
+        ax.plot(folds, 1e3 * level, "ks", ms=6, mfc="none")
+    ax.annotate("lines: energy of rigid bars\ndots: path of the structure\nsquares: its folds",
+                (-0.27, -12))  # fmt: skip
     ax.set(xlabel="twist [rad]", ylabel="torque [mN m]", xlim=(-0.45, 0.45), ylim=(-13, 14))
     ax.set_title("(d) A torque switches wells at a fold (triangles)", fontsize=10)
-    ax.legend(fontsize=9, loc="lower left")
 
 
 def _pitchfork(ax, tables):
     branch, straight, unequal = (tables[name] for name in ("a branch", "straight", "unequal"))
     for side in (1, -1):
-        ax.plot(tables["wells"]["prestrain"], side * tables["wells"]["twist"], "0.4", lw=1,
-                label="wells of rigid bars" if side > 0 else None)  # fmt: skip
-        ax.plot(branch["prestrain"], side * branch["twist"], "C0", ls="none", marker="o", ms=4,
-                label="stable branches of the structure" if side > 0 else None)  # fmt: skip
+        ax.plot(tables["wells"]["prestrain"], side * tables["wells"]["twist"], "0.4", lw=1)
+        ax.plot(branch["prestrain"], side * branch["twist"], "C0", ls="none", marker="o", ms=4)
     held_up = ~straight["stable"]
-    ax.plot(straight["prestrain"][held_up], straight["twist"][held_up], "C0", ls="--",
-            label="unstable")  # fmt: skip
-    ax.plot(unequal["prestrain"], unequal["twist"], "C2", label="one hand more by 0.0005")
-    ax.plot([threshold(3, 1.0)], [0], "C1", marker="s", ms=8, ls="none", label="derived threshold")
+    ax.plot(straight["prestrain"][held_up], straight["twist"][held_up], "C0", ls="--")
+    ax.plot(unequal["prestrain"], unequal["twist"], "C2")
+    ax.plot([threshold(3, 1.0)], [0], "C1", marker="s", ms=8, ls="none")
+    for place, color, words in (
+        ((0.052, 0.3), "C0", "stable branches of the structure,\non the wells of rigid bars"),
+        ((0.1, 0.03), "C0", "unstable"), ((0.052, -0.2), "C2", "one hand more by 0.0005"),
+        ((0.06, 0.05), "C1", "derived threshold"),
+    ):  # fmt: skip
+        ax.annotate(words, place, color=color)
     ax.set(xlabel="prestrain of the strings", ylabel="twist [rad]", xlim=DRAWN)
     ax.set_title("(c) Drawn in, the structure leaves its straight state", fontsize=10)
-    ax.legend(fontsize=9, loc="upper left")
 
 
 def table(tables):

@@ -23,7 +23,7 @@ from tensegrity import (
     solitary_wave,
     transition_wave,
 )
-from tensegrity.orbits.flow import Flow
+from tensegrity.orbits.flow import DrivenFlow, Flow
 from tensegrity.root import root
 from tensegrity.waves.by_speed import neutral_motions
 
@@ -322,7 +322,55 @@ def test_a_struck_front_comes_back_to_itself_somewhat_shifted():
     assert best.fun < 1e-6
 
 
-def test_fronts_of_bonds_alone_have_no_multipliers():
-    law = Potential(R**2 / 2 + R**3 / 3 - R**4 / 4, R)
-    with pytest.raises(TensegrityError, match="needs springs to the ground"):
-        floquet(transition_wave(law, ahead=0.0, behind=2 / 3))
+def test_a_real_multiplier_of_a_damped_front_is_near_the_partner_of_its_shift():
+    """The tangent on a ring is conformally symplectic: the products of pairs are exp(-g/(m c))."""
+    front = front_on_wells()
+    partner = math.exp(-0.3 / front.speed)
+    x = np.arange(-40.0, 41.0)
+    chain = Chain(front.potential, len(x), ground=front.ground, damping=front.damping)
+    flow = DrivenFlow(chain, 8, 1 / front.speed)
+    rows = flow.tangents(front.displacement(x), -front.speed * front.rate(x), 1 / front.speed)[2]
+    ring = np.roll(rows.reshape(2, len(x), -1), -1, axis=1).reshape(2 * len(x), -1)
+    values = np.linalg.eigvals(ring)
+    assert np.abs(values - 1).min() < 1e-9
+    assert np.abs(values - partner).min() < 1e-9
+    found = floquet(front).multipliers
+    (real,) = found[found.imag == 0].real
+    assert 1e-5 < abs(real - partner) < 1e-4
+
+
+QUARTIC = 4 * R * (R - sp.Rational(1, 5)) * (R - 1)
+BONDS = [(R + R**2 - R**3, 2 / 3, 0.0, 30), (QUARTIC, 1.3, 1.0, 50)]  # force, behind, dashpot
+
+
+@pytest.mark.parametrize(("force", "behind", "dashpot", "half"), BONDS)
+def test_a_front_of_bonds_is_neutral_to_its_shift_alone(force, behind, dashpot, half):
+    """Its tangent map by SciPy, of variational equations of elongations and velocities."""
+    damping = Damping(bond=dashpot)
+    law = Potential(sp.integrate(force, R), R)
+    front = transition_wave(law, ahead=0.0, behind=behind, damping=damping)
+    found = floquet(front)
+    assert found.stable
+    assert abs(found.neutral - 1) == pytest.approx([0], abs=1e-6)
+    x, around = np.arange(-half - 10, half + 11.0), 10
+    tension, slope = (sp.lambdify(R, one) for one in (force, sp.diff(force, R)))
+    n = len(x)
+    bonds = np.eye(n - 1, n, 1) - np.eye(n - 1, n)
+
+    def rates(t, y):
+        r, v = y[: n - 1], y[n - 1 : 2 * n - 1]
+        dr, dv = np.split(y[2 * n - 1 :].reshape(2 * n - 1, -1), [n - 1])
+        force = tension(r) + dashpot * (bonds @ v)
+        change = slope(r)[:, None] * dr + dashpot * (bonds @ dv)
+        return np.concatenate([bonds @ v, -bonds.T @ force, (bonds @ dv).ravel(),
+                               (-bonds.T @ change).ravel()])  # fmt: skip
+
+    r, v = front.elongation(x[1:] - 0.5), -front.speed * front.rate(x)
+    end = solve_ivp(rates, (0, 1 / front.speed), [*r, *v, *np.eye(2 * n - 1).ravel()],
+                    method="DOP853", rtol=1e-8, atol=1e-10).y[2 * n - 1 :, -1]  # fmt: skip
+    parts = np.split(end.reshape(2 * n - 1, -1), [n - 1])
+    moved = np.vstack([np.vstack([one[1:], 0 * one[:1]]) for one in parts])
+    inside = np.r_[around : n - 1 - around, n - 1 + around : 2 * n - 1 - around]
+    values = np.linalg.eigvals(moved[np.ix_(inside, inside)])
+    assert np.abs(values - 1).min() < 1e-6
+    assert np.sum(np.abs(values) > 0.99) == 1

@@ -18,6 +18,7 @@ from tensegrity import (
     bands,
     catalogue,
     dispersion,
+    moduli,
 )
 
 CELLS = ("3-column-alternate", "3-column-same", "4-strip", "4-xplate", "5-octahedra-1.0-0.1",
@@ -210,6 +211,17 @@ def test_velocities_of_equal_frequencies_are_those_of_the_branches():
     v = bands(column, q, velocities=True).velocities[0, :2, 2]
     high, low = bands(column, [[1 + 1e-5], [1 - 1e-5]]).frequencies[:, :2]
     close(v, (high - low) / 2e-5 * 1.4, 1e-6)
+
+
+@pytest.mark.parametrize("phase", [2e-3, 0.02, 0.05])
+def test_velocities_of_long_waves_are_those_of_the_moduli(phase):
+    """Their frequencies are close to each other beside the highest one, but not equal."""
+    lattice_ = catalogue.octahedra(k_bar=20.0, prestrain=0.01)
+    normal = np.cross(*lattice_.vectors[:2])
+    normal *= np.sign(normal @ lattice_.vectors[2]) / np.linalg.norm(normal)
+    found = bands(lattice_, [[0.0, 0.0, phase]], velocities=True).velocities[0, :3]
+    speeds = moduli(lattice_).speeds(normal)
+    assert found @ normal == pytest.approx(speeds, rel=2.5 * phase**2 + 1e-5)
 
 
 def test_velocities_where_folded_branches_cross():

@@ -14,11 +14,6 @@ from tests.rules import broken
 
 matplotlib.use("Agg")
 QUICK = 1.2  # s; pictures that take longer are slow tests
-PENDING = {
-    "transition_speed",
-    "transition_switch",
-}
-"""Pictures that do not yet keep them: who redoes one takes it out."""
 
 
 def check(name):
@@ -27,10 +22,6 @@ def check(name):
         figure = _draw.pictured(module, module.data())
         found = broken(figure)
         plt.close(figure)
-    if name in PENDING:
-        is_slow = costs().get(name, 0) > QUICK
-        assert found or is_slow, f"{name} keeps the rules: take it out of PENDING"
-        pytest.xfail("; ".join(found))
     assert not found, "\n".join(found)
 
 
@@ -45,7 +36,7 @@ def test_pictures_that_take_long_keep_the_rules(name):
     check(name)
 
 
-@pytest.mark.parametrize("name", sorted(pictures().keys() - PENDING))
+@pytest.mark.parametrize("name", sorted(pictures()))
 def test_no_text_is_set_smaller_than_8_pt(name):
     """What the source says, of pictures that are too slow to be drawn here."""
     for node in ast.walk(ast.parse(Path(pictures()[name].__file__).read_text())):

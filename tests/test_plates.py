@@ -5,21 +5,26 @@ import math
 import numpy as np
 import pytest
 import sympy as sp
+from scipy.optimize import brentq
 
 from derivations import prism as derived
 from tensegrity import (
+    Chain,
     Network,
+    Potential,
     Prism,
     Run,
     State,
     TensegrityError,
     bands,
     dispersion,
+    floquet,
     gradient,
     modes,
     moduli,
     objective,
     simulate,
+    solitary_wave,
 )
 
 PRISM = Prism(1.0, 0.7, 0.1, 1.0, 5.0, 50.0)
@@ -165,6 +170,128 @@ def test_a_run_is_read_from_its_file(tmp_path):
     again = Run.load(tmp_path / "run.npz")
     assert again.scene == column
     assert np.array_equal(again.u, run.u)
+
+
+def residual_of(wave, column):
+    """Largest m c^2 r - K T(r) over the largest force; K by quadrature, T by differences of the
+    energy of a unit."""
+    x = np.linspace(-1, 1, 401)
+    tent = (1 - np.abs(x)) * (x[1] - x[0])  # exact to the square of the step
+    unit = Network(column.positions[:2], [[0, 1]], column.springs[0], mass=column.mass[0])
+    h, found = 1e-5, []
+
+    def force(place):
+        r = wave.elongation(place)
+        steps = [[np.zeros(2), r + s * h * e] for e in np.eye(2) for s in (1, -1)]
+        up, down = np.reshape(unit.bond_energy(np.array(steps)), (2, 2)).T
+        return (up - down) / (2 * h)
+
+    largest = np.abs(force(0.0)).max()
+    for place in (0.0, 0.7, 2.0):
+        mean = sum(w * force(place + s) for s, w in zip(x, tent, strict=True))
+        left = column.mass[0] * wave.speed**2 * wave.elongation(place)
+        found.append(np.abs(left - mean).max() / largest)
+    return max(found)
+
+
+@pytest.mark.parametrize(("ratio", "extension"), [(1.02, 0.0446), (1.1, 0.1815), (2.0, 0.996)])
+def test_waves_of_one_handedness_solve_their_equation(ratio, extension):
+    column = PRISM.column(60, "same", plates=NODES)
+    wave = solitary_wave(column, speed_ratio=ratio)
+    assert wave.residual < 1e-14
+    assert residual_of(wave, column) < 1e-5
+    assert wave.sound_speed * PRISM.height == pytest.approx(SPEEDS["same"][1], rel=1e-10)
+    assert wave.amplitude == pytest.approx(extension, rel=2e-3)
+    assert wave.elongation(0.0)[0] == pytest.approx(wave.amplitude, rel=1e-12)
+    assert wave.elongation([0.0, 1.0]).shape == (2, 2)
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+def test_a_wave_of_extension_and_twist_keeps_its_form_in_a_run(direction):
+    column = PRISM.column(90, "same", plates=NODES)
+    wave = solitary_wave(column, speed_ratio=1.1)
+    start, end = (45.5 - direction * s for s in (20, -20))
+    state = wave.launch(column, start, direction)
+    assert column.energy(state) == pytest.approx(wave.energy, rel=1e-13)
+    assert column.momentum(state)[0] == pytest.approx(direction * wave.momentum, rel=1e-13)
+    run = simulate(column, state, 40 / wave.speed, tol=1e-8)
+    expected = wave.launch(column, end, direction)
+    assert np.abs(run.final.u - expected.u).max() < 1e-8 * wave.amplitude
+
+
+@pytest.mark.parametrize("dim", [1, 2])
+def test_a_line_of_one_component_has_the_waves_of_the_chain(dim):
+    r = sp.Symbol("r")
+    toda = Potential(sp.exp(-r) - 1 + r, r)
+    x = np.zeros((6, dim))
+    x[:, 0] = np.arange(6)
+    line = Network(x, np.column_stack([np.arange(5), np.arange(1, 6)]), toda, mass=3.0)
+    wave, chain = solitary_wave(line, speed_ratio=1.2), solitary_wave(toda, 3.0, speed_ratio=1.2)
+    for name in ("energy", "momentum", "amplitude", "speed", "sound_speed"):
+        assert getattr(wave, name) == pytest.approx(getattr(chain, name), rel=1e-13)
+    assert wave.width() == pytest.approx(chain.width(), rel=1e-10)
+    places = [0.0, 1.3]
+    assert wave.elongation(places)[:, 0] == pytest.approx(chain.elongation(places), rel=1e-12)
+    assert not wave.elongation(places)[:, 1:].any()
+
+
+def test_a_family_of_a_line_ends_where_that_of_the_chain_does():
+    spring = PRISM.potential()
+    line = Network([[0.0], [1.0]], [[0, 1]], spring, mass=3.0)
+    assert solitary_wave(line, speed_ratio=1.13).family == "compression"
+    with pytest.raises(TensegrityError, match=r"ratio of 1.14 found.*at most about 1.13"):
+        solitary_wave(line, speed_ratio=1.14)
+    with pytest.raises(TensegrityError, match="must be below"):
+        solitary_wave(spring, 3.0, speed_ratio=1.14)
+
+
+@pytest.mark.parametrize("ratio", [0.5, 1.05, 3.0])
+def test_waves_of_any_speed_meet_torsion_among_alternating_units(ratio):
+    """With staggered rotations units are equal; of the two branches one is not 0 at phase 0."""
+    column = PRISM.column(1, plates=NODES)
+    stiffness = column.springs[0].tangent(column.positions[1], np.zeros((2, 1)))[0] / 3.0
+
+    def branches(phase):
+        of = np.diag([2j * np.sin(phase / 2), 2 * np.cos(phase / 2)])  # of u, and of rotations
+        return np.sqrt(np.linalg.eigvalsh(of.conj() @ stiffness @ of))
+
+    all_bands = waves(PRISM.column(plates=NODES, periodic=True), 1.0)[0]
+    assert all_bands[[1, 2]] == pytest.approx(branches(1.0), rel=1e-10)
+    speed = ratio * math.sqrt(PRISM.axial_stiffness() / 3.0)
+    meets = brentq(lambda q: branches(q)[1] - speed * q, 1e-9, 20 / ratio)
+    assert branches(meets)[1] == pytest.approx(speed * meets, rel=1e-9)
+    assert meets > 0.3
+
+
+def refused():
+    column = PRISM.column(60, "same", plates=NODES)
+    wave = solitary_wave(column, speed_ratio=1.1)
+    mixed = Network(column.positions, column.bonds[::-1], column.springs[0])
+    heavy = Network(column.positions, column.bonds, column.springs[0],
+                    mass=np.arange(1.0, 62.0))  # fmt: skip
+    light = PRISM.column(60, "same", plates=(1.0, 0.5))
+    yield (
+        "units of alternating handedness radiate",
+        lambda: solitary_wave(PRISM.column(4, plates=NODES), speed_ratio=1.1),
+    )
+    yield "masses of a column", lambda: solitary_wave(heavy, speed_ratio=1.1)
+    yield "from each site to the next", lambda: solitary_wave(mixed, speed_ratio=1.1)
+    yield "must be above", lambda: solitary_wave(column, speed_ratio=1.0)
+    yield "alone", lambda: solitary_wave(column, amplitude=0.1)
+    yield "alone", lambda: solitary_wave(column, 2.0, speed_ratio=1.1)
+    yield "several components", lambda: wave.energy_slope
+    yield "several components", lambda: floquet(wave)
+    yield "no strain", lambda: wave.strain
+    yield "differ from those of the wave", lambda: wave.launch(light, 30.5)
+    yield "ends of the chain", lambda: wave.launch(column, 3.5)
+    yield "not a Network", lambda: wave.launch(Chain(PRISM.potential(), 60), 30.5)
+
+
+@pytest.mark.parametrize("words", range(12))
+def test_what_is_no_wave_of_a_column_is_refused(words):
+    words, make = list(refused())[words]
+    with pytest.raises(TensegrityError, match=words):
+        make()
 
 
 def test_what_is_not_between_plates_is_refused():

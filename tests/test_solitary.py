@@ -24,8 +24,9 @@ from tensegrity import (
     speed,
 )
 from tensegrity.waves import family
+from tensegrity.waves.cosines import Grid
 from tensegrity.waves.limit import largest_speed
-from tensegrity.waves.travelling import Grid, Profile, Scaled, amplitude_is, newton
+from tensegrity.waves.travelling import Profile, Scaled, amplitude_is, newton
 
 R = sp.Symbol("r")
 TODA = Potential(sp.exp(-R) + R - 1, R, length=1.0)

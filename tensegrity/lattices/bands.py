@@ -25,7 +25,7 @@ from tensegrity.printing import filled, span
 from tensegrity.typing import Array
 
 SLOW = 1e-5  # lowest over highest frequency below which singular values are computed
-EQUAL = 1e-6  # of the highest frequency: closer branches are treated as degenerate
+EQUAL = 1e-9  # of the largest square of a frequency: closer ones are treated as degenerate
 GENERIC = np.array([1.0, 0.618, 0.414])  # a direction of phases without symmetry
 FASTEST = 1e100  # bound of frequencies, whose squares are finite [rad/s]
 OPEN = 1e-9  # of the highest frequency: the least gap

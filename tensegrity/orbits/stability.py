@@ -5,8 +5,13 @@ The tangent of this map on an open window, with perturbations that are 0 ahead o
 dropped behind it, has a double multiplier 1, which belongs to the wave's shift and to its change
 with the speed.  Linear waves are slower than the wave and leave the window, so that their
 multipliers lie inside the unit circle and only an instability of the wave lies outside.  On a ring
-a wave would interact with its own radiation and be unstable for that reason.  A front on springs
-to the ground, damped by dashpots, has one neutral motion, its shift.
+a wave would interact with its own radiation and be unstable for that reason.  A front has one
+neutral motion, its shift.  The ends of a front of bonds alone move: its perturbations are those of
+elongations and velocities, in a window of a longer chain whose free ends do not affect it in time.
+With dashpots g to the ground as the only ones, the tangent on a ring is conformally symplectic: its
+multipliers come in pairs with the product exp(-g/(m c)).  The partner of the shift's 1 lies inside
+the circle |mu| = exp(-g/(2 m c)) of linear waves; an open window, which moves that circle inwards,
+has a resonance next to it instead, 3e-5 away in the example of `transition_wave`.
 An orbit that is at rest at t = 0 has the tangent M = R P^-1 R P of a period, P that of
 half a period, and R the reversal of velocities.  Source: G. Friesecke, R. Pego, Nonlinearity 17,
 207 (2004), whose exponential weight is here the balancing of the matrix by LAPACK.
@@ -28,6 +33,7 @@ from tensegrity.orbits.flow import DrivenFlow, Flow
 from tensegrity.orbits.half_period import HalfPeriod
 from tensegrity.orbits.shooting import Orbit, is_reversible
 from tensegrity.scenes.chain import Chain
+from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array
 from tensegrity.waves.by_speed import neutral_motions
 from tensegrity.waves.solitary import SolitaryWave
@@ -43,6 +49,7 @@ STABLE = 1e-6  # excess of a modulus over 1 that is round-off
 TAIL, FRONT_TAIL = 1e-12, 1e-9  # fraction of the peak or step outside of the window
 SHORTER = 0.08  # part of the sites by which the second window is shorter at each end
 LARGEST = 700  # sites of a window
+AROUND = 12  # sites beyond it, where elongations are perturbed, or more if sound is faster
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +92,7 @@ def floquet(of: SolitaryWave | TransitionWave | Orbit) -> Floquet:
     Parameters
     ----------
     of : SolitaryWave, TransitionWave or Orbit
-        What `solitary_wave`, `transition_wave` with a ground, or `periodic_orbit` returns.
+        What `solitary_wave`, `transition_wave` or `periodic_orbit` returns.
 
     Returns
     -------
@@ -97,7 +104,7 @@ def floquet(of: SolitaryWave | TransitionWave | Orbit) -> Floquet:
     Raises
     ------
     TensegrityError
-        Not a wave or an orbit, a front of bonds alone, or a wave that is too wide for a window.
+        Not a wave or an orbit, a wave of several components, or one too wide for a window.
     ResolutionError
         The neutral multipliers deviate from 1 by more than 1e-6 with the smallest steps, or an
         unstable multiplier depends on the window.
@@ -115,12 +122,10 @@ def floquet(of: SolitaryWave | TransitionWave | Orbit) -> Floquet:
     """
     if isinstance(of, Orbit):
         return _of_orbit(of)
-    if not isinstance(of, TransitionWave):
+    front = isinstance(of, TransitionWave)
+    if not front:
         check.kind("of", of, SolitaryWave)
-    elif of.ground is None:
-        raise TensegrityError("stability of a front needs springs to the ground: with bonds alone "
-                              "its ends move")  # fmt: skip
-    half = math.ceil(of.reach(FRONT_TAIL if isinstance(of, TransitionWave) else TAIL)) + 2
+    half = math.ceil(of.reach(FRONT_TAIL if front else TAIL)) + 2
     sites = 2 * half + 1
     if sites > LARGEST:
         raise TensegrityError(
@@ -128,18 +133,23 @@ def floquet(of: SolitaryWave | TransitionWave | Orbit) -> Floquet:
             f"slowly, as its speed is only {of.speed_ratio:.9g} of the sound speed"
         )
     x: Array = np.arange(-half, half + 1, dtype=np.float64)
+    place = np.tile(x, 2)  # of the entries of a state
+    there = back = np.eye(2 * sites)
     if isinstance(of, TransitionWave):
-        chain = Chain(of.potential, sites, of.mass, ground=of.ground, damping=of.damping)
+        if of.ground is None:
+            x, place, there, back = _window_of_bonds(of, half)
+        chain = Chain(of.potential, len(x), of.mass, ground=of.ground, damping=of.damping)
         flow = DrivenFlow(chain, FIRST, 1 / of.speed)
         _passed(of, flow, x)
-        motions = np.concatenate(flow.rates_at_start(1 / of.speed))[:, None]  # of its shift
+        shift = np.concatenate(flow.rates_at_start(1 / of.speed))
+        motions = (there @ shift)[:, None]
     else:
-        flow = Flow(Chain(of.potential, sites, of.mass), FIRST)
         motions = neutral_motions(of, x).reshape(2, 2 * sites).T
-    place = np.tile(x, 2)  # of the entries of a state
+        assert isinstance(of.potential, Potential)  # of one component, as dH/dc exists
+        flow = Flow(Chain(of.potential, sites, of.mass), FIRST)
     inner = np.flatnonzero(np.abs(place) <= half - math.floor(SHORTER * sites))
     while True:
-        tangent = _passed(of, flow, x)
+        tangent = there @ _passed(of, flow, x) @ back
         rest, neutral = _deflated(tangent, motions, place)
         off = float(np.abs(neutral - 1).max())
         if off <= CLOSED:
@@ -206,6 +216,21 @@ def half_multipliers(half: HalfPeriod, u: Array, time: float) -> tuple[Multiplie
     rest = np.linalg.qr(np.hstack([basis, form @ basis]), mode="complete")[0][:, 2 * neutral :]
     ones = np.linalg.eigvals(basis.T @ whole @ basis).astype(complex)
     return _multipliers(rest.T @ whole @ rest), _descending(np.append(ones, 1 / ones))
+
+
+def _window_of_bonds(front: TransitionWave, half: int) -> tuple[Array, Array, Array, Array]:
+    """Sites of a chain around a front of bonds, the places of the elongations and velocities of
+    its window, and the matrices that give these from displacements and velocities, and that give
+    displacements and velocities from these if all others are 0."""
+    fastest = math.sqrt(front.potential.stiffness(front.elongation(front.x)).max() / front.mass)
+    around = math.ceil(AROUND * max(1.0, fastest / front.speed))
+    x: Array = np.arange(-half - around, half + around + 1, dtype=np.float64)
+    sites = len(x)
+    bonds = np.eye(sites - 1, sites, 1) - np.eye(sites - 1, sites)
+    whole = np.vstack([np.kron([1, 0], bonds), np.kron([0, 1], np.eye(sites))])
+    place = np.concatenate([(x[1:] + x[:-1]) / 2, x])
+    inside = np.abs(place) <= half
+    return x, place[inside], whole[inside], np.linalg.pinv(whole)[:, inside]
 
 
 def _passed(wave: SolitaryWave | TransitionWave, flow: Flow | DrivenFlow, x: Array) -> Array:

@@ -15,9 +15,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity import check
+from tensegrity.errors import TensegrityError
 from tensegrity.typing import Array
+from tensegrity.waves.cosines import Series
 from tensegrity.waves.multidomain import Integrals, Mesh
-from tensegrity.waves.travelling import Profile, Scaled, Series, energy_is, solved, speed_is
+from tensegrity.waves.travelling import Profile, Scaled, energy_is, solved, speed_is
 
 ACCURACY = 1e-13  # of the linear solve on large grids
 
@@ -36,6 +38,8 @@ def by_speed(wave: Any) -> tuple[float, Series | Integrals]:
     shape : Series or Integrals
         Derivative of displacement, rate and elongation [m s/site].
     """
+    if wave._shape.rate(0.0).ndim:
+        raise TensegrityError("dH/dc of waves with several components is not computed")
     found = _on_mesh if isinstance(wave._shape, Integrals) else _on_grid
     return found(wave, wave.mass * wave.speed**2)
 
@@ -89,8 +93,8 @@ def neutral_motions(wave: Any, x: ArrayLike) -> Array:
         Displacement and velocity of the shift (d/dx), then of the change (d/dc).
     """
     x = check.numbers("x", x, "sites")
+    rate, change = wave.rate(x), wave._by_speed[1]
     before, after = (wave.potential.tension(wave.elongation(x + side)) for side in (-0.5, 0.5))
     bend = (after - before) / (wave.mass * wave.speed**2)
-    rate, change = wave.rate(x), wave._by_speed[1]
     shift = rate, -wave.speed * bend
     return np.array([shift, (change.displacement(x), -rate - wave.speed * change.rate(x))])

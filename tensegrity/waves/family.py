@@ -15,14 +15,13 @@ import numpy as np
 from tensegrity.errors import ResolutionError, TensegrityError
 from tensegrity.root import polynomial_through
 from tensegrity.waves.asymptotics import decay_rate
+from tensegrity.waves.cosines import Grid, cosine_sum
 from tensegrity.waves.nonlinear_part import nonlinear_part, rising_parts
 from tensegrity.waves.travelling import (
-    Grid,
     NoWaveError,
     Profile,
     Scaled,
     amplitude_is,
-    cosine_sum,
     initial_profile,
     newton,
 )
@@ -364,7 +363,8 @@ def half_length(law, nu, tail=TAIL):
     float
         Sites.
     """
-    gain = nu / law.rest if law.rest > 0 else math.inf
+    rest = float(np.max(law.rest))
+    gain = nu / rest if rest > 0 else math.inf
     return CORE - math.log(tail) / min(decay_rate(gain), SLOWEST_DECAY)
 
 
@@ -386,7 +386,7 @@ def refined(profile, condition):
             previous, density = defect, 2 * density
     raise ResolutionError(
         f"residual {defect:.1e} with {profile.grid.points} points must be at most {LARGEST:g}: "
-        f"the wave with a peak of {law.reference * profile.rho[0]:.9g} m is not resolved"
+        f"the wave with a peak of {law.reference * profile.rho.flat[0]:.9g} m is not resolved"
     )
 
 

@@ -27,7 +27,8 @@ from typing import Any
 import numpy as np
 
 from tensegrity.errors import ResolutionError, TensegrityError
-from tensegrity.waves.travelling import CONVERGED, ITERATIONS, NoWaveError, cosine_sum
+from tensegrity.waves.cosines import cosine_sum
+from tensegrity.waves.travelling import CONVERGED, ITERATIONS, NoWaveError
 
 WIDTH = 1.5  # of the step, in sites
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(40)  # to integrate it over a site

@@ -19,8 +19,8 @@ from numpy.polynomial import legendre
 
 from tensegrity.errors import ResolutionError, TensegrityError
 from tensegrity.root import root
+from tensegrity.waves.cosines import Grid, cosine_sum
 from tensegrity.waves.family import half_length
-from tensegrity.waves.travelling import Grid, cosine_sum
 
 BEFORE, START = 0.99, 0.05  # size of the initial wave over the kink, and its distance X
 NODES, FINER = (16, 32, 48, 64), 8  # nodes per cell; additional nodes for the residual

@@ -1,16 +1,16 @@
 """Exact solitary waves of a chain of equal masses and springs: `solitary_wave`.
 
 A wave is computed to round-off from its speed, its peak elongation or its energy.  The equation
-and its solution are in `travelling`.  Sources:
+and its solution are in `travelling`, those of columns between heavy plates in `coupled`.  Sources:
 G. Friesecke, J. Wattis, Commun. Math. Phys. 161, 391 (1994) (existence); the talk, part III.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,14 +20,17 @@ from tensegrity.errors import TensegrityError
 from tensegrity.notebook import page
 from tensegrity.root import root
 from tensegrity.scenes.chain import Chain
+from tensegrity.scenes.network import Network
 from tensegrity.scenes.scene import State
 from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array
 from tensegrity.waves.by_speed import by_speed
 from tensegrity.waves.by_target import near, sign_and_number, stiffness_above
+from tensegrity.waves.cosines import Series
+from tensegrity.waves.coupled import CoupledLaw, coupled_profile, same, unit_of
 from tensegrity.waves.family import Family, refined
 from tensegrity.waves.multidomain import Integrals, may_cross_kink, multidomain_wave
-from tensegrity.waves.travelling import NoWaveError, Series
+from tensegrity.waves.travelling import NoWaveError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -40,7 +43,7 @@ PLOTTED = 1e-3  # of the peak, where a picture ends
 class TravellingWave:
     """A wave of permanent form in a chain of equal masses and springs; see `SolitaryWave`."""
 
-    potential: Potential = field(repr=False)
+    potential: Potential | Network = field(repr=False)
     mass: float
     x: Array = field(repr=False)
     speed: float
@@ -77,9 +80,10 @@ class TravellingWave:
     @property
     def strain(self) -> Array:
         """Strain on the grid `x`: elongation over the length of the spring, extension > 0; (n,)."""
-        if self.potential.length is None:
+        length = self.potential.length if isinstance(self.potential, Potential) else None
+        if length is None:
             raise TensegrityError("no strain: the potential has no length; see elongation(x)")
-        return self._on_x / self.potential.length
+        return self._on_x / length
 
     @property
     def speed_ratio(self) -> float:
@@ -87,17 +91,20 @@ class TravellingWave:
         return self.speed / self.sound_speed if self.sound_speed else math.inf
 
     @property
-    def shift(self) -> float:
-        """Displacement of each mass after the wave has passed [m], > 0 in its direction."""
+    def shift(self) -> Any:
+        """Displacement of each mass after the wave has passed [m], > 0 in its direction; in a
+        column of each coordinate, (2,)."""
         return self._shape.shift
 
-    def launch(self, chain: Chain, at: float, direction: int = 1, tail: float = 1e-12) -> State:
+    def launch(
+        self, chain: Chain | Network, at: float, direction: int = 1, tail: float = 1e-12
+    ) -> State:
         """The state of a chain that is at rest except for this wave.
 
         Parameters
         ----------
-        chain : Chain
-            A chain with this wave's spring and mass, at least where the wave is.
+        chain : Chain or Network
+            A chain or a column with this wave's spring and mass, at least where the wave is.
         at : float
             Position of the peak in sites: site j is at j, and the middle of bond j at j + 1/2.
         direction : int, optional
@@ -124,8 +131,9 @@ class TravellingWave:
         >>> f"{chain.energy(wave.launch(chain, at=60)) / wave.energy:.10f}"
         '1.0000000000'
         """
-        if not isinstance(chain, Chain):
-            raise TensegrityError(f"chain is {type(chain).__name__}, not a Chain")
+        wanted = Chain if isinstance(self.potential, Potential) else Network
+        if not isinstance(chain, wanted):
+            raise TensegrityError(f"chain is {type(chain).__name__}, not a {wanted.__name__}")
         at = check.number("at", at)
         if check.whole("direction", direction, least=-1) == 0 or direction > 1:
             raise TensegrityError(f"direction {direction} must be 1 or -1")
@@ -152,6 +160,10 @@ class TravellingWave:
                 f"{-self.shift:g} m"
             )
         near = slice(math.floor(at - reach), math.ceil(at + reach) + 1)
+        if isinstance(self.potential, Network):
+            if not same(self.potential, unit_of(chain)):
+                raise TensegrityError("the units of the column differ from those of the wave")
+            return
         if any(s is not self.potential and s != self.potential for s in chain.springs[near]):
             raise TensegrityError(f"the springs around {at:g} differ from that of the wave")
         if np.any(np.abs(chain.mass[near] / self.mass - 1) > 1e-15):
@@ -215,7 +227,8 @@ class SolitaryWave(TravellingWave):
 
     Attributes
     ----------
-    potential : Potential
+    potential : Potential or Network
+        Of a column the Network of one unit.
     mass : float
         Of each site [kg].
     x : ndarray, (n,)
@@ -228,11 +241,13 @@ class SolitaryWave(TravellingWave):
     family : str
         Such as "compression" or "rarefaction 2"; the first family of a sign has no number.
     amplitude : float
-        Peak elongation [m], extension > 0: negative in a compression wave.
+        Peak elongation [m], extension > 0: negative in a compression wave; of a column along the
+        first coordinate, as the width.
     energy : float
         Total energy [J].
     momentum : float
-        Momentum [kg m/s] of a wave towards higher sites: positive in a compression wave.
+        Momentum [kg m/s] of a wave towards higher sites: positive in a compression wave; of a
+        column that along the first coordinate.
     residual : float
         Largest |m c^2 r - K V'(r)| over the largest |V'(r)|, on a grid 4 times finer than that of
         the solution; K is the convolution of `travelling`.
@@ -245,8 +260,12 @@ class SolitaryWave(TravellingWave):
 
     @property
     def _on_x(self):
-        half = self._halves[0]
+        half = self._halves[0].T
         return np.concatenate([half[:0:-1], half])
+
+    def _first(self, x):
+        """Elongation along the first coordinate over its peak."""
+        return float(np.ravel(self.elongation(x))[0]) / self.amplitude
 
     @cached_property
     def _by_speed(self):
@@ -262,24 +281,23 @@ class SolitaryWave(TravellingWave):
     def width(self, level: float = 0.05) -> float:
         """Distance in sites between the two points where the elongation is `level` of the peak."""
         level = check.number("level", level, above=0, below=1)
-        below = np.flatnonzero(self._halves[0] / self.amplitude < level)
+        below = np.flatnonzero(np.atleast_2d(self._halves[0])[0] / self.amplitude < level)
         if below.size == 0 or level < LEAST_LEVEL:
             raise TensegrityError(f"level {level:g} must be at least {LEAST_LEVEL:g}")
         first = len(self.x) // 2 + below[0]
         places = self.x[first - 1], self.x[first]
-        return 2 * root(
-            lambda x: float(self.elongation(x)) / self.amplitude - level, *places, 1e-13
-        )
+        return 2 * root(lambda x: self._first(x) - level, *places, 1e-13)
 
     def reach(self, tail: float = 1e-12) -> float:
         """Distance from the peak [sites] beyond which the wave is below `tail` times the peak."""
         tail = check.number("tail", tail, above=0, below=1)
-        left = np.maximum(*(np.abs(half) / np.abs(half).max() for half in self._halves)) >= tail
+        both = [np.abs(np.atleast_2d(half)).max(axis=0) for half in self._halves]
+        left = np.maximum(*(half / half.max() for half in both)) >= tail
         return float(self.x[len(self.x) // 2 + np.flatnonzero(left)[-1]])
 
 
 def solitary_wave(
-    potential: Potential,
+    potential: Potential | Network,
     mass: float = 1.0,
     *,
     speed: float | None = None,
@@ -293,26 +311,28 @@ def solitary_wave(
 
     Parameters
     ----------
-    potential : Potential
-        Of each spring.
+    potential : Potential or Network
+        Of each spring; or a line of equal units, such as `Prism.column(plates=...)` of one
+        handedness, in which waves have several components.
     mass : float, optional
-        Of each site [kg].
+        Of each site [kg]; a line has its own.
     speed, speed_ratio, excess, amplitude, energy : float
         Exactly one of: speed [sites/s]; speed over sound speed; that ratio minus 1, which keeps
         its relative precision near the sound speed; peak elongation [m], negative in compression;
-        energy [J].
+        energy [J].  Of a line of units one of the first three, relative to the fastest sound.
     family : str, optional
         "compression" or "rarefaction"; by default that of the amplitude's sign, or the family that
         starts from zero amplitude: compression if the spring stiffens in compression.  A spring
         that stiffens in both directions carries the other family too, above a threshold.  A
         spring that stiffens, softens and stiffens again has several families of one sign (see
         `predict`): "rarefaction 2" is the second.  Without a number, the family is the one that
-        contains the speed or amplitude, and for an energy the first.
+        contains the speed or amplitude, and for an energy the first.  A line of units has one.
 
     Returns
     -------
     SolitaryWave
-        With a residual of at most 1e-12.
+        With a residual of at most 1e-12.  Elongations, rates and displacements of a line of units
+        have its coordinates as a last axis.
 
     Raises
     ------
@@ -334,8 +354,15 @@ def solitary_wave(
     >>> wave = solitary_wave(Prism(1.0, 0.7, 0.01, 1.0).potential(), speed_ratio=1.1)
     >>> f"{wave.family}, peak {wave.amplitude:.5f} m, {wave.width():.3f} sites wide"
     'compression, peak -0.01407 m, 5.588 sites wide'
+
+    Between heavy plates a prism turns as it is extended, and the twist is part of the wave:
+
+    >>> column = Prism(1.0, 0.7, 0.1, 1.0, 5.0, 50.0).column(3, "same", plates=(3.0, 0.577))
+    >>> solitary_wave(column, speed_ratio=1.1).elongation(0.0).round(5)
+    array([0.18162, 0.046  ])
     """
-    check.kind("potential", potential, Potential)
+    if not isinstance(potential, Network):
+        check.kind("potential", potential, Potential)
     mass = check.number("mass", mass, above=0, unit="kg")
     given = {
         "speed": speed, "speed_ratio": speed_ratio, "excess": excess, "amplitude": amplitude,
@@ -348,6 +375,8 @@ def solitary_wave(
         )
     ((name, value),) = targets.items()
     value = check.number(name, value)
+    if isinstance(potential, Network):
+        return _of_line(potential, mass, family, name, value)
     label, sound = f"{name} {value:g}", potential.sound_speed(mass)
     sign, number = sign_and_number(potential, family, value if name == "amplitude" else None)
     side = Family(potential, sign, number or 0)
@@ -377,6 +406,23 @@ def solitary_wave(
     return _wave(side, mass, sound, *solution)
 
 
+def _of_line(line, mass, family, name, value):
+    """The wave of a line of units with a given speed."""
+    if mass != 1.0 or family is not None or name in ("amplitude", "energy"):
+        raise TensegrityError(
+            "a wave of a line of units is given by its speed, speed_ratio or excess alone"
+        )
+    law = CoupledLaw(unit_of(line))
+    mass = float(law.potential.mass[0])
+    sound = math.sqrt(law.secant / mass)
+    above = stiffness_above(name, value, sound, mass, law.secant)
+    profile, residual = coupled_profile(law, above / law.secant)
+    stiffness, gain, _, energy, _, shape = _characteristics(profile, residual)
+    shape, peak = Series(shape.grid, law.basis @ shape.rates), law.physical(profile.rho)[0, 0]
+    found = _wave(law, mass, sound, stiffness, gain, float(peak), energy, residual, shape)
+    return replace(found, momentum=float(found.momentum[0]))
+
+
 def _characteristics(profile, residual):
     """m c^2 [N/m], m c^2/V''(0) - 1, amplitude [m], energy [J], residual and shape of a profile
     given by Fourier series."""
@@ -384,9 +430,10 @@ def _characteristics(profile, residual):
     stiffness = profile.mu * law.secant
     rates = grid.box * (law.force * grid.coefficients(law.tension(profile.rho))) / stiffness
     bonds = law.reference * law.force * (grid.weights @ law.energy(profile.rho))
-    masses = stiffness / 2 * (grid.weights @ grid.values(rates) ** 2)
-    gain = profile.nu / law.rest if law.rest else math.inf
-    amplitude = float(law.reference * profile.rho[0])
+    masses = stiffness / 2 * np.sum(grid.weights * grid.values(rates) ** 2)
+    rest = np.max(law.rest)
+    gain = profile.nu / rest if rest else math.inf
+    amplitude = float(law.reference * profile.rho.flat[0])
     return stiffness, gain, amplitude, float(bonds + masses), residual, Series(grid, rates)
 
 
@@ -396,6 +443,6 @@ def _wave(side, mass, sound, stiffness, gain, amplitude, energy, residual, shape
     return SolitaryWave(
         potential=side.potential, mass=mass, x=np.concatenate([-half[:0:-1], half]), speed=speed,
         sound_speed=sound, excess=math.expm1(math.log1p(gain) / 2), family=side.name,
-        amplitude=amplitude, energy=energy, momentum=float(mass * speed * shape.shift),
+        amplitude=amplitude, energy=energy, momentum=mass * speed * shape.shift,
         residual=residual, _shape=shape,
     )  # fmt: skip

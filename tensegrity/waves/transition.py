@@ -69,6 +69,7 @@ class TransitionWave(TravellingWave):
 
     ahead: float
     behind: float
+    potential: Potential = field(repr=False)
     released: float
     ground: Potential | None = field(repr=False)
     damping: Damping = field(repr=False)

@@ -17,6 +17,9 @@ Initial values come from iterating rho -> K f/(K f)(0): at given norm this map i
 of a convex law (M. Herrmann, Proc. R. Soc. Edinburgh A 140, 753 (2010)), so that no small wave is
 needed to begin with.  Newton's method follows, with rho and nu as unknowns.  The amplitude orders
 the waves of a family and is therefore the continuation parameter; no arc length is needed.
+
+A wave of several components (`coupled`) is solved in coordinates in which the linear law is
+diagonal: rest differs from row to row, nu counts from the fastest sound, and only g couples them.
 """
 
 from __future__ import annotations
@@ -24,10 +27,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from tensegrity.errors import TensegrityError
+from tensegrity.waves.cosines import Grid
 from tensegrity.waves.nonlinear_part import nonlinear_part
 
 SWEEPS = 400  # largest number of iterations of the map before Newton's method
@@ -39,7 +44,6 @@ STUCK = 1e-6  # step below which stagnation is accepted: the residual decides
 DENSE = 600  # points up to which the tangent is formed; beyond, GMRES on cosine transforms
 HALVINGS = 30  # of a Newton step that leaves the domain
 FINER = 4  # refinement of the grid on which the residual is computed
-SINE_RISE = [(-1) ** n / math.factorial(2 * n + 3) for n in range(8, -1, -1)]  # (1 - sin y/y)/y^2
 
 
 class NoWaveError(TensegrityError):
@@ -48,6 +52,8 @@ class NoWaveError(TensegrityError):
 
 class Scaled:
     """f, g, g' and the scaled energy of a potential, for a reference elongation A [m]."""
+
+    lag = 0.0  # of rest behind that of the fastest component
 
     def __init__(self, potential, reference) -> None:
         self.potential, self.reference = potential, reference
@@ -68,168 +74,28 @@ class Scaled:
         """g'."""
         return self._nonlinear.stiffness(self.reference * rho) / self.secant
 
+    def admits(self, rho):
+        low, high = self.potential.domain
+        r = self.reference * rho
+        return low < r.min() and r.max() < high
+
     def energy(self, rho):
         beyond = self._nonlinear.energy(self.reference * rho) / self.reference / self.reference
         return self.rest * rho * rho / 2 + beyond / self.secant
-
-
-def _cosines(values):
-    """Discrete cosine transform of type I: twice the sums of values times cosines, with the end
-    values counted once."""
-    return np.fft.rfft(np.concatenate([values, values[-2:0:-1]])).real
-
-
-@dataclass(frozen=True)
-class Grid:
-    """Points x_j = j L/N, j = 0 .. N, and their cosine series."""
-
-    points: int
-    half_length: float
-
-    @cached_property
-    def x(self):
-        return np.arange(self.points + 1) * (self.half_length / self.points)
-
-    @cached_property
-    def wave_numbers(self):
-        return np.arange(self.points + 1) * (np.pi / self.half_length)
-
-    @cached_property
-    def box(self):
-        """Symbol of the mean over one site, sin(k/2)/(k/2); K is its square."""
-        return np.sinc(self.wave_numbers / (2 * np.pi))
-
-    @cached_property
-    def weights(self):
-        """Weights of the integral over the whole line, (N + 1,)."""
-        w = np.full(self.points + 1, 2 * self.half_length / self.points)
-        w[[0, -1]] /= 2
-        return w
-
-    def coefficients(self, values):
-        """Cosine coefficients of an even function from its values on the grid."""
-        a = _cosines(values) / self.points
-        a[[0, -1]] /= 2
-        return a
-
-    def values(self, coefficients):
-        """Values on the grid; the inverse of `coefficients`."""
-        a = coefficients.copy()
-        a[[0, -1]] *= 2
-        return _cosines(a) / 2
-
-    @cached_property
-    def complement(self):
-        """Symbol of 1 - K, without cancellation at small wave numbers."""
-        half = self.wave_numbers / 2
-        series = np.polyval(SINE_RISE, np.minimum(half, 1) ** 2)
-        rise = np.where(half < 1, half**2 * series, 1 - self.box)
-        return rise * (1 + self.box)
-
-    def apply(self, symbol, values):
-        """An even convolution, given by its symbol, of values on the grid."""
-        return self.values(symbol * self.coefficients(values))
-
-    def smooth(self, values):
-        """K applied to values on the grid."""
-        return self.apply(self.box**2, values)
-
-    def matrix(self, symbol):
-        """Matrix of an even convolution on grid values, (N + 1, N + 1)."""
-        n = self.points
-        kernel = np.fft.irfft(symbol, 2 * n)  # of the whole period
-        i = np.arange(n + 1)
-        matrix = kernel[np.abs(i[:, None] - i)] + kernel[(i[:, None] + i) % (2 * n)]
-        matrix[:, [0, -1]] /= 2
-        return matrix
-
-    def moved(self, values, other):
-        """Values on another grid by the cosine series of these; 0 beyond this grid."""
-        a = self.coefficients(values)
-        if other.half_length == self.half_length:
-            b = np.zeros(other.points + 1)
-            n = min(len(a), len(b))
-            b[:n] = a[:n]
-            return other.values(b)
-        inside = other.x <= self.half_length
-        moved = np.zeros(other.points + 1)
-        moved[inside] = cosine_sum(a, self.wave_numbers, other.x[inside])
-        return moved
-
-
-def cosine_sum(coefficients, wave_numbers, x, function=np.cos):
-    """sum_n a_n cos(k_n x), or with another function, in blocks that fit the processor's cache.
-
-    Parameters
-    ----------
-    coefficients, wave_numbers : ndarray, (n,)
-        a_n and k_n [1/site].
-    x : ndarray, any shape
-        Sites.
-    function : callable, optional
-        np.cos or np.sin.
-
-    Returns
-    -------
-    ndarray, shape of x
-    """
-    flat = np.ravel(x)
-    result = np.empty(flat.size)
-    for start in range(0, flat.size, 256):
-        part = slice(start, start + 256)
-        result[part] = function(np.outer(flat[part], wave_numbers)) @ coefficients
-    return result.reshape(np.shape(x))
-
-
-@dataclass(frozen=True)
-class Series:
-    """A wave given by the cosine coefficients of du/dx; 0 beyond the grid."""
-
-    grid: Grid
-    rates: np.ndarray
-
-    def elongation(self, x):
-        """r [m] at distances x from the peak."""
-        return self._sum(self.rates * self.grid.box, x)
-
-    def rate(self, x):
-        """du/dx [m]."""
-        return self._sum(self.rates, x)
-
-    def displacement(self, x):
-        """u [m], 0 far ahead."""
-        x = np.clip(x, -self.grid.half_length, self.grid.half_length)
-        k = self.grid.wave_numbers[1:]
-        wavy = cosine_sum(self.rates[1:] / k, k, x, np.sin)
-        return wavy + self.rates[0] * (x - self.grid.half_length)
-
-    def _sum(self, coefficients, x):
-        inside = np.abs(x) <= self.grid.half_length
-        value = cosine_sum(coefficients, self.grid.wave_numbers, np.where(inside, x, 0.0))
-        return np.where(inside, value, 0.0)
-
-    def on_grid(self):
-        """Elongation and du/dx at the points of the grid."""
-        return self.grid.values(self.rates * self.grid.box), self.grid.values(self.rates)
-
-    @property
-    def shift(self):
-        """Displacement far behind [m]."""
-        return float(-2 * self.grid.half_length * self.rates[0])
 
 
 @dataclass(frozen=True, eq=False)
 class Profile:
     """A solution (rho, nu) on a grid."""
 
-    law: Scaled
+    law: Any  # Scaled, or of several components coupled.CoupledLaw
     grid: Grid
     rho: np.ndarray
     nu: float
 
     @property
     def mu(self):
-        return self.law.rest + self.nu
+        return np.max(self.law.rest) + self.nu
 
     @property
     def symbol(self):
@@ -238,7 +104,7 @@ class Profile:
 
     @property
     def _resistance(self):
-        return self.nu + self.law.rest * self.grid.complement
+        return self.nu + self.law.lag + self.law.rest * self.grid.complement
 
     @property
     def symbol_rate(self):
@@ -255,7 +121,8 @@ class Profile:
     @property
     def tail(self):
         """Largest elongation near the end of the grid over the peak."""
-        return float(np.max(np.abs(self.rho[-(self.grid.points // 16) :])) / self.rho[0])
+        far = np.max(np.abs(self.rho[..., -(self.grid.points // 16) :]))
+        return float(far / np.max(np.abs(self.rho[..., 0])))
 
     @cached_property
     def _fine(self):
@@ -380,11 +247,9 @@ def newton(profile, condition, converged=CONVERGED):
 
 def _stepped(profile, step_rho, step_nu):
     """The profile after a Newton step, halved until it stays in the domain of the potential."""
-    low, high = profile.law.potential.domain
     for _ in range(HALVINGS):
         new = replace(profile, rho=profile.rho + step_rho, nu=profile.nu + step_nu)
-        r = profile.law.reference * new.rho
-        if new.nu > 0 and low < r.min() and r.max() < high:
+        if new.nu > 0 and profile.law.admits(new.rho):
             return new
         step_rho, step_nu = step_rho / 2, step_nu / 2
     raise NoWaveError("no travelling wave found above the sound speed within the spring's domain")
@@ -394,7 +259,7 @@ def _newton_step(profile, condition):
     """Newton steps of rho and nu."""
     gap = profile.rho - profile.grid.apply(profile.symbol, profile.law.beyond(profile.rho))
     step = solved(profile, condition, -np.append(gap, condition(profile)[0]))
-    return step[:-1], float(step[-1]) * profile.nu
+    return step[:-1].reshape(gap.shape), float(step[-1]) * profile.nu
 
 
 def solved(profile, condition, right, accuracy=1e-6):
@@ -424,14 +289,19 @@ def solved(profile, condition, right, accuracy=1e-6):
     if not np.isfinite(right).all():
         raise ValueError("it is not finite")
     grid, rho, symbol = profile.grid, profile.rho, profile.symbol
-    slope, (_, row, corner) = profile.law.slope(rho), condition(profile)
+    slope, (_, row, corner) = np.asarray(profile.law.slope(rho)), condition(profile)
+    slope = slope.reshape(-1, *np.atleast_2d(rho).shape)  # (components, components, N + 1)
     column = -grid.apply(profile.symbol_rate, profile.law.beyond(rho))  # of step_nu/nu
     if grid.points > DENSE:
         return _by_gmres(grid, symbol, slope, column, row, corner, right, accuracy)
     matrix = np.empty((len(right), len(right)))
-    matrix[:-1, :-1] = -grid.matrix(symbol) * slope
-    matrix[:-1, :-1].flat[:: grid.points + 2] += 1
-    matrix[:-1, -1], matrix[-1, :-1], matrix[-1, -1] = column, row, corner
+    size = grid.points + 1
+    for i, part in enumerate(np.atleast_2d(symbol)):
+        smooth = -grid.matrix(part)
+        for j, each in enumerate(slope[i]):
+            matrix[i * size : (i + 1) * size, j * size : (j + 1) * size] = smooth * each
+    matrix[:-1, :-1].flat[:: len(right)] += 1
+    matrix[:-1, -1], matrix[-1, :-1], matrix[-1, -1] = column.ravel(), row.ravel(), corner
     return np.linalg.solve(matrix, right)
 
 
@@ -439,9 +309,10 @@ def _by_gmres(grid, symbol, slope, column, row, corner, right, accuracy):
     from scipy.sparse.linalg import LinearOperator, gmres
 
     def tangent(step):
-        step = np.ravel(step)
-        upper = step[:-1] - grid.apply(symbol, slope * step[:-1]) + step[-1] * column
-        return np.append(upper, row @ step[:-1] + corner * step[-1])
+        last, step = np.ravel(step)[-1], np.ravel(step)[:-1].reshape(column.shape)
+        pull = np.einsum("ijn,jn->in", slope, np.atleast_2d(step)).reshape(column.shape)
+        upper = step - grid.apply(symbol, pull) + last * column
+        return np.append(upper, np.sum(row * step) + corner * last)
 
     operator = LinearOperator((len(right), len(right)), matvec=tangent, dtype=float)
     step, failed = gmres(operator, right, rtol=accuracy, restart=100, maxiter=4)
