@@ -280,6 +280,8 @@ def test_a_scene_that_is_built_is_searched_like_the_chain(monkeypatch):
     built = search(few, budget=64, build=before_a_wall, **early)
     assert built.peak_force == pytest.approx(plain.peak_force, rel=2e-3)
     np.testing.assert_allclose(built.history, plain.history, rtol=2e-2)
+    assert built.again[0].dt < 0.6 * plain.again[0].dt  # within the limit of packs
+    assert built.again[1].dt == pytest.approx(plain.again[1].dt, rel=0.2)
 
 
 def test_ctrl_c_gives_the_best_until_then(monkeypatch):

@@ -334,7 +334,7 @@ def networks(spring: Potential) -> Array:
 def waves(spring: Potential, chain: Chain) -> State:
     wave = solitary_wave(spring, speed_ratio=2, family="compression")
     assert_type(wave, SolitaryWave)
-    assert_type(wave.width(0.1) + wave.speed + wave.shift, float)
+    assert_type(wave.width(0.1) + wave.speed + float(wave.shift), float)
     assert_type(wave.energy_slope + floquet(wave).growth, float)
     assert_type(floquet(wave).stable, bool)
     floquet(chain)  # type: ignore[arg-type]

@@ -1,9 +1,9 @@
 """Verification of the best designs of a search with finer steps and in a longer window.
 
 An optimiser exploits the errors of an integration, and delays a force beyond the end of the run.
-The best designs are therefore computed again with a quarter and an eighth of the step, and those
-whose force changes are rejected; of the others, that with the least force in a window ten times
-longer, at a quarter of the step, is selected.
+The best designs are therefore computed again with the default step and half of it, and those whose
+force changes are rejected; of the others, that with the least force in a window ten times longer,
+at the default step, is selected.
 """
 
 from __future__ import annotations
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
     Force = Callable[[float, float, Array], Array]  # forces [N] of t_end, dt [s], genes
 
-FINER = (4, 8)  # factors by which the steps of the best designs are refined
 MOVED = 1e-3  # relative change of a force that is an error of the integration
 FINALISTS = 16  # the best designs that are computed again together
 CANDIDATES = 4 * FINALISTS  # best designs of a search that are examined
@@ -109,7 +108,7 @@ class Best:
 
 
 def chosen(
-    force: Force, t_end: float, dt: float, top: Array, forces: Array
+    force: Force, t_end: float, dt: float, fine: float, top: Array, forces: Array
 ) -> tuple[Array, tuple[Again, ...], bool, int]:
     """The best design whose force does not change with the step, also in the longer window.
 
@@ -127,22 +126,22 @@ def chosen(
     row, again, converged, rejected
         Its genes, and the attributes of `Best`.
     """
-    rejected = 0
+    rejected, steps = 0, (fine, fine / 2)
     for first in range(0, len(top), FINALISTS):
         rows, found = (x[first : first + FINALISTS] for x in (top, forces))
-        finer = np.array([force(t_end, dt / k, rows) for k in FINER])
+        finer = np.array([force(t_end, step, rows) for step in steps])
         holds = np.abs(finer[0] / finer[-1] - 1) <= MOVED
         worth = np.where(holds, finer[-1], np.inf) if holds.any() else finer.max(axis=0)
         if not first or holds.any():
-            k, longer = _lasting(force, WINDOW * t_end, dt / FINER[0], rows, worth)
+            k, longer = _lasting(force, WINDOW * t_end, fine, rows, worth)
             row, known, values = rows[k], found[k], finer[:, k]
             converged = bool(holds[k] and abs(longer / values[0] - 1) <= MOVED)
         rejected += int(np.sum(~holds & (found < worth.min())))
         if holds.any():
             break
     again = [Again(t_end, dt, float(known))]
-    again += [Again(t_end, dt / k, float(f)) for k, f in zip(FINER, values, strict=True)]
-    again.append(Again(WINDOW * t_end, dt / FINER[0], longer))
+    again += [Again(t_end, step, float(f)) for step, f in zip(steps, values, strict=True)]
+    again.append(Again(WINDOW * t_end, fine, longer))
     return row, tuple(again), converged, rejected
 
 

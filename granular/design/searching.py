@@ -34,7 +34,8 @@ from tensegrity.runs import archive
 from tensegrity.runs.sweep import Failed, WorkerPool, require_same, write_checkpoint
 from tensegrity.typing import Array
 
-COARSE = 4.0  # steps of a search over the default ones: they rank designs alike
+COARSE = 4.0  # steps of a search of chains over the default ones: they rank designs alike
+BUILT = 2.0  # of other scenes, whose beads have more contacts and stiffer modes
 IDLE = 30  # batches without a new design, after which a search ends
 
 
@@ -128,7 +129,8 @@ def search(
         )
     seed = check.whole("seed", seed, least=0)
     unit = float(space.all_kinds.behind(striker.bead).unit(wall, striker.speed)[0])
-    dt = t_end / objective.step_count(unit, t_end, COARSE * objective.STEP_FRACTION * unit)
+    longest = _coarse(build) * objective.STEP_FRACTION * unit
+    dt = t_end / objective.step_count(unit, t_end, longest)
     native.require()
     problem = Problem(space, striker, wall, t_end, dt, build, scatter)
     with WorkerPool(executor) as workers, one_bar("design"):
@@ -140,6 +142,11 @@ def search(
             if not trail.forces:
                 raise
         return trail.best()
+
+
+def _coarse(build: Build | None) -> float:
+    """Steps of a search over the default ones."""
+    return COARSE if build is None else BUILT
 
 
 def _parts(data: dict[str, Any]) -> tuple[dict[str, Any], list[tuple[Any, Array]], str]:
@@ -337,7 +344,12 @@ class _SearchRecord:
             return np.concatenate([descent.forces for found in parts for descent in found])
 
         row, again, converged, rejected = chosen(
-            force, problem.t_end, problem.dt, self._best[some], self._best_forces[some]
+            force,
+            problem.t_end,
+            problem.dt,
+            problem.dt / _coarse(problem.build),
+            self._best[some],
+            self._best_forces[some],
         )
         return Best(
             beads=problem.space.beads(row), peak_force=again[-2].force,
