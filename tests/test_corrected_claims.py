@@ -81,7 +81,7 @@ def test_designs_keep_most_of_their_gain_with_gaps_of_a_micrometre():
     tables = protectors_robust.data()
     one = tables["kept"]
     kept = dict(zip(zip(one["scene"], one["design"], strict=True), one["gain kept"], strict=True))
-    for name, exact, robust in (("T1", 0.767, 0.767), ("S", 0.868, 0.940)):
+    for name, exact, robust in (("T1", 0.746, 0.768), ("S", 0.894, 0.940)):
         assert kept[name, "for touching beads"] == pytest.approx(exact, abs=0.01)  # of two designs
         assert kept[name, "for deviations"] == pytest.approx(robust, abs=1e-3)
         assert min(exact, robust) > 0.5

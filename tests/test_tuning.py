@@ -132,7 +132,7 @@ def test_bad_input_says_what_and_why():
     jump = _scenes.rigid(0.8, 0.05)
     refused(ResolutionError, "too abruptly", lambda t: drawn_in(0.0) if t < 5 else jump)
     refused(StabilityError, "beyond", dt=5.0)
-    refused(TensegrityError, "no splitting", method="rk4")
+    refused(TensegrityError, "not a splitting", method="rk4")
     refused(TensegrityError, "tune 'x' must be a dict .* or a function", spring_at="x")
     longer = Chain(series(length=1.0), 6)
     with pytest.raises(TensegrityError, match=r"length 1\..* refer to another shape"):
