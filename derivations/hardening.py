@@ -62,19 +62,6 @@ def derivatives(highest: int = 4, of: Polygon = TRIANGLE) -> list[sp.Expr]:
     ]  # fmt: skip
 
 
-@cache
-def breather_extension() -> sp.Expr:
-    """The q, as a function of eta0, below which small breathers exist above the band.
-
-    There V'' V'''' / 2 exceeds V'''^2; where q is 1 or more they exist for every prestrain.
-    Source: G. James, J. Nonlinear Sci. 13, 27 (2003), for the condition.
-    """
-    second, third, fourth = derivatives()
-    condition = sp.together((second * fourth / 2 - third**2) / extension)
-    (found,) = sp.solve(sp.numer(condition), extension)
-    return found
-
-
 def curvature_ratio() -> sp.Expr:
     """h0 V'''/V'', which does not depend on the prestrain."""
     second, third = derivatives()[:2]

@@ -11,6 +11,7 @@ from functools import cache
 
 import sympy as sp
 
+from derivations import hardening
 from derivations.argument import Step
 
 TITLE = "Waves: sound speed, dispersion, sech² and its correction, tent, largest speed"
@@ -159,3 +160,15 @@ def argument() -> list[Step]:
         Step("The energy that a bond can store gives an estimate of the largest speed before "
              "locking, in sites per second:", sp.Eq(speed, largest_speed())),
     ]  # fmt: skip
+
+
+def breather_extension() -> sp.Expr:
+    """The q, as a function of eta0, below which small breathers exist above the band.
+
+    There V'' V'''' / 2 exceeds V'''^2; where q is 1 or more they exist for every prestrain.
+    Source: G. James, J. Nonlinear Sci. 13, 27 (2003), for the condition.
+    """
+    second, third, fourth = hardening.derivatives()
+    condition = sp.together((second * fourth / 2 - third**2) / hardening.extension)
+    (found,) = sp.solve(sp.numer(condition), hardening.extension)
+    return found

@@ -162,7 +162,7 @@ def long_chain():
 
 
 CALLS = {
-    "run": lambda: simulate(*long_chain(), dt=0.02),
+    "run": lambda: simulate(*long_chain(), dt=0.01),
     "run to a tolerance": lambda: simulate(*long_chain(), tol=1e-8),
     "gradient": lambda: gradient(objective.peak(objective.load(bond=9)), *long_chain(), dt=0.02),
     "sweep": lambda: sweep(lambda dt: simulate(*long_chain(), dt=dt).steps, [0.02, 0.025]),
