@@ -65,13 +65,13 @@ class Bound:
         Numbers of entries of u that belong to sites, and to the walls after them.
     """
 
-    _dt = _alone = _active = output_sums = None
+    _dt = _alone = output_sums = None
 
     def __init__(self, loop, u, v, bonds, method, dt, pieces=1, runs=None, seen=None):
         self._loop, self._bonds, self.u, self.v = loop, bonds, u, v
         self._layout = found = layout.loop_layout(loop, bonds, pieces, runs)
         self.sizes, self._travel = (u.size, 0), np.zeros(1, dtype=loop.dtype)
-        self._active = np.zeros(2, dtype=np.int64)
+        self._active = np.zeros(1 + (found.slices.tiles if loop.dim else 1), dtype=np.int64)
         self._may_all_move()
         self._set_ranges(found.springs, found.fields["range_at"], seen)
         fields = found.fields | stages(method, 1.0, loop.dtype)
@@ -79,7 +79,7 @@ class Bound:
         if loop.dim:
             sites = fields["sites"]
             self.sizes = loop.dim * sites, loop.dim * (fields["rows"] - 1 - sites)
-            fields |= self._room(pieces) | {"travel": self._travel, "active": None}
+            fields |= self._room(pieces) | {"travel": self._travel, "active": self._active}
             cuts = enumerate(pairwise(found.slices.balanced_cuts(pieces)))
             self._pieces = [SCENE(**fields, **_piece(found, *ends, k, pieces)) for k, ends in cuts]
             fields |= _piece(found, 0, found.slices.tiles, 0, 1)
@@ -257,8 +257,10 @@ class Bound:
             raise self.why_stopped()
 
     def _may_all_move(self):
-        """Let the next step include all sites, after which those of a chain that rest are found."""
-        if self._active is not None:
+        """Let the next step include all sites, after which those that rest are found."""
+        if self._loop.dim:
+            self._active[:] = 0
+        else:
             self._active[:] = np.iinfo(np.int64).max // 2, 0
 
     def why_stopped(self):

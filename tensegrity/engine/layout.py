@@ -142,6 +142,8 @@ def _net(loop, bonds, pieces):
         "slice": found.slice,
         "begin": found.begin,
         "entry": found.first,
+        "beside": found.beside,
+        "beside_at": found.beside_at,
     }
     fields |= _varying("gap", contacts.gap[listed], found.first)
     fields |= _varying("length", contacts.length[listed], found.first)
@@ -231,6 +233,8 @@ class Slices:
     needed, reach : ndarray of int, (tiles + 1,)
         The first tile with a contact of a site in this tile or a later one; the tile after the last
         one with a contact of a site before this tile.
+    beside, beside_at : ndarray of int, (pairs,), (tiles + 1,)
+        For each tile the tiles with contacts with it, itself included, and where these begin.
     """
 
     slice: np.ndarray
@@ -242,6 +246,8 @@ class Slices:
     first: np.ndarray
     needed: np.ndarray
     reach: np.ndarray
+    beside: np.ndarray
+    beside_at: np.ndarray
 
     @property
     def tiles(self):
@@ -365,7 +371,12 @@ def _ends(contacts, tiles):
     lowest, highest = np.arange(tiles + 1), np.arange(tiles + 1)
     np.minimum.at(lowest, high, low)
     np.maximum.at(highest[1:], low, high + 1)
+    each = np.arange(tiles)
+    both = [low * tiles + high, high * tiles + low, each * (tiles + 1)]
+    tile, beside = np.divmod(np.unique(np.concatenate(both)), tiles)
     return {
         "needed": np.minimum.accumulate(lowest[::-1])[::-1],
         "reach": np.maximum.accumulate(highest),
+        "beside": beside,
+        "beside_at": np.searchsorted(tile, np.arange(tiles + 1)),
     }

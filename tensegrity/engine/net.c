@@ -65,18 +65,35 @@ static void clear(const scene *c, integer t, real *restrict pull)
             AXES(k) pull[q * ROW + k] = c->load[q * DIM + k];
 }
 
-/* Add the forces of the contacts of a tile to its sites, and to others of higher numbers. */
-static void contacts(const scene *c, const real *u, integer t, real *restrict pull)
+/* Whether a tile is at rest in this stage, and its contacts have no forces: until a site of its own
+   or of a tile beside it moves, or a contact of these has a force.  No bit depends on this. */
+static int rests(const scene *c, integer t)
 {
+    return c->active && __atomic_load_n(c->active + 1 + t, __ATOMIC_RELAXED) < *c->active;
+}
+
+/* Let a tile and those beside it move in the next stage. */
+static void rouse(const scene *c, integer t)
+{
+    for (integer k = c->beside_at[t]; k < c->beside_at[t + 1]; k++)
+        __atomic_store_n(c->active + 1 + c->beside[k], *c->active + 1, __ATOMIC_RELAXED);
+}
+
+/* Add the forces of the contacts of a tile to its sites, and to others of higher numbers; returns
+   whether any of them is not 0. */
+static int contacts(const scene *c, const real *u, integer t, real *restrict pull)
+{
+    int felt = 0;
     for (integer s = 0; s < c->runs; s++) {
         if (c->law[s] & 2 && t < c->tile) continue;
         switch (c->law[s]) {
 #define CASES(K, OWN)                                                                       \
-    case 4 * K + OWN: pairs_##K##_##OWN(c, u, s, t, pull); break;                           \
-    case 4 * K + 2 + OWN: walls_##K##_##OWN(c, u, s, t, pull); break;
+    case 4 * K + OWN: felt |= pairs_##K##_##OWN(c, u, s, t, pull); break;                   \
+    case 4 * K + 2 + OWN: felt |= walls_##K##_##OWN(c, u, s, t, pull); break;
             RUNS(CASES)
         }
     }
+    return felt;
 }
 
 /* Forces on the walls, each the sum over its contacts in the order of the list. */
@@ -93,7 +110,7 @@ static const real *on_walls(const scene *c)
 }
 
 /* A kick by a and a drift by b of the sites of a tile, `from` some displacements `to` others;
-   returns the largest displacement. */
+   returns the largest velocity. */
 static real move_tile(const scene *c, integer t, real a, real b, const real *restrict pull,
                       const real *from, real *to)
 {
@@ -101,28 +118,27 @@ static real move_tile(const scene *c, integer t, real a, real b, const real *res
     const real *restrict w = c->w + first;
     real *restrict v = c->v + first, largest = 0;
     from += first, to += first, pull += t * TILE * ROW;
-    pack farthest = wide(0);
+    pack fastest = wide(0);
     integer q = 0;
     for (; q + WIDE <= count; q += WIDE) {
         pack pulls[DIM];
         squeezed(pull + q * ROW, pulls);
         AXES(k) {
             const integer at = q * DIM + k * WIDE;
-            const pack speed = load(v + at) + a * (load(w + at) * pulls[k]), move = b * speed;
+            const pack speed = load(v + at) + a * (load(w + at) * pulls[k]);
             store(v + at, speed);
-            store(to + at, load(from + at) + move);
-            farthest = larger_of(magnitude(move), farthest);
+            store(to + at, load(from + at) + b * speed);
+            fastest = larger_of(magnitude(speed), fastest);
         }
     }
     for (; q < count; q++)
         AXES(k) {
             const integer at = q * DIM + k;
             v[at] += a * (w[at] * pull[q * ROW + k]);
-            const real move = b * v[at];
-            to[at] = from[at] + move;
-            largest = larger(fabs(move), largest);
+            to[at] = from[at] + b * v[at];
+            largest = larger(fabs(v[at]), largest);
         }
-    LANES_OF(l) largest = larger(LANE(farthest, l), largest);
+    LANES_OF(l) largest = larger(LANE(fastest, l), largest);
     return largest;
 }
 
@@ -133,16 +149,22 @@ static void stage(const scene *c, real a, real b)
     real *next = c->pieces > 1 ? common(c, 1) : c->u;
     real *restrict pull = rows(c), largest = 0;
     for (integer t = c->before; t < c->reach; t++) {
-        if (t < c->last_tile) contacts(c, u, t, pull);
-        if (t >= c->tile && t < c->last_tile) 
-            largest = larger(move_tile(c, t, a, b, pull, u, next), largest);
+        if (rests(c, t)) continue;
+        const int felt = t < c->last_tile && contacts(c, u, t, pull);
+        if (t >= c->tile && t < c->last_tile) {
+            const real speed = move_tile(c, t, a, b, pull, u, next);
+            if (c->active && (felt || speed > 0)) rouse(c, t);
+            largest = larger(speed, largest);
+        }
         clear(c, t, pull);
     }
-    c->farthest[c->piece] = largest;
+    c->farthest[c->piece] = fabs(b) * largest;
     barrier(c);
     if (!c->piece) {
-        for (integer k = 1; k < c->pieces; k++) largest = larger(largest, c->farthest[k]);
-        *c->travel += largest;
+        for (integer k = 1; k < c->pieces; k++)
+            *c->farthest = larger(*c->farthest, c->farthest[k]);
+        *c->travel += *c->farthest;
+        if (c->active) ++*c->active;
         const real *restrict force = on_walls(c);
         for (integer q = moving; q < all; q++) {
             c->v[q] += a * c->w[q] * force[q - moving];
@@ -157,7 +179,7 @@ integer advance(const scene *c, const void *none, integer steps, integer opened)
 /* The part of one of several threads in `advance`. */
 void advance_together(const scene *c, integer steps, integer opened)
 {
-    copy(c, c->u, common(c, 1));
+    for (integer next = 0; next < 2; next++) copy(c, c->u, common(c, next));
     barrier(c), barrier(c);
     advance(c, 0, steps, opened);
     copy(c, common(c, 0), c->u);

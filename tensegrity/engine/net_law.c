@@ -1,11 +1,13 @@
 /* Forces of a run of contacts of law number K in a tile, of pairs or with walls: added to the rows
-   of both sites, or to those of the site and of the contact with a wall. */
+   of both sites, or to those of the site and of the contact with a wall.  Returns whether any is
+   not 0. */
 
-__attribute__((always_inline)) static inline void OF(run)(
+__attribute__((always_inline)) static inline int OF(run)(
     const scene *c, const real *restrict u, integer s, integer t, real *restrict pull,
     const int wall)
 {
     pack stored[STORED][ROOM], along[DIM][ROOM], r[ROOM], f[ROOM], p[PARAMETERS + 1], sum[DIM];
+    pack largest = wide(0);
     const integer start = c->entry[s], all = c->entry[s + 1] - start;
     const integer *slice = c->slice + s * (c->tiles + 1) + t;
     const integer each_gap = c->gap_each[s] * GROUP, each_length = c->length_each[s] * GROUP;
@@ -62,6 +64,7 @@ __attribute__((always_inline)) static inline void OF(run)(
                 if (at + g == c->begin[z]) AXES(k) sum[k] = wide(0);
                 for (; g < end; g++) {
                     const pack tension = counting(counts[g] >> part, f[g]);
+                    largest = larger_of(magnitude(tension), largest);
 #if OWNED
                     real *lower = low + e + g * GROUP, *upper = high + e + g * GROUP;
                     store(lower, smaller_of(r[g], load(lower)));
@@ -85,13 +88,16 @@ __attribute__((always_inline)) static inline void OF(run)(
 #if !OWNED
     store(low, least), store(high, most);
 #endif
+    int felt = 0;
+    LANES_OF(l) felt |= LANE(largest, l) > 0;
+    return felt;
 }
 
 #define CONTACTS(name, wall)                                                                \
-    __attribute__((flatten)) static void OF(name)(                                          \
+    __attribute__((flatten)) static int OF(name)(                                           \
         const scene *c, const real *u, integer s, integer t, real *restrict pull)           \
     {                                                                                       \
-        OF(run)(c, u, s, t, pull, wall);                                                    \
+        return OF(run)(c, u, s, t, pull, wall);                                             \
     }
 CONTACTS(pairs, 0)
 CONTACTS(walls, 1)

@@ -1,12 +1,13 @@
 /* Steps of a splitting, corrected at the loss and gain of contacts: `derivations.openings`.
 
    Included after `steps.c` and `overlaps.c`, which defines: overlaps(c, o, u, v, w, d), the
-   overlap of each contact and its change in a step; may_pass(c, o), whether any can have passed
-   zero, by the elongation ranges; keep_end(c, o), which stores the motion at the end of a step;
-   mobility(c, o, b, x), the change of an overlap's rate by a unit impulse of its contact;
-   swing(c, o, b, x), the curvature of an overlap by the rotation of its line; apply_impulse(c,
-   o, b, w, x, total, moment, turning), which applies impulse and moment to the two rows of a
-   contact. */
+   overlap of each contact and its change in a step; renew_overlaps(c, o, since, w, d), those after
+   a step, which are w and d where nothing moved from stage `since` on; next_stage(c), the number of
+   the next one; may_pass(c, o), whether any overlap can have passed zero, by the elongation ranges;
+   keep_end(c, o), which stores the motion at the end of a step; mobility(c, o, b, x), the change of
+   an overlap's rate by a unit impulse of its contact; swing(c, o, b, x), the curvature of an overlap
+   by the rotation of its line; apply_impulse(c, o, b, w, x, total, moment, turning), which applies
+   impulse and moment to the two rows of a contact. */
 
 #define SCAN 64
 
@@ -267,7 +268,7 @@ static inline integer suspect(real w0, real d0, real w1, real d1)
     return crossed | (turned & (4 * least < fabs(d0) + fabs(d1)));
 }
 
-static void pass_all(const scene *c, const openings *o)
+static void pass_all(const scene *c, openings *o)
 {
     const real *restrict w0 = o->before, *restrict d0 = o->rate_before;
     const real *restrict w1 = o->after, *restrict d1 = o->rate_after;
@@ -284,7 +285,7 @@ static void pass_all(const scene *c, const openings *o)
             for (int behind = 0; behind <= (o->alone != 0); behind++)
                 event_outside(c, o, i, behind);
     }
-    if (met) overlaps(c, o, c->u, c->v, o->after, o->rate_after);
+    if (met) renew_overlaps(c, o, next_stage(c) + 1, o->after, o->rate_after);
 }
 
 /* Overlaps are computed only once the elongation ranges show that a contact may have changed. */
@@ -294,6 +295,7 @@ integer advance_openings(const scene *c, openings *o, integer steps, integer ope
     o->begins = !opened;
     int looking = 0;
     for (integer k = 0; k < steps; k++) {
+        const integer begun = next_stage(c);
         if (!looking) EACH(moving(c, o->entries)) o->u[i] = c->u[i], o->v[i] = c->v[i];
         for (integer s = 0; s < c->stages; s++) stage(c, c->kicks[s], c->drifts[s]);
         if (c->closing) stage(c, c->kicks[c->stages], 0);
@@ -305,7 +307,7 @@ integer advance_openings(const scene *c, openings *o, integer steps, integer ope
             overlaps(c, o, o->u, o->v, o->before, o->rate_before);
             looking = 1;
         }
-        overlaps(c, o, c->u, c->v, o->after, o->rate_after);
+        renew_overlaps(c, o, begun, o->before, o->rate_before);
         pass_all(c, o);
         o->begins = 0;
         real *swap = o->before;

@@ -31,6 +31,8 @@ static integer moving(const scene *c, integer n)
     return c->active && *c->active < n ? *c->active : n;
 }
 
+static integer next_stage(const scene *c) { return 0; }
+
 static void overlaps(const scene *c, const openings *o, const real *restrict u,
                      const real *restrict v, real *restrict w, real *restrict d)
 {
@@ -42,6 +44,11 @@ static void overlaps(const scene *c, const openings *o, const real *restrict u,
             d[start + i] = side[i] * dt * (v[i + BATCH] - v[i]);
         }
     }
+}
+
+static void renew_overlaps(const scene *c, openings *o, integer since, const real *w, const real *d)
+{
+    overlaps(c, o, c->u, c->v, o->after, o->rate_after);
 }
 
 static int may_pass(const scene *c, const openings *o)
@@ -88,8 +95,21 @@ static void apply_impulse(const scene *c, const openings *o, integer b, real w, 
 
 static integer moving(const scene *c, integer n) { return n; }
 
+static integer next_stage(const scene *c) { return c->active ? *c->active : 0; }
+
+/* Whether the tiles of n sites, and so the other ends of their contacts, have not moved from a
+   stage on. */
+static int at_rest(const scene *c, const integer *sites, integer n, integer since)
+{
+    if (!c->active) return 0;
+    for (integer i = 0; i < n; i++)
+        if (c->active[1 + sites[i] / (TILE * DIM)] >= since) return 0;
+    return 1;
+}
+
 static void run_of(const scene *c, const openings *o, integer s, const real *restrict u,
-                   const real *restrict v, real *restrict w, real *restrict rate, const int wall)
+                   const real *restrict v, const real *same_w, const real *same_rate, integer since,
+                   real *w, real *rate, const int wall)
 {
     const integer n = c->contacts, start = c->first[s], last = c->first[s + 1];
     const real *restrict geometry = c->geometry, dt = *o->dt;
@@ -97,6 +117,11 @@ static void run_of(const scene *c, const openings *o, integer s, const real *res
     for (integer b = start; b < last; b += BLOCK) {
         const integer some = last - b < BLOCK ? last - b : BLOCK;
         real r[BLOCK], change[BLOCK];
+        if (same_w && at_rest(c, (wall ? to : from) + b, some, since)) {
+            for (integer j = b; j < o->count; j += o->bonds)
+                EACH(some) w[j + i] = same_w[j + i], rate[j + i] = same_rate[j + i];
+            continue;
+        }
         EACH(some) {
             real at[DIM], separation[DIM], along[DIM], speed[DIM];
             const integer p = from[b + i], q = to[b + i];
@@ -119,12 +144,24 @@ static void run_of(const scene *c, const openings *o, integer s, const real *res
     }
 }
 
-__attribute__((flatten)) static void overlaps(const scene *c, const openings *o, const real *u,
-                                              const real *v, real *w, real *d)
+__attribute__((flatten)) static void overlaps_since(
+    const scene *c, const openings *o, const real *u, const real *v, const real *same_w,
+    const real *same_rate, integer since, real *w, real *rate)
 {
     for (integer s = 0; s < c->runs; s++)
-        if (c->law[s] & 2) run_of(c, o, s, u, v, w, d, 1);
-        else run_of(c, o, s, u, v, w, d, 0);
+        if (c->law[s] & 2) run_of(c, o, s, u, v, same_w, same_rate, since, w, rate, 1);
+        else run_of(c, o, s, u, v, same_w, same_rate, since, w, rate, 0);
+}
+
+static void overlaps(const scene *c, const openings *o, const real *u, const real *v, real *w,
+                     real *d)
+{
+    overlaps_since(c, o, u, v, 0, 0, 0, w, d);
+}
+
+static void renew_overlaps(const scene *c, openings *o, integer since, const real *w, const real *d)
+{
+    overlaps_since(c, o, c->u, c->v, w, d, since, o->after, o->rate_after);
 }
 
 /* By the common elongation range of all contacts of a run. */
@@ -206,6 +243,10 @@ static void apply_impulse(const scene *c, const openings *o, integer b, real w, 
         add(c->v + to + k, -c->w[to + k] * impulse[k]);
         add(c->u + from + k, c->w[from + k] * share * shift[k]);
         add(c->u + to + k, -c->w[to + k] * share * shift[k]);
+    }
+    if (c->active) {
+        rouse(c, to / (TILE * DIM));
+        if (!is_wall(c, b)) rouse(c, from / (TILE * DIM));
     }
 }
 #endif

@@ -41,7 +41,9 @@ typedef struct {
     const integer *range_at;           /* (runs + 1) where its elongations begin */
     integer runs, stages, closing;   /* closing: the method ends with a kick */
     integer *active;                 /* of a chain (2): entries that may move, the others are at
-                                        rest; steps for which that holds; 0: all may move */
+                                        rest; steps for which that holds.  Of a network (1 + tiles):
+                                        number of this stage; for each tile that of the last stage
+                                        in which it may move.  0: all may move */
 
     /* The other fields are those of networks. */
     const real *load;                   /* (rows, DIM) constant forces */
@@ -52,6 +54,7 @@ typedef struct {
     real *near;                         /* (2, rows, DIM) displacements shared by threads */
     const integer *slice;               /* (runs, tiles + 1) first slice of a run in each tile */
     const int *site;                    /* (slices, GROUP) sites */
+    const integer *beside, *beside_at;  /* tiles with contacts with each tile, and it; (tiles + 1) */
     const integer *begin;               /* (slices + 1) first group of each slice */
     const int *other;                   /* (groups, GROUP) the other site; of a wall, none */
     const unsigned char *counts;        /* (groups) a bit for each that counts */

@@ -26,7 +26,7 @@ integer postprocess(const scene *c, const void *none, real *u, real *v)
 {
     FLUSH
     scene copy = *c;
-    copy.u = u, copy.v = v;
+    copy.u = u, copy.v = v, copy.active = 0;
     if (c->closing) stage(&copy, c->kicks[c->stages], 0);
     return 0;
 }
@@ -49,7 +49,7 @@ typedef struct {
 static void acceleration(const scene *c, real *u, real *a, integer n)
 {
     scene still = *c;
-    still.u = u, still.v = a;
+    still.u = u, still.v = a, still.active = 0;
     EACH(n) a[i] = 0;
     stage(&still, 1, 0);
 }
