@@ -179,7 +179,7 @@ integer advance(const scene *c, const void *none, integer steps, integer opened)
 /* The part of one of several threads in `advance`. */
 void advance_together(const scene *c, integer steps, integer opened)
 {
-    for (integer next = 0; next < 2; next++) copy(c, c->u, common(c, next));
+    copy(c, c->u, common(c, 1));
     barrier(c), barrier(c);
     advance(c, 0, steps, opened);
     copy(c, common(c, 0), c->u);
