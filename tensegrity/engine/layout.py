@@ -164,12 +164,13 @@ def _net(loop, bonds, pieces):
 
 
 def of_contacts(loop, bonds):
-    """Fields of a network that only some methods need: geometry and ends of all contacts."""
-    contacts, source = bonds.contacts, bonds.runs.source
+    """Fields of a network that only some methods need: geometry and ends of all contacts, and a
+    group of zeros."""
+    contacts, source, none = bonds.contacts, bonds.runs.source, np.zeros(GROUP)
     return {
-        "geometry": loop.numbers(contacts.geometry_of(source)),
-        "from": integers(bonds.dim * contacts.first[source].astype(np.int64)),
-        "to": integers(bonds.dim * contacts.second[source].astype(np.int64)),
+        "geometry": loop.numbers(np.append(contacts.geometry_of(source), none)),
+        "from": integers(np.append(bonds.dim * contacts.first[source].astype(np.int64), none)),
+        "to": integers(np.append(bonds.dim * contacts.second[source].astype(np.int64), none)),
     }
 
 

@@ -93,6 +93,8 @@ static void apply_impulse(const scene *c, const openings *o, integer b, real w, 
 #define FROM(b) c->from[(b) % o->bonds]
 #define TO(b) c->to[(b) % o->bonds]
 
+#define AT_ONCE (ROOM * WIDE) /* contacts */
+
 static integer moving(const scene *c, integer n) { return n; }
 
 static integer next_stage(const scene *c) { return c->active ? *c->active : 0; }
@@ -111,34 +113,43 @@ static void run_of(const scene *c, const openings *o, integer s, const real *res
                    const real *restrict v, const real *same_w, const real *same_rate, integer since,
                    real *w, real *rate, const int wall)
 {
-    const integer n = c->contacts, start = c->first[s], last = c->first[s + 1];
+    const integer n = c->contacts, last = c->first[s + 1];
     const real *restrict geometry = c->geometry, dt = *o->dt;
-    const integer *restrict from = c->from, *restrict to = c->to;
-    for (integer b = start; b < last; b += BLOCK) {
-        const integer some = last - b < BLOCK ? last - b : BLOCK;
-        real r[BLOCK], change[BLOCK];
-        if (same_w && at_rest(c, (wall ? to : from) + b, some, since)) {
+    for (integer b = c->first[s], some; b < last; b += some) {
+        some = last - b < AT_ONCE ? last - b : AT_ONCE;
+        const integer *from = c->from + b, *to = c->to + b;
+        if (same_w && at_rest(c, wall ? to : from, some, since)) {
             for (integer j = b; j < o->count; j += o->bonds)
                 EACH(some) w[j + i] = same_w[j + i], rate[j + i] = same_rate[j + i];
             continue;
         }
-        EACH(some) {
-            real at[DIM], separation[DIM], along[DIM], speed[DIM];
-            const integer p = from[b + i], q = to[b + i];
-            AXES(k) {
-                at[k] = geometry[k * n + b + i];
-                separation[k] = wall ? u[q + k] : u[q + k] - u[p + k];
-                speed[k] = wall ? v[q + k] : v[q + k] - v[p + k];
-            }
-            const real gap = geometry[DIM * n + b + i], length = geometry[(DIM + 1) * n + b + i];
-            r[i] = change[i] = 0;
-            if (wall) wall_contact(at, separation, gap, length, r + i, along);
-            else pair_contact(at, separation, gap, length, r + i, along);
-            AXES(k) change[i] += along[k] * speed[k];
+        pack stored[STORED][ROOM], along[DIM][ROOM], speed[DIM][ROOM], r[ROOM];
+        const real *gaps = geometry + DIM * n + b, *lengths = gaps + n;
+        const integer packs = (some + WIDE - 1) / WIDE;
+        for (integer g = 0; g < packs; g++) { /* the arrays end with zeros, which fill a pack */
+            int rows[2][WIDE];
+            pack at[DIM], separation[DIM], other[DIM];
+            LANES_OF(l) rows[0][l] = to[g * WIDE + l] / DIM, rows[1][l] = from[g * WIDE + l] / DIM;
+            AXES(k) at[k] = load(geometry + k * n + b + g * WIDE), other[k] = wide(0);
+            columns(u, rows[0], separation);
+            if (!wall) columns(u, rows[1], other);
+            AXES(k) separation[k] -= other[k];
+            (wall ? first_wall : first_pair)(
+                g, at, separation, gaps, WIDE, lengths, WIDE, r, along, stored);
+            columns(v, rows[0], separation);
+            if (!wall) columns(v, rows[1], other);
+            AXES(k) speed[k][g] = separation[k] - other[k];
+        }
+        (wall ? rest_wall : rest_pair)(packs, gaps, WIDE, lengths, WIDE, r, along, stored);
+        real elongation[AT_ONCE + WIDE], change[AT_ONCE + WIDE];
+        for (integer g = 0; g < packs; g++) {
+            pack sum = along[0][g] * speed[0][g];
+            for (int k = 1; k < DIM; k++) sum += along[k][g] * speed[k][g];
+            store(elongation + g * WIDE, r[g]), store(change + g * WIDE, sum);
         }
         for (integer j = b; j < o->count; j += o->bonds)
             EACH(some) {
-                w[j + i] = o->side[j + i] * (r[i] - o->place[j + i]);
+                w[j + i] = o->side[j + i] * (elongation[i] - o->place[j + i]);
                 rate[j + i] = o->side[j + i] * dt * change[i];
             }
     }
