@@ -20,7 +20,7 @@ import numpy as np
 from benchmarks._timing import record, table
 from granular import Bead, Striker, fcc_pack, materials, simulate
 from granular.lammps import run_lammps
-from tensegrity import Record, TensegrityError
+from tensegrity import Record, State, TensegrityError
 
 STEEL = Bead(9.53e-3, materials["steel"])
 SPEED, END, TOL = 1.65, 1e-3, 1e-6
@@ -28,6 +28,7 @@ EXACT = 5e-8  # s: step of the reference, by rkn6: 5e-7 of the speed at 1 ms, le
 STEPS = 1000  # of a timed call
 LARGE = (20, 50, 0.2e-3)  # layers and side of the large pack, and its time [s]
 STEP = 2e-7  # s
+QUIET = (2e-4, 5e-4)  # s: ends of runs that leave beads at rest
 REPEATS, TURNS = 3, 7
 
 
@@ -170,6 +171,25 @@ def large():
     ]  # fmt: skip
 
 
+def beads_at_rest():
+    """Rows on a struck pack of which a part has not moved yet, against the same pack with a faint
+    motion of all beads, which are then all in the steps."""
+    scene = pack(41, 14)
+    start, faint, found = scene.start(), 1e-250, []
+    v = start.v + faint
+    v[scene.held,] = 0.0
+    for end in QUIET:
+        rows = simulate(scene, start, end, dt=STEP, method="verlet", record=Record(every=25))
+        how = {"dt": STEP, "method": "rkn6", "record": Record(times=[end])}
+        parts, whole = (
+            cpu(partial(simulate, scene, state, end, **how)) for state in (start, State(start.u, v))
+        )
+        record("8,037 beads", f"{end:g} s", "resting over moving", parts, whole)
+        moving = float(np.any(rows.v != 0, axis=-1).mean())
+        found.append((f"{end:g} s: moving on average, time", f"{moving:.2f}", parts / whole))
+    return found
+
+
 def main():
     """Print all of it."""
     costs = loop_costs()
@@ -188,4 +208,5 @@ def main():
         ],
     )  # fmt: skip
     table("833 beads, 1 ms, from the call to the answer", head, against_lammps(costs["fixed"]))
+    table("8,037 beads, of which many are at rest", head, beads_at_rest())
     table("50,000 beads, 0.2 ms", head, large())
