@@ -23,6 +23,7 @@ import numpy as np
 from tensegrity.engine.bonds import BLOCK, GROUP, PAIR, WALL, Runs, integers, parameters
 
 TILE = 256  # sites, as in scene.h
+TILES = 256  # whose layout is computed at once
 GUESSES = 3
 
 
@@ -270,31 +271,57 @@ class Slices:
 def slices(bonds):
     """The slices of the bonds of a network."""
     runs, contacts = bonds.runs, bonds.contacts
-    tiles = -(-len(contacts.load) // TILE)
-    parts, begun, groups = [], 0, 0
-    for k in range(len(runs.law)):
-        places = np.arange(runs.first[k], runs.first[k + 1])
-        part = _run(contacts, runs.members(k), places, runs.kind[k] == PAIR, tiles)
-        part["slice"] += begun
-        part["begin"] += groups
-        parts.append(part)
-        begun, groups = begun + len(part["site"]), part["begin"][-1]
-    if not parts:  # an empty run, for arrays of the right kinds
-        parts = [_run(contacts, *np.zeros((2, 0), dtype=int), False, tiles)]
+    tiles, parts, first_of, begun, groups = -(-len(contacts.load) // TILE), [], [], 0, 0
+    empty = [(np.zeros(0, dtype=int),) * 2 + (False,)]  # for arrays of the right kinds
+    for members, places, pairs in [
+        (runs.members(k), np.arange(*runs.first[k : k + 2], dtype=np.int32), runs.kind[k] == PAIR)
+        for k in range(len(runs.law))
+    ] or empty:
+        first = []
+        for some, tile, count in _parts(contacts, members, pairs, tiles):
+            part = _part(contacts, members[some], places[some], pairs, tile, count)
+            first.append(part["slice"][: count + (tile + count == tiles)] + begun)
+            part["begin"] += groups
+            parts.append(part)
+            begun, groups = begun + len(part["site"]), part["begin"][-1]
+        first_of.append(np.concatenate(first))
     joined = {
         name: np.concatenate([part[name] for part in parts])
-        for name in ("slice", "site", "contact", "other", "counts")
+        for name in ("site", "contact", "other", "counts")
     }
     begin = np.concatenate([*(part["begin"][:-1] for part in parts), [groups]])
-    first = GROUP * begin[np.append(joined["slice"][: len(runs.law), 0], begun)]
-    return Slices(begin=begin, first=first, **joined, **_ends(contacts, tiles))
+    table = np.array(first_of)
+    first = GROUP * begin[np.append(table[: len(runs.law), 0], begun)]
+    return Slices(slice=table, begin=begin, first=first, **joined, **_ends(contacts, tiles))
 
 
-def _run(contacts, members, places, pairs, tiles):
-    """One run, numbered from 0: contacts `members` at `places` of the list."""
+def _own_and_other(contacts, members, pairs):
+    """The site of each contact by which it is sorted, and the row of its other end."""
     ends = contacts.first[members], contacts.second[members]
-    own, other = (np.minimum(*ends), np.maximum(*ends)) if pairs else ends[::-1]
-    first, at = _slice_places(own, contacts.crowding if pairs else None, tiles)
+    return (np.minimum(*ends), np.maximum(*ends)) if pairs else ends[::-1]
+
+
+def _parts(contacts, members, pairs, tiles):
+    """Contacts `members` of a run in parts, which bound the memory of the layout: the contacts of
+    some tiles, the first of these, and their number."""
+    part = _own_and_other(contacts, members, pairs)[0] // (TILE * TILES)
+    order = None
+    if np.any(part[1:] < part[:-1]):
+        order = np.argsort(part, kind="stable")
+        part = part[order]
+    for k in range(0, max(tiles, 1), TILES):
+        some = slice(*np.searchsorted(part, [k // TILES, k // TILES + 1]))
+        yield some if order is None else order[some], k, min(TILES, tiles - k)
+
+
+def _part(contacts, members, places, pairs, tile, tiles):
+    """Some tiles of a run, numbered from 0: contacts `members` at `places` of the list."""
+    own, other = _own_and_other(contacts, members, pairs)
+    begin = TILE * tile
+    crowding = contacts.crowding if pairs else None
+    if crowding is not None:
+        crowding = crowding[begin : begin + TILE * tiles]
+    first, at = _slice_places(own - begin, crowding, tiles)
     order = np.argsort(at * contacts.rows - other, kind="stable")
     own, other, places, at = own[order], other[order], places[order], at[order]
     slot = _slots(at, other if pairs else None, contacts.rows)
@@ -312,7 +339,7 @@ def _run(contacts, members, places, pairs, tiles):
     entry[at], counts[at] = np.arange(len(row)), True
     entry = entry.ravel()
     return {
-        "slice": first[None].copy(), "site": own[repeated], "begin": begin,
+        "slice": first, "site": own[repeated], "begin": begin,
         "contact": places[entry], "other": other[entry], "counts": counts.ravel(),
     }  # fmt: skip
 
