@@ -10,14 +10,17 @@ from __future__ import annotations
 import os
 import time
 from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 
 import numpy as np
 import sympy as sp
 
 from benchmarks import _peers
 from benchmarks._timing import table
-from tensegrity import Chain, Ensemble, PowerLaw, Prism, Record, State, simulate, sweep
+from tensegrity import METHODS, Chain, Ensemble, PowerLaw, Prism, Record, State, simulate, sweep
+from tensegrity.scenes.dynamics import dynamics
 
+LANES, STEPS = 64, 4000  # of the bare loop, one block of chains
 COUNTS, SITES, T_END, TOL = (100, 1_000, 10_000), 40, 40.0, 1e-9
 BATCHES = 4  # of eight chains, by heyoka
 ROUNDS = 5
@@ -111,6 +114,50 @@ def ensembles():
     table("wall clock on two threads over one", ["", "ratio", "target"], rows, ours=["ratio"])
 
 
+def numba_lanes():
+    """Steps of velocity Verlet of chains of unit masses, with a stiffness each, in numba."""
+    import numba
+
+    @numba.njit(error_model="numpy")
+    def advance(u, v, stiffness, dt, steps):
+        sites, lanes = u.shape
+        left = np.empty(lanes)
+        for _ in range(steps):
+            left[:] = 0.0
+            for j in range(sites - 1):
+                for k in range(lanes):
+                    overlap = max(u[j, k] - u[j + 1, k], 0.0)
+                    force = stiffness[k] * overlap * np.sqrt(overlap)
+                    v[j, k] += dt * (left[k] - force)
+                    u[j, k] += dt * v[j, k]
+                    left[k] = force
+            for k in range(lanes):
+                v[-1, k] += dt * left[k]
+                u[-1, k] += dt * v[-1, k]
+
+    return advance
+
+
+def lanes():
+    """Print the bare loop of Hertz chains with constants of their own."""
+    rng = np.random.default_rng(0)
+    stiffness, dt, method = rng.uniform(0.8, 1.2, LANES), 1e-4, METHODS["verlet"]
+    v = 1e-3 * rng.normal(size=(SITES, LANES))
+    springs, calls = [PowerLaw(k, 1.5) for k in stiffness], {}
+    for name, kinds in (("one for all", [springs[0]] * LANES), ("of each chain", springs)):
+        scene = Ensemble([Chain(kind, SITES) for kind in kinds])
+        arrays = dynamics(scene).arrays(State(np.zeros_like(v), v))
+        calls[name] = partial(dynamics(scene).bind(*arrays, method, dt).advance, STEPS)
+    if _peers.has("numba"):
+        u, rate = np.zeros_like(v), v.copy()
+        calls["numba"] = partial(numba_lanes(), u, rate, stiffness, dt, STEPS)
+        calls["numba"]()  # compiles
+    found = {name: t / (STEPS * (SITES - 1) * LANES) for name, t in cpu(calls).items()}
+    rows = [(name, 1e9 * t, t / found.get("numba", np.nan)) for name, t in found.items()]
+    title = f"bare Verlet of {LANES} Hertz chains of {SITES} beads, by constants"
+    table(title, ["", "ns, a bond", "over numba"], rows, ours=["over numba"])
+
+
 def spared():
     """Print savings over the full computation."""
     rows = []
@@ -159,5 +206,6 @@ def swept():
 def main():
     """Print all tables."""
     ensembles()
+    lanes()
     spared()
     swept()

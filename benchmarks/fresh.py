@@ -35,9 +35,9 @@ PROGRAMS = {
     "path, rigid": "equilibrium_path(Prism(1.0, 0.5, 0.4, 1.0))",
     "solitary wave": "solitary_wave(Prism(1.0, 0.7, 0.01, 1.0).potential(), 1.0, speed_ratio=1.05)",
 }
-JOBS = ("curve", "wave", "blow", "guide", "protector")  # the first of README.md, in their order
-BLOCKS = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
-PROGRAMS |= {f"README, {name}": code for name, code in zip(JOBS, BLOCKS, strict=False)}
+README = (ROOT / "README.md").read_text()
+SECTIONS = re.findall(r"^### (.*?)$.*?```python\n(.*?)```", README, re.DOTALL | re.MULTILINE)
+PROGRAMS |= {f"README, {name}": code for name, code in SECTIONS}
 NAMES = "from tensegrity import Chain, PowerLaw, Prism, equilibrium_path, simulate, solitary_wave"
 LATE = ("sympy", "casadi", "scipy")
 """What takes most of the time without a cache, and must not be imported with a warm one."""

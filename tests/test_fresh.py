@@ -269,3 +269,9 @@ def test_the_benchmark_measures_a_process_and_what_it_imports(tmp_path):
     assert 0 < spent < 60
     assert late == []
     assert fresh.seconds("import casadi", tmp_path)[1] == ["casadi"]
+
+
+def test_the_guide_of_the_readme_imports_neither_algebra_nor_scipy_once_it_was_compiled():
+    program, cache = fresh.PROGRAMS["README, Beads"], cache_folder().parent
+    fresh.seconds(program, cache)
+    assert fresh.seconds(program, cache)[1] == []

@@ -16,9 +16,10 @@ STEEL = Bead(diameter=10e-3, material=materials["steel"])
 PER_BEAD = 700  # bytes while a pack of some thousand beads is built, six contacts each
 
 
+@pytest.mark.parametrize("count", [near_pairs.FEW, near_pairs.FEW + 1])
 @pytest.mark.parametrize("dim", [1, 2, 3])
-def test_near_pairs_are_those_of_all_distances(dim):
-    x = np.random.default_rng(dim).random((100, dim)) * [1.0, 2.0, 0.5][:dim]
+def test_near_pairs_are_those_of_all_distances(dim, count):
+    x = np.random.default_rng(dim).random((count, dim)) * [1.0, 2.0, 0.5][:dim]
     far = np.linalg.norm(x[:, None] - x, axis=-1)
     wanted = np.argwhere(np.triu(far <= 0.2, 1))
     found = near_pairs.near_pairs(x, 0.2)

@@ -8,7 +8,6 @@ masses and the coefficients of a splitting, and one more for other methods.
 from __future__ import annotations
 
 import ctypes
-import math
 from itertools import pairwise
 
 import numpy as np
@@ -16,23 +15,14 @@ import numpy as np
 from tensegrity.engine import implicit, layout, march, openings
 from tensegrity.engine.bonds import by_spring, integers, parameters
 from tensegrity.engine.methods import Corrected, Midpoint, Splitting
-from tensegrity.engine.native import pointer, structure
+from tensegrity.engine.native import aligned, pointer, structure
 from tensegrity.errors import StabilityError
 
 SCENE = structure("scene.h", "scene")
 NYSTROM = structure("steps.c", "nystrom")
 IMPLICIT = structure("implicit.c", "implicit")
 OPENINGS = structure("overlaps.c", "openings")
-CACHE = 8  # numbers in a cache line
 ROW = 1, 1, 2, 4  # numbers in a site's row of forces, by number of coordinates: as in simd.c
-
-
-def aligned(shape, dtype=float):
-    """Zeros from the beginning of a cache line on: where vectors of a loop do not straddle two
-    lines, they can be loaded right after they were stored."""
-    size = math.prod(shape) if isinstance(shape, tuple) else shape
-    room = np.zeros(size + CACHE, dtype=dtype)
-    return room[-room.ctypes.data // room.itemsize % CACHE :][:size].reshape(shape)
 
 
 class Bound:
@@ -94,7 +84,7 @@ class Bound:
         self._counted = slice(None) if seen is None else np.repeat(seen, np.diff(range_at))
         self._springs = springs[self._counted]
         self._one_to_one = np.array_equal(self._springs, np.arange(len(self._bonds.law)))
-        self._low, self._high = np.empty((2, len(springs)), dtype=self._loop.dtype)
+        self._low, self._high = (aligned(len(springs), self._loop.dtype) for _ in range(2))
 
     def _room(self, pieces):
         """Work arrays of the loop of a network."""

@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tensegrity.engine.bonds import BLOCK, GROUP, PAIR, WALL, Runs, integers, parameters
+from tensegrity.engine.native import aligned_copy
 
 TILE = 256  # sites, as in scene.h
 TILES = 256  # whose layout is computed at once
@@ -87,6 +88,8 @@ def _with_parameters(loop, bonds, runs, fields, pieces=1, slices=None, **more):
     for name, values in fields.items():
         is_real = np.asarray(values).dtype.kind == "f"
         more[name] = loop.numbers(values) if is_real else integers(values)
+        if is_real and loop.batch > 1:
+            more[name] = aligned_copy(more[name])
     return LoopLayout(runs, springs, more | {"runs": len(runs.law)}, slices)
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import hashlib
+import math
 import os
 import platform
 import re
@@ -47,6 +48,7 @@ FLAGS = (
 NATIVE = "-march=native"
 WIDE = ("-mprefer-vector-width=512",) if platform.machine() in ("x86_64", "AMD64") else ()
 
+CACHE = 8  # numbers in a cache line
 RENAMES = 50
 LIMIT = 120.0  # s: a compiler that takes longer is ended, and not used again
 LIBRARY, DIGEST, SOURCE = "kernel.so", "kernel.sha256", "kernel.c"
@@ -61,6 +63,21 @@ def address(array):
         return ctypes.addressof(_first_byte(array))
     except (TypeError, ValueError):  # read-only, not contiguous, or empty
         return array.ctypes.data
+
+
+def aligned(shape, dtype=float):
+    """Zeros from the beginning of a cache line on: vectors of a loop that straddle two lines take
+    longer, above all to be loaded right after they were stored."""
+    size = math.prod(shape) if isinstance(shape, tuple) else shape
+    room = np.zeros(size + CACHE, dtype=dtype)
+    return room[-room.ctypes.data // room.itemsize % CACHE :][:size].reshape(shape)
+
+
+def aligned_copy(array):
+    """A copy of an array in such a place."""
+    made = aligned(array.shape, array.dtype)
+    made[...] = array
+    return made
 
 
 _first_byte = ctypes.c_char.from_buffer

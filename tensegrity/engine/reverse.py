@@ -14,9 +14,9 @@ from functools import cached_property
 import numpy as np
 
 from tensegrity.engine.bonds import PAIR, WALL, integers, parameters
-from tensegrity.engine.bound import Bound, aligned, stages
+from tensegrity.engine.bound import Bound, stages
 from tensegrity.engine.codegen import reverse_text
-from tensegrity.engine.native import library, structure
+from tensegrity.engine.native import aligned, library, structure
 from tensegrity.engine.schemes import Splitting
 from tensegrity.once import once
 

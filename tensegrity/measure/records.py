@@ -1,6 +1,8 @@
 """Peaks of a quantity recorded over time, such as the force of a sensor.
 
-Peaks lie between the recorded instants; they are located by interpolating splines of degree 5.
+Peaks lie between the recorded instants; they are located by interpolating splines of degree 5, the
+first one by the polynomial through the rows around it, as SciPy takes longer to import than most
+first calls of this package.
 """
 
 from __future__ import annotations
@@ -12,12 +14,13 @@ from numpy.typing import ArrayLike
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
-from tensegrity.measure.observables import passage
+from tensegrity.measure.observables import PEAK_FRACTION
 from tensegrity.root import root
 from tensegrity.typing import Array, Flags
 
 CLOCK = 3e-6  # s: sampling interval of the paper's density plots
 LEVEL = 0.05  # of the largest peak: smaller ones do not count
+AROUND = 7  # rows by which the first peak is located
 NOISE = 1e-9  # of the largest force: maxima below it are round-off
 
 
@@ -36,12 +39,12 @@ def first_peak(
     Returns
     -------
     instant, height : float
-        Located between the rows by a spline of degree 5.
+        Located between the rows by the polynomial through the seven rows around.
 
     Raises
     ------
     TensegrityError
-        Fewer than 12 rows in that time; an invalid record, as for `peaks`.
+        Fewer than 12 rows in that time, or no maximum; an invalid record, as for `peaks`.
 
     Examples
     --------
@@ -52,16 +55,22 @@ def first_peak(
     >>> [round(x, 4) for x in first_peak(t, force, between=(0.5, 1.0))]
     [0.702, 0.5]
     """
-    from scipy.interpolate import make_interp_spline
-
     t, force = _record(t, force)
     inside = _within(t, between)
     if inside.sum() < 12:
         raise TensegrityError(f"{inside.sum()} instants between {between} s are too few for a peak")
     t, force = t[inside], force[inside]
-    spline = make_interp_spline(t, force, k=5)
-    instant = passage(t, force, spline.derivative()(t))
-    return instant, float(spline(instant))
+    large = force >= PEAK_FRACTION * force.max()
+    tops = np.flatnonzero((np.diff(force[:-1]) >= 0) & (np.diff(force[1:]) < 0) & large[1:-1])
+    if not len(tops):
+        raise TensegrityError(f"the force has no peak between {between} s")
+    top, first = tops[0] + 1, min(max(tops[0] - 2, 0), len(t) - AROUND)
+    part, unit = slice(first, first + AROUND), t[top + 1] - t[top - 1]
+    curve = np.linalg.solve(np.vander((t[part] - t[top]) / unit), force[part])
+    flat = np.roots(np.polyder(curve))
+    flat = np.append(flat.real[(flat.imag == 0) & (np.abs(flat) < 1)], 0.0)
+    heights = np.polyval(curve, flat)
+    return float(t[top] + flat[heights.argmax()] * unit), float(heights.max())
 
 
 def largest_peak(

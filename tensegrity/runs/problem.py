@@ -17,7 +17,7 @@ from tensegrity.scenes.dynamics import dynamics
 if TYPE_CHECKING:
     from tensegrity.scenes.dynamics import Dynamics
     from tensegrity.scenes.scene import State
-    from tensegrity.typing import Array, Indices
+    from tensegrity.typing import Array
 
 
 ENERGIES = 8  # energies per factor of two for which bounds are computed
@@ -61,11 +61,6 @@ class AprioriBounds:
         """Bound on the angular frequency [rad/s] if one bond receives half of the energy."""
         found, energy = self.nearest
         return bounds_at_energy(found, rounded(ENERGY_FRACTION * energy)).frequency
-
-    @cached_property
-    def near(self) -> tuple[Indices, Indices]:
-        """Pairs of sites that are close at the start, whose separation has to be monitored."""
-        return self._dynamics.clearance.near_contacts(self._state.u)
 
 
 class StiffnessBounds(NamedTuple):

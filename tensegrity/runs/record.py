@@ -10,7 +10,6 @@ import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -230,7 +229,6 @@ def is_light(record: Record, t_end: float) -> bool:
     return record.path is None and inside <= FEW
 
 
-@lru_cache(maxsize=64)  # trial runs with the same steps share them
 def _evenly(every: int, total: int, t_end: float) -> OutputTimes:
     """Output after every so many steps, and after the last one."""
     require_memory(PER_INSTANT * (total // every + 2))

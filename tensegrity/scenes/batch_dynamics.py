@@ -12,6 +12,7 @@ import numpy as np
 from tensegrity.engine import kernel, threaded
 from tensegrity.engine.bonds import Bonds
 from tensegrity.engine.methods import Method
+from tensegrity.engine.native import aligned_copy
 from tensegrity.errors import TensegrityError
 from tensegrity.readonly import fixed
 from tensegrity.scenes.dynamics import Dynamics, dynamics
@@ -197,7 +198,7 @@ class BatchDynamics(Dynamics):
     def arrays(self, state: State) -> tuple[Array, Array]:
         """u and v in the form of the compiled loop."""
         each = [one.arrays(self.scene.select(state, k)) for k, one in enumerate(self.members)]
-        u, v = (np.ascontiguousarray(np.stack(x, axis=-1)) for x in zip(*each, strict=True))
+        u, v = (aligned_copy(np.stack(x, axis=-1)) for x in zip(*each, strict=True))
         return u, v
 
     def bind(self, u: Array, v: Array, method: Method, dt: float) -> Any:

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from tensegrity.errors import ContactError, TensegrityError
-from tensegrity.scenes.near_pairs import blocks, distances, keys, near_pairs, sorted_keys
+from tensegrity.scenes.near_pairs import blocks, distances, keys, near_pairs, sorted_keys, total
 from tensegrity.scenes.walls import Wall, WallArrays
 from tensegrity.typing import Array, Indices
 
@@ -266,7 +266,7 @@ class ClearanceMonitor:
 
     def _moved(self, u: Array) -> Any:
         """Largest displacement of a site since the list was made [m]."""
-        return np.sqrt(np.max(np.sum((u - self._listed_at) ** 2, axis=-1), axis=-1, initial=0.0))
+        return np.sqrt(np.max(total((u - self._listed_at) ** 2), axis=-1, initial=0.0))
 
     def excludes_contact(self, u: Array, travel: Array, each: bool = False) -> bool:
         """Whether no unlisted contact can have formed between the given times of a run.
@@ -286,7 +286,7 @@ class ClearanceMonitor:
         bool
         """
         of, ways = self._clearance, math.sqrt(self._clearance.dim) * travel
-        moved = np.sqrt(np.max(np.sum((u - u[0]) ** 2, axis=-1), axis=-1))
+        moved = np.sqrt(np.max(total((u - u[0]) ** 2), axis=-1))
         if np.all(ways + moved[:-1] < self._remaining):  # no distance shrinks faster
             return True
         free_travel = of.free_travel(of.positions + u, self._moved(u), self._pairs, self._walls)

@@ -16,6 +16,7 @@ import numpy as np
 from tensegrity.typing import Array, Indices
 
 SLAB, SLABS = 2**17, 8  # least number of points in a slab, and largest number of slabs
+FEW = 128  # points that are compared with each other, before SciPy is imported
 PART = 2**16  # pairs that are computed at once
 MARGIN = 1e-3  # of the distance, by which round-off is exceeded
 
@@ -120,6 +121,10 @@ def _searched(x: Array, reach: float) -> NearPairs:
 
 def _keys_of_slabs(x: Array, reach: float) -> Iterator[Indices]:
     """The keys of the pairs of which one point is in a slab, and the other there or beyond it."""
+    if len(x) <= FEW:
+        ends = np.stack(np.triu_indices(len(x), 1), axis=1)
+        yield keys(ends[total((x[ends[:, 0]] - x[ends[:, 1]]) ** 2) <= reach**2], len(x))
+        return
     from scipy.spatial import cKDTree
 
     axis = int(np.argmax(np.ptp(x, axis=0)))

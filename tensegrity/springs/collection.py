@@ -116,6 +116,8 @@ class Springs:
 
     def exponents_within(self, ranges: Array) -> set[float]:
         """Exponents of the kinks within ranges of elongation (springs, 2) [m]."""
+        if not self.has_kinks:
+            return set()
         return set(self._kinks[0][self._within(ranges), 2].tolist())
 
     def kinks_within(self, ranges: Array) -> list[tuple[Potential, list[float]]]:
