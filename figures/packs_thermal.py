@@ -32,11 +32,17 @@ SPANS = {  # s, and the mean number there of an independent code
 }
 
 
-def data():
-    """Numbers of beads and virial ratios against time."""
+def data(by=1.0):
+    """Numbers of beads and virial ratios against time.
+
+    Parameters
+    ----------
+    by : float, optional
+        Factor of the speed of the blow.
+    """
     tables = {"lines": {}, "virial": {}, "kinetic": {}}
     for name in LINES:
-        run = followed(name)
+        run = followed(name, by)
         if name in MIXED:
             tables["kinetic"] |= {f"{name}, {kind}": x for kind, x in kinetic(run).items()}
         tables["lines"]["t [s]"] = tables["virial"]["t [s]"] = run.t
@@ -45,10 +51,10 @@ def data():
     return tables
 
 
-def followed(name):
+def followed(name, by=1.0):
     """The run of a line between two walls."""
     scene = chain(LINES[name], start_wall=STEEL.material, end=STEEL.material)
-    state = scene.at_rest({scene.parts["chain"][0]: 1.0})
+    state = scene.at_rest({scene.parts["chain"][0]: by})
     record = Record(interval=INTERVAL)
     return simulate(scene, state, END, method="rkn6", dt=DT, record=record)
 
