@@ -1,6 +1,6 @@
 """A train splits into two equal ones, and these recombine behind the diamond.
 
-Fig. 3 of seeds/001: trains of waves in the full guide, all PTFE and all steel.
+Fig. 3 of the paper: trains of waves in the full guide, all PTFE and all steel.
 """
 
 from __future__ import annotations
