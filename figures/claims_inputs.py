@@ -1,8 +1,9 @@
-"""Inputs that change by 1 % move the numbers of claims about as much, but at one interface.
+"""Inputs that change by 1 % move numbers of claims about as much, but where motion is chaotic.
 
 Each number that the claims take from a single run is computed again with its input, such as the
 speed of the blow, larger by 1e-6 and by 1 %.  Of the draws of the composite, in which four inputs
-change at random, the largest change is shown.  Numbers below 1e-6 are errors, and left out.
+change at random, the largest change is shown.  Late numbers of lines between walls, means over a
+time, fluctuate.  Numbers below 1e-6 are errors, and left out.
 """
 
 from __future__ import annotations
