@@ -54,7 +54,8 @@ ROOMS = {  # page: (title, modules whose public names it holds, modules document
     "errors": ("Errors and types", ["tensegrity.errors"], ["tensegrity.typing"]),
 }  # fmt: skip
 
-JOINED = {"composite": "waves", "softening_limits": "waves", "models": "response"}  # groups
+JOINED = {"claims": "waves", "composite": "waves", "softening_limits": "waves",
+          "gradients": "packs", "models": "response"}  # groups  # fmt: skip
 TABLES = {"METHODS": "tensegrity.engine.methods"}  # of public tables, which have no module
 
 
@@ -216,9 +217,9 @@ def _verdict(kind):
 
 def _change(one):
     """How a number moves with its input."""
-    what = f" of the {one['quantity']}" if one["quantity"] else ""
-    by = ", ".join(f"{100 * float(one[k]):+.1g} % with {k}" for k in claims_inputs.CHANGES)
-    return f'<p class="change">change{what} with the {one["input"]}: {by}</p>'
+    what = f"{one['quantity']}, " if one["quantity"] else ""
+    by = "; ".join(f"by {k}: {float(one[k]):+.1g}" for k in claims_inputs.CHANGES)
+    return f'<p class="change">{what}relative change, {one["input"]} larger {by}</p>'
 
 
 def _claim(claim):
@@ -237,7 +238,8 @@ def _claim(claim):
             f"<p>{what}: {shown}{spread} · "
             f'<a href="gallery/{number["picture"]}.html">{number["picture"]}</a></p>'
         )
-        pieces += [_change(one) for one in changes(number, OUTPUT)]
+        moved = map(_change, changes(number, OUTPUT))
+        pieces += [words for words in moved if words not in pieces]  # each once
     links = [
         f'<a href="derivations.html#{x}"><code>{x}</code></a>' for x in claim.get("ledger", ())
     ]
