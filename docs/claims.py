@@ -12,8 +12,8 @@ import tomllib
 from functools import cache
 from pathlib import Path
 
-from figures import pictures
-from figures._files import PRINTED, read_tables
+from figures import claims_inputs, pictures
+from figures._files import PRINTED, lines, read_tables
 
 VERDICTS = {
     "holds": "holds",
@@ -41,6 +41,13 @@ def _cell(columns, row, column):
         if any(cells[k] == row for name, cells in columns.items() if name != column):
             return value
     raise KeyError(row)
+
+
+def changes(number, output):
+    """Lines on how a number moves with its input; none where it is from no single run."""
+    columns = _table(output / claims_inputs.GROUP / f"{claims_inputs.NAME}.csv", PRINTED) or {}
+    return [one for one in lines(columns)
+            if (one["picture"], one["row"]) == (number["picture"], number["row"])]  # fmt: skip
 
 
 def numbers(claim, output):

@@ -19,10 +19,10 @@ from html import escape
 from importlib.util import find_spec
 from pathlib import Path
 
-from claims import VERDICTS, claims, numbers
+from claims import VERDICTS, changes, claims, numbers
 
 from derivations import ledger, report
-from figures import FIRST, pictures
+from figures import FIRST, claims_inputs, pictures
 from figures._files import read_printed
 from figures._gallery import named, short, title
 from figures._gallery import words as _words
@@ -54,7 +54,8 @@ ROOMS = {  # page: (title, modules whose public names it holds, modules document
     "errors": ("Errors and types", ["tensegrity.errors"], ["tensegrity.typing"]),
 }  # fmt: skip
 
-JOINED = {"composite": "waves", "softening_limits": "waves", "models": "response"}  # groups
+JOINED = {"claims": "waves", "composite": "waves", "softening_limits": "waves",
+          "gradients": "packs", "models": "response"}  # groups  # fmt: skip
 TABLES = {"METHODS": "tensegrity.engine.methods"}  # of public tables, which have no module
 
 
@@ -214,6 +215,13 @@ def _verdict(kind):
     return f'<span class="verdict {kind}">{VERDICTS[kind]}</span>'
 
 
+def _change(one):
+    """How a number moves with its input."""
+    what = f"{one['quantity']}, " if one["quantity"] else ""
+    by = "; ".join(f"by {k}: {float(one[k]):+.1g}" for k in claims_inputs.CHANGES)
+    return f'<p class="change">{what}relative change, {one["input"]} larger {by}</p>'
+
+
 def _claim(claim):
     """One claim with its verdict, our numbers, the condition, and where both come from."""
     pieces = [
@@ -230,6 +238,8 @@ def _claim(claim):
             f"<p>{what}: {shown}{spread} · "
             f'<a href="gallery/{number["picture"]}.html">{number["picture"]}</a></p>'
         )
+        moved = map(_change, changes(number, OUTPUT))
+        pieces += [words for words in moved if words not in pieces]  # each once
     links = [
         f'<a href="derivations.html#{x}"><code>{x}</code></a>' for x in claim.get("ledger", ())
     ]
@@ -248,10 +258,10 @@ def claim_page(source):
         "*Wave Dynamics of Innovative Nonlinear Lattices* and the paper *Highly nonlinear pulse "
         "splitting and recombination in a two-dimensional granular network*. Numbers are read "
         "from the data files of the figures when this site is built; verdicts on formulas "
-        "come from the ledger, below. What runs of touching beads show holds at any speed of the "
-        "striker, because Hertz's law has no scale: 1 % more speed makes forces 1.2 % larger, "
-        "times 0.2 % shorter, and changes no fraction. A change of 1e-6 changes no more than that, "
-        "except where a claim says so.",
+        "come from the ledger, below. Numbers of single runs are computed again with their input "
+        "larger by 1e-6 and by 1 %, and stand with what this changes. What runs of touching beads "
+        "show holds at any speed of the striker, because Hertz's law has no scale: 1 % more speed "
+        "makes forces 1.2 % larger and times 0.2 % shorter.",
         raw("<p>" + " · ".join(f"{n} {_verdict(k)}" for k, n in counts.items() if n) + "</p>"),
     ]
     for head in dict.fromkeys(claim["about"] for claim in everything):

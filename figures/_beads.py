@@ -18,9 +18,9 @@ def bead(material, ratio=1.0):
     return Bead(ratio * DIAMETER, materials[material])
 
 
-def struck(beads, t_end):
+def struck(beads, t_end, speed=SPEED):
     """A run of a chain, free at its end, that a bead like its first hits."""
-    scene = chain(beads, striker=Striker(beads[0], SPEED))
+    scene = chain(beads, striker=Striker(beads[0], speed))
     impacts = [(b.mass**2 / (hertz(b, b).constant ** 2 * SPEED)) ** 0.2 for b in set(beads)]
     steps = int(t_end / (FINE * min(impacts)))
     record = Record(every=max(1, steps // ROWS))

@@ -1,21 +1,6 @@
-"""Common parts of the pictures of gradients: an objective, and the lines of their numbers."""
+"""Lines of the numbers of the pictures of gradients."""
 
 from __future__ import annotations
-
-import numpy as np
-
-from tensegrity import objective
-
-
-def sample(trace, step):
-    """A trace after a step (0: the start), as an objective."""
-
-    def rule(t, y):
-        slope = np.zeros_like(y)
-        slope[0, step] = 1
-        return float(y[0, step]), slope
-
-    return objective.of([trace], rule)
 
 
 def numbers(values):

@@ -85,11 +85,11 @@ def comparison(spring, ratio, travel, bracket, around):
     velocity = tuned(spring, ratio, travel, bracket)
     blow = struck(spring, ratio, velocity, travel)
     interval = EVERY * step(solitary_wave(spring, speed_ratio=ratio))
-    run, found = _measure.resolved(blow, lambda run: _numbers(run, travel), interval)
+    run, found = _measure.resolved(blow, lambda run: leading(run, travel), interval)
     wave = solitary_wave(spring, speed=found["speed"].value)
     reach = math.ceil(wave.reach()) + 2
     along = _scenes.launched(wave, travel + 2 * reach, reach, 0.95 * travel)
-    launched, again = _measure.resolved(along, lambda run: _numbers(run, travel), interval)
+    launched, again = _measure.resolved(along, lambda run: leading(run, travel), interval)
     x = np.linspace(-around, around, 40 * around + 1)
     exact = wave.elongation(x)
     gaps = {
@@ -131,7 +131,8 @@ def comparison(spring, ratio, travel, bracket, around):
     return tables, run
 
 
-def _numbers(run, travel):
+def leading(run, travel):
+    """Speed [sites/s], width [sites] and peak [m] of the leading pulse."""
     bond = _bonds(travel)[1]
     measured, amplitude = _measure.leader(run, _bonds(travel))
     return {"speed": measured, "width": measured * duration(run, bond), "peak": amplitude}

@@ -3,7 +3,7 @@
 Alternating masses on equal prisms: the edges of the gap and the cut-off scale with the square root
 of the axial stiffness.  Then a chain is driven at one frequency while its cross strings are
 shortened and released: the gap moves over that frequency, and no wave is transmitted meanwhile.
-Source: seeds/000, "tunable" and "adjusted on the fly, through suitable control of prestress".
+Source: the talk, "tunable" and "adjusted on the fly, through suitable control of prestress".
 """
 
 from __future__ import annotations

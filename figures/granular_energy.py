@@ -26,11 +26,17 @@ PAPER_STEP, PAPER_ERROR, FINE_ERROR = 1e-6, 1e-5, 1e-9
 INSTANTS = 300  # at which the energy is evaluated
 
 
-def data():
-    """Largest relative energy error of each method and step, in each scene."""
+def data(by=1.0):
+    """Largest relative energy error of each method and step, in each scene.
+
+    Parameters
+    ----------
+    by : float, optional
+        Factor of the speed of the blow.
+    """
     tables = {}
     for name, (bead, speed, t_end, unit) in SCENES.items():
-        guide = y_guide(bead=bead, striker=_guide.light(speed))
+        guide = y_guide(bead=bead, striker=_guide.light(by * speed))
         columns = {"dt [s]": unit * STEPS}
         for method in NAMES:
             columns[method] = np.array([_error(guide, t_end, method, dt) for dt in unit * STEPS])

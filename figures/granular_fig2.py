@@ -29,9 +29,15 @@ PRINTED = (0.917, 0.688)  # V_t/V_i and V_r/V_i of the paper's runs
 ROUNDED = 6e-4  # they were rounded to three digits
 
 
-def data():
-    """Sensor curves, ratios of speeds and forces, and the speeds that 3 us sampling would give."""
-    guide = y_guide(bead=STEEL, striker=_guide.light(SPEED))
+def data(by=1.0):
+    """Sensor curves, ratios of speeds and forces, and the speeds that 3 us sampling would give.
+
+    Parameters
+    ----------
+    by : float, optional
+        Factor of the speed of the blow.
+    """
+    guide = y_guide(bead=STEEL, striker=_guide.light(by * SPEED))
     run = _guide.followed(guide, END, every=2)
     coarse = _guide.followed(guide, END, COARSE * run.dt, every=1)
     numbers = [first_peak(run.t, sensor_force(run, "branch 1", n))[1] for n in range(1, 16)]

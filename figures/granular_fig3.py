@@ -1,9 +1,11 @@
 """A train splits into two equal ones, and these recombine behind the diamond.
 
-Fig. 3 of seeds/001: trains of waves in the full guide, all PTFE and all steel.
+Fig. 3 of the paper: trains of waves in the full guide, all PTFE and all steel.
 """
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
@@ -24,15 +26,20 @@ LEVEL = 0.1  # of the largest peak: threshold of a counted pulse
 ENTERED = {"PTFE": 1.9e-3, "steel": 0.55e-3}  # s: before anything returns to the sensors
 
 
-def data():
+def data(by=1.0):
     """Curves, densities and energies of both scenes.
 
     The steps differ: rows of curves are spaced by 4 us in PTFE and 1 us in steel, those of the
     densities by 4 us and 3 us.
+
+    Parameters
+    ----------
+    by : float, optional
+        Factor of the speed of the blow.
     """
     tables = {}
     for name, (bead, striker, t_end, dt, _) in SCENES.items():
-        guide = diamond_guide(bead=bead, striker=striker)
+        guide = diamond_guide(bead=bead, striker=replace(striker, speed=by * striker.speed))
         run = _guide.followed(guide, t_end, dt)
         found = _guide.scene_tables(run, SENSORS, 1)
         found["numbers"]["difference of the branches"] = np.array([_guide.skew(run)])

@@ -18,9 +18,15 @@ END = 2.4e-3  # s
 BEADS = (7, 15)  # of a branch, between which speeds are taken
 
 
-def data():
-    """Curves, density along the PTFE branch, energies; speeds of the leading pulses."""
-    guide = diamond_guide(bead=STEEL, branches=(STEEL, PTFE), striker=_guide.light(0.20))
+def data(by=1.0):
+    """Curves, density along the PTFE branch, energies; speeds of the leading pulses.
+
+    Parameters
+    ----------
+    by : float, optional
+        Factor of the speed of the blow.
+    """
+    guide = diamond_guide(bead=STEEL, branches=(STEEL, PTFE), striker=_guide.light(0.20 * by))
     run = _guide.followed(guide, END)
     tables = _guide.scene_tables(run, _guide.MIXED, 2)
     before = {"branch 1": (0, 0.4e-3), "branch 2": (0, 1.0e-3)}  # anything returns

@@ -21,9 +21,15 @@ QUIET = 1.0e-3  # s: by then the train of the steel branch has passed
 RETURN = 0.75e-3  # s: later, pulses return from the bend
 
 
-def data():
-    """Curves, density along the Parylene branch, energies."""
-    guide = diamond_guide(bead=STEEL, branches=(STEEL, PARYLENE), striker=_guide.heavy(0.35))
+def data(by=1.0):
+    """Curves, density along the Parylene branch, energies.
+
+    Parameters
+    ----------
+    by : float, optional
+        Factor of the speed of the blow.
+    """
+    guide = diamond_guide(bead=STEEL, branches=(STEEL, PARYLENE), striker=_guide.heavy(0.35 * by))
     return _guide.scene_tables(_guide.followed(guide, END), _guide.MIXED, 2)
 
 

@@ -38,10 +38,10 @@ END, DT = 450e-6, 0.4e-6  # s
 SENSORS = (("stem 1", 16), ("branch 1", 8))
 
 
-def followed(law=None, friction=None, dt=DT):
+def followed(law=None, friction=None, dt=DT, by=1.0):
     """A run of the half guide."""
     given = {} if law is None else {"law": law}
-    guide = y_guide(bead=STEEL, striker=_guide.light(granular_fig2.SPEED), friction=friction,
+    guide = y_guide(bead=STEEL, striker=_guide.light(by * granular_fig2.SPEED), friction=friction,
                     **given)  # fmt: skip
     method = "rkn6" if law is None and friction is None else "rk8"
     record = Record(every=1)

@@ -35,14 +35,22 @@ FAINTEST = 2e-4  # of the incident force: threshold of a pulse
 STEM, BRANCH = 19, 23
 
 
-def data():
-    """Momenta of the reflected and the transmitted wave over the incident one's."""
+def data(by=1.0):
+    """Momenta of the reflected and the transmitted wave over the incident one's.
+
+    Parameters
+    ----------
+    by : float, optional
+        Factor of the speed of the blow.
+    """
     power = 1 / float(contact.scalings()[0].subs(contact.exponent, 1.5))
     columns = {"half angle [deg]": np.array(DEGREES, dtype=float)}
     scenes = {"beads touch": (_touching, 90), "branches cross": (_crossed, TOUCHING)}
     nothing = np.full(3, np.nan)
     for name, (build, below) in scenes.items():
-        found = [_split(build(math.radians(d))) if d < below else nothing for d in DEGREES]
+        found = [
+            _split(build(math.radians(d), by * SPEED)) if d < below else nothing for d in DEGREES
+        ]
         back, forth, slow = np.array(found).T
         columns[f"I1/I0, {name}"], columns[f"I2/I0, {name}"] = back**power, forth**power
         columns[f"slow beads, {name}"] = slow
@@ -55,14 +63,14 @@ def data():
     return {"momenta": columns, "limit": {"deg": [math.degrees(junction.no_reflection())]}}
 
 
-def _touching(half_angle):
-    return y_guide(STEM, BRANCH, half_angle, bead=STEEL, striker=_guide.light(SPEED))
+def _touching(half_angle, speed):
+    return y_guide(STEM, BRANCH, half_angle, bead=STEEL, striker=_guide.light(speed))
 
 
-def _crossed(half_angle):
+def _crossed(half_angle, speed):
     layout = crossed_layout(STEM, BRANCH, half_angle, STEEL.diameter)
     beads = dict.fromkeys(layout.parts, STEEL)
-    return Guide(layout, beads, materials["ptfe"], _guide.light(SPEED))
+    return Guide(layout, beads, materials["ptfe"], _guide.light(speed))
 
 
 def _split(guide):
@@ -124,7 +132,7 @@ def table(tables):
                 note = f" ({kind})" if len(kinds) > 1 else ""
                 lines.append(
                     row("eq. (7)", f"{wave} at {degrees} deg{note}",
-                        "none" if np.isnan(here) else f"{here:.4f}",
+                        "none" if np.isnan(here) else here,
                         f"{m[f'{wave}, eq. (7)'][k]:.4f}")
                 )  # fmt: skip
     at = DEGREES.index(TOUCHING)
@@ -132,16 +140,14 @@ def table(tables):
     slow = float(m["slow beads, beads touch"][at])
     missing = 1 + back - 2 * forth * math.cos(math.radians(TOUCHING))
     lines += [
-        row("eq. (7)", "momentum in neither wave, over I0, at 30 deg", f"{missing:.4f}", "0"),
-        row("eq. (7)", "momentum of the slow beads between them, at 30 deg", f"{slow:.4f}", "0"),
+        row("eq. (7)", "momentum in neither wave, over I0, at 30 deg", missing, "0"),
+        row("eq. (7)", "momentum of the slow beads between them, at 30 deg", slow, "0"),
     ]
     at = DEGREES.index(BELOW)
     for kind in ("beads touch", "branches cross"):
         back, forth = (float(m[f"{wave}, {kind}"][at]) for wave in ("I1/I0", "I2/I0"))
         lost = 1 - back**2 - 2 * forth**2
-        lines.append(
-            row("eq. (7)", f"energy in neither wave at {BELOW} deg ({kind})", f"{lost:.4f}", "0")
-        )
+        lines.append(row("eq. (7)", f"energy in neither wave at {BELOW} deg ({kind})", lost, "0"))
     return lines
 
 

@@ -30,11 +30,17 @@ BACK = 5  # beads before it
 PRELOADS, BLOW, LONG = (0.0, 20.0), 0.05, 3e-3  # N, m/s, s: of a step that is a diode
 
 
-def data():
-    """Energy density of each scene, the force behind its step, the transmitted energy."""
+def data(by=1.0):
+    """Energy density of each scene, the force behind its step, the transmitted energy.
+
+    Parameters
+    ----------
+    by : float, optional
+        Factor of the speed of the blow.
+    """
     tables = {}
     for name, (first, second, t_end, _) in SCENES.items():
-        run = _beads.struck([first] * BEFORE + [second] * AFTER, t_end)
+        run = _beads.struck([first] * BEFORE + [second] * AFTER, t_end, by * _beads.SPEED)
         forces = run.scene.contact_forces(run.u)
         beyond = run.scene.site_energy(run)[:, BEFORE + 1 :].sum(1) / run.energy[0]
         tables[f"{name} density"] = _beads.energies(run)
@@ -48,13 +54,13 @@ def data():
     pair = STEEL, bead("ptfe")
     tables["diode"] = {
         "preload [N]": PRELOADS,
-        "steel to PTFE": [passed(*pair, preload) for preload in PRELOADS],
-        "PTFE to steel": [passed(*pair[::-1], preload) for preload in PRELOADS],
+        "steel to PTFE": [passed(*pair, preload, by * BLOW) for preload in PRELOADS],
+        "PTFE to steel": [passed(*pair[::-1], preload, by * BLOW) for preload in PRELOADS],
     }
     return tables
 
 
-def passed(first, second, preload, blow=BLOW):
+def passed(first, second, preload, blow):
     """Fraction of the kinetic energy beyond the step after a blow on the first bead, in the mean
     while the front is well behind the step."""
     scene = chain([first] * BEFORE + [second] * AFTER, preload=preload)

@@ -43,19 +43,19 @@ def timed(work):
     return found, float(np.median(seconds[1:] or seconds))
 
 
-def ladder(rungs, reference):
+def ladder(models, reference):
     """Errors of models, relative to the largest of the reference, and times over the slowest.
 
     Parameters
     ----------
-    rungs : dict of str to callable
+    models : dict of str to callable
         Each returns what `reference` is: an array.
     """
-    pairs = [timed(work) for work in rungs.values()]
+    pairs = [timed(work) for work in models.values()]
     scale = np.max(np.abs(reference))
     slowest = max(seconds for _, seconds in pairs)
     return {
-        "model": list(rungs),
+        "model": list(models),
         "error": np.array([np.max(np.abs(found - reference)) / scale for found, _ in pairs]),
         "time": np.array([seconds / slowest for _, seconds in pairs]),
     }
@@ -85,10 +85,10 @@ def prisms_in_a_row():
     row = chain_of(spring)
     visited = simulate(row, row.at_rest(BLOW), T_END, dt=dt, method="rkn6").elongation_range[0]
     fits = {error: Polynomial(spring, *(1.05 * visited), error) for error in FITS}
-    rungs = {"rigid": lambda: run(rigid)}
-    rungs |= {f"elastic, degree {p.degree}": (lambda p=p: run(p)) for p in fits.values()}
-    rungs |= {"elastic, exact": lambda: run(spring), "18 coordinates": nodes}
-    return ladder(rungs, run(spring, finer=4))
+    models = {"rigid": lambda: run(rigid)}
+    models |= {f"elastic, degree {p.degree}": (lambda p=p: run(p)) for p in fits.values()}
+    models |= {"elastic, exact": lambda: run(spring), "18 coordinates": nodes}
+    return ladder(models, run(spring, finer=4))
 
 
 def wave_on_prisms(shape, ratio):
@@ -147,8 +147,8 @@ def guide(t_end):
         along[: 1 + STEM] = v[: 1 + STEM, 0]
         return along[order]
 
-    rungs = {"1D, straight on": straight, "1D, branches as one": folded, "2D": plane}
-    return ladder(rungs, plane(FINER))
+    models = {"1D, straight on": straight, "1D, branches as one": folded, "2D": plane}
+    return ladder(models, plane(FINER))
 
 
 def under_load():
@@ -156,11 +156,11 @@ def under_load():
     rigid, soft = RIGID.potential(), ELASTIC.potential()
     fits = [Polynomial(soft, 1.01 * LOADED[-1], 1e-3, error) for error in FITS]
     nodes = Nodes(ELASTIC, len(LOADED))
-    rungs = {"rigid": lambda: rigid.tension(LOADED)}
-    rungs |= {f"elastic, degree {p.degree}": (lambda p=p: p.tension(LOADED)) for p in fits}
-    rungs["elastic, exact"] = lambda: soft.tension(LOADED)
-    rungs["18 coordinates"] = lambda: Nodes(ELASTIC, len(LOADED)).tension(ELASTIC.height + LOADED)
-    return ladder(rungs, nodes.tension(ELASTIC.height + LOADED))
+    models = {"rigid": lambda: rigid.tension(LOADED)}
+    models |= {f"elastic, degree {p.degree}": (lambda p=p: p.tension(LOADED)) for p in fits}
+    models["elastic, exact"] = lambda: soft.tension(LOADED)
+    models["18 coordinates"] = lambda: Nodes(ELASTIC, len(LOADED)).tension(ELASTIC.height + LOADED)
+    return ladder(models, nodes.tension(ELASTIC.height + LOADED))
 
 
 def data():

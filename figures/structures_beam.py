@@ -3,7 +3,7 @@
 A Gaussian packet of the lower branch starts with its crests at 20 degrees to the rows of a plate.
 Its path is compared with the mean of the group velocities over its spectrum, weighted by energy.
 Without prestress all members are bars, for the strings would go slack.
-Source: seeds/000, concluding remarks, "wave-steering".
+Source: the talk, concluding remarks, "wave-steering".
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 The octahedra are those of `catalogue.octahedra`, their strings shortened at free lattice vectors,
 with bars that buckle at a given load.  The prisms alternate, one of a kind that stiffens under
 preload and one that softens; the resonators are masses on prestressed strings in a frame of bars.
-Source: seeds/000, "negative effective elastic moduli", "wave-steering and stop-bands".
+Source: the talk, "negative effective elastic moduli", "wave-steering and stop-bands".
 """
 
 from __future__ import annotations

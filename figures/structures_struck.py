@@ -3,7 +3,7 @@
 Resonators in a frame are shaken along one edge: what is transmitted is held against the decay per
 cell of `decay`.  Octahedra of little prestress are struck on a face: strings slacken, and the force
 behind is held against that of the same lattice with members that never do.
-Source: seeds/000, "stop-bands", "impact protection".
+Source: the talk, "stop-bands", "impact protection".
 """
 
 from __future__ import annotations

@@ -35,10 +35,10 @@ def springs():
     }
 
 
-def barrier(spring, units, way):
+def barrier(spring, units, way, speed=BLOW):
     """So many units before a wall, the first mass struck; followed while sound goes `way`."""
     duration = (way * units + 8) / spring.sound_speed()
-    return _scenes.impact(spring, units + 1, {0: BLOW}, duration, ("free", "fixed"))
+    return _scenes.impact(spring, units + 1, {0: speed}, duration, ("free", "fixed"))
 
 
 def at_wall(run):
@@ -61,9 +61,10 @@ def at_wall(run):
     return {"peak": peak, "spread": float(push.integrate(t[0], end)) / peak}
 
 
-def peaks(name, units):
-    """Force and spread at the wall behind a number of units of a chain, with errors."""
-    scene = barrier(spring := springs()[name], units, WAYS[name][1])
+def peaks(name, units, by=1.0):
+    """Force and spread at the wall behind a number of units of a chain, with errors; `by` is a
+    factor of the speed of the blow."""
+    scene = barrier(spring := springs()[name], units, WAYS[name][1], by * BLOW)
     quiet = WAYS[name][0] * units / spring.sound_speed()
     return _measure.resolved(scene, at_wall, INTERVALS[name], [units - 1, units], quiet=quiet)[1]
 

@@ -63,10 +63,10 @@ def no_wave():
     return "there is one"
 
 
-def struck(exponent, blow, sites=180, travel=150):
-    """A precompressed chain whose free end is struck."""
+def struck(exponent, speed, sites=180, travel=150):
+    """A precompressed chain whose free end is struck; pushed where the speed [m/s] is positive."""
     spring = _scenes.power(exponent, 1.0)
-    return _scenes.impact(spring, sites, {0: BLOWS[blow]}, travel / spring.sound_speed())
+    return _scenes.impact(spring, sites, {0: speed}, travel / spring.sound_speed())
 
 
 def leading(run):
@@ -89,7 +89,7 @@ def data():
     }
     for n in STRUCK:
         for blow in BLOWS:
-            scene = struck(n, blow)
+            scene = struck(n, BLOWS[blow])
             run, found = _measure.resolved(scene, leading, 0.1)
             tables[f"n{n:g} {blow}"] = _measure.as_table(found)
             r = run.scene.elongation(run.final.u)

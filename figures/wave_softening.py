@@ -57,12 +57,12 @@ def struck(blow, speed, sites=SITES, duration=DURATION):
     return _scenes.impact(_scenes.softening(PRELOAD), sites, speeds, duration, (end, "free"), mass)
 
 
-def shaken(sites=SITES, duration=DURATION):
-    """The scene whose first mass is pushed in and taken back: u = d exp(-((t - 4 T)/T)^2)."""
+def shaken(by=1.0, sites=SITES, duration=DURATION):
+    """The scene whose first mass is pushed in and taken back: u = by d exp(-((t - 4 T)/T)^2)."""
     import sympy as sp
 
     t, (way, time) = sp.Symbol("t"), SHAKEN
-    drive = Drive(displacement=way * sp.exp(-(((t - 4 * time) / time) ** 2)))
+    drive = Drive(displacement=by * way * sp.exp(-(((t - 4 * time) / time) ** 2)))
     chain = Chain(_scenes.softening(PRELOAD), sites, 1.0, drive={0: drive})
     return _measure.Scene(chain, chain.at_rest(), duration)
 

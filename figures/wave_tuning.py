@@ -91,10 +91,10 @@ def drawn_in(ramp):
     return spring_at
 
 
-def tuned(ramp, dt):
+def tuned(ramp, dt, ratio=RATIO):
     """A wave before, during and after the change: three runs, the middle one with its work."""
     spring_at = drawn_in(ramp)
-    wave = solitary_wave(spring_at(0.0), speed_ratio=RATIO)
+    wave = solitary_wave(spring_at(0.0), speed_ratio=ratio)
     fast = 1.6 * wave.speed  # sites/s, more than the wave has after the change
     sites = round(START + wave.speed * LEAD + fast * (WINDOW * ramp + AFTERWARDS))
     scene = _scenes.launched(wave, sites, START, 1)

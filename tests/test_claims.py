@@ -5,11 +5,11 @@ from inspect import getsource
 from pathlib import Path
 
 import pytest
-from claims import VERDICTS, claims, numbers
+from claims import VERDICTS, changes, claims, numbers
 
 from derivations import ledger
 from derivations.argument import Verdict
-from figures import _guide, _lens, _measure, _packs, pictures
+from figures import _guide, _lens, _measure, _packs, claims_inputs, pictures
 from figures._files import PRINTED, write_tables
 
 ROOT = Path(__file__).parent.parent
@@ -76,3 +76,61 @@ def test_a_number_is_read_with_its_error(tmp_path):
     claim["numbers"][0]["row"] = "width"
     with pytest.raises(KeyError, match="width"):
         list(numbers(claim, tmp_path))
+
+
+FAMILIES = {  # pictures of numbers from exact waves, fits to several runs, or derivations
+    "solitary_errors", "wave_supercompact", "softening_families", "granular_uniform", "composite",
+}  # fmt: skip
+FOLLOWED = {*claims_inputs.CASES, "composite_spread"}
+ABOUT = ("Solitary waves on tensegrity chains", "Softening and composite chains",
+         "The Y-shaped guide", "The full guide")  # fmt: skip
+
+
+def test_numbers_of_single_runs_are_followed_as_their_input_changes():
+    shown = {one["picture"] for claim in claims() if claim["about"] in ABOUT
+             for one in claim.get("numbers", ())}  # fmt: skip
+    assert shown >= FAMILIES
+    assert shown <= FOLLOWED | FAMILIES
+
+
+def sizes(picture, change, *, but=()):
+    found = claims_inputs.moved(picture)
+    assert found
+    k = list(claims_inputs.CHANGES).index(change)
+    return {row: abs(moved[k]) for (row, _), (_, moved) in found.items()
+            if not any(word in row for word in but)}  # fmt: skip
+
+
+@pytest.mark.parametrize("picture", ["wave_power_law", "wave_softening", "granular_steps"])
+def test_numbers_change_about_as_much_as_their_input(picture):
+    assert 0 < max(sizes(picture, "1e-6").values()) < 1e-5
+    assert 0 < max(sizes(picture, "1 %").values()) < 0.05
+
+
+def test_lines_between_walls_become_chaotic():
+    """Until 2 ms as much as the input, and from 20 ms on by a tenth."""
+    moved = sizes("packs_thermal", "1e-6")
+    early = {row: x for row, x in moved.items() if " 0 to " in row}
+    late = {row: x for row, x in moved.items() if "heavy over light beads, 20 to 40" in row}
+    assert max(early.values()) < 1e-6
+    assert 0.01 < max(late.values()) < 0.3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "picture", sorted(set(claims_inputs.CASES) - {"packs_thermal", "granular_energy"})
+)
+def test_numbers_of_no_run_of_a_chain_or_guide_are_chaotic(picture):
+    counts = ("fraction of phases",)
+    assert max(sizes(picture, "1e-6", but=counts).values()) < 1e-4
+    assert max(sizes(picture, "1 %", but=counts).values()) < 0.1
+
+
+def test_changes_of_a_number_are_read(tmp_path):
+    (tmp_path / claims_inputs.GROUP).mkdir()
+    line = {"picture": "granular_fig2", "row": "speed", "quantity": "", "input": "speed",
+            "value": 2.0, "1e-6": 3e-9, "1 %": 4e-5}  # fmt: skip
+    write_tables(tmp_path / "claims" / "claims_inputs.csv", {}, [line])
+    (found,) = changes({"picture": "granular_fig2", "row": "speed"}, tmp_path)
+    assert (found["1e-6"], found["1 %"]) == ("3e-09", "4e-05")
+    assert changes({"picture": "granular_fig2", "row": "width"}, tmp_path) == []

@@ -230,4 +230,4 @@ def test_what_the_half_guide_does_not_have_is_marked_as_not_computed_there(monke
     assert missing == {"stem 2 stopped by steel", "Parylene radius 2.38 mm"}
     assert set(half) == {2.0, "not computed"}
     assert granular_sensitivity.changes([2.0, "not computed", 3.0]) == [0.0, None, 50.0]
-    assert len(granular_sensitivity.table(tables)) == 7  # nothing changed, nothing invented
+    assert len(granular_sensitivity.table(tables)) == 6  # nothing changed, nothing invented

@@ -277,7 +277,7 @@ def test_abnormal_power_law_has_rarefaction_waves_only_when_precompressed():
     assert "no solitary wave" in wave_power_law.no_wave()
     ratios = {}
     for n, blow in ((1.5, "pushed"), (1.5, "pulled"), (0.5, "pushed"), (0.5, "pulled")):
-        run = simulate(*wave_power_law.struck(n, blow), method="rkn6")
+        run = simulate(*wave_power_law.struck(n, wave_power_law.BLOWS[blow]), method="rkn6")
         ratios[n, blow] = wave_power_law.leading(run)["ratio"]
     assert ratios[1.5, "pushed"] > 1 > ratios[1.5, "pulled"]
     assert ratios[0.5, "pulled"] > 1 > ratios[0.5, "pushed"]
