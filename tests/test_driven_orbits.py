@@ -270,6 +270,7 @@ WRONG = [
     ),
     (shaken(PRISM, 0.1, 0.1, 2.0, tune={}, forces=(Force(-U * T),)), {}, "has no period"),
     (shaken(PRISM, 0.1, 0.1, 0.0), {}, "frequency is 0"),
+    (shaken(PRISM, 0.1, 1e5, 2.0), {}, "steps, must take at most 4096"),
 ]
 
 
@@ -309,6 +310,15 @@ def test_paths_of_what_is_no_parameter_are_refused():
             orbit_path(orbit, **given)
     with pytest.raises(TensegrityError, match="orbit"):
         orbit_path(scene, by="W", until=2.0)
+
+
+@pytest.mark.parametrize("ground", [5.0, 50.0, 500.0])
+def test_a_strongly_damped_response_has_its_closed_form(ground):
+    scene = shaken(LINEAR, 0.1, ground, 1.0)
+    found = periodic_orbit(scene, scene.at_rest()).state
+    wave = 0.1 / (1j * ground)  # k - m W^2 = 0
+    assert found.u[1] == pytest.approx(wave.real, abs=1e-12 * abs(wave))
+    assert found.v[1] == pytest.approx((1j * wave).real, rel=1e-12)
 
 
 def test_a_parameter_that_parts_the_periods_of_drives_is_refused():

@@ -104,8 +104,11 @@ class ForceLaw:
         """See `law.continuity`; of what the steps do not correct at the onset of contacts."""
         import sympy as sp
 
-        left, length = self.expressions if self.onset is None else (self.onset.rest,), self.state[-1]
-        smooth = True  # a length has a kink at 0, even powers of it have none
+        left = self.expressions if self.onset is None else (self.onset.rest,)
+        length, smooth = (
+            self.state[-1],
+            True,
+        )  # a length has a kink at 0, even powers of it have none
         for number, one in enumerate(left):  # what acts along the slip turns with it
             odd = self.on == BOND and number == 1
             mirrored = one.subs(length, -length)
