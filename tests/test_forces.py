@@ -128,7 +128,7 @@ def test_the_speed_has_the_kink_of_an_absolute_value():
         chain = Chain(PowerLaw(1.0, 2.0), 6, ends=("free", "fixed"), forces=(drag,))
         runs.append(simulate(chain, chain.at_rest({0: 0.5, 3: -0.3}), END, tol=1e-8))
     assert runs[1].steps == runs[0].steps
-    assert Force(-sp.Symbol("speed") ** 2 * V).law.continuity == np.inf  # a polynomial
+    assert Force(-(sp.Symbol("speed") ** 2) * V).law.continuity == np.inf  # a polynomial
 
 
 def test_forces_in_bonds_keep_the_momentum():
