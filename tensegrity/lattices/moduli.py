@@ -96,10 +96,10 @@ class Moduli:
             If the direction is 0 or outside the span of the lattice vectors.
         """
         n = check.vector("direction", direction, (self.lattice.dim,))
-        size = float(np.linalg.norm(n))
-        if not size > 0:
+        if not n.any():
             raise TensegrityError("direction has length 0, must be above 0")
-        n = n / size
+        n = n / np.abs(n).max()  # its square is then representable
+        n = n / np.linalg.norm(n)
         off = n - np.linalg.pinv(self.lattice.vectors) @ (self.lattice.vectors @ n)
         if np.abs(off).max() > ALONG:
             raise TensegrityError(f"direction {check.shown(direction)} leaves the vectors' span")
