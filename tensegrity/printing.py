@@ -49,8 +49,19 @@ def call(name: str, **given: Any) -> str:
 
 
 def span(values: Any, unit: str = "", size: float = 0.0) -> str:
-    """From the smallest to the largest of some numbers, with their unit; 0 for round-off, of the
-    largest or of numbers of another size."""
+    """From the smallest to the largest of some numbers, with their unit; round-off is 0.
+
+    Parameters
+    ----------
+    values : array_like
+    unit : str, optional
+    size : float, optional
+        Of other numbers whose round-off they may be, if that is larger than theirs.
+
+    Returns
+    -------
+    str
+    """
     values = np.asarray(values)
     values = np.where(np.abs(values) <= ROUND_OFF * max(np.abs(values).max(), size), 0, values)
     low, high = (f"{f(values):.6g}" for f in (np.min, np.max))

@@ -164,7 +164,17 @@ class DrivenFlow:
         self._path = np.zeros((0, 2, scene.sites * scene.dim))
 
     def first_steps(self, u: Array, v: Array, duration: float) -> int:
-        """A first number of steps of a run from a state, (entries,) [m], [m/s], over a time [s]."""
+        """A first number of steps, within the stability limits at the start.
+
+        Parameters
+        ----------
+        u, v, duration
+            As of `end`.
+
+        Returns
+        -------
+        int
+        """
         u, v = (x.reshape(self._here[0].shape) for x in (u, v))
         frequency = self._of.frequency(self._of.ranges_at(u)) / ANGLE
         decay = largest_decay(self._forcing.applied, self._forcing.bonds, 0.0, u, v)
