@@ -147,9 +147,14 @@ def _solved(model: Dissipation, contact: Contact, mass: float, e: float, speed: 
                 f"{model.model}: the range is {least:.3g} to 1"
             )
     found = math.exp(brentq(excess, low, high, xtol=1e-13, rtol=1e-13))
-    return found / replace(model, constant=1.0).scaled(
-        contact.constant, contact.exponent, mass, speed
-    )
+    try:
+        return found / replace(model, constant=1.0).scaled(
+            contact.constant, contact.exponent, mass, speed
+        )
+    except (OverflowError, ZeroDivisionError):
+        raise TensegrityError(
+            f"speed of the restitution {speed:g} m/s is too extreme: no number holds its energy"
+        ) from None
 
 
 def _law(

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 WIDTH = 80
 GLUE = "\xa0"  # a space at which no line is broken
+ROUND_OFF = 1e-12  # of the largest of some numbers, below which others are printed as 0
 UNIT = re.compile(r"(?<=\d) (?=[A-Za-z])")  # between a number and its unit
 LONG = re.compile(r"(?<![\w.])\d+(?:\.\d*)?(?:e[+-]?\d+)?(?![\w.])")  # a number
 
@@ -47,8 +48,22 @@ def call(name: str, **given: Any) -> str:
     return f"{name}({', '.join(f'{key}={number_text(value)}' for key, value in given.items())})"
 
 
-def span(values: Any, unit: str = "") -> str:
-    """From the smallest to the largest of some numbers, with their unit."""
+def span(values: Any, unit: str = "", size: float = 0.0) -> str:
+    """From the smallest to the largest of some numbers, with their unit; round-off is 0.
+
+    Parameters
+    ----------
+    values : array_like
+    unit : str, optional
+    size : float, optional
+        Of other numbers whose round-off they may be, if that is larger than theirs.
+
+    Returns
+    -------
+    str
+    """
+    values = np.asarray(values)
+    values = np.where(np.abs(values) <= ROUND_OFF * max(np.abs(values).max(), size), 0, values)
     low, high = (f"{f(values):.6g}" for f in (np.min, np.max))
     return (low if low == high else f"{low} to {high}") + (unit and f" {unit}")
 

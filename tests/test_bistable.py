@@ -371,6 +371,10 @@ def test_wrong_units_are_refused(words, given):
         catalogue.twin_strings(**given)
 
 
+def test_a_slender_unit_turns_until_its_bars_meet():
+    assert catalogue.twin_strings(base=1e-200).domain == (-np.pi, np.pi)
+
+
 def test_the_picture_of_units_counts_wells_where_the_derivation_has_them():
     from figures import transition_units as picture
 

@@ -344,13 +344,13 @@ def test_methods_are_a_table_that_the_page_of_names_follows():
 
 @pytest.mark.slow
 def test_searches_reach_what_is_known():
-    """T1 in 8 of 10 seeds, T2 in 3 of 10, S below 28.5 N, M below 2.4 N."""
+    """T1 in 8 of 10 seeds, T2 in 8 of 40, S below 28.5 N, M below 2.4 N."""
     steel = Order([BIG] * 10 + [SMALL] * 10)
     reached = [search(steel, budget=5000, seed=s, **SHORT).peak_force for s in range(10)]
     assert np.sum(np.isclose(reached, 35.3362969, rtol=1e-6)) >= 8
     pair = Order([BIG] * 10 + [SOFT] * 10)
-    reached = [search(pair, t_end=8e-3, budget=5000, seed=s, **BLOW).peak_force for s in range(10)]
-    assert np.sum(np.isclose(reached, 5.4411505, rtol=1e-6)) >= 3
+    reached = [search(pair, t_end=8e-3, budget=5000, seed=s, **BLOW).peak_force for s in range(40)]
+    assert np.sum(np.isclose(reached, 5.4411505, rtol=1e-6)) >= 8
     assert np.median(reached) <= 5.6
     sizes = Sizes(20, (4e-3, 10e-3), 0.140, STEEL)
     assert min(search(sizes, budget=25000, seed=s, **SHORT).peak_force for s in range(2)) <= 28.5

@@ -315,6 +315,8 @@ def test_the_rest_of_a_guide_under_gravity_does_not_know_losses():
         ("must be at most 1", lambda: kuwabara_kono(restitution=1.1, speed=1.0)),
         ("restitution", lambda: kuwabara_kono(restitution=0.0, speed=1.0)),
         ("speed of the restitution", lambda: viscous(restitution=0.5, speed=0.0)),
+        ("too extreme", lambda: chain([BEAD] * 2, law=viscous(restitution=0.5, speed=1e300))),
+        ("too extreme", lambda: chain([BEAD] * 2, law=viscous(restitution=0.5, speed=1e-300))),
         ("exponent a", lambda: carretero_gonzalez(1.0, 0.0)),
         ("coefficient of friction", lambda: y_guide(bead=BEAD, friction=(-0.1, 0.01))),
         ("speed of slip", lambda: y_guide(bead=BEAD, friction=(0.1, 0.0))),

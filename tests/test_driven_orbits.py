@@ -269,6 +269,8 @@ WRONG = [
         "periods of the drives do not fit",
     ),
     (shaken(PRISM, 0.1, 0.1, 2.0, tune={}, forces=(Force(-U * T),)), {}, "has no period"),
+    (shaken(PRISM, 0.1, 0.1, 0.0), {}, "frequency is 0"),
+    (shaken(PRISM, 0.1, 1e5, 2.0), {}, "steps, must take at most 4096"),
 ]
 
 
@@ -301,6 +303,7 @@ def test_paths_of_what_is_no_parameter_are_refused():
         ({"by": "period", "until": 2.0}, "by 'period' is not one of W"),
         ({"by": 3, "until": 2.0}, "by 3 is not one of W"),
         ({"by": "W", "until": 1.6}, "the path begins at W 1.6"),
+        ({"by": "W", "until": 1.6 * (1 + 1e-15)}, "the path begins at W 1.6"),
         ({"by": "W", "until": math.nan}, "until"),
     ):
         with pytest.raises(TensegrityError, match=words):
@@ -309,12 +312,24 @@ def test_paths_of_what_is_no_parameter_are_refused():
         orbit_path(scene, by="W", until=2.0)
 
 
+@pytest.mark.parametrize("ground", [5.0, 50.0, 500.0])
+def test_a_strongly_damped_response_has_its_closed_form(ground):
+    scene = shaken(LINEAR, 0.1, ground, 1.0)
+    found = periodic_orbit(scene, scene.at_rest()).state
+    wave = 0.1 / (1j * ground)  # k - m W^2 = 0
+    assert found.u[1] == pytest.approx(wave.real, abs=1e-12 * abs(wave))
+    assert found.v[1] == pytest.approx((1j * wave).real, rel=1e-12)
+
+
 def test_a_parameter_that_parts_the_periods_of_drives_is_refused():
+    """Also from that of a force whose parameter has the same name, and keeps its value."""
     drive = Drive(force=0.001 * (sp.sin(W * T) + sp.sin(2 * T)), parameters={"W": 1.0})
-    scene = shaken(PRISM, 0.1, 0.1, 1.0, drive={1: drive})
-    orbit = periodic_orbit(scene, scene.at_rest())
-    with pytest.raises(TensegrityError, match="changes the ratio of the periods"):
-        orbit_path(orbit, by="W", until=1.1)
+    also = Force(0.001 * sp.cos(W * T), parameters={"W": 1.0})
+    for more in ({"drive": {1: drive}}, {"forces": (also,)}):
+        scene = shaken(PRISM, 0.001, 0.1, 1.0, **more)
+        orbit = periodic_orbit(scene, scene.at_rest())
+        with pytest.raises(TensegrityError, match="changes the ratio of the periods"):
+            orbit_path(orbit, by="W", until=1.1)
 
 
 def test_a_force_is_followed_as_well_as_a_frequency():

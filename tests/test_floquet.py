@@ -305,6 +305,16 @@ def test_a_front_is_neutral_to_its_shift_alone_and_the_rest_decays():
     assert np.sum(np.abs(values) > 0.8) == 1
 
 
+def test_a_slow_front_takes_the_steps_that_its_dashpots_require():
+    """It passes a site in 364 s, in which perturbations of bonds decay at up to 9/s."""
+    wells = Potential(R**4 / 4 - sp.Rational(1499, 3000) * R**3 + sp.Rational(499, 2000) * R**2, R)
+    front = transition_wave(Potential(2 * R**2, R), ahead=0.0, behind=1.0, ground=wells,
+                            damping=Damping(ground=1.0, bond=1.0))  # fmt: skip
+    found = floquet(front)
+    assert found.stable
+    assert found.neutral[0] == pytest.approx(1.0, abs=1e-9)
+
+
 def test_a_struck_front_comes_back_to_itself_somewhat_shifted():
     front = front_on_wells()
     chain = Chain(front.potential, 240, ground=front.ground, damping=front.damping)

@@ -120,6 +120,17 @@ def test_quadratic_drag_has_its_closed_form():
     assert run.loss[-1] == pytest.approx(1.5 * (1 - 1 / 9), abs=1e-9)
 
 
+def test_the_speed_has_the_kink_of_an_absolute_value():
+    """Quadratic drag of sites that turn back, in both spellings."""
+    runs = []
+    for speed in (abs(V), sp.Symbol("speed")):
+        drag = Force(-C * speed * V, parameters={"c": 0.4})
+        chain = Chain(PowerLaw(1.0, 2.0), 6, ends=("free", "fixed"), forces=(drag,))
+        runs.append(simulate(chain, chain.at_rest({0: 0.5, 3: -0.3}), END, tol=1e-8))
+    assert runs[1].steps == runs[0].steps
+    assert Force(-(sp.Symbol("speed") ** 2) * V).law.continuity == np.inf  # a polynomial
+
+
 def test_forces_in_bonds_keep_the_momentum():
     strut = Force(C * RATE**3 + R**2 * RATE, "bonds", parameters={"c": 2.0})
     chain = Chain(SPRING, SITES, MASS, forces=(strut,))

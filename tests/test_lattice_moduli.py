@@ -126,6 +126,12 @@ def test_speeds_are_slopes_of_bands_and_stiffness_is_symmetric(name):
         close(np.sqrt(np.linalg.eigvalsh(acoustic)), c, 1e-9)
 
 
+@pytest.mark.parametrize("factor", [1e-300, 1e300])
+def test_speeds_along_a_direction_do_not_depend_on_its_length(factor):
+    m = moduli(lattice("4-strip"))
+    np.testing.assert_allclose(m.speeds([factor, 0]), m.speeds([1, 0]), rtol=1e-15)
+
+
 def test_bad_moduli_are_refused():
     m = moduli(lattice("4-strip"))
     for direction, words in (

@@ -366,7 +366,7 @@ def test_the_reference_lens_makes_its_largest_pressure_before_its_focus():
     found = lens().focusing()
     assert found.place == pytest.approx(17.1, abs=0.1)
     assert found.largest / found.peak == pytest.approx(1.058, abs=5e-4)
-    words = str(found)
+    words = " ".join(str(found).split())
     for part in (
         "alignment: 1 - ",
         "y = 17.15 m, 5.80 % above the focus",

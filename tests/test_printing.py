@@ -50,7 +50,7 @@ from tensegrity import (
     transition_wave,
     transmission,
 )
-from tensegrity.printing import WIDTH, filled
+from tensegrity.printing import WIDTH, filled, span
 
 THIRD = 1 / 3
 STEEL = granular.materials["steel"]
@@ -227,3 +227,15 @@ def test_lines_break_between_a_number_and_its_unit_never():
     assert all("12 N" in line for line in text.splitlines())
     assert not any(line.endswith("12") for line in text.splitlines())
     assert " ".join(text.split()) == " ".join(("tension 12 N, " * 20).split())
+
+
+def test_round_off_is_printed_as_zero():
+    """Of the largest entry, of the stress by the stiffness, and of the coupling of two twists."""
+    column = catalogue.column(periodic=True)
+    found = moduli(column)
+    assert 0 < abs(found.coupling) < 1e-12  # what is computed stays
+    words = str(found)
+    assert "coupling 0 N m" in words
+    assert "e-1" not in words
+    assert span([-1e-13, 1.0], "m") == "0 to 1 m"
+    assert span([-1e-11, 1.0]) == "-1e-11 to 1"

@@ -61,7 +61,7 @@ def test_width_falls_and_energy_rises_along_every_family():
         assert (np.diff(table["width"]) < 0).all()
         assert (np.diff(table["energy"]) > 0).all()
         assert (np.diff(np.abs(table["peak"])) > 0).all()
-    assert drawn(solitary_families, tables)[0].startswith("c/c")
+    assert drawn(solitary_families, tables)[0].startswith("speed over that of sound")
 
 
 @pytest.mark.slow

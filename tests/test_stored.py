@@ -149,4 +149,4 @@ def test_every_result_is_found_again(name):
         np.testing.assert_allclose(found["touching [N]"], there["touching [N]"], rtol=5e-3)
         np.testing.assert_allclose(found["gain kept"], there["gain kept"], atol=0.03)
         return
-    assert_same(found, there, rtol=1e-9)
+    assert_same(found, there, rtol=1e-8)  # a misfit of 1e-3 has round-off of 3e-9 of it

@@ -93,7 +93,7 @@ def twin_strings(
     if not math.isfinite(sides * max(stiffness) * (radius + length) * (radius + length)):
         raise TensegrityError(f"base {base:g} m and height {height:g} m are too large")
     energy = form.energy(form.twin_strings(), form.twist).subs(form.sides, sp.Integer(sides))
-    flat = math.acos(max(1 - (height / radius) ** 2 / 2, -1.0))  # or bars that meet
+    flat = math.acos(1 - min(height / radius, 2.0) ** 2 / 2)  # or bars that meet
     renamed = {symbol: sp.Symbol(str(symbol).replace("'", "_2")) for symbol in values}
     named = {str(renamed[symbol]): value for symbol, value in values.items()}
     return Potential(energy.xreplace(renamed), form.twist, named, domain=(-flat, flat))

@@ -102,8 +102,18 @@ class ForceLaw:
     @property
     def continuity(self) -> float:
         """See `law.continuity`; of what the steps do not correct at the onset of contacts."""
+        import sympy as sp
+
         left = self.expressions if self.onset is None else (self.onset.rest,)
-        return min(1.0 if self.onset else math.inf, *map(continuity, left))
+        length, smooth = (
+            self.state[-1],
+            True,
+        )  # a length has a kink at 0, even powers of it have none
+        for number, one in enumerate(left):  # what acts along the slip turns with it
+            odd = self.on == BOND and number == 1
+            mirrored = one.subs(length, -length)
+            smooth &= sp.expand(one + mirrored if odd else one - mirrored) == 0
+        return min(1.0 if self.onset or not smooth else math.inf, *map(continuity, left))
 
     @property
     def onset(self) -> Onset | None:

@@ -60,14 +60,16 @@ class Moduli:
     def __str__(self) -> str:
         d = len(self.lattice.vectors)
         stress, per = ("N/m^2" if d == 3 else "N/m" if d == 2 else "N"), "kg/m" + f"^{d}" * (d > 1)
+        tangent, pulled = span(self.tangent, stress), np.abs(self.tangent).max()
         parts = [
             f"moduli at {self.frequency:.6g} rad/s, density {self.density:.6g} {per}",
-            f"  tangent {span(self.tangent, stress)}, stress {span(self.stress, stress)}",
+            f"  tangent {tangent}, stress {span(self.stress, stress, pulled)}",
         ]
-        units = {"axial": "N", "coupling": "N m", "torsional": "N m^2"}
+        mixed = np.sqrt(np.abs(self.axial * self.torsional))  # N m
+        units = {"axial": ("N", 0), "coupling": ("N m", mixed), "torsional": ("N m^2", 0)}
         parts += [
-            f"  {name} {getattr(self, name):.6g} {unit}"
-            for name, unit in units.items()
+            f"  {name} {span(getattr(self, name), *of)}"
+            for name, of in units.items()
             if np.isfinite(getattr(self, name))
         ]
         return filled("\n".join(parts))
@@ -94,10 +96,10 @@ class Moduli:
             If the direction is 0 or outside the span of the lattice vectors.
         """
         n = check.vector("direction", direction, (self.lattice.dim,))
-        size = float(np.linalg.norm(n))
-        if not size > 0:
+        if not n.any():
             raise TensegrityError("direction has length 0, must be above 0")
-        n = n / size
+        n = n / np.abs(n).max()  # its square is then representable
+        n = n / np.linalg.norm(n)
         off = n - np.linalg.pinv(self.lattice.vectors) @ (self.lattice.vectors @ n)
         if np.abs(off).max() > ALONG:
             raise TensegrityError(f"direction {check.shown(direction)} leaves the vectors' span")

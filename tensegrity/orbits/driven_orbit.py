@@ -14,14 +14,15 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity.errors import TensegrityError
 from tensegrity.orbits.flow import DrivenFlow
-from tensegrity.orbits.shooting import Orbit, Shooting
+from tensegrity.orbits.shooting import FINEST, Orbit, Shooting
 from tensegrity.readonly import FixedDict
 from tensegrity.scenes.forcing import driven_entries
 from tensegrity.scenes.scene import Scene, State, varied
 from tensegrity.typing import Array
 
-ANGLE, LEAST = 0.5, 16  # first dt times the bound on the frequency, and least number of steps
+LEAST = 16  # steps of a period
 SHIFTED = 1e-9  # change of a translation of the chain in one period below which it is neutral
 
 
@@ -61,9 +62,14 @@ class WholePeriod(Shooting):
     @property
     def steps(self) -> int:
         """A first number of steps of the period."""
-        u = self.state(self.guess).u
-        frequency = self.of.frequency(self.of.ranges_at(u))
-        return max(LEAST, math.ceil(self._period * frequency / ANGLE))
+        start = self.state(self.guess)
+        found = self.flow.first_steps(start.u, start.v, self._period)
+        if found > FINEST:
+            raise TensegrityError(
+                f"a period of {self._period:g} s takes {found} steps, must take at most {FINEST}: "
+                "the scene is too stiff, or too strongly damped"
+            )
+        return max(LEAST, found)
 
     def state(self, x: Array, values: Mapping[str, float] | None = None) -> State:
         """The state at t = 0 of given unknowns.

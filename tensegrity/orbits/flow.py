@@ -9,6 +9,7 @@ whose recorded stages the same loop takes in reverse order.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
@@ -18,6 +19,7 @@ import numpy as np
 
 from tensegrity.engine import driven, kernel, methods
 from tensegrity.engine.bound import stages
+from tensegrity.engine.force_law import largest_decay
 from tensegrity.engine.forced import Stages, tangent_springs
 from tensegrity.engine.reverse import Layout, ReverseLoop, Totals
 from tensegrity.engine.schemes import Splitting
@@ -131,6 +133,9 @@ class Flow:
         return np.asarray(self._loop.range)
 
 
+ANGLE = 0.5  # first dt times the bound on the frequency
+
+
 class DrivenFlow:
     """The map of a driven or damped scene's state from t = 0 over a given time, in equal steps.
 
@@ -150,13 +155,30 @@ class DrivenFlow:
     """
 
     def __init__(self, scene: Scene, steps: int, duration: float) -> None:
-        self.steps = steps
+        self.steps, self._of = steps, dynamics(scene)
         self._forcing = forcing_of(scene, duration, as_forces=True)
         self._signals = [driven_entries(scene, prescribed)[1] for prescribed in (True, False)]
-        self._u, self._v = dynamics(scene).arrays(scene.at_rest())
+        self._u, self._v = self._of.arrays(scene.at_rest())
         self._here = tuple(x[: scene.sites] for x in (self._u, self._v))  # without walls
         self._loop = driven.bind(self._forcing, self._u, self._v, methods.RK8, 1.0)
         self._path = np.zeros((0, 2, scene.sites * scene.dim))
+
+    def first_steps(self, u: Array, v: Array, duration: float) -> int:
+        """A first number of steps, within the stability limits at the start.
+
+        Parameters
+        ----------
+        u, v, duration
+            As of `end`.
+
+        Returns
+        -------
+        int
+        """
+        u, v = (x.reshape(self._here[0].shape) for x in (u, v))
+        frequency = self._of.frequency(self._of.ranges_at(u)) / ANGLE
+        decay = largest_decay(self._forcing.applied, self._forcing.bonds, 0.0, u, v)
+        return math.ceil(duration * max(frequency, decay / methods.RK8.decay_limit))
 
     @cached_property
     def _back(self) -> ReverseLoop:

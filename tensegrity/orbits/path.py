@@ -120,7 +120,7 @@ def orbit_path(orbit: Orbit, by: str, until: float) -> OrbitPath:
             f"by {check.shown(by)} is not one of {', '.join(names) or 'any parameters of drives'}"
         )
     begin, until = names[by], check.number("until", until)
-    if until == begin or (not driven and until <= 0):
+    if math.isclose(until, begin) or (not driven and until <= 0):
         words = "differ from it" if driven else "differ from it and be above 0"
         raise TensegrityError(f"until {until:g} must {words}: the path begins at {by} {begin:g}")
     steps, towards = orbit.steps * (1 if orbit.opens else FINER), 1 if until > begin else -1

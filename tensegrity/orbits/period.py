@@ -52,6 +52,9 @@ class DrivePeriod:
                 "the scene has no periodic drive: only the state at rest is periodic"
             )
         self._rates = rates
+        idle = [name for number, (name, _, _) in enumerate(rates) if not self._at(number, {})]
+        if idle:
+            raise TensegrityError(f"drive {idle[0]} has no period: its angular frequency is 0")
         name, first = rates[0][0], self._at(0, {})
         common = 1
         for number, (other, _, _) in enumerate(rates):
@@ -128,14 +131,14 @@ def _angular_rates(signal: Any) -> list[tuple[Any, dict[str, float]]]:
 
 def _of_force(force: Any) -> list[tuple[Any, dict[str, float]]]:
     expressions = force.expression if isinstance(force.expression, tuple) else (force.expression,)
-    found = []
+    found: list[tuple[Any, dict[str, float]]] = []
     for expression in expressions:
         for rate in _rates_in(expression, force.parameters, str(expression)):
             names = {str(s) for s in rate.free_symbols}
             some = {k: np.atleast_1d(x) for k, x in force.parameters.items() if k in names}
             places = max((len(x) for x in some.values()), default=1)
-            found += [(rate, {k: float(x[i % len(x)]) for k, x in some.items()})
-                      for i in range(places)]  # fmt: skip
+            each = ({k: float(x[i % len(x)]) for k, x in some.items()} for i in range(places))
+            found += [(rate.subs(values), {}) for values in each]
     return found
 
 

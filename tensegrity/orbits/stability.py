@@ -140,6 +140,8 @@ def floquet(of: SolitaryWave | TransitionWave | Orbit) -> Floquet:
             x, place, there, back = _window_of_bonds(of, half)
         chain = Chain(of.potential, len(x), of.mass, ground=of.ground, damping=of.damping)
         flow = DrivenFlow(chain, FIRST, 1 / of.speed)
+        launched = of.displacement(x), -of.speed * of.rate(x)
+        flow.steps = min(max(FIRST, flow.first_steps(*launched, 1 / of.speed)), MOST)
         _passed(of, flow, x)
         shift = np.concatenate(flow.rates_at_start(1 / of.speed))
         motions = (there @ shift)[:, None]
