@@ -159,6 +159,23 @@ def test_a_beam_goes_where_its_spectrum_says(density):
         assert run.energy_error < 1e-12
 
 
+def test_a_beam_turns_where_the_prestress_changes_on_its_way():
+    """A slow change keeps the action of each wave; a fast one excites the upper branch."""
+    run, (before, after) = structures_beam.turned()
+    legs = structures_beam.LEGS
+    off = []
+    for velocity, rows in zip((before, after), legs, strict=True):
+        found, expected = structures_beam.angles(run, velocity, rows)
+        off.append(abs(found - expected))
+    assert max(off) < 0.05
+    soft, firm = (structures_beam.plate(q) for q in structures_beam.CHANGED)
+    energies_kept = structures_beam.velocity(firm, structures_beam.carrier(soft))
+    assert abs(found - structures_beam.angle(energies_kept)) > 3 * off[1]
+    fast, _ = structures_beam.turned(structures_beam.RAMP / 5)
+    there, _ = structures_beam.angles(fast, after, legs[1])
+    assert abs(there - expected) > 10 * off[1]
+
+
 @pytest.mark.parametrize("frequency", [1.4, 1.7])
 def test_a_shaken_lattice_of_resonators_transmits_by_its_decay(frequency):
     found = structures_struck.amplitudes(frequency)
