@@ -274,6 +274,18 @@ def test_waves_of_plates_are_those_of_nodes_where_they_are_long():
         assert (ratio > 3.4).all()
 
 
+def test_extension_and_twist_travel_together_in_a_column_of_one_hand():
+    """The wave is faster than both sounds, and after 140 units the same, the better the finer."""
+    wave, state = structures_plates.permanent()
+    assert wave.residual < 1e-14
+    fast = 1.368504482822 / structures_plates.PRISM.height  # of the column of nodes
+    assert wave.speed == pytest.approx(structures_plates.RATIO * fast, rel=1e-8)
+    coarse, fine = (structures_plates.travelled(tol, wave.speed, state)[1:] for tol in (1e-5, 1e-8))
+    assert (np.array(fine) < np.array(coarse) / 5).all()
+    assert fine[0] < 1e-8
+    assert fine[1] < 1e-9
+
+
 def test_the_wave_of_the_chain_decays_among_alternating_plates():
     shares = [structures_plates.shed(1.0, tol)[1] for tol in (1e-5, 1e-7)]
     assert shares[0] == pytest.approx(shares[1], abs=1e-5)
