@@ -36,7 +36,7 @@ def normal(cell):
     return n, float(n @ cell.vectors[2])
 
 
-def sound():
+def sound_speed():
     """Longitudinal speed along the normal [m/s]."""
     cell = lattice()
     return float(moduli(cell).speeds(normal(cell)[0])[-1])
@@ -70,7 +70,7 @@ def summed(times, cells=LINE):
 
 def left():
     """Displacement that a blow of unit speed leaves behind in the endless lattice [s]."""
-    return normal(lattice())[1] / (2 * sound())
+    return normal(lattice())[1] / (2 * sound_speed())
 
 
 def arrivals(t, rows, level):
@@ -128,7 +128,7 @@ def draw(figure, tables):
     """Layers at three times; group velocities; displacements of runs on those of the sum."""
     figure.set_size_inches(11, 4.2)
     layers, group_of, runs = figure.subplots(1, 3)
-    c, fastest = sound(), tables["group"]["velocity"].max()
+    c, fastest = sound_speed(), tables["group"]["velocity"].max()
     x, *shown = tables["layers"].values()
     for k, (when, v) in enumerate(zip(SHOWN, shown, strict=True)):
         up = 0.25 * (len(SHOWN) - 1 - k)
@@ -159,7 +159,7 @@ def draw(figure, tables):
 def table(tables):
     cell, half, head = tables["far"].values()
     way = np.diff(cell) * normal(lattice())[1]
-    rows = [{"wave": "longitudinal sound", "speed [m/s]": sound()},
+    rows = [{"wave": "longitudinal sound", "speed [m/s]": sound_speed()},
             {"wave": "largest group velocity along the normal",
              "speed [m/s]": float(tables["group"]["velocity"].max())}]  # fmt: skip
     for k, (slow, fast) in enumerate(zip(way / np.diff(half), way / np.diff(head), strict=True)):

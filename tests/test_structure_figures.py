@@ -216,7 +216,7 @@ def test_energy_of_struck_octahedra_is_kept_where_slackening_is_corrected():
 def test_optic_waves_run_ahead_of_the_sound_that_moves_struck_octahedra():
     picture = structures_front
     _, along = picture.group(400)
-    fastest, sound = along.max(), picture.sound()
+    fastest, sound = along.max(), picture.sound_speed()
     lattice = picture.lattice()
     anywhere = np.random.default_rng(1).uniform(-np.pi, np.pi, (1000, 3))
     others = bands(lattice, anywhere, velocities=True).velocities @ picture.normal(lattice)[0]
