@@ -1,8 +1,11 @@
-"""Prestress steers a beam of waves on a plate by twenty degrees; red is its path.
+"""Prestress steers a beam of waves on a plate by twenty degrees, on the way too; red is its path.
 
 A Gaussian packet of the lower branch starts with its crests at 20 degrees to the rows of a plate.
 Its path is compared with the mean of the group velocities over its spectrum, weighted by energy.
-Without prestress all members are bars, for the strings would go slack.
+In the last run, on a larger plate, the prestress changes on the way.  The packet keeps its wave
+vectors, and if the change is slow, the action of each wave, its energy over its frequency; its
+direction turns.  A fast change also excites waves of the upper branch.  Without prestress all
+members are bars, for the strings would go slack.
 Source: the talk, concluding remarks, "wave-steering".
 """
 
@@ -11,9 +14,11 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
+import sympy as sp
 from scipy.optimize import brentq
 
-from tensegrity import Lattice, Record, State, bands, simulate
+import tensegrity
+from tensegrity import Force, Lattice, Record, State, bands, simulate
 
 NAME = "structures_beam"
 GROUP = "structures"
@@ -22,9 +27,13 @@ SITES, WIDTH, TRAVEL, START = 60, 7.0, 22.0, (20, 32)  # cells
 FREQUENCY, CRESTS = 1.2, np.radians(20.0)  # rad/s, rad
 SIZE = 1e-3  # m, of the largest displacement
 DENSITIES = (0.0, 0.2, 0.4)  # N/m, of the strings
+CHANGED, RAMP = (0.05, 0.4), 5.0  # N/m, and s
+LARGER, LONGER, THERE = 84, 38.4, (20, 50)  # cells of that run
+APART = 16  # rows on either side of the change that belong to neither leg
 K_BAR, K_STRING = 1.5, 2.0  # N/m
 NEGLIGIBLE = 1e-12
 ROWS = 61
+LEGS = (0, ROWS // 2 - APART), (ROWS // 2 + APART, -1)
 
 
 def plate(density):
@@ -53,21 +62,23 @@ def spectrum(lattice, centre):
     return phases[kept], amplitude[kept], bands(lattice, phases[kept], True, True)
 
 
-def velocity(lattice, centre):
-    """Mean group velocity of a packet, weighted by energy [m/s]."""
-    _, amplitude, found = spectrum(lattice, centre)
-    weight = (amplitude * found.frequencies[:, 0]) ** 2
+def velocity(lattice, centre, before=None):
+    """Mean group velocity of a packet, weighted by energy [m/s]; before a change in another."""
+    phases, amplitude, found = spectrum(lattice, centre)
+    w = found.frequencies[:, 0]
+    old = w if before is None else bands(before, phases).frequencies[:, 0]
+    weight = amplitude**2 * old * w  # action times frequency
     return weight @ found.velocities[:, 0] / weight.sum()
 
 
-def packet(lattice, centre):
+def packet(lattice, centre, sites=SITES, start=START):
     """A packet's state on the plate, at rest at the border."""
     phases, amplitude, found = spectrum(lattice, centre)
     main = bands(lattice, [centre], shapes=True).shapes[0, 0, 0]
     shape, w = found.shapes[:, 0, 0], found.frequencies[:, 0]
     shape = shape * np.exp(-1j * np.angle(shape @ main.conj()))[:, None]
-    cells = np.stack(np.meshgrid(*[np.arange(SITES)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
-    turned = np.exp(1j * ((cells - START) @ phases.T)) * amplitude
+    cells = np.stack(np.meshgrid(*[np.arange(sites)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
+    turned = np.exp(1j * ((cells - start) @ phases.T)) * amplitude
     u, v = (turned @ shape).real, (turned @ (-1j * w[:, None] * shape)).real
     scale = SIZE / np.abs(u).max()
     return scale * u, scale * v
@@ -84,6 +95,27 @@ def followed(density):
     t_end = TRAVEL / float(np.linalg.norm(expected))
     record = Record(interval=t_end / (ROWS - 1))
     return simulate(scene, State(u, v), t_end, tol=1e-7, record=record), expected
+
+
+@cache
+def turned(ramp=RAMP):
+    """A run in which the prestress changes at half its time, within some seconds; both velocities.
+
+    Natural lengths that change add to each member a tension that does not depend on its length.
+    """
+    soft, firm = (plate(q) for q in CHANGED)
+    centre = carrier(soft)
+    expected = velocity(soft, centre), velocity(firm, centre, soft)
+    half = LONGER / 2 / float(np.linalg.norm(expected[0]))
+    before, after = (lattice.network((LARGER, LARGER)) for lattice in (soft, firm))
+    rest, (t, gain) = np.zeros(before.shape), sp.symbols("t gain")
+    gained = {"gain": after.bond_tension(rest) - before.bond_tension(rest)}
+    grown = Force(gain * (1 + sp.erf((t - half) / ramp)) / 2, on="bonds", parameters=gained)
+    scene = soft.network((LARGER, LARGER), forces=(grown,))
+    u, v = packet(soft, centre, LARGER, THERE)
+    u[list(scene.held)] = v[list(scene.held)] = 0.0
+    record = Record(interval=2 * half / (ROWS - 1))
+    return simulate(scene, State(u, v), 2 * half, tol=1e-7, record=record), expected
 
 
 def centres(run):
@@ -114,20 +146,34 @@ def data():
         tables[f"map at {q}"] = {"kinetic energy": np.sum(run.v[-1] ** 2, axis=1)}
     names = ("force density", "run", "spectrum", "carrier", "energy error")
     tables["angles"] = dict(zip(names, np.array(found).T, strict=True))
+    run, velocities = turned()
+    path = centres(run)
+    tables["changed path"] = {"x": path[:, 0], "y": path[:, 1]}
+    tables["changed map"] = {"kinetic energy": np.sum(run.v[-1] ** 2, axis=1)}
+    found = [angles(run, *leg) for leg in zip(velocities, LEGS, strict=True)]
+    tables["changed"] = dict(zip(("run", "spectrum"), np.array(found).T, strict=True))
     return tables
 
 
 def draw(figure, tables):
     """The path of each packet, and its energy at the end."""
-    figure.set_size_inches(9, 4)
-    panels = figure.subplots(1, 3, sharex=True, sharey=True)
-    for ax, q, x in zip(panels, DENSITIES, tables["angles"]["run"], strict=True):
-        energy = np.reshape(tables[f"map at {q}"]["kinetic energy"], (SITES, SITES))
+    figure.set_size_inches(9, 9)
+    panels = figure.subplots(2, 2).ravel()
+    shown = [(f"prestress {q} N/m: {x:.2f}°", f"path at {q}", f"map at {q}") for q, x in
+             zip(DENSITIES, tables["angles"]["run"], strict=True)]  # fmt: skip
+    legs = "changed on the way: {:.1f}°, then {:.1f}°".format(*tables["changed"]["run"])
+    shown.append((legs, "changed path", "changed map"))
+    for ax, (words, path, at_end) in zip(panels, shown, strict=True):
+        energy = tables[at_end]["kinetic energy"]
+        energy = np.reshape(energy, 2 * (round(len(energy) ** 0.5),))
         ax.imshow(energy.T, origin="lower", cmap="Blues")
-        ax.plot(*tables[f"path at {q}"].values(), "C3", lw=1.5)
-        ax.set_title(f"prestress {q} N/m: {x:.2f}°", fontsize=10)
+        ax.plot(*tables[path].values(), "C3", lw=1.5)
+        ax.set_title(words, fontsize=10)
         ax.set(xlabel="cell along the rows", ylabel="cell across the rows")
-        ax.label_outer()
+
+
+def animate(tables, path):
+    tensegrity.animate(turned()[0], path, "speed", frames=ROWS)
 
 
 def table(tables):
@@ -136,4 +182,7 @@ def table(tables):
         rows.append({"plate": f"force density {q:g} N/m", "run [deg]": float(run),
                      "spectrum [deg]": float(expected), "carrier [deg]": float(alone),
                      "energy error": float(error)})  # fmt: skip
+    for leg, run, expected in zip(("before", "after"), *tables["changed"].values(), strict=True):
+        rows.append({"plate": f"{CHANGED[0]:g} to {CHANGED[1]:g} N/m on the way, {leg}",
+                     "run [deg]": float(run), "spectrum [deg]": float(expected)})  # fmt: skip
     return rows

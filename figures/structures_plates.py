@@ -1,8 +1,9 @@
-"""Among heavy plates of alternating handedness torsion drains the wave of the chain.
+"""Between heavy plates twist travels with extension, or drains the wave of the chain.
 
 Plates that move and turn are the model between the chain and the column of nodes.  In columns of
-one handedness extension and twist propagate together; in an alternating column the wave of the
-chain of condensed prisms, launched without twist, gradually loses its energy to torsion.
+one handedness extension and twist propagate together, in waves of permanent form too; in an
+alternating column the wave of the chain of condensed prisms, launched without twist, gradually
+loses its energy to torsion.
 Source: the talk, part III, "chains of tensegrity prisms", where plates have no rotary inertia.
 """
 
@@ -24,6 +25,9 @@ WAVES = 40.0, 20.0, 10.0  # units a wave
 KINDS = "alternating", "one handedness"
 BRANCHES = [f"{KINDS[0]}, {x}" for x in ("torsional", "axial")]
 BRANCHES += [f"{KINDS[1]}, {x}" for x in ("slow", "fast")]
+RATIO = 1.1  # of the speed to that of the faster sound
+POINTS = np.arange(-64, 65) / 8  # units from the peak
+UNITS, START, TRAVEL = 200, 30, 140
 LONG, SHED = 220, 120  # units of the alternating column, and of travel in it
 TOLERANCES = (1e-5, 1e-8)
 NEAR = 10  # units on either side of the peak that belong to the wave
@@ -50,6 +54,23 @@ def errors(hand, units):
     return w / nearest(PRISM.column(chirality=hand, periodic=True), q, w) - 1
 
 
+def permanent():
+    """The wave of one handedness, and its state in a column."""
+    column = PRISM.column(UNITS, "same", plates=PLATES)
+    wave = solitary_wave(column, speed_ratio=RATIO)
+    return wave, wave.launch(column, at=START + 0.5)
+
+
+def travelled(tolerance, speed, state):
+    """Differences after the travel, and what is off and left behind over the peak."""
+    column = PRISM.column(UNITS, "same", plates=PLATES)
+    end = simulate(column, state, TRAVEL / speed, tol=tolerance).final
+    first, last = np.diff(state.u, axis=0), np.diff(end.u, axis=0)
+    peak = np.abs(first).max()
+    off = np.abs(last[TRAVEL:] - first[:-TRAVEL]).max() / peak
+    return last, off, np.abs(last[: TRAVEL - NEAR]).max() / peak
+
+
 def shed(part, tolerance):
     """Units travelled by the wave of the chain among alternating plates, and share of the energy
     that is near its peak."""
@@ -71,6 +92,17 @@ def data():
     tables = {"bands": {"phase": PHASES, "chain": chain(PHASES)}}
     tables["bands"] |= dict(zip(("slow", "fast"), plates(PHASES).T, strict=True))
     tables["nodes"] = {"phase": PHASES[rows[0]], "frequency": every[rows]}
+    wave, state = permanent()
+    tables["wave"] = {"x": POINTS}
+    tables["wave"] |= dict(zip(("extension", "twist"), wave.elongation(POINTS).T, strict=True))
+    found = []
+    for tolerance in TOLERANCES:
+        last, *off = travelled(tolerance, wave.speed, state)
+        found.append([tolerance, *off, wave.residual, wave.speed])
+    names = ("tolerance", "off", "behind", "residual", "speed")
+    tables["travel"] = dict(zip(names, np.array(found).T, strict=True))
+    near = last[START + TRAVEL - 8 : START + TRAVEL + 9]
+    tables["after"] = {"x": np.arange(-8, 9), "extension": near[:, 0], "twist": near[:, 1]}
     for name, part in GYRATIONS.items():
         loose, tight = (shed(part, tolerance) for tolerance in TOLERANCES)
         tables[name] = {"units": tight[0], "share": tight[1], "loose": loose[1]}
@@ -80,9 +112,9 @@ def data():
 
 
 def draw(figure, tables):
-    """Bands of one handedness, and the wave of the chain among alternating plates."""
-    figure.set_size_inches(9, 4.2)
-    left, right = figure.subplots(1, 2)
+    """Bands of one handedness, its wave, and the wave of the chain among alternating plates."""
+    figure.set_size_inches(12, 4.2)
+    left, middle, right = figure.subplots(1, 3)
     of = tables["bands"]
     left.plot(*tables["nodes"].values(), ".", color="0.6", ms=4)
     for branch in ("slow", "fast"):
@@ -93,6 +125,13 @@ def draw(figure, tables):
     left.annotate("chain", (2.3, 1.25), color="C3")
     left.set(xlabel="phase from unit to unit [rad]", ylabel="frequency [rad/s]", ylim=(0, HIGHEST))
     left.set_title("one handedness: bands", fontsize=10)
+    for name, colour, at in (("extension", "C0", (1.3, 140)), ("twist", "C1", (2.6, 32))):
+        middle.plot(tables["wave"]["x"], 1e3 * tables["wave"][name], colour)
+        middle.plot(tables["after"]["x"], 1e3 * tables["after"][name], "o", color=colour, ms=4)
+        middle.annotate(name, at, color=colour)
+    middle.set(xlabel="distance from the peak [units]")
+    middle.set_ylabel("difference from plate to plate [mm]")
+    middle.set_title(f"one handedness: the same after {TRAVEL} units (dots)", fontsize=10)
     for n, name in enumerate(GYRATIONS):
         right.plot(tables[name]["units"], tables[name]["share"], f"C{n + 2}")
         right.plot(tables[name]["units"], tables[name]["loose"], ".", color=f"C{n + 2}", ms=4)
@@ -106,6 +145,10 @@ def table(tables):
         {"wave": f"{units:g} units long"} | dict(zip(BRANCHES, map(float, each), strict=True))
         for units, *each in zip(*tables["models"].values(), strict=True)
     ]
+    for tolerance, off, behind, residual, speed in zip(*tables["travel"].values(), strict=True):
+        rows.append({"wave": f"{KINDS[1]}, {TRAVEL} units at tol {tolerance:g}",
+                     "off": float(off), "left behind": float(behind), "residual": float(residual),
+                     "speed [units/s]": float(speed)})  # fmt: skip
     for name in GYRATIONS:
         rows.append({"wave": f"alternating, gyration {name}, {SHED} units",
                      "share left": float(tables[name]["share"][-1])})  # fmt: skip

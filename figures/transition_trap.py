@@ -6,18 +6,20 @@ switch to their upper wells and keep part of its energy there, and the blow push
 most the torque that ends a well, as long as there are bonds to switch; what is thrown back later
 pulls with more (S. Shan et al., Adv. Mater. 27, 4296 (2015), for compression).  The prestrain is
 optimised by gradients of the peak: first the same of all bonds, from the best of a scan, then that
-of four groups.  `granular.design.search` has no part in this: its designs are orders, sizes and
-materials of beads in contact, which springs of twist are not.
+of four groups, from equal ones and from the best that the evolution strategy of
+`granular.design.search` finds.
 """
 
 from __future__ import annotations
 
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 
 from figures.transition_units import natural
-from tensegrity import Chain, Record, State, catalogue, gradient, simulate
+from granular.design.methods import POPULATION, adapting
+from tensegrity import Chain, LockingError, Record, State, catalogue, gradient, simulate
 from tensegrity import objective as o
 
 NAME = "transition_trap"
@@ -30,6 +32,7 @@ TWO_WELLS = np.linspace(0.255, 0.315, 13)
 GROUPS, STEPS, FIRST, LEAST = 4, 8, 4e-3, 1e-4  # of equal bonds; of the descent, in prestrain
 START, RANGE = 0.285, (0.2525, 0.32)
 SPLITS = 0.25  # prestrain
+GRID, POPULATIONS, SEED = 1e-3, 20, 0  # of prestrains in the search
 
 
 @cache
@@ -115,10 +118,35 @@ def peak(groups):
     return found.value, slopes.reshape(len(groups), -1).sum(axis=1)
 
 
-def descended(start, groups):
-    """Peaks [N m] along a descent by gradients from equal prestrains, and those of as many groups
-    of bonds at its end."""
-    x, reach = np.full(groups, start), FIRST
+def highest(prestrains):
+    """Peak torque on the wall [N m]; infinite if a bond turns over."""
+    try:
+        return run(prestrains)[1].max()
+    except LockingError:
+        return np.inf
+
+
+def searched(populations=POPULATIONS, seed=SEED):
+    """Lowest peak [N m] after each population, and the prestrains of groups of the last one."""
+    low, high = np.ceil(RANGE[0] / GRID), np.floor(RANGE[1] / GRID)
+    space = SimpleNamespace(
+        count=GROUPS, diameters=RANGE,
+        projected=lambda rows: np.round(np.clip(np.round(rows / GRID), low, high) * GRID, 12),
+    )  # fmt: skip
+    proposals = adapting(space, np.random.default_rng(seed))
+    rows, best, way = next(proposals), (np.inf, None), []
+    for _ in range(populations):
+        peaks = np.array([highest(np.repeat(row, BONDS // GROUPS)) for row in rows])
+        best = min(best, (peaks.min(), tuple(rows[peaks.argmin()])))
+        way.append(best[0])
+        rows = proposals.send((rows, peaks))
+    return np.array(way), np.array(best[1])
+
+
+def descended(start):
+    """Peaks [N m] along a descent by gradients from prestrains of groups of as many bonds each, and
+    those at its end."""
+    x, reach = np.array(start), FIRST
     (height, slopes), way = peak(x), []
     for _ in range(STEPS):
         way.append(height)
@@ -145,12 +173,17 @@ def data():
                 rows[key].append(value)
         tables[name] = {key: np.array(value) for key, value in rows.items()}
     lowest, first = (found["prestrain"][np.argmin(found["peak"])] for found in tables.values())
-    best, way = descended(first, 1)[1][0], descended(START, GROUPS)
+    best, way = descended([first])[1][0], descended(np.full(GROUPS, START))
+    found = searched()
+    last = descended(found[1])
     tables["descent"] = {"peak": way[0]}
-    tables["groups"] = {"prestrain": way[1]}
+    tables["search"] = {"peak": found[0]}
+    tables["descent from there"] = {"peak": last[0]}
+    lowest_way = min(way, last, key=lambda each: each[0][-1])
+    tables["groups"] = {"by gradients": way[1], "by search": found[1], "by both": last[1]}
     tables["best"] = {"one well": np.array([lowest]), "two wells": np.array([best])}
     chains = {"best of one well": [lowest] * BONDS, "best of two wells": [best] * BONDS,
-              "groups by gradients": np.repeat(way[1], BONDS // GROUPS)}  # fmt: skip
+              "best of four groups": np.repeat(lowest_way[1], BONDS // GROUPS)}  # fmt: skip
     for name, prestrains in chains.items():
         t, torque, _ = run(prestrains)
         tables[name] = {
@@ -187,7 +220,7 @@ def draw(figure, tables):
     ax.set(xlabel="prestrain of all bonds", ylabel="energy of the blow kept [%]")
     ax.set(xlim=panels[0, 0].get_xlim(), ylim=(0, None))
     ax.set_title("(b) Kept in upper wells, and how many bonds stay there", fontsize=10)
-    ax, names = panels[1, 0], ("best of one well", "best of two wells", "groups by gradients")
+    ax, names = panels[1, 0], ("best of one well", "best of two wells", "best of four groups")
     for k, (name, color) in enumerate(zip(names, ("C1", "C0", "C2"), strict=True)):
         found = tables[name]
         ax.plot(found["t"], 1e3 * found["torque"], color, lw=1)
@@ -196,13 +229,19 @@ def draw(figure, tables):
     ax.set(xlabel="time [s]", ylabel="torque on the wall [mN m]")
     ax.set_title("(c) What the wall feels: pushed > 0, later pulled", fontsize=10)
     ax.set(ylim=(None, 140))
-    ax, way = panels[1, 1], tables["descent"]["peak"]
-    ax.plot(np.arange(len(way)), 1e3 * way, "C2", marker="o", ms=4)
-    ax.set(xlabel="step of the descent", ylabel="peak torque on the wall [mN m]", ylim=(0, None))
-    words = ", ".join(f"{p:.4f}" for p in tables["groups"]["prestrain"])
-    ax.set_title(
-        f"(d) By gradients, from {START:g}; at the end, blow to wall:\n{words}", fontsize=10
-    )
+    ax = panels[1, 1]
+    begun = len(tables["search"]["peak"]) * POPULATION
+    for name, color, designs in (("descent", "C2", 1), ("descent from there", "C3", begun)):
+        way = tables[name]["peak"]
+        ax.semilogx(designs + np.arange(len(way)), 1e3 * way, color, marker="o", ms=4)
+    way = tables["search"]["peak"]
+    ax.semilogx(POPULATION * np.arange(1, len(way) + 1), 1e3 * way, "C4", marker=".")
+    ax.annotate("gradients", (2, 17), color="C2")
+    ax.annotate("search", (80, 5.5), color="C4")
+    ax.annotate("then gradients", (begun, 2.2), color="C3", ha="right")
+    ax.set(xlabel="designs computed", ylabel="lowest peak push on the wall [mN m]", ylim=(0, None))
+    words = ", ".join(f"{p:.3f}" for p in tables["groups"]["by both"])
+    ax.set_title(f"(d) Four groups; best, blow to wall: {words}", fontsize=10)
 
 
 def table(tables):
@@ -219,7 +258,11 @@ def table(tables):
             "most kept": float(found["stored"][most]),
             "at": float(found["prestrain"][most]), "upper bonds": int(found["bonds"][most]),
         })  # fmt: skip
-    for name in ("best of one well", "best of two wells", "groups by gradients"):
+    for name in ("best of one well", "best of two wells", "best of four groups"):
         push = {"bonds": name, "lowest peak [N m]": float(tables[name]["peak"][0])}
         rows.append(push | {"largest pull [N m]": float(-tables[name]["torque"].min())})
+    for name, way in (("by gradients", "descent"), ("by search", "search"),
+                      ("by both", "descent from there")):  # fmt: skip
+        rows.append({"bonds": f"four groups {name}",
+                     "lowest peak [N m]": float(tables[way]["peak"][-1])})  # fmt: skip
     return rows

@@ -134,6 +134,37 @@ def test_orbits_return_and_have_the_multipliers_of_scipys_variational_equations(
     assert np.abs(found.multipliers[:, None] - exact).min(axis=1).max() < 1e-7
 
 
+def gap_modes(cells, frequencies):
+    """Orbits centred on a heavy mass of a closed ring of cells, masses 2 and 1; the ring is a line
+    whose ends are joined by a spring that is its own mirror image."""
+    n = 2 * cells
+    law, apart = Potential(R**2 / 2 + R**4 / 4, R), np.arange(n) - cells
+    bonds = [[k, k + 1] for k in range(n - 1)] + [[0, n - 1]]
+    ring = Network(10.0 * np.arange(n)[:, None], bonds, law, mass=np.tile([2.0, 1.0], cells))
+    guess = np.where(apart % 2, 0.0, 0.5 * np.cos(np.pi * apart / 2) / np.cosh(apart / 4))
+    found = [State(guess[:, None], np.zeros((n, 1)))]
+    for w in frequencies:
+        found.append(periodic_orbit(ring, found[-1], period=2 * np.pi / w))
+    return found[1:]
+
+
+def test_a_gap_mode_of_a_ring_of_cells_rises_from_the_acoustic_edge_with_its_amplitude():
+    """The law stiffens, and the band below, which ends at 1 rad/s, lets a mode into its gap up to
+    the root of 2, where the next one begins; localised, it hardly depends on the ring."""
+    frequencies = 1.1, 1.15, 1.2, 1.25
+    short, long = gap_modes(16, frequencies), gap_modes(24, frequencies)
+    sizes = [np.ptp(orbit.state.u) for orbit in long]
+    assert (np.diff(sizes) > 0.05).all()
+    edge = [(w**2 - 1) / size**2 for w, size in zip(frequencies, sizes, strict=True)]
+    assert np.ptp(edge) < 0.1 * max(edge)  # its square grows as that of the amplitude
+    apart = [abs(np.ptp(one.state.u) / size - 1) for one, size in zip(short, sizes, strict=True)]
+    assert (np.diff(apart) < 0).all()
+    assert apart[-1] < 1e-4
+    for orbit in long:
+        off = np.abs(orbit.run(1e-11).final.u - orbit.state.u).max()
+        assert off < 1e-11
+
+
 def test_tangents_of_a_network_are_symplectic_and_derivatives_of_the_flow():
     scene, time = pack(), 7e-5
     n, rest = 2 * scene.sites, scene.at_rest().u.ravel()
