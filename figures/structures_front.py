@@ -5,7 +5,7 @@ its Bloch waves.  The displacement that the blow leaves behind spreads with the 
 of the moduli.  Waves of a higher branch, whose group velocity is larger, arrive before it, and no
 speed bounds the first traces, which are small.  Runs of a finite lattice agree until its held
 border is felt; harder blows slacken strings, and their front is slower.
-Source: seeds/000, "impact protection".
+Source: the talk, "impact protection".
 """
 
 from __future__ import annotations
