@@ -186,6 +186,7 @@ DOORS = ("tensegrity", "tensegrity.objective", "tensegrity.catalogue", "granular
 INSIDE = {
     "granular.contact_network.wall_sites": "which sites to record for the force on a wall",
     "granular.design.objective": "forces of many designs by the one step of a search",
+    "granular.design.methods": "the strategy of `search`, for prestrains",
     "granular.layout.crossed_layout": "a guide whose branches cross, which no source proposes",
     "tensegrity.animation.moving": "two moving packs in one film",
     "tensegrity.engine": "the loop itself, its threads, and expressions in CasADi",

@@ -55,7 +55,7 @@ class Bound:
         Numbers of entries of u that belong to sites, and to the walls after them.
     """
 
-    _dt = _alone = output_sums = None
+    _dt = _alone = _active = output_sums = None
 
     def __init__(self, loop, u, v, bonds, method, dt, pieces=1, runs=None, seen=None):
         self._loop, self._bonds, self.u, self.v = loop, bonds, u, v
@@ -248,10 +248,8 @@ class Bound:
 
     def _may_all_move(self):
         """Let the next step include all sites, after which those that rest are found."""
-        if self._loop.dim:
-            self._active[:] = 0
-        else:
-            self._active[:] = np.iinfo(np.int64).max // 2, 0
+        if self._active is not None:
+            self._active[:] = 0 if self._loop.dim else (np.iinfo(np.int64).max // 2, 0)
 
     def why_stopped(self):
         """The error by which steps failed."""

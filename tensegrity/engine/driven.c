@@ -297,7 +297,7 @@ integer advance_driven(const scene *given, drive *d, integer steps, integer open
 {
     FLUSH
     scene here = *given;
-    here.active = 0;
+    ALL_MAY_MOVE(here)
     for (integer k = 0; k < steps; k++)
         for (integer i = 0; i < here.stages; i++, d->stage++) {
             const real a = KICK(&here, i, k > 0 || opened);
@@ -312,7 +312,8 @@ integer postprocess_driven(const scene *given, drive *d, real *u, real *v)
     FLUSH
     scene copy = *given;
     drive alone = *d;
-    copy.u = u, copy.v = v, copy.active = 0, alone.sums = d->output_sums;
+    copy.u = u, copy.v = v, alone.sums = d->output_sums;
+    ALL_MAY_MOVE(copy)
     for (int i = 0; i < 4; i++) d->output_sums[i] = d->sums[i];
     const integer locked = copy.closing
         && driven_stage(&copy, &alone, d->stage, 0, copy.kicks[copy.stages], 0);

@@ -74,3 +74,5 @@ typedef struct {
     integer contacts, sites, rows, tiles, loaded;
     integer before, tile, last_tile, reach, piece, pieces; /* the part of this thread */
 } scene;
+
+#define ALL_MAY_MOVE(c) (c).active = 0;

@@ -10,6 +10,9 @@
 #ifndef NARROW
 #define NARROW(c)
 #endif
+#ifndef ALL_MAY_MOVE
+#define ALL_MAY_MOVE(c)
+#endif
 
 integer advance(const scene *c, const void *none, integer steps, integer opened)
 {
@@ -26,7 +29,8 @@ integer postprocess(const scene *c, const void *none, real *u, real *v)
 {
     FLUSH
     scene copy = *c;
-    copy.u = u, copy.v = v, copy.active = 0;
+    copy.u = u, copy.v = v;
+    ALL_MAY_MOVE(copy)
     if (c->closing) stage(&copy, c->kicks[c->stages], 0);
     return 0;
 }
@@ -49,7 +53,8 @@ typedef struct {
 static void acceleration(const scene *c, real *u, real *a, integer n)
 {
     scene still = *c;
-    still.u = u, still.v = a, still.active = 0;
+    still.u = u, still.v = a;
+    ALL_MAY_MOVE(still)
     EACH(n) a[i] = 0;
     stage(&still, 1, 0);
 }
