@@ -131,7 +131,7 @@ def draw(figure, tables):
     c, fastest = sound_speed(), tables["group"]["velocity"].max()
     x, *shown = tables["layers"].values()
     for k, (when, v) in enumerate(zip(SHOWN, shown, strict=True)):
-        up = 0.25 * (len(SHOWN) - 1 - k)
+        up = 0.4 * (len(SHOWN) - 1 - k)
         layers.plot(x, v + up, f"C{k}", lw=1)
         layers.annotate(f"{when:g} s", (x[-1], up + 0.04), color=f"C{k}", ha="right")
         layers.plot(2 * [c * when], [up - 0.05, up + 0.12], "k--", lw=1)
