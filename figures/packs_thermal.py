@@ -109,7 +109,7 @@ def draw(figure, tables):
         heavy, light = (smooth(tables["kinetic"][f"{name}, {kind}"], MEAN)
                         for kind in ("heavy", "light"))  # fmt: skip
         b.plot(smooth(1e3 * t, MEAN), heavy / light, f"C{k}", lw=1, label=name)
-    b.axhline(1, color="k", lw=0.8, ls=":")
+    b.plot([0, 40], [1, 1], color="k", lw=0.8, ls=":")
     b.text(5, 0.5, "dotted: equipartition")
     for axes in (a, b):
         axes.set(xlabel="time [ms]", xlim=(0, 52))
