@@ -251,17 +251,23 @@ def parameters(bonds, runs, own, batch=1):
     shared = np.zeros((len(runs.law), bonds.parameters.shape[1]))
     columns, at = [np.zeros(0)], 0
     for k, law in enumerate(runs.law):
-        springs = bonds.group[runs.members(k)]
-        shared[k] = bonds.parameters[springs.flat[0]]
+        springs = springs_of_places(bonds, runs, k, batch)
+        shared[k] = bonds.parameters[springs[0]]
         places[k] = at
         if runs.own[k]:
-            if batch > 1 and springs.ndim == 1:  # the same in all scenes
-                springs = np.repeat(springs[:, None], batch, axis=1)
-            rows = bonds.parameters[:, list(own[law])][springs]  # (places[, batch], own)
-            columns.append(np.moveaxis(rows, -1, 0).ravel())
+            columns.append(bonds.parameters[:, list(own[law])][springs].T.ravel())
             at += columns[-1].size
     columns.append(np.zeros(GROUP))  # SIMD loads may read beyond the last one
     return {"shared": shared, "own": np.concatenate(columns), "own_at": places}
+
+
+def springs_of_places(bonds, runs, run, batch=1):
+    """The spring of each place of a run that has parameters of its own: of each bond in each scene
+    of a batch, or of a block where every scene has one spring in the run; (places,)."""
+    springs = bonds.group[runs.members(run)]
+    if springs.ndim == 2 and BLOCK % batch == 0 and np.all(springs == springs[0]):
+        return np.resize(springs[0], min(BLOCK, springs.size))
+    return np.repeat(springs, batch) if springs.ndim == 1 else springs.ravel()
 
 
 def integers(array):

@@ -20,7 +20,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tensegrity.engine.bonds import BLOCK, GROUP, PAIR, WALL, Runs, integers, parameters
+from tensegrity.engine.bonds import (
+    BLOCK,
+    GROUP,
+    PAIR,
+    WALL,
+    Runs,
+    integers,
+    parameters,
+    springs_of_places,
+)
 from tensegrity.engine.native import aligned_copy
 
 TILE = 256  # sites, as in scene.h
@@ -96,8 +105,8 @@ def _with_parameters(loop, bonds, runs, fields, pieces=1, slices=None, **more):
 def elongations(bonds, runs, batch=1, pieces=1):
     """Places at which a loop notes elongation ranges.
 
-    There is one for each bond with parameters of its own; a run of other bonds has one for each
-    place of a block, or in a network for each SIMD lane of each thread.
+    There is one for each bond with parameters of its own, see `springs_of_places`; a run of other
+    bonds has one for each place of a block, or in a network for each SIMD lane of each thread.
 
     Parameters
     ----------
@@ -118,11 +127,9 @@ def elongations(bonds, runs, batch=1, pieces=1):
     at, springs = [0], [np.zeros(0, dtype=int)]
     most = pieces * GROUP if bonds.contacts is not None else BLOCK
     for k, own in enumerate(runs.own):
-        group = bonds.group[runs.members(k)]
-        if batch > 1 and group.ndim == 1:
-            group = np.repeat(group[:, None], batch, axis=1)
-        count = most if bonds.contacts is not None else min(most, batch * len(group))
-        springs.append(group.ravel() if own else np.full(count, group.flat[0]))
+        group = springs_of_places(bonds, runs, k, batch)
+        count = most if bonds.contacts is not None else min(most, len(group))
+        springs.append(group if own else np.full(count, group[0]))
         at.append(at[-1] + springs[-1].size)
     return np.array(at, dtype=np.int64), np.concatenate(springs)
 

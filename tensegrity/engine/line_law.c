@@ -5,8 +5,10 @@
    quotients is computed for several bonds in SIMD registers: `simd.c`.  Its first pass is part of
    the loop that updates the block before, so that the units for roots are not idle meanwhile. */
 
-/* A bond with parameters of its own has its own range; of others each place of a block has one. */
-#define PLACE(q) (OWNED ? (q) : i)
+/* A bond with parameters of its own has a place for them and for its range, except in a batch whose
+   chains have one spring each: there these repeat with each block.  Of other bonds each place of a
+   block has a range. */
+#define PLACE(j) (OWNED ? along * ((j) - start) : 0)
 #if CHANGES
 /* Where springs change, the rates of their energies follow the tensions, and are summed for each
    place of a block; their elongation range was computed before. */
@@ -15,13 +17,13 @@
 #else
 #define RATES(n)
 #define NOTE_RANGE(q)                                                                             \
-    low[PLACE(q)] = r[i] < low[PLACE(q)] ? r[i] : low[PLACE(q)];                            \
-    high[PLACE(q)] = r[i] > high[PLACE(q)] ? r[i] : high[PLACE(q)];
+    low[(q) + i] = r[i] < low[(q) + i] ? r[i] : low[(q) + i];                               \
+    high[(q) + i] = r[i] > high[(q) + i] ? r[i] : high[(q) + i];
 #endif
 
 #define ELONGATION(j)                                                                          \
     r[i] = u[(j) + i + BATCH] - u[(j) + i];                                                 \
-    NOTE_RANGE((j) - start + i)
+    NOTE_RANGE(PLACE(j))
 
 #define UPDATE(j)                                                                           \
     v[(j) + i] += a * w[(j) + i] * (f[i + BATCH] - f[i]);                                   \
@@ -30,10 +32,8 @@
 /* The same for a SIMD vector. */
 #define ELONGATION_PACK(j)                                                                     \
     INTO(r + i) = INTO(u + (j) + i + BATCH) - INTO(u + (j) + i);                            \
-    INTO(low + PLACE((j) - start + i)) =                                                    \
-        smaller_of(INTO(r + i), INTO(low + PLACE((j) - start + i)));                        \
-    INTO(high + PLACE((j) - start + i)) =                                                   \
-        larger_of(INTO(r + i), INTO(high + PLACE((j) - start + i)));
+    INTO(low + PLACE(j) + i) = smaller_of(INTO(r + i), INTO(low + PLACE(j) + i));           \
+    INTO(high + PLACE(j) + i) = larger_of(INTO(r + i), INTO(high + PLACE(j) + i));
 
 #define UPDATE_PACK(j)                                                                      \
     INTO(v + (j) + i) += a * INTO(w + (j) + i) * (INTO(f + i + BATCH) - INTO(f + i));       \
@@ -43,7 +43,7 @@
 /* The first pass for the pack with bond i of those from j on. */
 #define FIRST(j)                                                                            \
     OF(first_tension_lanes)                                                                 \
-    (i / WIDE, (const pack *)r, p, own + (j) - start, all, (pack *)(f + BATCH), stored);
+    (i / WIDE, (const pack *)r, p, own + PLACE(j), places, (pack *)(f + BATCH), stored);
 /* An incomplete last vector repeats a bond. */
 #define FIRSTS(j, n)                                                                        \
     for (integer i = n; i % WIDE; i++) r[i] = r[(n) - 1];                                   \
@@ -77,7 +77,7 @@ void OF(tensions)(integer n, integer q, real *restrict r, const real *restrict s
 
 #define CARRY(n) for (int l = 0; l < BATCH; l++) f[l] = f[(n) + l];
 #define PULL(j, n)                                                                          \
-    OF(tensions)(n, (j) - start, r, p, own, all, f + BATCH, stored);                          \
+    OF(tensions)(n, PLACE(j), r, p, own, places, f + BATCH, stored);                          \
     RATES(n)
 
 __attribute__((flatten)) static void OF(stage)(
@@ -93,6 +93,7 @@ __attribute__((flatten)) static void OF(stage)(
     const integer odd = all % BLOCK, most = active - start - odd; /* whole blocks after `odd` */
     const integer last = start + (most < all - odd ? odd + (most + BLOCK - 1) / BLOCK * BLOCK : all);
     const real *restrict shared = c->shared + s * PARAMETERS, *restrict own = c->own + c->own_at[s];
+    const integer places = c->range_at[s + 1] - c->range_at[s], along = places == all;
     real *restrict low = c->low + c->range_at[s], *restrict high = c->high + c->range_at[s];
     real p[PARAMETERS + 1]; /* a copy, which the compiler may assume to exist and not to alias */
     for (int i = 0; i < PARAMETERS; i++) p[i] = shared[i];

@@ -28,12 +28,13 @@ typedef struct {
     real *u, *v;                     /* displacement, velocity (sites, BATCH), (rows, DIM) */
     const real *w;                   /* of the same shape, inverse mass; 0 for a fixed site */
     const real *shared;              /* (runs, PARAMETERS), common parameters of a run */
-    const real *own;                 /* for each run (own parameters of its law, bonds, BATCH), of a
+    const real *own;                 /* for each run (own parameters of its law, places), of a
                                         network (those, entries) */
     const real *kicks, *drifts;      /* dt times the coefficients (stages + 1), (stages) */
     real *low, *high;                /* smallest and largest elongations: for each run those at each
                                         place of a block, BLOCK or less, in a network GROUP of each
-                                        thread; with own parameters (bonds, BATCH), (entries) */
+                                        thread; with own parameters those of each bond (bonds,
+                                        BATCH), or of a block that repeats, (entries) */
     const integer *first;            /* (runs + 1) first bond of each run */
     const integer *law;              /* (runs) twice the law, and 1 more with own parameters; of a
                                         network 4 times the law, 2 more for walls, 1 for own */

@@ -104,7 +104,7 @@ def benefits_from_simd(function):
 
     names = [[f"x[{k}]" for k in range(function.numel_in(j))] for j in range(function.n_in())]
     found = "".join(_Body(ca, names, [["y"]]).of(function)[1])
-    return ("root(" in found or "quotient(" in found) and "ONE_BY_ONE" not in found
+    return ("root" in found or "quotient(" in found) and "ONE_BY_ONE" not in found
 
 
 @dataclass
