@@ -65,17 +65,17 @@ def address(array):
         return array.ctypes.data
 
 
-def aligned(shape, dtype=float):
-    """Zeros from the beginning of a cache line on: vectors of a loop that straddle two lines take
-    longer, above all to be loaded right after they were stored."""
+def aligned(shape, dtype=float, first=0):
+    """Zeros of which number `first` begins a cache line: vectors of a loop that straddle two lines
+    take longer, above all to be loaded right after they were stored."""
     size = math.prod(shape) if isinstance(shape, tuple) else shape
     room = np.zeros(size + CACHE, dtype=dtype)
-    return room[-room.ctypes.data // room.itemsize % CACHE :][:size].reshape(shape)
+    return room[-(room.ctypes.data // room.itemsize + first) % CACHE :][:size].reshape(shape)
 
 
-def aligned_copy(array):
+def aligned_copy(array, first=0):
     """A copy of an array in such a place."""
-    made = aligned(array.shape, array.dtype)
+    made = aligned(array.shape, array.dtype, first)
     made[...] = array
     return made
 

@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity.engine import kernel
-from tensegrity.engine.bonds import Bonds, by_spring
+from tensegrity.engine.bonds import BLOCK, Bonds, by_spring
+from tensegrity.engine.native import aligned_copy
 from tensegrity.engine.openings import is_treated
 from tensegrity.errors import TensegrityError
 from tensegrity.readonly import ReadOnly, fixed, same_content
@@ -208,7 +209,8 @@ class Dynamics:
 
     def arrays(self, state: Any) -> tuple[Array, Array]:
         """Copies of u and v in the form of the loop, with rows for walls after the sites."""
-        return state.u.copy(), state.v.copy()
+        odd = (self.sites - 1) % BLOCK  # bonds before the whole blocks
+        return aligned_copy(state.u, odd), aligned_copy(state.v, odd)
 
     def bind(self, u: Array, v: Array, method: Method, dt: float) -> Any:
         """The compiled time-stepping loop.
