@@ -120,7 +120,7 @@ def _largest(samples: Array, others: Array | None = None) -> Array:
     return found
 
 
-AT_ONCE = 1_000_000  # most numbers of samples that are compared at once
+AT_ONCE = 50_000  # most numbers of samples that are compared at once, within a cache
 FORCE_FRACTION = 0.1  # of a tolerance that the error of fitted forces may take
 FIRST_ERROR, LEAST_ERROR = 1e-3, 1e-13  # of the first fit over the tolerance, and of any fit
 FINER = 0.2  # error of the fit that shows the error of another one, over that

@@ -69,12 +69,12 @@ class BatchDynamics(Dynamics):
         """1/m [1/kg], 0 for a held site; (sites, scenes)."""
         return fixed(np.stack([one.inverse_mass for one in self.members], axis=1))
 
-    @property
+    @cached_property
     def is_driven(self) -> bool:
         """Whether some scene is driven, damped or tuned."""
         return any(one.is_driven for one in self.members)
 
-    @property
+    @cached_property
     def has_forces(self) -> bool:
         """Whether any of the scenes has forces besides those of springs, drives and dashpots."""
         return any(one.has_forces for one in self.members)
@@ -197,8 +197,10 @@ class BatchDynamics(Dynamics):
 
     def arrays(self, state: State) -> tuple[Array, Array]:
         """u and v in the form of the compiled loop."""
+        if self._bonds is not None:
+            return aligned_copy(state.u), aligned_copy(state.v)
         each = [one.arrays(self.scene.select(state, k)) for k, one in enumerate(self.members)]
-        u, v = (aligned_copy(np.stack(x, axis=-1)) for x in zip(*each, strict=True))
+        u, v = (np.stack(x, axis=-1) for x in zip(*each, strict=True))
         return u, v
 
     def bind(self, u: Array, v: Array, method: Method, dt: float) -> Any:
@@ -232,9 +234,9 @@ class BatchDynamics(Dynamics):
     def checked(self, state: State) -> float:
         """Refuse a state that some scene refuses; return the largest energy of a scene [J]."""
         self.scene.select(state, 0)
-        one = self.members[0]
-        held = list(self.scenes[0].held)
-        if self._same and not (one.clearance or state.u[held].any() or state.v[held].any()):
+        held, starts = self.inverse_mass == 0, (np.moveaxis(x, -1, 1) for x in (state.u, state.v))
+        clear = not any(one.clearance for one in self.members[: 1 if self._same else None])
+        if clear and not any(x[held].any() for x in starts):
             try:
                 energy = self.available_energy(state)
             except TensegrityError:
