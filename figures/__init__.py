@@ -17,7 +17,6 @@ FIRST = (
     "constitutive_rigid",
     "derivations_ledger",
     "response_prestrain",
-    "response_limit_load",
     "structures_icosahedron",
     "wave_supersonic",
     "wave_speeds",

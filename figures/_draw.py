@@ -28,6 +28,8 @@ STYLE = {
     "axes.spines.right": False,
     "legend.frameon": False,
     "font.size": 10,
+    "axes.titlesize": 10,
+    "figure.titlesize": 11,
 }
 ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "TENSEGRITY_THREADS": "1", "TQDM_DISABLE": "1"}
 
@@ -40,7 +42,7 @@ def render(name, module, folder):
     import matplotlib.pyplot as plt
 
     tables = module.data()
-    lines = module.table(tables) if hasattr(module, "table") else []
+    lines = list(module.table(tables)) if hasattr(module, "table") else []
     path = folder / f"{name}.csv"
     write_tables(path, tables, lines)
     files = [path]
@@ -71,15 +73,13 @@ def pictured(module, tables):
     module.draw(figure, tables)
     several = panels(figure)
     if not figure.get_suptitle() and not (len(several) == 1 and several[0].get_title()):
-        figure.suptitle(title(module), fontsize=11)
+        figure.suptitle(title(module))
     for k, axes in enumerate(several if len(several) > 1 else ()):
         titles = [axes.get_title(loc=where) for where in ("left", "center", "right")]
         if not any(words.startswith("(") for words in titles):
             where = "left" if titles[0] else "center"
             words = f"({chr(ord('a') + k)}) {titles[0] or titles[1]}".strip()
-            axes.set_title(
-                words, loc=where, fontsize=axes.title.get_fontsize() if titles[1] else 10
-            )
+            axes.set_title(words, loc=where, fontsize=axes.title.get_fontsize())
     return figure
 
 
@@ -93,6 +93,13 @@ def panels(figure):
                 id(axes) if place is None else (id(place.get_gridspec()), place.num1), axes
             )
     return list(found.values())
+
+
+def note(axes, words, place, shift=(0, 0), *, inside=False, **style):
+    """Write words at a place in the data, or where `inside` in fractions of the axes, shifted by
+    some points."""
+    where = "axes fraction" if inside else "data"
+    axes.annotate(words, place, shift, xycoords=where, textcoords="offset points", **style)
 
 
 def name_curves(axes, *, spread=11.0, at=-1):
@@ -116,13 +123,10 @@ def name_curves(axes, *, spread=11.0, at=-1):
     for k in sorted(range(len(lines)), key=lambda k: ends[k][1]):
         last = max(ends[k][1], last + spread * scale)
         is_first = ends[k][0] <= axes.transData.transform(lines[k].get_xydata())[:, 0].min()
-        axes.annotate(
-            lines[k].get_label(), places[k],
-            (-6 if is_first else 6, (last - ends[k][1]) / scale),
-            textcoords="offset points", va="center",
-            ha="right" if is_first else "left", color=lines[k].get_color(), fontsize=9,
-            annotation_clip=False,
-        )  # fmt: skip
+        shift = -6 if is_first else 6, (last - ends[k][1]) / scale
+        how = {"ha": "right" if is_first else "left", "color": lines[k].get_color()}
+        words = lines[k].get_label()
+        note(axes, words, places[k], shift, va="center", fontsize=9, annotation_clip=False, **how)
 
 
 class Job(NamedTuple):
@@ -179,14 +183,11 @@ def finished(function, cases, processes):
         yield from ((case, function(case)) for case in cases)
         return
     with ProcessPoolExecutor(processes, get_context("spawn"), begin) as pool:
-        futures = {}
         try:
-            futures.update((pool.submit(function, case), case) for case in cases)
+            futures = {pool.submit(function, case): case for case in cases}
             for future in as_completed(futures):
                 yield futures[future], future.exception() or future.result()
         except BaseException:
-            for future in futures:
-                future.cancel()
             for child in active_children():
                 child.kill()
                 with suppress(ProcessLookupError):

@@ -50,12 +50,6 @@ def slope(x, y):
     return float(np.polyfit(np.log(x), np.log(y), 1)[0])
 
 
-def listed(parts):
-    """A list as text: "a, b and c"."""
-    *first, last = parts
-    return f"{', '.join(first)} and {last}" if first else last
-
-
 def grid(head, rows):
     """A table in Markdown: headings, and rows of text."""
     lines = [head, ["---"] * len(head), *rows]

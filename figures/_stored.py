@@ -13,6 +13,7 @@ Deeper dependencies on the packages are left to a slow test, which computes ever
 from __future__ import annotations
 
 import ast
+import fcntl
 import hashlib
 import inspect
 import os
@@ -100,12 +101,7 @@ def spent():
 
 @contextmanager
 def locked(path):
-    """Hold the lock of a file, where the system has such locks."""
-    try:
-        import fcntl
-    except ImportError:
-        yield
-        return
+    """Hold the lock of a file."""
     with open(path, "w") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
         yield

@@ -403,17 +403,17 @@ def test_two_rows_that_meet_compute_and_or_or_by_one_torque():
 def test_bonds_with_two_wells_push_the_wall_no_more_than_ends_a_well():
     from figures import transition_trap as picture
 
-    below, above = 0.18, picture.START  # prestrains, of one well and of two
+    below, above = 0.18, 0.285  # prestrains, of one well and of two
     peaks, kept = [], []
     for prestrain in (below, above):
-        _, torque, twist = picture.run([prestrain] * picture.BONDS)
+        _, torque, twist = picture.run(prestrain)
         peaks.append(torque.max())
         kept.append(picture.stored(prestrain, twist))
     assert peaks[0] > 4 * peaks[1]
     assert peaks[1] == pytest.approx(picture.fold(above), rel=1e-5)
     assert kept[0] == (0, 0)
     bonds, part = kept[1]
-    upper, lower = picture.well(above, -1)[0], picture.well(above)[0]
+    upper, lower = picture.well(above, -1), picture.well(above)
     lifted = float(np.subtract(*picture.bond(above).energy([upper, lower])))
     assert bonds == 2
     assert part == pytest.approx(2 * lifted / (0.2**2 / 2), rel=1e-12)

@@ -186,7 +186,6 @@ DOORS = ("tensegrity", "tensegrity.objective", "tensegrity.catalogue", "granular
 INSIDE = {
     "granular.contact_network.wall_sites": "which sites to record for the force on a wall",
     "granular.design.objective": "forces of many designs by the one step of a search",
-    "granular.design.methods": "the strategy of `search`, for prestrains",
     "granular.layout.crossed_layout": "a guide whose branches cross, which no source proposes",
     "tensegrity.animation.moving": "two moving packs in one film",
     "tensegrity.engine": "the loop itself, its threads, and expressions in CasADi",
@@ -195,7 +194,6 @@ INSIDE = {
     "tensegrity.scenes.dynamics.dynamics": "steps beyond the bounds that `simulate` sets",
     "tensegrity.springs.kinks.TAUT": "a tolerance that is explained",
     "tensegrity.waves.transition.standing_forces": "what pins fronts, without looking for one",
-    "tensegrity.waves.limit.largest_speed": "its error, from two extrapolations",
 }
 
 

@@ -10,7 +10,6 @@ from oracle import LIMITS, ORDERS
 
 from figures import (
     chosen,
-    limits_bits,
     limits_contacts,
     limits_drift,
     limits_locking,
@@ -19,7 +18,7 @@ from figures import (
 )
 from figures._draw import render
 from figures._gallery import write_page
-from figures._limits import EXPLICIT, moved
+from figures._limits import EXPLICIT
 
 PAGE = Path(__file__).parent.parent / "docs" / "pictures" / "limits.md"
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
@@ -130,27 +129,6 @@ def test_round_off_of_the_energy_is_a_random_walk_and_drift_makes_it_worse():
     for name, expected in limits_round_off.EXPECTED.items():
         assert limits_round_off.powers(tables, name) == pytest.approx(expected, abs=0.35)
     assert tables["drifting"]["energy"][-1] > 100 * tables["at_rest"]["energy"][-1]
-
-
-def test_repeats_and_threads_change_no_bit():
-    chain, state = limits_bits.start(limits_bits.SITES)
-
-    def run(start):
-        """So many steps in one go that pieces have to exchange what they found."""
-        return np.stack(moved(chain, start, "rkn6", limits_bits.DT, 120))
-
-    first = run(state)
-    for count in limits_bits.THREADS:
-        with limits_bits.on_threads(count):
-            assert limits_bits.differing(first, run(state)) == 0
-    assert limits_bits.differing(first, run(limits_bits.one_bit(state))) > 0
-
-
-def test_recording_more_often_changes_no_bit():
-    chain, state = limits_bits.start(limits_bits.SHORT)
-    _, one = limits_bits.run(chain, state, 24.0, 3)
-    other = limits_bits.run(chain, state, 24.0, 5)[1][:, ::2]
-    assert limits_bits.differing(one, other) == 0
 
 
 def section(name):

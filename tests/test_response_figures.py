@@ -8,13 +8,11 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
 from figures import (
-    response_limit_load,
     response_prestrain,
     response_states,
 )
 
 MODULES = (
-    response_limit_load,
     response_prestrain,
     response_states,
 )
