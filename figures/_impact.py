@@ -6,18 +6,9 @@ import math
 
 import numpy as np
 
+import tensegrity as ts
 from figures import _measure, _scenes
-from tensegrity import (
-    LockingError,
-    Record,
-    arrival,
-    duration,
-    sech2,
-    simulate,
-    solitary_wave,
-    speed,
-    tent,
-)
+from figures._measure import Number
 
 FINE = 0.008  # of its width that the wave goes in a step of the coarser run
 EVERY = 4  # steps between recorded instants
@@ -46,18 +37,17 @@ def tuned(spring, ratio, travel, bracket):
     """
     from scipy.optimize import brentq
 
-    wave = solitary_wave(spring, speed_ratio=ratio)
+    wave = ts.solitary_wave(spring, speed_ratio=ratio)
     bonds = _bonds(travel)
     sites = [site for bond in bonds for site in (bond, bond + 1)]
 
     def excess(velocity):
-        scene = struck(spring, ratio, velocity, travel)
-        record = Record(every=EVERY, sites=sites)
+        scene, record = struck(spring, ratio, velocity, travel), ts.Record(every=EVERY, sites=sites)
         try:
-            run = simulate(*scene, method="rkn6", dt=step(wave), record=record)
-        except LockingError:
+            run = ts.simulate(*scene, method="rkn6", dt=step(wave), record=record)
+        except ts.LockingError:
             return wave.speed  # too hard a blow: surely too fast
-        return speed(run, bonds) - wave.speed
+        return ts.speed(run, bonds) - wave.speed
 
     return brentq(excess, *bracket, xtol=1e-9, rtol=1e-7)
 
@@ -84,46 +74,33 @@ def comparison(spring, ratio, travel, bracket, around):
     """
     velocity = tuned(spring, ratio, travel, bracket)
     blow = struck(spring, ratio, velocity, travel)
-    interval = EVERY * step(solitary_wave(spring, speed_ratio=ratio))
+    interval = EVERY * step(ts.solitary_wave(spring, speed_ratio=ratio))
     run, found = _measure.resolved(blow, lambda run: leading(run, travel), interval)
-    wave = solitary_wave(spring, speed=found["speed"].value)
+    speed, wave = found["speed"], ts.solitary_wave(spring, speed=found["speed"].value)
     reach = math.ceil(wave.reach()) + 2
     along = _scenes.launched(wave, travel + 2 * reach, reach, 0.95 * travel)
     launched, again = _measure.resolved(along, lambda run: leading(run, travel), interval)
-    x = np.linspace(-around, around, 40 * around + 1)
-    exact = wave.elongation(x)
-    gaps = {
-        name: float(np.abs(profile - exact).max() / abs(wave.amplitude))
-        for name, profile in (("sech2", sech2(spring, ratio, x)), ("tent", tent(spring, x)))
-    }
-    emerged = profile(run, travel, found["speed"].value, around)
-    off = np.abs(emerged["strain"] * spring.length - wave.elongation(emerged["x"])).max()
+    x, size = np.linspace(-around, around, 40 * around + 1), abs(wave.amplitude)
+    curves = {"exact": wave.elongation(x), "sech2": ts.sech2(spring, ratio, x)}
+    curves["tent"] = ts.tent(spring, x)
+    emerged = profile(run, travel, speed.value, around)
+    off = float(np.abs(emerged["strain"] * spring.length - wave.elongation(emerged["x"])).max())
     numbers = {
-        "speed over sound speed": _of_sound(found["speed"], spring),
-        "impact velocity [m/s]": _measure.Number(velocity, 1e-7 * velocity),
+        "speed over sound speed": _of(speed, spring.sound_speed()),
+        "impact velocity [m/s]": Number(velocity, 1e-7 * velocity),
         "width, launched [sites]": again["width"],
         "width, emerged [sites]": found["width"],
-        "width, exact [sites]": _measure.Number(wave.width(), wave.residual),
-        "speed of the launched wave over exact - 1": _measure.Number(
-            again["speed"].value / wave.speed - 1, again["speed"].error / wave.speed
-        ),
-        "emerged - exact, over the peak": _measure.Number(
-            float(off / abs(wave.amplitude)), found["peak"].error / abs(wave.amplitude)
-        ),
-        "peak over locking stroke": _measure.Number(
-            wave.amplitude / spring.domain[0], wave.residual
-        ),
-        "sech^2 - exact, over the peak": _measure.Number(gaps["sech2"], wave.residual),
-        "tent - exact, over the peak": _measure.Number(gaps["tent"], wave.residual),
-        "energy error": max(found["energy error"], again["energy error"]),
+        "width, exact [sites]": Number(wave.width(), wave.residual),
+        "speed of the launched wave over exact - 1": _of(again["speed"], wave.speed, 1),
+        "emerged - exact, over the peak": Number(off / size, found["peak"].error / size),
+        "peak over locking stroke": Number(wave.amplitude / spring.domain[0], wave.residual),
     }
+    for name, words in (("sech2", "sech^2"), ("tent", "tent")):
+        gap = float(np.abs(curves[name] - curves["exact"]).max() / size)
+        numbers[f"{words} - exact, over the peak"] = Number(gap, wave.residual)
+    numbers["energy error"] = max(found["energy error"], again["energy error"])
     tables = {
-        "curves": {
-            "x": x,
-            "exact": exact / spring.length,
-            "sech2": sech2(spring, ratio, x) / spring.length,
-            "tent": tent(spring, x) / spring.length,
-        },
+        "curves": {"x": x} | {name: curve / spring.length for name, curve in curves.items()},
         "launched": profile(launched, travel, again["speed"].value, around),
         "emerged": emerged,
         "numbers": _measure.as_table(numbers),
@@ -135,12 +112,11 @@ def leading(run, travel):
     """Speed [sites/s], width [sites] and peak [m] of the leading pulse."""
     bond = _bonds(travel)[1]
     measured, amplitude = _measure.leader(run, _bonds(travel))
-    return {"speed": measured, "width": measured * duration(run, bond), "peak": amplitude}
+    return {"speed": measured, "width": measured * ts.duration(run, bond), "peak": amplitude}
 
 
-def _of_sound(number, spring):
-    sound = spring.sound_speed()
-    return _measure.Number(number.value / sound, number.error / sound)
+def _of(number, unit, less=0):
+    return Number(number.value / unit - less, number.error / unit)
 
 
 def profile(run, travel, measured, around):
@@ -149,7 +125,7 @@ def profile(run, travel, measured, around):
     One instant holds only a few masses of a short wave.
     """
     bond = _bonds(travel)[1]
-    passing = (run.t - arrival(run, bond)) * measured
+    passing = (run.t - ts.arrival(run, bond)) * measured
     span = np.flatnonzero(np.abs(passing) <= SPANNED / 2)
     chosen = span[:: max(1, len(span) // INSTANTS)]
     r = run.scene.elongation(run.u[chosen])
@@ -168,8 +144,6 @@ def draw(axes, tables, title):
     marks = {"emerged": ("C0.", "chain, after an impact"), "launched": ("C3+", "chain, launched")}
     for name, (mark, label) in marks.items():
         axes.plot(tables[name]["x"], -tables[name]["strain"], mark, ms=4, label=label)
-    axes.set(xlabel="distance from the peak [sites]", ylabel="compressive strain")
-    axes.set_title(title, fontsize=10)
-    peak = -curves["exact"].min()
-    tops = [-curves[name].min() for name in ("sech2", "tent")]
-    axes.set_ylim(-0.05 * peak, 1.15 * max([peak, *(t for t in tops if t < 3 * peak)]))
+    axes.set(xlabel="distance from the peak [sites]", ylabel="compressive strain", title=title)
+    tops = [-curves[name].min() for name in ("exact", "sech2", "tent")]
+    axes.set_ylim(-0.05 * tops[0], 1.15 * max(top for top in tops if top < 3 * tops[0]))

@@ -14,22 +14,12 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from tensegrity import (
-    Chain,
-    Prism,
-    Record,
-    State,
-    floquet,
-    orbit_path,
-    periodic_orbit,
-    simulate,
-    solitary_wave,
-)
+import tensegrity as ts
 
 NAME = "orbits_trapped"
 GROUP = "waves"
 
-SPRING = Prism(base=1.0, height=0.7, prestrain=0.1, k_cross=1.0).potential()
+SPRING = ts.Prism(base=1.0, height=0.7, prestrain=0.1, k_cross=1.0).potential()
 LIGHT, HEAVY = 0.5, 2.0  # kg
 SITES, MIDDLE, BEHIND, WINDOW, NEAR = 1201, 600, 40, 20, 8
 RATIOS = (1.2, 1.4, 1.6, 1.8)  # speeds over that of sound
@@ -41,17 +31,17 @@ def chain(mass, sites=SITES):
     """Prisms with another mass in the middle."""
     masses = np.ones(sites)
     masses[sites // 2] = mass
-    return Chain(SPRING, sites, masses)
+    return ts.Chain(SPRING, sites, masses)
 
 
 @cache
 def struck(mass, ratio):
     """A wave that has passed the middle: the run near it, late, and the wave's energy [J]."""
-    scene, wave = chain(mass), solitary_wave(SPRING, speed_ratio=ratio)
+    scene, wave = chain(mass), ts.solitary_wave(SPRING, speed_ratio=ratio)
     near = range(MIDDLE - WINDOW, MIDDLE + WINDOW + 1)
     start = wave.launch(scene, at=MIDDLE - BEHIND)
-    run = simulate(scene, start, LATE + LAST, method="rkn6", dt=STEP,
-                   record=Record(every=1, sites=near))  # fmt: skip
+    run = ts.simulate(scene, start, LATE + LAST, method="rkn6", dt=STEP,
+                   record=ts.Record(every=1, sites=near))  # fmt: skip
     late = run.t > LATE
     return SimpleNamespace(t=run.t[late], u=run.u[late], v=run.v[late]), wave.energy
 
@@ -67,23 +57,23 @@ def family():
     """The mode of the defect, followed in its energy."""
     scene, x = chain(LIGHT, 2 * WINDOW + 1), np.arange(-WINDOW, WINDOW + 1)
     linear = math.sqrt(4 * float(SPRING.stiffness(0.0)) / (LIGHT * (2 - LIGHT))) / (2 * math.pi)
-    guess = State(0.0091 * (-LIGHT / (2 - LIGHT)) ** np.abs(x), 0.0 * x)
-    first = periodic_orbit(scene, guess, period=1 / (1.005 * linear))
-    return orbit_path(first, by="energy", until=0.012), linear
+    guess = ts.State(0.0091 * (-LIGHT / (2 - LIGHT)) ** np.abs(x), 0.0 * x)
+    first = ts.periodic_orbit(scene, guess, period=1 / (1.005 * linear))
+    return ts.orbit_path(first, by="energy", until=0.012), linear
 
 
 def breather(energy):
     """The orbit of an energy [J]."""
     path, _ = family()
     nearest = path.orbits[int(np.argmin(np.abs(path.energy - energy)))]
-    return periodic_orbit(nearest.scene, nearest, energy=energy)
+    return ts.periodic_orbit(nearest.scene, nearest, energy=energy)
 
 
 def share(run, orbit):
     """Mean over the recorded states of the part of their energy along the orbit's nearest one."""
-    whole = simulate(
+    whole = ts.simulate(
         orbit.scene, orbit.state, orbit.period, tol=1e-8,
-        record=Record(times=np.linspace(0, orbit.period, 400)),
+        record=ts.Record(times=np.linspace(0, orbit.period, 400)),
     )  # fmt: skip
     stiffness, mass = float(SPRING.stiffness(0.0)), orbit.scene.mass
 
@@ -130,7 +120,7 @@ def data():
         },
         "linear": {
             "frequency": [linear],
-            "largest modulus": [float(np.abs(floquet(orbit).multipliers[0]))],
+            "largest modulus": [float(np.abs(ts.floquet(orbit).multipliers[0]))],
         },
         "shape": {
             "site": np.arange(-WINDOW, WINDOW + 1),

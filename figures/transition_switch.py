@@ -11,16 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tensegrity import (
-    Chain,
-    Damping,
-    Potential,
-    Record,
-    State,
-    catalogue,
-    simulate,
-    transition_wave,
-)
+import tensegrity as ts
 
 NAME = "transition_switch"
 GROUP = "waves"
@@ -39,7 +30,7 @@ INSTANTS, SKIP = 2001, 16
 
 def unit(torque):
     """The spring to the ground."""
-    return catalogue.twin_strings(sides=4, prestrain=PRESTRAIN, torque=torque)
+    return ts.catalogue.twin_strings(sides=4, prestrain=PRESTRAIN, torque=torque)
 
 
 def wells(ground):
@@ -56,7 +47,7 @@ def spring():
     import sympy as sp
 
     r = sp.Symbol("r")
-    return Potential(COUPLING * r**2 / 2, r)
+    return ts.Potential(COUPLING * r**2 / 2, r)
 
 
 def run(side, defect):
@@ -70,17 +61,17 @@ def run(side, defect):
     if defect is not None:
         u[defect] = -low  # the lower well of a disc biased the other way
     v[0] = side * BLOW
-    chain = Chain(spring(), SITES, ground=ground, damping=Damping(ground=DASHPOT))
-    record = Record(times=np.linspace(0, END, INSTANTS))
-    return simulate(chain, State(u, v), END, tol=1e-6, record=record)
+    chain = ts.Chain(spring(), SITES, ground=ground, damping=ts.Damping(ground=DASHPOT))
+    record = ts.Record(times=np.linspace(0, END, INSTANTS))
+    return ts.simulate(chain, ts.State(u, v), END, tol=1e-6, record=record)
 
 
 def front(torque, dashpot):
     """The front that leaves the upper wells."""
     ground = unit(torque)
     high, low = wells(ground)
-    return transition_wave(
-        spring(), ahead=high, behind=low, ground=ground, damping=Damping(ground=dashpot)
+    return ts.transition_wave(
+        spring(), ahead=high, behind=low, ground=ground, damping=ts.Damping(ground=dashpot)
     )
 
 

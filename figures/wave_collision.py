@@ -8,6 +8,7 @@ from functools import cache
 import tensegrity
 from figures import _measure, _scenes
 from figures._draw import name_curves
+from figures._measure import row
 from tensegrity import LockingError, phase_shift, pulses, simulate, solitary_wave
 
 NAME = "wave_collision"
@@ -44,10 +45,8 @@ def outcome(run, wave):
 
     def windows(tail):
         reach = wave.reach(tail)
-        around = (
-            slice(math.floor(outgoing[way] - reach), math.ceil(outgoing[way] + reach) + 1)
-            for way in (-1, 1)
-        )
+        ends = [(outgoing[way] - reach, outgoing[way] + reach) for way in (-1, 1)]
+        around = [slice(math.floor(low), math.ceil(high) + 1) for low, high in ends]
         return [energy[part].sum() / energy.sum() for part in around]
 
     left, right = windows(WINDOW)
@@ -116,12 +115,12 @@ def draw(figure, tables):
             ax.plot(table["meeting"], table[f"{speed}"], f"C{k}o-", label=f"{speed}")
     axes[1].set(yscale="log", ylabel="fraction of the energy\nin neither wave")
     axes[2].set(ylabel="lead over an undisturbed\nwave [sites]")
-    axes[1].set_title("(b) little energy is left behind", fontsize=10)
-    axes[2].set_title("(c) each wave is shifted ahead", fontsize=10)
+    axes[1].set_title("(b) little energy is left behind")
+    axes[2].set_title("(c) each wave is shifted ahead")
     for ax in axes[1:]:
         ax.set(xlabel="meeting place [sites from a mass]", xlim=(-0.02, 0.6))
         name_curves(ax)
-    figure.suptitle("Colliding waves go on (numbers at curves: speed / sound speed)", fontsize=11)
+    figure.suptitle("Colliding waves go on (numbers at curves: speed / sound speed)")
 
 
 def animate(tables, path):
@@ -132,23 +131,15 @@ def animate(tables, path):
 def table(tables):
     """Rows for the table of the group."""
     claim = "solitons emerge unchanged but for a phase (part I)"
-    rows = []
+    three = [tables[name] for name in ("residue", "exchange", "shift")]
     for ratio in (1.3, 2.0):
-        residue, shift, exchange = (tables[n] for n in ("residue", "shift", "exchange"))
         for k in (0, 2, 4):
-            rows.append(
-                _measure.row(
-                    f"collision {ratio} cs at {MEETINGS[k]:g}",
-                    claim,
-                    f"left {residue[f'{ratio}'][k]:.3e}, exchanged "
-                    f"{exchange[f'{ratio}'][k]:+.1e} of the energy, shift "
-                    f"{shift[f'{ratio}'][k]:+.5f} sites: not exactly",
-                    max(t[f"{ratio} error"][k] for t in (residue, shift, exchange)),
-                )
+            residue, exchange, shift = (one[f"{ratio}"][k] for one in three)
+            found = (
+                f"left {residue:.3e}, exchanged {exchange:+.1e} of the energy, shift {shift:+.5f} "
+                "sites: not exactly"
             )
-    rows.append(
-        _measure.row(
-            f"collision {TOO_FAST} cs", claim, tables["locking"]["message"][0], "no number"
-        )
-    )
-    return rows
+            error = max(one[f"{ratio} error"][k] for one in three)
+            yield row(f"collision {ratio} cs at {MEETINGS[k]:g}", claim, found, error)
+    message = tables["locking"]["message"][0]
+    yield row(f"collision {TOO_FAST} cs", claim, message, "no number")
