@@ -35,7 +35,7 @@ ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "TENSEGRITY_THREADS": "1", "TQDM_DISA
 
 
 def render(name, module, folder):
-    """Compute and draw one picture; returns the files and its lines of the group's table."""
+    """Compute and draw one picture with all its files; returns its lines of the group's table."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -43,26 +43,17 @@ def render(name, module, folder):
 
     tables = module.data()
     lines = list(module.table(tables)) if hasattr(module, "table") else []
-    path = folder / f"{name}.csv"
-    write_tables(path, tables, lines)
-    files = [path]
+    write_tables(folder / f"{name}.csv", tables, lines)
     with plt.rc_context(STYLE):
-        figure = pictured(module, tables)
-        path = folder / f"{name}.png"
-        write(path, figure.savefig)
-        plt.close(figure)
-        files.insert(0, path)
+        write(folder / f"{name}.png", pictured(module, tables).savefig)
         if hasattr(module, "animate"):
-            path = folder / f"{name}.gif"
-            write(path, lambda beside: module.animate(tables, beside))
-            plt.close("all")
-            files.insert(1, path)
+            write(folder / f"{name}.gif", lambda beside: module.animate(tables, beside))
+        plt.close("all")
     if hasattr(module, "text"):
-        section = f"## {title(module)}\n\n![{title(module)}]({name}.png)\n\n{module.text(tables)}\n"
-        path = folder / f"{name}.md"
-        write(path, lambda beside: Path(beside).write_text(section))
-        files.append(path)
-    return files, lines
+        head = title(module)
+        section = f"## {head}\n\n![{head}]({name}.png)\n\n{module.text(tables)}\n"
+        write(folder / f"{name}.md", lambda beside: Path(beside).write_text(section))
+    return lines
 
 
 def pictured(module, tables):
@@ -154,7 +145,7 @@ def draw(job):
     module = import_module(f"figures.{job.name}")
     folder = job.output / module.GROUP
     folder.mkdir(parents=True, exist_ok=True)
-    _, lines = render(job.name, module, folder)
+    lines = render(job.name, module, folder)
     mark = mark_of(job)
     mark.parent.mkdir(exist_ok=True)
     write(mark, lambda beside: Path(beside).write_text(job.sources))

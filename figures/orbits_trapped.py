@@ -15,6 +15,8 @@ from types import SimpleNamespace
 import numpy as np
 
 import tensegrity as ts
+from figures._files import lines
+from figures._tables import arrays
 
 NAME = "orbits_trapped"
 GROUP = "waves"
@@ -98,36 +100,25 @@ def data():
     for ratio in RATIOS:
         run, energy = struck(LIGHT, ratio)
         left = float(np.mean(trapped(run, LIGHT)))
-        orbit = breather(left)
-        heavy = float(np.mean(trapped(struck(HEAVY, ratio)[0], HEAVY)))
-        rows.append((ratio, energy, left / energy, heavy / energy, share(run, orbit),
-                     frequency(run), 1 / orbit.period, left))  # fmt: skip
-    names = ("speed ratio", "energy of the wave", "trapped", "at a heavy mass", "on the breather",
-             "frequency in the run", "frequency of the breather", "energy trapped")  # fmt: skip
-    table = {
-        name: np.array(column) for name, column in zip(names, zip(*rows, strict=True), strict=True)
-    }
+        heavy, orbit = float(np.mean(trapped(struck(HEAVY, ratio)[0], HEAVY))), breather(left)
+        rows.append({
+            "speed ratio": ratio, "energy of the wave": energy, "trapped": left / energy,
+            "at a heavy mass": heavy / energy, "on the breather": share(run, orbit),
+            "frequency in the run": frequency(run), "frequency of the breather": 1 / orbit.period,
+            "energy trapped": left,
+        })  # fmt: skip
+        if ratio == SHOWN:
+            peak = int(np.argmax(np.abs(run.u[:, WINDOW] - run.u.mean(axis=1))))
+            shapes = {"site": np.arange(-WINDOW, WINDOW + 1)}
+            for name, u in (("run", run.u[peak]), ("breather", orbit.state.u)):
+                shapes[name] = u - u.mean()
+            largest = float(np.abs(ts.floquet(orbit).multipliers[0]))
     path, linear = family()
-    run, _ = struck(LIGHT, SHOWN)
-    orbit = breather(float(np.mean(trapped(run, LIGHT))))
-    peak = int(np.argmax(np.abs(run.u[:, WINDOW] - run.u.mean(axis=1))))
+    followed = {"energy": path.energy, "frequency": 1 / path.period, "multiplier": path.multiplier}
     return {
-        "struck": table,
-        "family": {
-            "energy": path.energy,
-            "frequency": 1 / path.period,
-            "multiplier": path.multiplier,
-        },
-        "linear": {
-            "frequency": [linear],
-            "largest modulus": [float(np.abs(ts.floquet(orbit).multipliers[0]))],
-        },
-        "shape": {
-            "site": np.arange(-WINDOW, WINDOW + 1),
-            "run": run.u[peak] - run.u[peak].mean(),
-            "breather": orbit.state.u - orbit.state.u.mean(),
-        },
-    }
+        "struck": arrays(rows), "family": followed, "shape": shapes,
+        "linear": {"frequency": [linear], "largest modulus": [largest]},
+    }  # fmt: skip
 
 
 def draw(figure, tables):
@@ -136,21 +127,15 @@ def draw(figure, tables):
     site, run, orbit = tables["shape"].values()
     shape.plot(site, run, "C0-", lw=1.2, label="run, when largest")
     shape.plot(site, orbit, "ko", ms=4, mfc="none", label="breather")
-    shape.set(
-        xlabel="site, from the light one",
-        ylabel="displacement [m]",
-        xlim=(-12, 12),
-        ylim=(-0.011, 0.026),
-    )
-    shape.legend(frameon=False, fontsize=9, loc="upper left")
-    shape.set_title("(a) What stays is a breather in shape", fontsize=10)
+    shape.set(xlabel="site, from the light one", ylabel="displacement [m]")
+    shape.set(xlim=(-12, 12), ylim=(-0.011, 0.026), title="What stays is a breather in shape")
+    shape.legend(fontsize=9, loc="upper left")
     curve.plot(tables["family"]["energy"], tables["family"]["frequency"], "k-", lw=1.2)
     curve.plot(tables["struck"]["energy trapped"], tables["struck"]["frequency in the run"], "C0o")
     curve.annotate("breather", (0.0063, 0.656), ha="right")
     curve.annotate("runs", (0.0024, 0.622), color="C0")
     curve.set(xlabel="energy near the light mass [J]", ylabel="frequency [Hz]")
-    curve.set_xticks([0, 0.004, 0.008, 0.012])
-    curve.set_title("(b) and in frequency", fontsize=10)
+    curve.set(xticks=[0, 0.004, 0.008, 0.012], title="and in frequency")
     ratio = tables["struck"]["speed ratio"]
     for name, color in (("trapped", "C0"), ("at a heavy mass", "C3")):
         part.semilogy(ratio, tables["struck"][name], f"{color}o-")
@@ -158,13 +143,10 @@ def draw(figure, tables):
     at = ratio[1], tables["struck"]["at a heavy mass"][1] * 1.6
     part.annotate("heavy mass", at, color="C3")
     part.set(xlabel="speed over that of sound", ylabel="part of the wave's energy")
-    part.set_title("(c) Heavy masses trap nothing", fontsize=10)
+    part.set_title("Heavy masses trap nothing")
 
 
 def table(tables):
-    struck = tables["struck"]
-    names = [name for name in struck if name != "speed ratio"]
-    return [
-        {"wave": f"{ratio:g} times the speed of sound"} | {n: float(struck[n][k]) for n in names}
-        for k, ratio in enumerate(struck["speed ratio"])
-    ]
+    for line in lines(tables["struck"]):
+        wave = f"{line.pop('speed ratio'):g} times the speed of sound"
+        yield {"wave": wave} | {name: float(value) for name, value in line.items()}
