@@ -7,8 +7,6 @@ whole group; `text(tables)`, a section of a page on the group; and `animate(tabl
 writes a GIF.
 """
 
-from __future__ import annotations
-
 import importlib
 import pkgutil
 

@@ -6,8 +6,6 @@ and, if it is animated, `name.gif`.  The lines that a group prints are in `print
 pictures of the same sources are retained, so that an interrupted command can be continued.
 """
 
-from __future__ import annotations
-
 import argparse
 import csv
 import shutil

@@ -1,7 +1,5 @@
 """Potentials whose families of solitary waves are drawn."""
 
-from __future__ import annotations
-
 import math
 
 import sympy as sp

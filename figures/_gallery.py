@@ -1,7 +1,5 @@
 """Pages made of the pictures: one page per group, and `index.html` with all finished ones."""
 
-from __future__ import annotations
-
 import re
 from html import escape
 from inspect import cleandoc

@@ -1,7 +1,5 @@
 """Common parts of the pictures of limits: chains, bare loops, words and tables for numbers."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tensegrity import METHODS, Chain, Prism

@@ -10,8 +10,6 @@ printing of objects, and functions of a picture that only show numbers (`SHOWING
 Deeper dependencies on the packages are left to a slow test, which computes every result again.
 """
 
-from __future__ import annotations
-
 import ast
 import fcntl
 import hashlib

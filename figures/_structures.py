@@ -1,7 +1,5 @@
 """Structures drawn in space: bars black, strings by tension, slack ones dashed."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from figures._files import side_by_side

@@ -1,7 +1,5 @@
 """A slender rigid prism locks where its bars meet, a thick one collapses flat."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from figures._draw import name_curves

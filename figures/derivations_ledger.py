@@ -6,8 +6,6 @@ or a slip must also be shown to fail as printed.  `make derivations` writes out 
 step by step.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 
 import sympy as sp

@@ -1,7 +1,5 @@
 """Contacts that open cost a method its order, and corrections restore most of it."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from figures._draw import name_curves, note

@@ -1,7 +1,5 @@
 """In ten million steps rk4 loses a third of the energy; symplectic methods lose none."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from figures._draw import name_curves

@@ -1,7 +1,5 @@
 """Time steps near locking: the step required against the stroke left, and runs of fixed step."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from figures._draw import name_curves

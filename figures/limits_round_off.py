@@ -1,7 +1,5 @@
 """Growth of round-off: the time loop in double precision against extended precision."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from figures._draw import name_curves

@@ -1,7 +1,5 @@
 """Stability limits of the methods: the step at which the highest mode of a chain begins to grow."""
 
-from __future__ import annotations
-
 import numpy as np
 import sympy as sp
 

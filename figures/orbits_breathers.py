@@ -8,8 +8,6 @@ Source: Boechler, Theocharis, Job, Kevrekidis, Porter & Daraio 2010, Discrete br
 one-dimensional diatomic granular crystals, for the chain.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -6,8 +6,6 @@ projected on those of the periodic orbit that continues the mode of the defect, 
 in the inner product of the linear chain's energy.  A heavy mass has no such orbit.
 """
 
-from __future__ import annotations
-
 import math
 from functools import cache
 from types import SimpleNamespace

@@ -7,8 +7,6 @@ grows as the multiplier says, then one wave speeds up towards the stable ones an
 On a ring, waves meet their own radiation, and a stable wave seems to be unstable.
 """
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

@@ -5,8 +5,6 @@ from its self-stressed state.  Along the axis it is a spring whose energy V is a
 elongation alone.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.patches import Ellipse
 

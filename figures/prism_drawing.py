@@ -5,8 +5,6 @@ in tension and the bars in compression; the top triangle is rotated by 5 pi/6 re
 bottom one.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.patches import Arc
 

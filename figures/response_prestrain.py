@@ -1,7 +1,5 @@
 """A thick prism folds at a load that grows with prestrain; a slender one stiffens to contact."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from figures._draw import name_curves, note

@@ -1,7 +1,5 @@
 """In tension the base strings go slack; in compression the bars meet."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

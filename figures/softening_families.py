@@ -4,8 +4,6 @@ Speed against peak of exact waves; dashed the predicted limit of the speed, dott
 dash-dotted an estimate of the first peak above a threshold.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

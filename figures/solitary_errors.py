@@ -1,7 +1,5 @@
 """Near the sound speed sech² errs by the square of gamma; near locking no wave is the tent."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from figures._draw import name_curves

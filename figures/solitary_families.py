@@ -1,7 +1,5 @@
 """Width, energy and peak of exact solitary waves against speed, for rigid and elastic prisms."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from figures._draw import note

@@ -9,8 +9,6 @@ members are bars, for the strings would go slack.
 Source: the talk, concluding remarks, "wave-steering".
 """
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

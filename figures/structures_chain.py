@@ -6,8 +6,6 @@ triangle at each site.
 Source: the talk, part III, "chains of tensegrity prisms".
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.optimize import brentq
 

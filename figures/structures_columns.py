@@ -8,8 +8,6 @@ triangles it tilts or bows at a load that falls about as the inverse square of i
 the top is equivalent to half the length.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 

@@ -8,8 +8,6 @@ Nearly flat, the strings carry a weight only where shortening raises it: down to
 heavier prism reaches earlier.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from figures._draw import name_curves, note

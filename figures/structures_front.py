@@ -8,8 +8,6 @@ border is felt; harder blows slacken strings, and their front is slower.
 Source: the talk, "impact protection".
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from figures._draw import note

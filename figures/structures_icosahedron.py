@@ -1,7 +1,5 @@
 """Where strings go slack, the stable branch of an icosahedron leaves the symmetric path."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from figures._draw import name_curves, note

@@ -6,8 +6,6 @@ preload and one that softens; the resonators are masses on prestressed strings i
 Source: the talk, "negative effective elastic moduli", "wave-steering and stop-bands".
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.optimize import brentq
 

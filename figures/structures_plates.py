@@ -7,8 +7,6 @@ loses its energy to torsion.
 Source: the talk, part III, "chains of tensegrity prisms", where plates have no rotary inertia.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from figures._tables import arrays

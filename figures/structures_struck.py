@@ -6,8 +6,6 @@ behind is held against that of the same lattice with members that never do.
 Source: the talk, "stop-bands", "impact protection".
 """
 
-from __future__ import annotations
-
 import numpy as np
 import sympy as sp
 

@@ -7,8 +7,6 @@ back, since its springs to the inputs are softer than those of the rows (logic b
 that branch: J. Raney et al., PNAS 113, 9722 (2016)).
 """
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

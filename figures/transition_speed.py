@@ -6,8 +6,6 @@ c = sqrt(k) v/sqrt(g^2 + v^2), v = (1 - 2a)/sqrt(2) (N. Nadkarni et al., Phys. R
 threshold of a, beyond which a chain holds a standing front, depends on k alone.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from figures._draw import note

@@ -7,8 +7,6 @@ A disc whose torque acts the other way stops it (N. Nadkarni et al., Phys. Rev. 
 (2016)).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 import tensegrity as ts

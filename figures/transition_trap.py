@@ -7,8 +7,6 @@ most the torque that ends a well, as long as there are bonds to switch; what is 
 pulls with more (S. Shan et al., Adv. Mater. 27, 4296 (2015), for compression).
 """
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

@@ -7,8 +7,6 @@ one hand is slack where the other is longest.  The paths of the structure with e
 maximum of its curve (thresholds of this kind: A. Micheletti et al. 2023).
 """
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Two colliding waves emerge shifted in phase and leave almost no energy behind."""
 
-from __future__ import annotations
-
 import math
 from functools import cache
 

@@ -1,7 +1,5 @@
 """Softening units lower the peak of a blow the more of them there are, stiffening ones never."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.interpolate import make_interp_spline
 from scipy.optimize import brentq

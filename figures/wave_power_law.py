@@ -1,7 +1,5 @@
 """Stiffening power laws carry compression waves, softening ones rarefaction under preload."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from figures import _measure, _scenes

@@ -1,7 +1,5 @@
 """A rarefaction wave leads where the end is held or pulled, never where a free end is pushed."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from figures import _measure, _scenes

@@ -1,7 +1,5 @@
 """Near the sound speed waves are far from sech², at twelve times it they nearly are the tent."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from figures import _impact, _measure, _scenes

@@ -1,7 +1,5 @@
 """Without prestrain solitary waves are still two and a half prisms wide."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from figures import _measure, _scenes

@@ -1,7 +1,5 @@
 """Prestress and preload tune the speed and width of waves, even during their propagation."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
