@@ -62,7 +62,7 @@ def draw_all(jobs, processes, total):
     """
     known, began = costs(), time.perf_counter()
     expected = {job.name: known.get(job.name, 1.0) for job in jobs}
-    left = sum(expected.values())
+    left = every = sum(expected.values())
     results = enumerate(_draw.finished(_draw.draw, jobs, processes), total - len(jobs) + 1)
     for done, (job, one) in results:
         left -= expected[job.name]
@@ -71,7 +71,8 @@ def draw_all(jobs, processes, total):
             traceback.print_exception(one)
             print(f"{place}  FAILED  {job.name}", flush=True)
             continue
-        rest = (time.perf_counter() - began) * left / (sum(expected.values()) - left)
+        took = time.perf_counter() - began + every / processes  # as expected, if nothing is done
+        rest = took * left / (2 * every - left)
         ending = f"; {span(rest)} left" if rest > 10 else ""
         words = title(pictures()[job.name])
         print(f"{place} {one.seconds:6.1f} s  {one.group}/{job.name}: {words}{ending}", flush=True)

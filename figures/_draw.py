@@ -80,9 +80,8 @@ def panels(figure):
     for axes in figure.axes:
         if axes.get_label() != "<colorbar>" and axes.get_visible():
             place = axes.get_subplotspec()
-            found.setdefault(
-                id(axes) if place is None else (id(place.get_gridspec()), place.num1), axes
-            )
+            at = id(axes) if place is None else (id(place.get_gridspec()), place.num1)
+            found.setdefault(at, axes)
     return list(found.values())
 
 

@@ -78,18 +78,13 @@ def data():
     limits = {f"limit of {name} [s]": [stability_step(g, name) for g in GAPS] for name in EXPLICIT}
     errors = [energy_error(g, "verlet", FIXED) for g in GAPS]
     steps = {f"step of {name} [s]": [good_step(g, name) for g in GAPS] for name in EXPLICIT}
+    found, blows = [outcome(g, FIXED)[0] for g in GAPS], [100 * FIXED, FIXED]
     return {
         "steps": {"stroke left": GAPS} | {k: np.array(v) for k, v in (limits | steps).items()},
-        "fixed": {
-            "stroke left": GAPS,
-            "outcome": [outcome(g, FIXED)[0] for g in GAPS],
-            "energy error of the bare loop": np.array(errors),
-        },
-        "locks": {
-            "dt [s]": [100 * FIXED, FIXED],
-            "outcome": [outcome(0.0, dt, OVER)[0] for dt in (100 * FIXED, FIXED)],
-        },
-    }
+        "fixed": {"stroke left": GAPS, "outcome": found,
+                  "energy error of the bare loop": np.array(errors)},
+        "locks": {"dt [s]": blows, "outcome": [outcome(0.0, dt, OVER)[0] for dt in blows]},
+    }  # fmt: skip
 
 
 def powers(tables):

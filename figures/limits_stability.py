@@ -79,22 +79,13 @@ def predicted_growth(method, z):
 
 def data():
     """Growth per step on both sides of each limit and around it."""
-    pairs = {name: bracket(METHODS[name]) for name in EXPLICIT}
-    implicit = [m for m in METHODS.values() if not m.explicit]
-    rows = [found for found, _ in pairs.values()]
-    return {
-        "limits": {
-            "method": EXPLICIT,
-            "stages": [METHODS[name].stages for name in EXPLICIT],
-        }
-        | arrays(rows),
-        "implicit": {
-            "method": [m.name for m in implicit for _ in FAR_STEPS],
-            "dt omega": [z for _ in implicit for z in FAR_STEPS],
-            "growth": [growth(m, z, FEW) for m in implicit for z in FAR_STEPS],
-        },
-        **{name: around for name, (_, around) in pairs.items()},
-    }
+    rows, tables = [], {}
+    for name in EXPLICIT:
+        found, tables[name] = bracket(METHODS[name])
+        rows.append({"method": name, "stages": METHODS[name].stages} | found)
+    far = [{"method": m.name, "dt omega": z, "growth": growth(m, z, FEW)}
+           for m in METHODS.values() if not m.explicit for z in FAR_STEPS]  # fmt: skip
+    return {"limits": arrays(rows), "implicit": arrays(far)} | tables
 
 
 def text(tables):

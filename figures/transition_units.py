@@ -109,13 +109,11 @@ def data():
     for sides, heights in HEIGHTS.items():
         grid = PRESTRAINS[sides]
         count = [[len(wells(of_shape(sides, h, p), sides)) for h in heights] for p in grid]
-        tables[f"{sides} sides"] = {"prestrain": grid} | {
-            f"wells at height {h:.3g}": np.array(count)[:, k] for k, h in enumerate(heights)
-        }
-        tables[f"{sides} sides, limits"] = {
-            "height": heights, "threshold": threshold(sides, heights),
-            "last": last(sides, heights),
-        }  # fmt: skip
+        counts = zip(heights, np.transpose(count), strict=True)
+        counts = {f"wells at height {height:.3g}": column for height, column in counts}
+        tables[f"{sides} sides"] = {"prestrain": grid} | counts
+        limits = {"threshold": threshold(sides, heights), "last": last(sides, heights)}
+        tables[f"{sides} sides, limits"] = {"height": heights} | limits
     branches = {"a branch": ("stable", 0.0), "straight": ("symmetric", 0.0)}
     for name, how in (branches | {"unequal": ("stable", UNEQUAL)}).items():
         _, path = drawn(DRAWN[1], *how)
@@ -124,9 +122,8 @@ def data():
         if name == "straight":
             tables["split"] = {"prestrain": np.array([prestrain_of(path.events[0], DRAWN[1])])}
     twists = np.linspace(-0.46, 0.46, 185)
-    tables["potential"] = {"twist": twists} | {
-        f"torque at {p:g}": of_shape(3, 1.0, p).tension(twists) for p in PUSHED
-    }
+    torques = {f"torque at {p:g}": of_shape(3, 1.0, p).tension(twists) for p in PUSHED}
+    tables["potential"] = {"twist": twists} | torques
     places = [wells(of_shape(3, 1.0, p), 3)[-1] for p in LIMITS]
     tables["wells"] = {"prestrain": LIMITS, "twist": np.array(places)}
     for p in PUSHED:
@@ -170,15 +167,15 @@ def _shapes(ax, tables, sides):
     ax.pcolormesh(heights, prestrain, count(found), cmap="Blues", vmin=-1, vmax=4,
                   shading="nearest")  # fmt: skip
     box = {"fc": "w", "ec": "none", "pad": 2}
-    for k, (limit, words, color) in enumerate(((first, "splits the well", "C1"),
-                                               (end, "ends the wells", "C3"))):  # fmt: skip
+    limits = (first, "splits the well", "C1"), (end, "ends the wells", "C3")
+    for k, (limit, words, color) in enumerate(limits):
         ax.plot(heights, limit, color, lw=2)
         place = (0.97, 0.9 - 0.08 * k)
         note(ax, f"derived: {words}", place, inside=True, ha="right", color=color, bbox=box)
     middle = len(heights) // 4
     levels = np.array([0.0, first[middle], end[middle], prestrain[-1]])
-    for level, words in zip((levels[1:] + levels[:-1]) / 2, ("one well", "two wells", "none"),
-                            strict=True):  # fmt: skip
+    middles = (levels[1:] + levels[:-1]) / 2
+    for level, words in zip(middles, ("one well", "two wells", "none"), strict=True):
         ax.text(heights[middle], level, words, ha="center", va="center")
     ax.set(xlabel="height over side", ylabel="prestrain of the strings")
     ax.set(xlim=heights[[0, -1]], ylim=prestrain[[0, -1]])
@@ -212,10 +209,8 @@ def table(tables):
         found, (_, first, end) = tables[f"{sides} sides"], tables[f"{sides} sides, limits"].values()
         grid = found["prestrain"][:, None]
         expected = np.where((grid > first) & (grid < end), 2, grid < first)
-        wrong = np.count_nonzero(count(found) != expected)
-        rows.append(
-            {"sides": sides, "shapes and prestrains": expected.size, "counted otherwise": wrong}
-        )
+        wrong = {"counted otherwise": np.count_nonzero(count(found) != expected)}
+        rows.append({"sides": sides, "shapes and prestrains": expected.size} | wrong)
     off = []
     for p in PUSHED:
         at, torque = tables[f"structure {p:g}"].values()

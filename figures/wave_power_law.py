@@ -25,10 +25,8 @@ def run_speed(wave, bonds=(40, 60)):
     reach = int(wave.reach()) + 2
     scene = _scenes.launched(wave, bonds[1] + 3 * reach, reach, bonds[1] + reach)
     sites = [site + reach for bond in bonds for site in (bond, bond + 1)]
-    far = tuple(bond + reach for bond in bonds)
-    _, found = _measure.resolved(
-        scene, lambda run: {"speed": speed(run, far)}, 0.1 / wave.speed, sites
-    )
+    far, interval = tuple(bond + reach for bond in bonds), 0.1 / wave.speed
+    _, found = _measure.resolved(scene, lambda run: {"speed": speed(run, far)}, interval, sites)
     return found["speed"]
 
 
@@ -83,9 +81,10 @@ def data():
     tables["abnormal"] = _measure.as_table({"ratio": _measure.Number(wave.speed_ratio, error)})
     tables["abnormal_rest"] = {"message": [no_wave()]}
     x = np.linspace(-8, 8, 401)
-    tables["profiles"] = {"x": x, f"{ABNORMAL}": wave.elongation(x) / RAREFACTION} | {
-        f"{n}": solitary_wave(_scenes.power(n), amplitude=-1.0).elongation(x) for n in NORMAL
-    }
+    tables["profiles"] = {"x": x, f"{ABNORMAL}": wave.elongation(x) / RAREFACTION}
+    for n in NORMAL:
+        wave = solitary_wave(_scenes.power(n), amplitude=-1.0)
+        tables["profiles"][f"{n}"] = wave.elongation(x)
     for n in STRUCK:
         for blow in BLOWS:
             scene = struck(n, BLOWS[blow])
@@ -141,6 +140,5 @@ def table(tables):
             what = "compression" if peak < 0 else "rarefaction"
             kind = f"supersonic {what} leads" if ratio.value > 1 else f"no soliton, {what} leads"
             scene = f"power law n = {n:g}, precompressed, free end {blow} at {BLOW} m/s"
-            yield row(
-                scene, claim, f"{kind}: {ratio.value:.6f} cs, peak {peak:+.4f} m", ratio.error
-            )
+            found = f"{kind}: {ratio.value:.6f} cs, peak {peak:+.4f} m"
+            yield row(scene, claim, found, ratio.error)

@@ -133,9 +133,8 @@ def data():
     found = {blow: [kind(blow, speed) for speed in SPEEDS] for blow in BLOWS}
     tables = {"shaken": _measure.as_table(measured(shaken())[1]), "map": {"blow [m/s]": SPEEDS}}
     for k, ending in enumerate(("", ": c/cs")):
-        tables["map"] |= {
-            f"{blow}{ending}": [pair[k] for pair in row] for blow, row in found.items()
-        }
+        each = {f"{blow}{ending}": [pair[k] for pair in row] for blow, row in found.items()}
+        tables["map"] |= each
     for name, blow in SHOWN.items():
         run, found = measured(struck(blow, HARD))
         tables[name] = _measure.as_table(found)

@@ -169,25 +169,18 @@ def table(tables):
     """Rows for the table of the group."""
     for name, (_, peak, prestrains, preloads) in MAPS.items():
         columns = tables[f"{name} map"]
-        found = ", ".join(
-            f"{q} {np.nanmin(columns[q]):.3f} to {np.nanmax(columns[q]):.3f} {unit}"
-            for q, unit in UNITS.items()
-        )
-        count, none, locked = (
-            len(columns["preload"]),
-            *(int(np.isnan(columns[q]).sum()) for q in ("sound speed", "wave speed")),
-        )
+        ranges = [f"{q} {np.nanmin(columns[q]):.3f} to {np.nanmax(columns[q]):.3f} {unit}"
+                  for q, unit in UNITS.items()]  # fmt: skip
+        found = ", ".join(ranges)
+        count = len(columns["preload"])
+        none, locked = (int(np.isnan(columns[q]).sum()) for q in ("sound speed", "wave speed"))
         if none:
             found += f"; {none} of {count} beyond the limit point"
         if locked > none:
-            found += (
-                f"; {locked - none} of {count} have no wave of that peak (white): their bars meet "
-                "before"
-            )
-        scene = (
-            f"{name} prism, prestrain {prestrains[0]:g} to {prestrains[-1]:g}, preload 0 to "
-            f"{preloads[-1]:g} N, peak {peak:g} m"
-        )
+            found += f"; {locked - none} of {count} have no wave of that peak (white): "
+            found += "their bars meet before"
+        scene = f"{name} prism, prestrain {prestrains[0]:g} to {prestrains[-1]:g}, preload 0 to "
+        scene += f"{preloads[-1]:g} N, peak {peak:g} m"
         claim = "wave properties tunable by local and global prestress"
         yield row(scene, claim, found, "residual of the waves, 1e-12")
     for name, ramp in RAMPS.items():
