@@ -6,9 +6,9 @@ from tensegrity import METHODS, Chain, Prism
 from tensegrity.engine.methods import Corrected
 from tensegrity.scenes.dynamics import dynamics
 
-DIFFERENT = [name for name, method in METHODS.items() if not isinstance(method, Corrected)]
-"""Methods but those that, on smooth springs, do the steps of another."""
-EXPLICIT = [name for name in DIFFERENT if METHODS[name].explicit]
+EXPLICIT = [name for name, method in METHODS.items()
+            if method.explicit and not isinstance(method, Corrected)]  # fmt: skip
+"""Explicit methods but those that, on smooth springs, do the steps of another."""
 COLOURS = {name: f"C{k}" for k, name in enumerate(METHODS)}
 
 

@@ -5,7 +5,6 @@ import numpy as np
 from figures._draw import name_curves
 from tensegrity import NoLocking, Prism
 
-NAME = "constitutive_rigid"
 GROUP = "constitutive"
 
 SLENDER, THICK = 0.7, 0.25  # height over base

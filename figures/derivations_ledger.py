@@ -13,7 +13,6 @@ import sympy as sp
 from derivations import ledger
 from derivations.argument import NAMES, Verdict, derivation
 
-NAME = "derivations_ledger"
 GROUP = "derivations"
 
 # verdict: colour, and what it is called here

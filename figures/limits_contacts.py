@@ -7,7 +7,6 @@ from figures._limits import COLOURS, gap, grid, moved, slope
 from tensegrity import METHODS, Chain, PowerLaw
 from tensegrity.scenes.dynamics import dynamics
 
-NAME = "limits_contacts"
 GROUP = "limits"
 
 BEADS, DURATION = 6, 9.0  # unit masses, unit contacts

@@ -7,7 +7,6 @@ from figures._limits import COLOURS, grid, prism_chain
 from tensegrity import METHODS, State
 from tensegrity.scenes.dynamics import dynamics
 
-NAME = "limits_drift"
 GROUP = "limits"
 
 SITES = 3

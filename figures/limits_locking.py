@@ -7,7 +7,6 @@ from figures._limits import COLOURS, EXPLICIT, grid, moved, prism_chain, slope
 from tensegrity import METHODS, LockingError, Record, StabilityError, State, simulate
 from tensegrity.scenes.dynamics import dynamics
 
-NAME = "limits_locking"
 GROUP = "limits"
 
 GAPS = np.geomspace(1e-5, 1e-1, 13)  # fraction of the stroke left at closest approach

@@ -10,7 +10,6 @@ from tensegrity.engine.kernel import bind
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.springs.kinks import TAUT
 
-NAME = "limits_round_off"
 GROUP = "limits"
 
 SITES, METHOD, DT = 4, "rkn6", 0.3

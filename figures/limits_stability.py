@@ -9,7 +9,6 @@ from figures._tables import arrays
 from tensegrity import METHODS, Chain, Potential, State
 from tensegrity.scenes.dynamics import dynamics
 
-NAME = "limits_stability"
 GROUP = "limits"
 
 SITES = 8  # so few that their frequencies are well apart

@@ -15,7 +15,6 @@ import numpy as np
 from figures._tables import arrays
 from tensegrity import Chain, PowerLaw, State, floquet, periodic_orbit
 
-NAME = "orbits_breathers"
 GROUP = "waves"
 
 HERTZ, PRELOAD, MASSES = 5.464421336726e9, 20.0, (0.02884, 0.00975)  # N/m^1.5, N, kg

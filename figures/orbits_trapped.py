@@ -16,7 +16,6 @@ import tensegrity as ts
 from figures._files import lines
 from figures._tables import arrays
 
-NAME = "orbits_trapped"
 GROUP = "waves"
 
 SPRING = ts.Prism(base=1.0, height=0.7, prestrain=0.1, k_cross=1.0).potential()

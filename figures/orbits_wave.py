@@ -15,7 +15,6 @@ import sympy as sp
 from figures._tables import arrays
 from tensegrity import METHODS, Chain, Potential, State, floquet, predict, simulate, solitary_wave
 
-NAME = "orbits_wave"
 GROUP = "waves"
 
 R = sp.Symbol("r")

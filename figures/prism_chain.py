@@ -11,7 +11,6 @@ from matplotlib.patches import Ellipse
 from figures.prism_drawing import KINDS
 from tensegrity import Prism
 
-NAME = "prism_chain"
 GROUP = "waves"
 
 PRISM, PRELOAD, UNITS = Prism(1.0, 0.9, 0.1, 1.0), 0.06, 4

@@ -10,7 +10,6 @@ from matplotlib.patches import Arc
 
 from tensegrity import Prism
 
-NAME = "prism_drawing"
 GROUP = "start"
 
 PRISM = Prism(base=1.0, height=1.1, prestrain=0.05, k_cross=1.0, k_base=5.0, k_bar=50.0)

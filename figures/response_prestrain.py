@@ -6,7 +6,6 @@ from figures._draw import name_curves, note
 from tensegrity import Prism, equilibrium_path
 from tensegrity.prisms.fold_curve import limit_load
 
-NAME = "response_prestrain"
 GROUP = "response"
 
 SHAPES = {"thick": 0.5, "slender": 1.5}  # height over base

@@ -7,7 +7,6 @@ import numpy as np
 from figures._files import lines
 from tensegrity import Prism, equilibrium_path
 
-NAME = "response_states"
 GROUP = "response"
 
 PRISM = Prism(1.0, 1.0, 0.1, k_cross=1.0, k_base=5.0, k_bar=50.0)

@@ -6,7 +6,6 @@ from figures._draw import name_curves
 from figures._measure import row
 from tensegrity import Chain, Prism, Record, sech2, simulate, solitary_wave, speed, tent
 
-NAME = "solitary_errors"
 GROUP = "waves"
 
 SHAPES = ((0.7, 0.1), (0.7, 0.01), (0.6, 0.001))  # (height, prestrain)

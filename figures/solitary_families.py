@@ -5,7 +5,6 @@ import numpy as np
 from figures._draw import note
 from tensegrity import Prism, predict
 
-NAME = "solitary_families"
 GROUP = "waves"
 
 SPRINGS = {  # name: (prism, preload, family)

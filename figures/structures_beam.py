@@ -19,7 +19,6 @@ import tensegrity
 from figures._tables import arrays
 from tensegrity import Force, Lattice, Record, State, bands, simulate
 
-NAME = "structures_beam"
 GROUP = "structures"
 
 SITES, WIDTH, TRAVEL, START = 60, 7.0, 22.0, (20, 32)  # cells

@@ -11,7 +11,6 @@ from scipy.optimize import brentq
 
 from tensegrity import Prism, bands, dispersion, moduli
 
-NAME = "structures_chain"
 GROUP = "structures"
 
 PRISM = Prism(1.0, 0.7, 0.1, 1.0, 5.0, 50.0)

@@ -17,7 +17,6 @@ from figures._draw import name_curves
 from figures._files import lines, side_by_side
 from tensegrity import Prism, equilibrium_path, plates
 
-NAME = "structures_columns"
 GROUP = "structures"
 
 COUNTS = (1, 2, 3, 5, 7, 10)

@@ -15,7 +15,6 @@ from figures._files import lines, side_by_side
 from figures._structures import film, frames, show
 from tensegrity import Prism, control_path, equilibrium, plates
 
-NAME = "structures_deployment"
 GROUP = "structures"
 
 REFERENCE = Prism(1.0, 0.29, 0.1, k_cross=1.0, k_base=20.0, k_bar=400.0)

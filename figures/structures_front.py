@@ -14,7 +14,6 @@ from figures._draw import note
 from figures.structures_struck import KINDS, octahedra
 from tensegrity import Record, State, bands, moduli, simulate
 
-NAME = "structures_front"
 GROUP = "structures"
 
 LINE, LONG, FAR = 800, 720.0, (24, 48, 96, 144)  # cells; s; cells from the struck one

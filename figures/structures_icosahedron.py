@@ -7,7 +7,6 @@ from figures._files import lines, side_by_side
 from figures._structures import film, frames, show, upright
 from tensegrity import catalogue, equilibrium_path, plates
 
-NAME = "structures_icosahedron"
 GROUP = "structures"
 
 LOWER, UPPER = (0, 4, 8), (3, 7, 11)

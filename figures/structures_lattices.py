@@ -11,7 +11,6 @@ from scipy.optimize import brentq
 
 from tensegrity import Lattice, Prism, bands, catalogue, decay, effective_mass, moduli
 
-NAME = "structures_lattices"
 GROUP = "structures"
 
 LOAD = 0.02  # N, at which the bars of the octahedra buckle

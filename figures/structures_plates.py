@@ -13,7 +13,6 @@ from figures._tables import arrays
 from figures.structures_chain import HANDS, LEAST, PRISM, chain, waves
 from tensegrity import Chain, Record, State, bands, simulate, solitary_wave
 
-NAME = "structures_plates"
 GROUP = "structures"
 
 MASS, GYRATION = 3.0, PRISM.circumradius  # of the nodes of a polygon, 1 kg each

@@ -13,7 +13,6 @@ from figures._files import lines
 from figures._tables import arrays
 from tensegrity import Damping, Drive, Lattice, Record, State, catalogue, decay, simulate
 
-NAME = "structures_struck"
 GROUP = "structures"
 
 CELLS, FAR, STRENGTH = 40, 25, 0.6  # cells either way; the first one with dashpots; N s/m

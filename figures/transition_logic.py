@@ -13,10 +13,10 @@ import numpy as np
 
 from figures import transition_switch as row
 from figures._draw import note
+from figures._scenes import linear
 from figures._tables import arrays
-from tensegrity import Damping, Network, Potential, Record, State, simulate
+from tensegrity import Damping, Network, Record, State, simulate
 
-NAME = "transition_logic"
 GROUP = "waves"
 
 DISCS = 8  # of each row
@@ -38,12 +38,10 @@ def gate(torque):
     ground = out[-1] + 1
     joints = [(a[-1], JUNCTION), (b[-1], JUNCTION)]
     bonds = [pair for part in (a, b, (JUNCTION, *out)) for pair in pairwise(part)]
-    r_spring, unit = row.spring(), row.unit(row.TORQUE)
-    (r,) = r_spring.law.energy.free_symbols
-    softer = Potential(SOFTER * r_spring.law.energy, r)
+    unit, softer = row.unit(row.TORQUE), linear(SOFTER * row.COUPLING)
     places = np.concatenate([[*range(DISCS)] * 2, DISCS + np.arange(DISCS + 1), [-FAR]])
     units = [unit.varied({"M": torque}) if n == JUNCTION else unit for n in range(ground)]
-    springs = [r_spring] * len(bonds) + [softer] * len(joints) + units
+    springs = [row.SPRING] * len(bonds) + [softer] * len(joints) + units
     grounded = [(ground, n) for n in range(ground)]
     return Network(
         places[:, None], [*bonds, *joints, *grounded], springs, held=[ground],

@@ -7,12 +7,14 @@ threshold of a, beyond which a chain holds a standing front, depends on k alone.
 """
 
 import numpy as np
+import sympy as sp
+from scipy.optimize import brentq
 
 from figures._draw import note
+from figures._scenes import linear
 from tensegrity import Chain, Damping, Potential, Record, simulate, transition_wave
 from tensegrity.waves.transition import standing_forces
 
-NAME = "transition_speed"
 GROUP = "waves"
 
 COUPLINGS = (0.1, 0.25, 1.0)  # N/m
@@ -27,23 +29,14 @@ TESTED = {0.1: (0.7, 1.9), 0.25: (0.7,), 1.0: (0.9,)}  # dashpots of runs
 
 def wells(a):
     """The spring to the ground."""
-    import sympy as sp
-
     u, s = sp.symbols("u a")
     return Potential(u**2 * (3 * u**2 - 4 * (1 + s) * u + 6 * s) / 12, u, {"a": a})
-
-
-def bond(k):
-    import sympy as sp
-
-    r, s = sp.symbols("r k")
-    return Potential(s * r**2 / 2, r, {"k": k})
 
 
 def front(k, a, g):
     """The front of a chain with these springs and dashpots."""
     damping = Damping(ground=g)
-    return transition_wave(bond(k), ahead=0.0, behind=1.0, ground=wells(a), damping=damping)
+    return transition_wave(linear(k), ahead=0.0, behind=1.0, ground=wells(a), damping=damping)
 
 
 def continuum(k, a, g):
@@ -54,14 +47,12 @@ def continuum(k, a, g):
 
 def threshold(k):
     """The least a at which the chain holds a standing front."""
-    from scipy.optimize import brentq
-
-    return brentq(lambda a: standing_forces(bond(k), wells(a), 0.0, 1.0)[1], 0.3, 0.5, xtol=1e-12)
+    return brentq(lambda a: standing_forces(linear(k), wells(a), 0.0, 1.0)[1], 0.3, 0.5, xtol=1e-12)
 
 
 def measured(k, a, g):
     """Speed in a run that starts from a step [sites/s]."""
-    chain = Chain(bond(k), SITES, ground=wells(a), damping=Damping(ground=g))
+    chain = Chain(linear(k), SITES, ground=wells(a), damping=Damping(ground=g))
     state = front(k, a, g).launch(chain, at=AT, tail=1e-3)
     rough = type(state)(np.round(state.u), 0 * state.v)
     end = 2 * PASSED / continuum(k, a, g)

@@ -8,16 +8,18 @@ A disc whose torque acts the other way stops it (N. Nadkarni et al., Phys. Rev. 
 """
 
 import numpy as np
+from scipy.optimize import brentq
 
 import tensegrity as ts
 from figures._draw import note
+from figures._scenes import linear
 from figures._tables import arrays
 
-NAME = "transition_switch"
 GROUP = "waves"
 
 PRESTRAIN, TORQUE = 0.28, 3e-3  # N m
 COUPLING, DASHPOT = 0.05, 0.1  # N m/rad, N m s/rad
+SPRING = linear(COUPLING)
 SITES, BLOW, END = 40, 0.2, 500.0  # discs of 1 kg m^2; rad/s of the first; s
 DEFECT = 20
 TORQUES = (2e-3, 2.5e-3, 3e-3, 3.5e-3, 4e-3, 5e-3)
@@ -35,19 +37,10 @@ def unit(torque):
 
 def wells(ground):
     """Twists of the upper and of the lower well [rad], of a positive torque."""
-    from scipy.optimize import brentq
-
     near = brentq(lambda x: float(ground.stiffness(x)), 0.0, 0.35)
     far = brentq(lambda x: float(ground.stiffness(x)), -0.35, 0.0)
     both = (-0.5, far), (near, 0.5)
     return [brentq(lambda x: float(ground.tension(x)), *ends, xtol=1e-15) for ends in both]
-
-
-def spring():
-    import sympy as sp
-
-    r = sp.Symbol("r")
-    return ts.Potential(COUPLING * r**2 / 2, r)
 
 
 def run(side, defect):
@@ -58,7 +51,7 @@ def run(side, defect):
         ground[defect] = unit(-TORQUE)
         u[defect] = -low  # the lower well of a disc biased the other way
     v[0] = side * BLOW
-    chain = ts.Chain(spring(), SITES, ground=ground, damping=ts.Damping(ground=DASHPOT))
+    chain = ts.Chain(SPRING, SITES, ground=ground, damping=ts.Damping(ground=DASHPOT))
     record = ts.Record(times=np.linspace(0, END, INSTANTS))
     return ts.simulate(chain, ts.State(u, v), END, tol=1e-6, record=record)
 
@@ -68,7 +61,7 @@ def front(torque, dashpot):
     ground = unit(torque)
     high, low = wells(ground)
     return ts.transition_wave(
-        spring(), ahead=high, behind=low, ground=ground, damping=ts.Damping(ground=dashpot)
+        SPRING, ahead=high, behind=low, ground=ground, damping=ts.Damping(ground=dashpot)
     )
 
 

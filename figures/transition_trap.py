@@ -17,7 +17,6 @@ from figures._tables import arrays
 from figures.transition_units import natural
 from tensegrity import Chain, Record, State, catalogue, simulate
 
-NAME = "transition_trap"
 GROUP = "waves"
 
 BONDS, BLOW, TORQUE = 20, 0.2, 3e-3  # discs of 1 kg m^2; rad/s of the first; N m on each bond

@@ -14,7 +14,6 @@ import numpy as np
 from figures._draw import note
 from tensegrity import catalogue, control_path, equilibrium_path, held, plates
 
-NAME = "transition_units"
 GROUP = "waves"
 
 HEIGHTS = {3: np.linspace(0.5, 2.0, 31), 4: np.linspace(0.7, 2.2, 31)}  # over the side

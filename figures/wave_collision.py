@@ -9,7 +9,6 @@ from figures._draw import name_curves
 from figures._measure import row
 from tensegrity import LockingError, phase_shift, pulses, simulate, solitary_wave
 
-NAME = "wave_collision"
 GROUP = "waves"
 
 PRISM = (0.8, 0.02)  # height, prestrain
@@ -83,19 +82,16 @@ def shown():
 def data():
     """Residue, exchange and shift over speed and meeting place; one density; the locking."""
     spring = _scenes.rigid(*PRISM)
-    measured = {name: {"meeting": MEETINGS} for name in ("residue", "exchange", "shift")}
-    tables, energy_error = dict(measured), 0.0
+    tables, worst = {n: {"meeting": MEETINGS} for n in ("residue", "exchange", "shift")}, 0.0
     for ratio in SPEEDS:
-        for meeting in MEETINGS:
-            found = collide(spring, ratio, meeting)
-            for name, columns in measured.items():
-                columns.setdefault(f"{ratio}", []).append(found[name].value)
-                columns.setdefault(f"{ratio} error", []).append(found[name].error)
-            window = abs(found["window"].value)
-            tables["residue"].setdefault(f"{ratio} window", []).append(window)
-            energy_error = max(energy_error, found["energy error"].value)
+        found = [collide(spring, ratio, meeting) for meeting in MEETINGS]
+        for name, columns in tables.items():
+            columns[f"{ratio}"] = [one[name].value for one in found]
+            columns[f"{ratio} error"] = [one[name].error for one in found]
+        tables["residue"][f"{ratio} window"] = [abs(one["window"].value) for one in found]
+        worst = max(worst, *(one["energy error"].value for one in found))
     tables["density"] = _measure.density(shown())
-    tables["energy"] = {"largest relative error": [energy_error]}
+    tables["energy"] = {"largest relative error": [worst]}
     tables["locking"] = {"speed ratio": [TOO_FAST], "message": [too_fast()]}
     return tables
 
@@ -133,10 +129,8 @@ def table(tables):
     for ratio in (1.3, 2.0):
         for k in (0, 2, 4):
             residue, exchange, shift = (one[f"{ratio}"][k] for one in three)
-            found = (
-                f"left {residue:.3e}, exchanged {exchange:+.1e} of the energy, shift {shift:+.5f} "
-                "sites: not exactly"
-            )
+            found = f"left {residue:.3e}, exchanged {exchange:+.1e} of the energy, "
+            found += f"shift {shift:+.5f} sites: not exactly"
             error = max(one[f"{ratio} error"][k] for one in three)
             yield row(f"collision {ratio} cs at {MEETINGS[k]:g}", claim, found, error)
     message = tables["locking"]["message"][0]

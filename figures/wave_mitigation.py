@@ -8,7 +8,6 @@ from figures import _measure, _scenes
 from figures._draw import name_curves
 from figures._measure import row
 
-NAME = "wave_mitigation"
 GROUP = "waves"
 
 DEGREE = 7  # of the spline through the force at the wall
@@ -64,12 +63,11 @@ def data():
     """Peak, spread and impulse at the wall for each chain and number of units."""
     tables = {}
     for name in springs():
-        columns = {"units": UNITS}
-        for units in UNITS:
-            for key, number in peaks(name, units).items():
-                columns.setdefault(key, []).append(number.value)
-                columns.setdefault(f"{key} error", []).append(number.error)
-        tables[name] = columns
+        found = [peaks(name, units) for units in UNITS]
+        tables[name] = {"units": UNITS}
+        for key in found[0]:
+            tables[name][key] = [one[key].value for one in found]
+            tables[name][f"{key} error"] = [one[key].error for one in found]
     return tables
 
 

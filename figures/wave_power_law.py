@@ -7,7 +7,6 @@ from figures._draw import name_curves
 from figures._measure import row
 from tensegrity import TensegrityError, solitary_wave, speed
 
-NAME = "wave_power_law"
 GROUP = "waves"
 
 NORMAL = (1.5, 2.0, 3.0)

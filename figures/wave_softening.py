@@ -7,7 +7,6 @@ from figures._draw import note
 from figures._measure import Number, row
 from tensegrity import Chain, Drive, LockingError, Record, arrival, simulate, solitary_wave
 
-NAME = "wave_softening"
 GROUP = "waves"
 
 PRELOAD = 0.05  # N

@@ -6,7 +6,6 @@ from figures import _impact, _measure, _scenes
 from figures._measure import row
 from tensegrity import sech2, solitary_wave
 
-NAME = "wave_speeds"
 GROUP = "waves"
 
 # speed over sound: height, prestrain of the prism; way, velocities to look between

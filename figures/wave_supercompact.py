@@ -8,7 +8,6 @@ from figures._measure import row
 from figures._tables import arrays
 from tensegrity import PowerLaw, solitary_wave
 
-NAME = "wave_supercompact"
 GROUP = "waves"
 
 HEIGHT = 0.8

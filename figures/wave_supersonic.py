@@ -3,7 +3,6 @@
 from figures import _impact, _measure, _scenes
 from figures.wave_speeds import WAVES
 
-NAME = "wave_supersonic"
 GROUP = "waves"
 
 RATIO = 12.16

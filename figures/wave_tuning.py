@@ -9,7 +9,6 @@ from figures import _measure, _scenes
 from figures._measure import Number, row
 from figures._tables import arrays
 
-NAME = "wave_tuning"
 GROUP = "waves"
 
 UNITS = {"sound speed": "sites/s", "wave speed": "sites/s", "width": "sites", "impedance": "kg/s"}

@@ -220,11 +220,6 @@ def test_pictures_are_made_from_the_public_interface():
     assert needed == INSIDE.keys()
 
 
-def test_names_of_pictures_are_those_of_their_modules():
-    for name, module in pictures().items():
-        assert module.__name__ == f"figures.{name}"
-
-
 def test_what_was_stopped_goes_on_where_it_was(tmp_path, capsys):
     """All but one of the first pictures are there, of the same sources."""
     of, last = _stored.everything(), "prism_drawing"

@@ -18,7 +18,7 @@ MODULES = (
 )
 
 
-@pytest.mark.parametrize("module", MODULES, ids=lambda m: m.NAME)
+@pytest.mark.parametrize("module", MODULES)
 def test_picture_is_drawn_from_its_numbers_with_units_on_its_axes(module):
     tables = module.data()
     for table in tables.values():
