@@ -418,27 +418,3 @@ def test_bonds_with_two_wells_push_the_wall_no_more_than_ends_a_well():
     assert bonds == 2
     assert part == pytest.approx(2 * lifted / (0.2**2 / 2), rel=1e-12)
     assert 0.2 < part < 0.3
-
-
-def test_the_gradient_of_the_push_by_prestrain_is_that_of_neighbouring_chains():
-    from figures import transition_trap as picture
-
-    groups, step = np.array([picture.START]), 1e-6
-    _, slopes = picture.peak(groups)
-    more, less = (picture.peak(groups + s)[0] for s in (step, -step))
-    assert slopes[0] == pytest.approx((more - less) / (2 * step), rel=1e-4)
-
-
-def test_the_search_of_protectors_and_gradients_lower_the_push_by_prestrains_of_groups():
-    from figures import transition_trap as picture
-
-    way, found = picture.searched()
-    assert (np.diff(way) <= 0).all()
-    assert way[-1] < way[0] / 1.3
-    lowered, end = picture.descended(found)
-    assert lowered[0] == pytest.approx(way[-1], rel=1e-4)
-    assert lowered[-1] < 0.99 * lowered[0]
-    equal, _ = picture.descended(np.full(picture.GROUPS, picture.START))
-    assert lowered[-1] < 0.95 * equal[-1] < 0.3 * equal[0]
-    _, torque, _ = picture.run(np.repeat(end, picture.BONDS // picture.GROUPS))
-    assert torque.max() == pytest.approx(lowered[-1], rel=1e-3)
