@@ -245,7 +245,7 @@ def test_row_of_a_map_counts_the_prisms_without_a_wave():
     names = ("before", "after", "fraction", "peak", "work", "energy", "momentum")
     change = _measure.as_table(dict.fromkeys(names, _measure.Number(1.0, 1e-9)))
     tables = dict.fromkeys(("stiffening map", "softening map"), some)
-    rows = wave_tuning.table(tables | dict.fromkeys(wave_tuning.RAMPS, change))
+    rows = list(wave_tuning.table(tables | dict.fromkeys(wave_tuning.RAMPS, change)))
     assert "1 of 4 beyond the limit point; 1 of 4 have no wave of that peak" in rows[0]["measured"]
 
 
