@@ -3,6 +3,7 @@
 import numpy as np
 
 from figures._draw import name_curves
+from figures._limits import slope
 from figures._measure import row
 from tensegrity import Chain, Prism, Record, sech2, simulate, solitary_wave, speed, tent
 
@@ -60,7 +61,7 @@ def data():
 def order(tables):
     """Power of gamma in the error of sech^2, over the four smallest; 2 is expected."""
     one = tables["sech2_h0.7_p0.1"]
-    return float(np.polyfit(np.log(one["gamma"][:4]), np.log(one["error"][:4]), 1)[0])
+    return slope(one["gamma"][:4], one["error"][:4])
 
 
 def table(tables):

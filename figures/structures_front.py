@@ -11,7 +11,7 @@ Source: the talk, "impact protection".
 import numpy as np
 
 from figures._draw import note
-from figures.structures_struck import KINDS, octahedra
+from figures.structures_struck import KINDS, normal, octahedra
 from tensegrity import Record, State, bands, moduli, simulate
 
 GROUP = "structures"
@@ -25,13 +25,6 @@ SHOWN = (60.0, 120.0, 240.0)  # s
 
 def lattice():
     return octahedra(KINDS[0])
-
-
-def normal(cell):
-    """Of the layers, and their distance [m]."""
-    n = np.cross(*cell.vectors[:2])
-    n *= np.sign(n @ cell.vectors[2]) / np.linalg.norm(n)
-    return n, float(n @ cell.vectors[2])
 
 
 def sound_speed():

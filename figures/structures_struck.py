@@ -53,15 +53,21 @@ def octahedra(kind):
                    natural_lengths=cell.natural_lengths)  # fmt: skip
 
 
+def normal(cell):
+    """Of the layers, and their distance [m]."""
+    n = np.cross(*cell.vectors[:2])
+    n *= np.sign(n @ cell.vectors[2]) / np.linalg.norm(n)
+    return n, float(n @ cell.vectors[2])
+
+
 def struck(kind, speed, step=STEP, method="corrected6"):
     """Largest force on the held nodes behind [N], and fraction of slack strings, of a blow."""
     lattice = octahedra(kind)
     scene = lattice.network((LAYERS,) * 3)
-    normal = np.cross(*lattice.vectors[:2])
-    normal *= np.sign(normal @ lattice.vectors[2]) / np.linalg.norm(normal)
+    n, _ = normal(lattice)
     layer = np.arange(scene.sites) // lattice.nodes % LAYERS
     held = np.isin(np.arange(scene.sites), scene.held)
-    v = np.where(((layer == 0) & ~held)[:, None], speed * normal, 0.0)
+    v = np.where(((layer == 0) & ~held)[:, None], speed * n, 0.0)
     run = simulate(scene, State(np.zeros_like(v), v), AFTER, method=method, dt=step,
                    record=Record(interval=0.25))  # fmt: skip
     behind = np.isin(scene.bonds, np.flatnonzero(held & (layer == LAYERS - 1)))
@@ -70,7 +76,7 @@ def struck(kind, speed, step=STEP, method="corrected6"):
     for u in run.u:
         d = np.diff((scene.positions + u)[scene.bonds], axis=1)[:, 0]
         length = np.linalg.norm(d, axis=1)
-        pull = scene.bond_tension(u) * (d @ normal) / length
+        pull = scene.bond_tension(u) * (d @ n) / length
         force.append(pull @ (behind[:, 0] * 1.0 - behind[:, 1]))
         slack.append(np.mean(length[strings] < scene.lengths[strings]) if strings.any() else 0.0)
     return {"force [N]": np.abs(np.array(force) - force[0]).max(), "slack": max(slack),

@@ -6,6 +6,7 @@ from scipy.optimize import brentq
 
 from figures import _measure, _scenes
 from figures._draw import name_curves
+from figures._limits import slope
 from figures._measure import row
 
 GROUP = "waves"
@@ -73,10 +74,10 @@ def data():
 
 def exponent(columns):
     """Exponent of the peak force in the number of units, and how it changes on half the range."""
-    units, peak = (np.log(np.array(columns[name], float)) for name in ("units", "peak"))
-    half, late = (units >= np.log(least) for least in (2 * FITTED, FITTED))
-    other, slope = (float(np.polyfit(units[part], peak[part], 1)[0]) for part in (half, late))
-    return slope, abs(slope - other)
+    units, peak = (np.array(columns[name], float) for name in ("units", "peak"))
+    parts = (units >= least for least in (FITTED, 2 * FITTED))
+    found, other = (slope(units[part], peak[part]) for part in parts)
+    return found, abs(found - other)
 
 
 def draw(figure, tables):
@@ -98,10 +99,10 @@ def table(tables):
     """Rows for the table of the group."""
     claim = "softening units mitigate an impact without dissipation, given enough of them"
     for name in springs():
-        slope, error = exponent(tables[name])
+        power, error = exponent(tables[name])
         scene = f"peak force at the wall, {name}, {FITTED} to {UNITS[-1]} units"
         error = f"{error:.1g} (upper half of the range)"
-        yield row(scene, claim, f"falls as units^{slope:.4f}", error)
+        yield row(scene, claim, f"falls as units^{power:.4f}", error)
     units = round(BARRIER / UNIT_SIZE)
     stiff, soft = (tables[name] for name in ("stiffening", "softening"))
     k = UNITS.index(units)

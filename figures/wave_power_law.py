@@ -4,6 +4,7 @@ import numpy as np
 
 from figures import _measure, _scenes
 from figures._draw import name_curves
+from figures._limits import slope
 from figures._measure import row
 from tensegrity import TensegrityError, solitary_wave, speed
 
@@ -40,7 +41,7 @@ def scaling(exponent):
     """
     waves = [solitary_wave(_scenes.power(exponent), amplitude=-size) for size in SIZES]
     speeds = np.array([wave.speed for wave in waves])
-    power = float(np.polyfit(np.log(SIZES), np.log(speeds), 1)[0])
+    power = slope(SIZES, speeds)
     middle = waves[len(waves) // 2]
     error = abs(run_speed(middle).value - middle.speed)
     return {
