@@ -406,7 +406,7 @@ def test_bonds_with_two_wells_push_the_wall_no_more_than_ends_a_well():
     below, above = 0.18, 0.285  # prestrains, of one well and of two
     peaks, kept = [], []
     for prestrain in (below, above):
-        _, torque, twist = picture.run(prestrain)
+        _, torque, twist = picture.run([prestrain])
         peaks.append(torque.max())
         kept.append(picture.stored(prestrain, twist))
     assert peaks[0] > 4 * peaks[1]
@@ -418,3 +418,23 @@ def test_bonds_with_two_wells_push_the_wall_no_more_than_ends_a_well():
     assert bonds == 2
     assert part == pytest.approx(2 * lifted / (0.2**2 / 2), rel=1e-12)
     assert 0.2 < part < 0.3
+
+
+def test_the_gradient_of_the_push_by_prestrain_is_that_of_neighbouring_chains():
+    from figures import transition_trap as picture
+
+    step = 1e-6
+    _, slopes = picture.peak([picture.START])
+    more, less = (picture.peak([picture.START + s])[0] for s in (step, -step))
+    assert slopes[0] == pytest.approx((more - less) / (2 * step), rel=1e-4)
+
+
+def test_gradients_lower_the_push_by_prestrains_of_groups():
+    from figures import transition_trap as picture
+
+    way, groups = picture.descended(np.full(picture.GROUPS, picture.START))
+    assert (np.diff(way) <= 0).all()
+    assert way[-1] < 0.3 * way[0]
+    assert all(picture.RANGE[0] <= p <= picture.RANGE[1] for p in groups)
+    _, torque, _ = picture.run(groups)
+    assert torque.max() == pytest.approx(way[-1], rel=1e-3)
