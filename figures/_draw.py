@@ -23,6 +23,7 @@ STYLE = {
     "figure.figsize": (8, 4.5),
     "figure.dpi": 110,
     "axes.grid": True,
+    "axes.titlesize": 10,
     "grid.alpha": 0.25,
     "axes.spines.top": False,
     "axes.spines.right": False,

@@ -186,8 +186,7 @@ DOORS = ("tensegrity", "tensegrity.objective", "tensegrity.catalogue", "granular
 INSIDE = {
     "granular.contact_network.wall_sites": "which sites to record for the force on a wall",
     "granular.design.objective": "forces of many designs by the one step of a search",
-    "granular.layout.crossed_layout": "a guide whose branches cross, which no source proposes",
-    "tensegrity.animation.moving": "two moving packs in one film",
+    "tensegrity.animation.moving": "a moving pack in panels of a picture",
     "tensegrity.engine": "the loop itself, its threads, and expressions in CasADi",
     "tensegrity.plotting": "films of tables, which are no runs",
     "tensegrity.prisms.fold_curve.limit_load": "a limit point continued in two parameters",
