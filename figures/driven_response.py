@@ -13,7 +13,6 @@ from functools import cache
 import numpy as np
 import sympy as sp
 
-from figures._files import side_by_side
 from tensegrity import (
     Chain,
     Damping,
@@ -86,12 +85,11 @@ def data():
         path = followed(name)
         tables[f"path {name}"] = {"W": path.columns["W"], "amplitude": path.amplitude,
                                   "stable": np.asarray(path.stable, float)}  # fmt: skip
-        tables[f"events {name}"] = side_by_side(
-            [
-                {"kind": one.kind, "W": float(one.value), "amplitude": float(one.amplitude)}
-                for one in path.events
-            ]
-        )
+        tables[f"events {name}"] = {
+            "kind": [one.kind for one in path.events],
+            "W": [float(one.value) for one in path.events],
+            "amplitude": [float(one.amplitude) for one in path.events],
+        }
     tables["transmitted"] = {"drive": STRENGTHS} | {
         side: np.array([transmitted(light, a) for a in STRENGTHS]) for side, light in SIDES.items()
     }
