@@ -23,7 +23,7 @@ from granular.layout import TOUCH
 from granular.materials import Material
 from granular.statics import Equilibrium, rest_of
 from tensegrity import State, TensegrityError, Wall, check
-from tensegrity.readonly import Repeated, fixed
+from tensegrity.readonly import Repeated, as_fixed, fixed
 from tensegrity.scenes.near_pairs import near_pairs
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
     Walls = Mapping[str, tuple[Wall, Material]]
 
-PER_BEAD = 1000  # bytes while a pack is built: places, contacts, and their search
+PER_BEAD = 500  # bytes while a pack is built: places, contacts, and their search
 
 FARTHEST = 1e6  # radii: there the round-off of a place is still well below what counts as touching
 
@@ -108,7 +108,13 @@ class Pack(Assembly):
         places = check.vector("places", places, places.shape)
         if not isinstance(contacts, str) or contacts not in ("fixed", "follow"):
             raise TensegrityError(f"contacts {check.shown(contacts)} must be 'fixed' or 'follow'")
-        filled, places = per_place(beads, len(places)), fixed(places)
+        filled, count = per_place(beads, len(places)), len(places)
+        if striker is None:
+            sites = places = fixed(places)
+        else:
+            start, self._heading = (np.asarray(x, dtype=float) for x in approach)  # type: ignore[union-attr]
+            sites = as_fixed(np.concatenate([places, start[None]]))
+            places = sites[:-1]
         named = _named_walls(walls)
         parts = {"beads": range(len(places))} if parts is None else parts
         given = {name: _range(sites) for name, sites in parts.items()}
@@ -120,18 +126,14 @@ class Pack(Assembly):
         }  # fmt: skip
         self.places, self.striker = places, striker
         if striker is not None:
-            start, self._heading = (np.asarray(x, dtype=float) for x in approach)  # type: ignore[union-attr]
-            places, last = np.concatenate([places, start[None]]), Repeated.of([striker.bead])
-            filled = filled + last
-            given = {"striker": range(len(places) - 1, len(places)), **given}
+            filled = filled + Repeated.of([striker.bead])
+            given = {"striker": range(count, count + 1), **given}
         self.parts, self.beads = given, filled
         self.named_walls, self.wall_names = dict(named), tuple(named)
         solids = tuple(material for _, material in named.values())
         self._wall_materials, self._hertzian = solids, law is hertz
         springs = SharedSprings(checked_law(law))
-        self._join(
-            places, filled, contacts, springs, gravity, preload, drive=drive, damping=damping
-        )
+        self._join(sites, filled, contacts, springs, gravity, preload, drive=drive, damping=damping)
         self._contacts = springs.contacts
         self.equilibrium = rest_of(
             self, striker=None, approach=None, law=springs.contact, forces=()

@@ -15,7 +15,7 @@ from tensegrity.scenes import near_pairs
 from tensegrity.springs.collection import numbered
 
 STEEL = Bead(diameter=10e-3, material=materials["steel"])
-PER_BEAD = 700  # bytes while a pack of some thousand beads is built, six contacts each
+PER_BEAD = 400  # bytes while a pack of some thousand beads is built, six contacts each
 
 
 @st.composite
@@ -102,8 +102,8 @@ def test_a_pack_is_built_within_some_hundred_bytes_a_bead():
         stored, most = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()
-    assert stored < 400 * scene.sites
-    assert most < PER_BEAD * scene.sites + 3e7  # and one slab
+    assert stored < 320 * scene.sites
+    assert most < PER_BEAD * scene.sites + 8e6  # and one block of pairs
 
 
 def test_sites_that_the_loop_cannot_number_are_refused():

@@ -10,7 +10,7 @@
 
 typedef struct {
     const double *x, *radius;     /* (count, dim), (count) */
-    const int *listed;            /* (2, bonds) pairs to be left out */
+    const int *first, *second;    /* (bonds) ends of pairs to be left out */
     const integer *stride;        /* (dim) numbers of cells from one to the next along an axis */
     integer count, dim, bonds, cells;
     double edge, skin;            /* of a cell; bound of the gap */
@@ -38,7 +38,7 @@ void near_cells(const spheres *s)
     for (integer i = 0; i < s->count; i++) s->begin[cell_of(s, i) + 1]++, s->last[i] = -1;
     for (integer c = 0; c < s->cells; c++) s->begin[c + 1] += s->begin[c];
     for (integer b = 0; b < s->bonds; b++) {
-        const int i = s->listed[b], j = s->listed[s->bonds + b], low = i < j ? i : j;
+        const int i = s->first[b], j = s->second[b], low = i < j ? i : j;
         s->before[b] = s->last[low];
         s->last[low] = b;
     }
@@ -47,7 +47,7 @@ void near_cells(const spheres *s)
 static int is_listed(const spheres *s, int i, int j)
 {
     integer b = s->last[i];
-    while (b >= 0 && s->listed[b] + s->listed[s->bonds + b] != i + j) b = s->before[b];
+    while (b >= 0 && s->first[b] + s->second[b] != i + j) b = s->before[b];
     return b >= 0;
 }
 

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from tensegrity.errors import ContactError, TensegrityError
+from tensegrity.readonly import fixed
 from tensegrity.scenes.near_pairs import blocks, distances, near_pairs, total
 from tensegrity.scenes.walls import Wall, WallArrays
 from tensegrity.typing import Array, Indices
@@ -135,7 +136,7 @@ class Clearance:
         known = self._last_near
         if known is None or not np.array_equal(known[0], u):
             x = self.positions + u
-            known = self._last_near = u.copy(), (self.pairs(x), self.wall_pairs(x))
+            known = self._last_near = fixed(u), (self.pairs(x), self.wall_pairs(x))
         return known[1]
 
     def free_travel(self, x: Array, moved: Array | float, pairs: Indices, walls: Indices) -> Array:
@@ -242,8 +243,8 @@ class ClearanceMonitor:
         self._remaining = self._free_travel = clearance.free_travel_at(u, self._near)
 
     def _list(self, u: Array) -> None:
-        self._listed_at = u.copy()
-        self._near = self._pairs, self._walls = self._clearance.near_contacts(u)
+        self._listed_at = fixed(u)
+        self._near = self._pairs, self._walls = self._clearance.near_contacts(self._listed_at)
 
     def update(self, u: Array) -> None:
         """Recompute the distance that every site may move before a violation is possible."""

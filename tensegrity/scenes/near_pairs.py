@@ -65,13 +65,14 @@ def near_pairs(x: Array, radius: Array, skin: float, listed: Any = ()) -> NearPa
     except CompilerError:
         return _compared(x, radius, skin, listed)
     (count, dim), bonds = x.shape, len(listed)
+    first, second = map(np.ascontiguousarray, listed.T)
     cells = max(CELLS, 1 << count.bit_length() - 1)
     widest = (1 + MARGIN) * (2 * radius.max() + skin)
     room = {"begin": cells + 1, "end": cells, "number": count, "last": count, "before": bonds}
     place = np.zeros(count + 1, np.int64)
     given = SPHERES(
         x=np.ascontiguousarray(x), at=np.empty((count, 3)), radius=radius, skin=skin,
-        listed=np.ascontiguousarray(listed.T), stride=strides(cells),
+        first=first, second=second, stride=strides(cells),
         edge=max(widest, FINEST * np.abs(x).max()), count=count, dim=dim, bonds=bonds, cells=cells,
         place=place[1:], low=None, high=None, gap=None,
         **{name: np.empty(size, np.int32) for name, size in room.items()},

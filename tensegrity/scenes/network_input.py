@@ -15,7 +15,7 @@ from tensegrity.errors import TensegrityError
 from tensegrity.readonly import Repeated
 from tensegrity.scenes.near_pairs import blocks, distances, keys
 from tensegrity.scenes.scene import SMALLEST_MASS
-from tensegrity.scenes.walls import Wall, WallArrays, floats
+from tensegrity.scenes.walls import Wall, WallArrays
 from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array, Indices
 
@@ -304,7 +304,7 @@ def checked_wall_gaps(gaps: ArrayLike, found: Array, radius: Array) -> Array:
 
 
 def numbers(name: str, value: ArrayLike, shape: tuple[int, ...] | None = None) -> Array:
-    """`value` as an array of finite floats.
+    """`value` as an array of finite floats, which is not copied if it is one.
 
     Parameters
     ----------
@@ -318,7 +318,7 @@ def numbers(name: str, value: ArrayLike, shape: tuple[int, ...] | None = None) -
     -------
     ndarray
     """
-    array = floats(name, value)
+    array = check.floats(name, value)
     return check.vector(name, array, array.shape if shape is None else shape)
 
 
