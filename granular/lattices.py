@@ -19,7 +19,7 @@ from granular.layout import TOUCH
 from granular.materials import Material
 from granular.packing import PER_BEAD, Pack, per_place
 from tensegrity import TensegrityError, Wall, check
-from tensegrity.readonly import Repeated
+from tensegrity.readonly import Repeated, as_fixed
 from tensegrity.scenes.network_input import refuse_too_many
 
 if TYPE_CHECKING:
@@ -113,9 +113,11 @@ def fcc_pack(
     check.room(f"a pack of {layers} layers of {side} x {side} beads", PER_BEAD * layers * side**2)
     beads, d = _equal(bead, layers * side**2, lambda k: f"bead {k % side**2 + 1} of layer "
                       f"{k // side**2 + 1}")  # fmt: skip
-    layer, iy, ix = np.indices((layers, side, side)).reshape(3, -1)
-    shift = d / 2 + d / 2 * (layer % 2)
-    places = np.stack([shift + ix * d, shift + iy * d, d / 2 + layer * (d / math.sqrt(2))], axis=1)
+    layer, along = np.arange(layers)[:, None, None], np.arange(side) * d
+    shift, grid = d / 2 + d / 2 * (layer % 2), np.empty((layers, side, side, 3))
+    grid[..., 0], grid[..., 1] = shift + along, shift + along[:, None]
+    grid[..., 2] = d / 2 + layer * (d / math.sqrt(2))
+    places = as_fixed(grid.reshape(-1, 3))
     width = (side + 0.5) * d
     walls = _box(
         floor, sides,

@@ -23,8 +23,8 @@ from granular.layout import TOUCH
 from granular.materials import Material
 from granular.statics import Equilibrium, rest_of
 from tensegrity import State, TensegrityError, Wall, check
-from tensegrity.readonly import Repeated, fixed
-from tensegrity.scenes.near_pairs import blocks, near_pairs, searched_once
+from tensegrity.readonly import Repeated, as_fixed, fixed
+from tensegrity.scenes.near_pairs import near_pairs
 
 if TYPE_CHECKING:
     from typing import Any
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
     Walls = Mapping[str, tuple[Wall, Material]]
 
-PER_BEAD = 1000  # bytes while a pack is built: places, contacts, and their search
+PER_BEAD = 500  # bytes while a pack is built: places, contacts, and their search
 
 FARTHEST = 1e6  # radii: there the round-off of a place is still well below what counts as touching
 
@@ -108,7 +108,13 @@ class Pack(Assembly):
         places = check.vector("places", places, places.shape)
         if not isinstance(contacts, str) or contacts not in ("fixed", "follow"):
             raise TensegrityError(f"contacts {check.shown(contacts)} must be 'fixed' or 'follow'")
-        filled, places = per_place(beads, len(places)), fixed(places)
+        filled, count = per_place(beads, len(places)), len(places)
+        if striker is None:
+            sites = places = fixed(places)
+        else:
+            start, self._heading = (np.asarray(x, dtype=float) for x in approach)  # type: ignore[union-attr]
+            sites = as_fixed(np.concatenate([places, start[None]]))
+            places = sites[:-1]
         named = _named_walls(walls)
         parts = {"beads": range(len(places))} if parts is None else parts
         given = {name: _range(sites) for name, sites in parts.items()}
@@ -120,19 +126,14 @@ class Pack(Assembly):
         }  # fmt: skip
         self.places, self.striker = places, striker
         if striker is not None:
-            start, self._heading = (np.asarray(x, dtype=float) for x in approach)  # type: ignore[union-attr]
-            places, last = np.concatenate([places, start[None]]), Repeated.of([striker.bead])
-            filled = filled + last
-            given = {"striker": range(len(places) - 1, len(places)), **given}
+            filled = filled + Repeated.of([striker.bead])
+            given = {"striker": range(count, count + 1), **given}
         self.parts, self.beads = given, filled
         self.named_walls, self.wall_names = dict(named), tuple(named)
         solids = tuple(material for _, material in named.values())
         self._wall_materials, self._hertzian = solids, law is hertz
         springs = SharedSprings(checked_law(law))
-        with searched_once():
-            self._join(
-                places, filled, contacts, springs, gravity, preload, drive=drive, damping=damping
-            )
+        self._join(sites, filled, contacts, springs, gravity, preload, drive=drive, damping=damping)
         self._contacts = springs.contacts
         self.equilibrium = rest_of(
             self, striker=None, approach=None, law=springs.contact, forces=()
@@ -205,21 +206,17 @@ class Pack(Assembly):
                 f"{site_name(self, k)} is {far[k]:.3g} m off the origin, must be at most "
                 f"{FARTHEST * radius.min():.3g} m, {FARTHEST:.0e} radii: gaps are lost in round-off"
             )
-        found = near_pairs(places, 2 * radius.max() + radius.mean())  # as a network's clearance
-        touching = np.zeros(len(found.ends), dtype=bool)
-        for some in blocks(len(touching)):
-            ends, apart = found.ends[some], found.distance[some]
-            first, second = radius[ends.T]
-            gap, room = apart - first - second, TOUCH * (first + second)
-            if np.any(gap < -room):
-                k = int(np.argmin(gap))
-                one, other = (site_name(self, int(end)) for end in ends[k])
-                raise TensegrityError(
-                    f"{one} and {other} overlap by {-gap[k]:.6g} m at the start, must be at "
-                    f"most {room[k]:.1g} m: the distance of their centres is {apart[k]:.6g} m, the "
-                    f"sum of their radii {first[k] + second[k]:.6g} m"
-                )
-            touching[some] = gap <= room
+        ends, gap = near_pairs(places, radius, 3 * TOUCH * radius.max())
+        room = TOUCH * (radius[ends[:, 0]] + radius[ends[:, 1]])
+        if np.any(gap < -room):
+            k = int(np.argmin(gap))
+            one, other = (site_name(self, int(end)) for end in ends[k])
+            both = float(radius[ends[k]].sum())
+            raise TensegrityError(
+                f"{one} and {other} overlap by {-gap[k]:.6g} m at the start, must be at most "
+                f"{room[k]:.1g} m: the distance of their centres is {both + gap[k]:.6g} m, the sum "
+                f"of their radii {both:.6g} m"
+            )
         touched = [np.zeros((0, 2), dtype=int)]
         for number, (wall, name) in enumerate(zip(walls, self.wall_names, strict=True)):
             if wall.point.size != places.shape[1]:
@@ -227,20 +224,22 @@ class Pack(Assembly):
                     f"wall {name!r} has {wall.point.size} coordinates, the places have "
                     f"{places.shape[1]}"
                 )
-            height, beside = wall.height(places), wall.overhang(places) <= 0
-            depth = np.where(beside, radius - height, radius - wall.distance(places))
-            worst = int(np.argmax(depth / radius))
-            if depth[worst] > 2 * TOUCH * radius[worst]:
+            near = np.flatnonzero(wall.height(places) < 2 * radius)  # all others are clear of it
+            x, r = places[near], radius[near]
+            height, beside = wall.height(x), wall.overhang(x) <= 0
+            depth = np.where(beside, r - height, r - wall.distance(x))
+            if np.any(depth > 2 * TOUCH * r):
+                worst = int(np.argmax(depth / r))
                 where = "behind" if height[worst] < 0 and beside[worst] else "through"
                 raise TensegrityError(
-                    f"{site_name(self, worst)} reaches {depth[worst]:.6g} m {where} the wall "
-                    f"{name!r} at the start: its centre is {height[worst]:.6g} m before it, must "
-                    f"be at least its radius, {radius[worst]:.6g} m"
+                    f"{site_name(self, int(near[worst]))} reaches {depth[worst]:.6g} m {where} the "
+                    f"wall {name!r} at the start: its centre is {height[worst]:.6g} m before it, "
+                    f"must be at least its radius, {r[worst]:.6g} m"
                 )
-            close = np.flatnonzero(beside & (np.abs(height - radius) <= 2 * TOUCH * radius))
+            close = near[beside & (np.abs(height - r) <= 2 * TOUCH * r)]
             touched.append(np.stack([close, np.full(len(close), number)], axis=1))
         joined = np.concatenate(touched)
-        return found.ends[touching], joined[np.argsort(joined[:, 0], kind="stable")]
+        return ends[gap <= room], joined[np.argsort(joined[:, 0], kind="stable")]
 
     def _at_rest(self, radius: Array) -> Array:
         """Displacements at rest; the striker is taken along by the bead that it is nearest to, and
@@ -411,7 +410,8 @@ def per_place(beads: Bead | Sequence[Bead], count: int) -> Repeated:
         return Repeated((beads,), np.zeros(count, dtype=int))
     if not isinstance(beads, Iterable) or isinstance(beads, (str, bytes, Mapping)):
         raise TensegrityError(f"beads {check.shown(beads)} are not a Bead or a sequence of Beads")
-    found = Repeated.of(check.sequence("beads", beads, "Beads"))
+    of_each = beads if isinstance(beads, Repeated) else check.sequence("beads", beads, "Beads")
+    found = Repeated.of(of_each)
     if not all(isinstance(bead, Bead) for bead in found.different):
         beads_of(found)  # refuses the first that is none
     if len(found) != count:

@@ -40,6 +40,12 @@ def fixed(value: Any) -> Any:
     return tuple(value) if type(value) is list else value
 
 
+def as_fixed(array: Any) -> Any:
+    """An array itself, from now on not writeable."""
+    array.flags.writeable = False
+    return array
+
+
 def same_content(one: Any, other: Any) -> bool:
     """Whether two values are equal; arrays, also nested ones, are compared number by number."""
     if one is other:

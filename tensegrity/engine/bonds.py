@@ -225,7 +225,7 @@ def net_runs(bonds):
         if is_long(bonds.laws[one]):
             own[law == one] = 1  # so that the law is compiled once
     first = np.cumsum([0, *map(len, members)])
-    source = np.concatenate([np.zeros(0, dtype=int), *members])
+    source = np.concatenate([np.zeros(0, np.int32), *members], dtype=np.int32)
     return Runs(source, first, law, own, kind)
 
 

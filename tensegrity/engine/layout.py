@@ -171,7 +171,8 @@ def _net(loop, bonds, pieces):
         **dict.fromkeys(("geometry", "from", "to")),  # see `of_contacts`
     }
     found = replace(found, contact=None, other=None, counts=None)
-    return _with_parameters(loop, bonds, entries, fields, pieces, found, **more)
+    made = _with_parameters(loop, bonds, entries, fields, pieces, found, **more)
+    return made._replace(runs=runs)
 
 
 def of_contacts(loop, bonds):

@@ -20,7 +20,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tensegrity.errors import RecordError, TensegrityError
-from tensegrity.once import once
 from tensegrity.runs import archive
 from tensegrity.runs.record import OutputStates, refuse_oversize, require_memory
 from tensegrity.runs.run import Run, RunBatch, unchecked
@@ -243,11 +242,6 @@ def _write(file, data, place):
 AT_ONCE = 4_000_000  # most numbers in u of rows whose energies are computed in one call
 
 
-@once
-def _all(sites: int) -> tuple[int, ...]:
-    return tuple(range(sites))
-
-
 class Recorder(OutputStates):
     """Observer that records the rows of a run, in memory or in a file.
 
@@ -267,7 +261,7 @@ class Recorder(OutputStates):
         record, dyn = problem.record, problem.dynamics
         self._problem, self._motion, self._steps = problem, motion, steps
         self._columns, rest = record.columns(dyn.sites), dyn.shape[1:]
-        self._sites = _all(dyn.sites) if record.sites is None else tuple(record.sites)
+        self._sites = range(dyn.sites) if record.sites is None else tuple(record.sites)
         self._in_place = record.is_plain and record.sites is None
         self._rows: Any = None
         self._latest: Any = 0, None  # number of a row, and the states from there on
@@ -390,8 +384,8 @@ class Recorder(OutputStates):
             scene=problem.scene, t=table["t"], u=table["u"], v=table["v"],
             energy=self._energies(table) if self._in_place else table["energy"],
             final=unchecked_state(*final), method=problem.method.name, dt=motion.dt, steps=done,
-            sites=self._sites, complete=complete, stopped=stopped, force_model=problem.force_model,
-            impulse=table["impulse"] if dyn.wall_count else None,
+            sites=tuple(self._sites), complete=complete, stopped=stopped,
+            force_model=problem.force_model, impulse=table["impulse"] if dyn.wall_count else None,
             elongation_range=motion.point.elongation_range,
             fastest=motion.fastest if dyn.follows else None,
             work=table["work"] if forced else None, loss=table["loss"] if forced else None,

@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 
 from tensegrity.errors import ContactError, TensegrityError
-from tensegrity.scenes.near_pairs import blocks, distances, keys, near_pairs, sorted_keys, total
+from tensegrity.readonly import fixed
+from tensegrity.scenes.near_pairs import blocks, distances, near_pairs, total
 from tensegrity.scenes.walls import Wall, WallArrays
 from tensegrity.typing import Array, Indices
 
@@ -64,16 +65,7 @@ class Clearance:
         if not np.abs(x).max(initial=0.0) < FARTHEST:
             far = np.abs(x).max()
             raise TensegrityError(f"a site is {far:g} m away, must be below {FARTHEST:g} m")
-        ends, distance = near_pairs(x, 2 * self.radius.max() + self.skin)
-        listed, found = sorted_keys(self._bonds, self.sites), [ends[:0]]
-        for some in blocks(len(ends)):
-            i, j = ends[some].T
-            near = distance[some] - self.radius[i] - self.radius[j] < self.skin
-            if len(listed):
-                key = keys(ends[some], self.sites)
-                near &= listed.take(np.searchsorted(listed, key), mode="clip") != key
-            found.append(ends[some][near])
-        return np.concatenate(found)
+        return near_pairs(x, self.radius, self.skin, self._bonds).ends
 
     def wall_pairs(self, x: Array) -> Indices:
         """Unlisted pairs (site, wall) whose gap at positions x is below the skin; (n, 2)."""
@@ -144,7 +136,7 @@ class Clearance:
         known = self._last_near
         if known is None or not np.array_equal(known[0], u):
             x = self.positions + u
-            known = self._last_near = u.copy(), (self.pairs(x), self.wall_pairs(x))
+            known = self._last_near = fixed(u), (self.pairs(x), self.wall_pairs(x))
         return known[1]
 
     def free_travel(self, x: Array, moved: Array | float, pairs: Indices, walls: Indices) -> Array:
@@ -251,8 +243,8 @@ class ClearanceMonitor:
         self._remaining = self._free_travel = clearance.free_travel_at(u, self._near)
 
     def _list(self, u: Array) -> None:
-        self._listed_at = u.copy()
-        self._near = self._pairs, self._walls = self._clearance.near_contacts(u)
+        self._listed_at = fixed(u)
+        self._near = self._pairs, self._walls = self._clearance.near_contacts(self._listed_at)
 
     def update(self, u: Array) -> None:
         """Recompute the distance that every site may move before a violation is possible."""

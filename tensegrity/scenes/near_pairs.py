@@ -1,65 +1,108 @@
-"""Pairs of points within a distance of each other.
-
-The points are searched in slabs along their longest extent, so that the memory of a search is that
-of its result and of one slab.
-"""
+"""Pairs of spheres whose gap is below a bound: compiled, see `near_pairs.c`, or without a compiler
+from the distances of each sphere from all others."""
 
 from __future__ import annotations
 
-import threading
+import ctypes
 from collections.abc import Iterator
-from contextlib import contextmanager
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from tensegrity.engine.native import concatenated, library, structure
+from tensegrity.errors import CompilerError
+from tensegrity.once import once
 from tensegrity.typing import Array, Indices
 
-SLAB, SLABS = 2**17, 8  # least number of points in a slab, and largest number of slabs
-FEW = 128  # points that are compared with each other, before SciPy is imported
 PART = 2**16  # pairs that are computed at once
-MARGIN = 1e-3  # of the distance, by which round-off is exceeded
+MARGIN = 1e-3  # of the edge of a cell, by which round-off is exceeded
+FINEST = 1e-12  # least edge of a cell, over the largest coordinate: cells have whole numbers
+CELLS = 128  # least number of cells
+STRIDES = 0.0, 0.7549, 0.5698  # over the number of cells; lines and layers meet most of the cells
 
-_thread = threading.local()
+SPHERES = structure("near_pairs.c", "spheres")
+
+
+@once
+def _compiled() -> Any:
+    return library(concatenated(["prelude.c", "near_pairs.c"]), ["-ffp-contract=off"])
 
 
 class NearPairs(NamedTuple):
-    """Pairs of points, sorted.
+    """Pairs of spheres, sorted.
 
     Attributes
     ----------
     ends : ndarray of int, (pairs, 2)
-        The lower and the higher number of the two points.
-    distance : ndarray, (pairs,)
-        [m]
+        The lower and the higher number of the two spheres.
+    gap : ndarray, (pairs,)
+        [m], < 0 for an overlap.
     """
 
     ends: Indices
-    distance: Array
+    gap: Array
 
 
-def near_pairs(x: Array, reach: float) -> NearPairs:
-    """All pairs of points x (points, dim) whose distance is at most `reach` [m]; within
-    `searched_once`, possibly of larger distance."""
-    known = getattr(_thread, "known", None)
-    if known is None:
-        return _searched(x, reach)
-    for at, within, found in known:
-        if within >= reach and np.array_equal(at, x):
-            return found
-    known[:] = [(x, reach, _searched(x, reach))]
-    return known[0][-1]
+def near_pairs(x: Array, radius: Array, skin: float, listed: Any = ()) -> NearPairs:
+    """All pairs of spheres with a gap below `skin` [m], except those listed.
 
+    Parameters
+    ----------
+    x : ndarray, (spheres, dim)
+        Centres [m].
+    radius : ndarray, (spheres,)
+        [m].
+    skin : float
+    listed : ndarray of int, (listed, 2), optional
 
-@contextmanager
-def searched_once() -> Iterator[None]:
-    """A context in which `near_pairs` answers a search of the same points by the one before it, if
-    that reached as far."""
-    _thread.known = []
+    Returns
+    -------
+    NearPairs
+    """
+    listed = np.reshape(np.asarray(listed, dtype=np.int32), (-1, 2))
     try:
-        yield
-    finally:
-        _thread.known = None
+        search = _compiled()
+    except CompilerError:
+        return _compared(x, radius, skin, listed)
+    (count, dim), bonds = x.shape, len(listed)
+    first, second = map(np.ascontiguousarray, listed.T)
+    cells = max(CELLS, 1 << count.bit_length() - 1)
+    widest = (1 + MARGIN) * (2 * radius.max() + skin)
+    room = {"begin": cells + 1, "end": cells, "number": count, "last": count, "before": bonds}
+    place = np.zeros(count + 1, np.int64)
+    given = SPHERES(
+        x=np.ascontiguousarray(x), at=np.empty((count, 3)), radius=radius, skin=skin,
+        first=first, second=second, stride=strides(cells),
+        edge=max(widest, FINEST * np.abs(x).max()), count=count, dim=dim, bonds=bonds, cells=cells,
+        place=place[1:], low=None, high=None, gap=None,
+        **{name: np.empty(size, np.int32) for name, size in room.items()},
+    )  # fmt: skip
+    search.near_cells(ctypes.addressof(given))
+    search.near_sweep(ctypes.addressof(given))
+    np.cumsum(place, out=place)
+    ends, gap = np.empty((2, place[-1]), np.int32), np.empty(place[-1])
+    given.fill(place=place, low=ends[0], high=ends[1], gap=gap)
+    search.near_sweep(ctypes.addressof(given))
+    return NearPairs(ends.T, gap)
+
+
+def strides(cells: int) -> Indices:
+    """Numbers of cells from one to the next along each axis, modulo a power of two."""
+    return np.array([int(part * cells) | 1 for part in STRIDES])
+
+
+def _compared(x: Array, radius: Array, skin: float, listed: Indices) -> NearPairs:
+    """`near_pairs` without a compiler."""
+    found = []
+    for i in range(len(x)):
+        j = np.arange(i + 1, len(x))
+        gap = distances(x, np.array([i]), j) - radius[i] - radius[j]
+        near = gap < skin
+        found.append((np.full(near.sum(), i), j[near], gap[near]))
+    low, high, gap = map(np.concatenate, zip(*found, strict=True))
+    ends = np.stack([low, high], axis=1)
+    new = ~np.isin(keys(ends, len(x)), keys(listed, len(x)))
+    return NearPairs(ends[new], gap[new])
 
 
 def blocks(count: int) -> Iterator[slice]:
@@ -97,43 +140,3 @@ def total(parts: Array) -> Array:
     """Sum of parts (..., dim) in the order of `numpy.sum`, without its cost for a short axis."""
     first, *others = np.moveaxis(parts, -1, 0)
     return sum(others, start=first)
-
-
-def sorted_keys(ends: Indices, sites: int) -> Indices:
-    """The `keys` of pairs, in increasing order."""
-    found = keys(ends, sites)
-    if np.any(found[1:] < found[:-1]):
-        found.sort()
-    return found
-
-
-def _searched(x: Array, reach: float) -> NearPairs:
-    count = len(x)
-    found = np.concatenate([np.zeros(0, np.int64), *_keys_of_slabs(x, reach)])
-    found.sort()
-    ends = np.empty((len(found), 2), np.int32 if count <= np.iinfo(np.int32).max else np.int64)
-    distance = np.empty(len(found))
-    for some in blocks(len(found)):
-        ends[some, 0], ends[some, 1] = i, j = divmod(found[some], count)
-        distance[some] = distances(x, i, j)
-    return NearPairs(ends, distance)
-
-
-def _keys_of_slabs(x: Array, reach: float) -> Iterator[Indices]:
-    """The keys of the pairs of which one point is in a slab, and the other there or beyond it."""
-    if len(x) <= FEW:
-        ends = np.stack(np.triu_indices(len(x), 1), axis=1)
-        yield keys(ends[total((x[ends[:, 0]] - x[ends[:, 1]]) ** 2) <= reach**2], len(x))
-        return
-    from scipy.spatial import cKDTree
-
-    axis = int(np.argmax(np.ptp(x, axis=0)))
-    order = np.argsort(x[:, axis], kind="stable")
-    line, most = x[order, axis], max(SLAB, -(-len(x) // SLABS))
-    for first in range(0, len(x), most):
-        inside = min(most, len(x) - first)
-        beyond = line[first + inside - 1] + (1 + MARGIN) * reach
-        points = order[first : np.searchsorted(line, beyond, side="right")]
-        tree = cKDTree(x[points], balanced_tree=False, compact_nodes=False)
-        pairs = tree.query_pairs(reach, output_type="ndarray").reshape(-1, 2)
-        yield keys(points[pairs[pairs[:, 0] < inside]], len(x))

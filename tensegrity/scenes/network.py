@@ -178,7 +178,7 @@ class Network(Scene):
         self._law = new_contact_law(contacts, law, self.radius)
         of = dynamics(self)
         _ = of.loop_bonds  # refuses springs that the compiled loop cannot take
-        of.refuse_unlisted(np.zeros(self.shape))
+        of.refuse_unlisted(none)
         self._set_forcing(drive, damping, tune, forces)
         refuse_beside_plates(of)
         if of.follows:

@@ -214,9 +214,9 @@ class NetworkDynamics(Dynamics):
     @cached_property
     def zero_length_elongation(self) -> Array:
         """Elongation [m] at which the ends of each different spring's shortest bond meet."""
-        found, pairs = np.full(len(self.springs), -np.inf), len(self.scene.bonds)
-        np.maximum.at(found, self.springs.group[:pairs], -self.scene.lengths)
-        return fixed(found)
+        found, pairs = np.full(len(self.springs), np.inf), len(self.scene.bonds)
+        np.minimum.at(found, self.springs.group[:pairs], self.scene.lengths)
+        return fixed(-found)
 
     def stiffness_bounds(self, ranges: Array, numbers: Indices | None = None) -> Array:
         """Bound on the stiffness of the bonds of each distinct spring; see `Dynamics`.  That of a

@@ -13,9 +13,9 @@ from tensegrity import check
 from tensegrity.engine import geometry
 from tensegrity.errors import TensegrityError
 from tensegrity.readonly import Repeated
-from tensegrity.scenes.near_pairs import blocks, keys, total
+from tensegrity.scenes.near_pairs import blocks, distances, keys
 from tensegrity.scenes.scene import SMALLEST_MASS
-from tensegrity.scenes.walls import Wall, WallArrays, floats
+from tensegrity.scenes.walls import Wall, WallArrays
 from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array, Indices
 
@@ -61,8 +61,9 @@ def contact_geometry(
     count, (site, wall) = len(bonds), wall_contacts.T
     found, gaps = np.zeros((2, count + len(site)))
     given = None if lengths is None else _given_lengths(lengths, count)
+    x = exact(positions)
     for some in blocks(count):
-        distance = _distances(positions, bonds[some])
+        distance: Any = distances(x, *bonds[some].T)
         if not distance.all():
             number = some.start + int(np.argmin(distance))
             i, j = bonds[number]
@@ -70,19 +71,12 @@ def contact_geometry(
         found[:count][some] = distance if given is None else given[some]
         if given is not None:
             gaps[:count][some] = distance - given[some]
-    heights = WallArrays(walls, positions.shape[1]).height(exact(positions[site]), wall)
+    heights = WallArrays(walls, positions.shape[1]).height(x[site], wall)
     radii = np.zeros(0) if radius is None else radius[site]
     gaps[count:] = heights - radii
     if wall_gaps is not None:
         gaps[count:] = checked_wall_gaps(wall_gaps, gaps[count:], radii)
     return found, gaps if gaps.any() else np.broadcast_to(0.0, gaps.shape)
-
-
-def _distances(positions: Array, bonds: Indices) -> Any:
-    """Distances of the two sites of bonds [m], in extended precision."""
-    separation = exact(positions[bonds[:, 1]]) - positions[bonds[:, 0]]
-    separation *= separation
-    return np.sqrt(total(separation))
 
 
 def exact(values: Array) -> Any:
@@ -310,7 +304,7 @@ def checked_wall_gaps(gaps: ArrayLike, found: Array, radius: Array) -> Array:
 
 
 def numbers(name: str, value: ArrayLike, shape: tuple[int, ...] | None = None) -> Array:
-    """`value` as an array of finite floats.
+    """`value` as an array of finite floats, which is not copied if it is one.
 
     Parameters
     ----------
@@ -324,7 +318,7 @@ def numbers(name: str, value: ArrayLike, shape: tuple[int, ...] | None = None) -
     -------
     ndarray
     """
-    array = floats(name, value)
+    array = check.floats(name, value)
     return check.vector(name, array, array.shape if shape is None else shape)
 
 
