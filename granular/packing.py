@@ -239,7 +239,8 @@ class Pack(Assembly):
             close = near[beside & (np.abs(height - r) <= 2 * TOUCH * r)]
             touched.append(np.stack([close, np.full(len(close), number)], axis=1))
         joined = np.concatenate(touched)
-        return ends[gap <= room], joined[np.argsort(joined[:, 0], kind="stable")]
+        order = np.argsort(joined[:, 0], kind="stable")
+        return ends.T.compress(gap <= room, axis=1).T, joined[order]
 
     def _at_rest(self, radius: Array) -> Array:
         """Displacements at rest; the striker is taken along by the bead that it is nearest to, and
