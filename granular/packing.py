@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
     Walls = Mapping[str, tuple[Wall, Material]]
 
-PER_BEAD = 500  # bytes while a pack is built: places, contacts, and their search
+PER_BEAD = 550  # bytes while a pack is built: places, contacts, and their search
 
 FARTHEST = 1e6  # radii: there the round-off of a place is still well below what counts as touching
 
