@@ -269,7 +269,7 @@ def test_after_ctrl_c_a_path_has_the_orbits_so_far(monkeypatch):
 
     monkeypatch.setattr(np, "column_stack", ctrl_c)
     path = orbit_path(first, by="W", until=1.75)
-    assert path.end == "interrupted" and whole.end == "W 1.75"
+    assert [path.end, whole.end] == ["interrupted", "W 1.75"]
     assert 4 < len(path) == len(path.orbits) < len(whole)
     np.testing.assert_allclose(path.amplitude, whole.amplitude[: len(path)], rtol=1e-9)
     calls[:] = [0] * 59  # before there is a first row
