@@ -24,7 +24,7 @@ pictures: $(READY)
 		$(wildcard docs/pictures/*.png))))
 
 define HELP
-make figures       the 14 main pictures, in a minute or two, in figures/output
+make figures       the 13 main pictures, in a minute or two, in figures/output
 make gallery       all pictures, slow ones last; goes on where it was stopped
 make derivations   every formula, derived and checked, as a page
 make site          guide, gallery and reference, in docs/_build/site

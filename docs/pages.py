@@ -55,7 +55,7 @@ ROOMS = {  # page: (title, modules whose public names it holds, modules document
 }  # fmt: skip
 
 JOINED = {"claims": "waves", "composite": "waves", "softening_limits": "waves",
-          "gradients": "packs", "models": "response"}  # groups  # fmt: skip
+          "gradients": "packs", "lens": "waves", "models": "response"}  # groups  # fmt: skip
 TABLES = {"METHODS": "tensegrity.engine.methods"}  # of public tables, which have no module
 
 

@@ -1,13 +1,11 @@
 """The pictures: one module each, made from the public interface only.
 
-A module with a NAME is a picture.  It belongs to a GROUP; `data()` computes its numbers, as
-tables {table: {column: array}}; `draw(figure, tables)` draws them and computes nothing.  It may
-have `table(tables)`, lines {column: value} of a table that is printed, and written as CSV, for the
-whole group; `text(tables)`, a section of a page on the group; and `animate(tables, path)`, which
-writes a GIF.
+A module without an underscore is a picture of its name.  It belongs to a GROUP; `data()` computes
+its numbers, as tables {table: {column: array}}; `draw(figure, tables)` draws them and computes
+nothing.  It may have `table(tables)`, lines {column: value} of a table that is printed, and
+written as CSV, for the whole group; `text(tables)`, a section of a page on the group; and
+`animate(tables, path)`, which writes a GIF.
 """
-
-from __future__ import annotations
 
 import importlib
 import pkgutil
@@ -17,7 +15,6 @@ FIRST = (
     "constitutive_rigid",
     "derivations_ledger",
     "response_prestrain",
-    "response_limit_load",
     "structures_icosahedron",
     "wave_supersonic",
     "wave_speeds",
@@ -33,12 +30,8 @@ FIRST = (
 
 def pictures():
     """{name: module} of all pictures, in the order of their names."""
-    found = {}
-    for module in pkgutil.iter_modules(__path__):
-        if not module.name.startswith("_"):
-            loaded = importlib.import_module(f"{__name__}.{module.name}")
-            found[loaded.NAME] = loaded
-    return dict(sorted(found.items()))
+    names = sorted(one.name for one in pkgutil.iter_modules(__path__) if one.name[0] != "_")
+    return {name: importlib.import_module(f"{__name__}.{name}") for name in names}
 
 
 def chosen(names):

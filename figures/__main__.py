@@ -6,16 +6,14 @@ and, if it is animated, `name.gif`.  The lines that a group prints are in `print
 pictures of the same sources are retained, so that an interrupted command can be continued.
 """
 
-from __future__ import annotations
-
 import argparse
 import csv
 import shutil
 import signal
 import sys
+import time
 import traceback
 from pathlib import Path
-from statistics import median
 
 from figures import FIRST, _draw, _stored, chosen, pictures
 from figures._draw import Job
@@ -62,19 +60,19 @@ def draw_all(jobs, processes, total):
     Drawn
         Of each that did not fail.
     """
-    known = costs()
-    expected = {job.name: known.get(job.name, median(known.values())) for job in jobs}
-    done, left, slower = total - len(jobs), sum(expected.values()), [1.0] * 5
-    for job, one in _draw.finished(_draw.draw, jobs, processes):
-        done += 1
+    known, began = costs(), time.perf_counter()
+    expected = {job.name: known.get(job.name, 1.0) for job in jobs}
+    left = every = sum(expected.values())
+    results = enumerate(_draw.finished(_draw.draw, jobs, processes), total - len(jobs) + 1)
+    for done, (job, one) in results:
         left -= expected[job.name]
         place = f"{done:{len(str(total))}}/{total}"
         if isinstance(one, BaseException):
             traceback.print_exception(one)
             print(f"{place}  FAILED  {job.name}", flush=True)
             continue
-        slower += [one.seconds / expected[job.name]] * (expected[job.name] > 1)
-        rest = left / processes * median(slower)
+        took = time.perf_counter() - began + every / processes  # as expected, if nothing is done
+        rest = took * left / (2 * every - left)
         ending = f"; {span(rest)} left" if rest > 10 else ""
         words = title(pictures()[job.name])
         print(f"{place} {one.seconds:6.1f} s  {one.group}/{job.name}: {words}{ending}", flush=True)
@@ -116,8 +114,7 @@ def arguments_of():
     add("--processes", type=int, default=2, metavar="N", help="pictures drawn at a time: 2")
     words = "draw what is there again, and compute again what is stored in figures/data"
     add("--fresh", action="store_true", help=words)
-    words = "refresh docs/pictures and figures/data by what was drawn"
-    add("--update", action="store_true", help=words)
+    add("--update", action="store_true", help="refresh docs/pictures and figures/data")
     return parser
 
 

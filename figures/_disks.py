@@ -1,7 +1,5 @@
 """Beads drawn as disks."""
 
-from __future__ import annotations
-
 import numpy as np
 
 

@@ -23,44 +23,38 @@ STYLE = {
     "figure.figsize": (8, 4.5),
     "figure.dpi": 110,
     "axes.grid": True,
+    "axes.titlesize": 10,
     "grid.alpha": 0.25,
     "axes.spines.top": False,
     "axes.spines.right": False,
     "legend.frameon": False,
     "font.size": 10,
+    "axes.titlesize": 10,
+    "figure.titlesize": 11,
 }
 ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "TENSEGRITY_THREADS": "1", "TQDM_DISABLE": "1"}
 
 
 def render(name, module, folder):
-    """Compute and draw one picture; returns the files and its lines of the group's table."""
+    """Compute and draw one picture with all its files; returns its lines of the group's table."""
     import matplotlib
 
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
     tables = module.data()
-    lines = module.table(tables) if hasattr(module, "table") else []
-    path = folder / f"{name}.csv"
-    write_tables(path, tables, lines)
-    files = [path]
+    lines = list(module.table(tables)) if hasattr(module, "table") else []
+    write_tables(folder / f"{name}.csv", tables, lines)
     with plt.rc_context(STYLE):
-        figure = pictured(module, tables)
-        path = folder / f"{name}.png"
-        write(path, figure.savefig)
-        plt.close(figure)
-        files.insert(0, path)
+        write(folder / f"{name}.png", pictured(module, tables).savefig)
         if hasattr(module, "animate"):
-            path = folder / f"{name}.gif"
-            write(path, lambda beside: module.animate(tables, beside))
-            plt.close("all")
-            files.insert(1, path)
+            write(folder / f"{name}.gif", lambda beside: module.animate(tables, beside))
+        plt.close("all")
     if hasattr(module, "text"):
-        section = f"## {title(module)}\n\n![{title(module)}]({name}.png)\n\n{module.text(tables)}\n"
-        path = folder / f"{name}.md"
-        write(path, lambda beside: Path(beside).write_text(section))
-        files.append(path)
-    return files, lines
+        head = title(module)
+        section = f"## {head}\n\n![{head}]({name}.png)\n\n{module.text(tables)}\n"
+        write(folder / f"{name}.md", lambda beside: Path(beside).write_text(section))
+    return lines
 
 
 def pictured(module, tables):
@@ -71,15 +65,13 @@ def pictured(module, tables):
     module.draw(figure, tables)
     several = panels(figure)
     if not figure.get_suptitle() and not (len(several) == 1 and several[0].get_title()):
-        figure.suptitle(title(module), fontsize=11)
+        figure.suptitle(title(module))
     for k, axes in enumerate(several if len(several) > 1 else ()):
         titles = [axes.get_title(loc=where) for where in ("left", "center", "right")]
         if not any(words.startswith("(") for words in titles):
             where = "left" if titles[0] else "center"
             words = f"({chr(ord('a') + k)}) {titles[0] or titles[1]}".strip()
-            axes.set_title(
-                words, loc=where, fontsize=axes.title.get_fontsize() if titles[1] else 10
-            )
+            axes.set_title(words, loc=where, fontsize=axes.title.get_fontsize())
     return figure
 
 
@@ -89,10 +81,16 @@ def panels(figure):
     for axes in figure.axes:
         if axes.get_label() != "<colorbar>" and axes.get_visible():
             place = axes.get_subplotspec()
-            found.setdefault(
-                id(axes) if place is None else (id(place.get_gridspec()), place.num1), axes
-            )
+            at = id(axes) if place is None else (id(place.get_gridspec()), place.num1)
+            found.setdefault(at, axes)
     return list(found.values())
+
+
+def note(axes, words, place, shift=(0, 0), *, inside=False, **style):
+    """Write words at a place in the data, or where `inside` in fractions of the axes, shifted by
+    some points."""
+    where = "axes fraction" if inside else "data"
+    axes.annotate(words, place, shift, xycoords=where, textcoords="offset points", **style)
 
 
 def name_curves(axes, *, spread=11.0, at=-1):
@@ -116,13 +114,10 @@ def name_curves(axes, *, spread=11.0, at=-1):
     for k in sorted(range(len(lines)), key=lambda k: ends[k][1]):
         last = max(ends[k][1], last + spread * scale)
         is_first = ends[k][0] <= axes.transData.transform(lines[k].get_xydata())[:, 0].min()
-        axes.annotate(
-            lines[k].get_label(), places[k],
-            (-6 if is_first else 6, (last - ends[k][1]) / scale),
-            textcoords="offset points", va="center",
-            ha="right" if is_first else "left", color=lines[k].get_color(), fontsize=9,
-            annotation_clip=False,
-        )  # fmt: skip
+        shift = -6 if is_first else 6, (last - ends[k][1]) / scale
+        how = {"ha": "right" if is_first else "left", "color": lines[k].get_color()}
+        words = lines[k].get_label()
+        note(axes, words, places[k], shift, va="center", fontsize=9, annotation_clip=False, **how)
 
 
 class Job(NamedTuple):
@@ -150,7 +145,7 @@ def draw(job):
     module = import_module(f"figures.{job.name}")
     folder = job.output / module.GROUP
     folder.mkdir(parents=True, exist_ok=True)
-    _, lines = render(job.name, module, folder)
+    lines = render(job.name, module, folder)
     mark = mark_of(job)
     mark.parent.mkdir(exist_ok=True)
     write(mark, lambda beside: Path(beside).write_text(job.sources))
@@ -179,14 +174,11 @@ def finished(function, cases, processes):
         yield from ((case, function(case)) for case in cases)
         return
     with ProcessPoolExecutor(processes, get_context("spawn"), begin) as pool:
-        futures = {}
         try:
-            futures.update((pool.submit(function, case), case) for case in cases)
+            futures = {pool.submit(function, case): case for case in cases}
             for future in as_completed(futures):
                 yield futures[future], future.exception() or future.result()
         except BaseException:
-            for future in futures:
-                future.cancel()
             for child in active_children():
                 child.kill()
                 with suppress(ProcessLookupError):

@@ -5,8 +5,6 @@ A CSV file holds all tables of a picture in long form, one number in each line,
 table called "printed".
 """
 
-from __future__ import annotations
-
 import csv
 import os
 import tempfile

@@ -1,7 +1,5 @@
 """Pages made of the pictures: one page per group, and `index.html` with all finished ones."""
 
-from __future__ import annotations
-
 import re
 from html import escape
 from inspect import cleandoc
@@ -11,11 +9,7 @@ from derivations.report import SOURCES
 from figures import chosen, pictures
 from figures._files import read_printed, write
 
-PAGES = {
-    "composite": "The composite claim",
-    "limits": "Limits of the methods",
-    "protectors": "Protectors",
-}  # titles of the pages that groups have
+PAGES = {"composite": "The composite claim", "limits": "Limits of the methods"}  # titles
 FIRST = "start"  # group
 STYLE = """
 :root { color-scheme: light dark; }
@@ -72,17 +66,12 @@ def write_page(group, rendered, folder):
 
 
 def made(folder):
-    """{group: {name: module}} of the pictures that are in an output folder."""
+    """{group: {name: module}} of the pictures in an output folder, the introductory ones first."""
     found = {}
     for name, module in pictures().items():
         if (folder / module.GROUP / f"{name}.png").is_file():
             found.setdefault(module.GROUP, {})[name] = module
-    return in_order(found)
-
-
-def in_order(groups):
-    """Groups of pictures, the introductory ones first."""
-    return dict(sorted(groups.items(), key=lambda group: group[0] != FIRST))
+    return dict(sorted(found.items(), key=lambda group: group[0] != FIRST))
 
 
 def _table(lines):
@@ -90,29 +79,25 @@ def _table(lines):
     if not lines:
         return ""
     head = "".join(f"<th>{escape(key)}</th>" for key in lines[0])
-    rows = "".join(
-        "<tr>" + "".join(f"<td>{escape(short(v))}</td>" for v in line.values()) + "</tr>\n"
-        for line in lines
-    )
+    cells = ("".join(f"<td>{escape(short(v))}</td>" for v in line.values()) for line in lines)
+    rows = "".join(f"<tr>{of_line}</tr>\n" for of_line in cells)
     return f'<div class="table"><table><tr>{head}</tr>\n{rows}</table></div>'
 
 
 def _picture(name, module, folder):
     """One picture with its description, its printed lines, its numbers and its command."""
-    place = f"{module.GROUP}/{name}"
-    data = folder / f"{place}.csv"
-    film = f'<p><img src="{place}.gif" alt="{escape(title(module))}, in motion"></p>'
-    numbers = f'<a href="{place}.csv">numbers</a> · ' if data.is_file() else ""
-    return "\n".join(
-        [
-            f'<figure id="{name}"><h3>{escape(title(module))}</h3>',
-            *(f"<p>{escape(part)}</p>" for part in words(module)),
-            f'<img src="{place}.png" alt="{escape(title(module))}" loading="lazy">',
-            film if (folder / f"{place}.gif").is_file() else "",
-            _table(read_printed(data)) if data.is_file() else "",
-            f"<p>{numbers}<code>python -m figures {name}</code></p></figure>",
-        ]
-    )
+    place, head = f"{module.GROUP}/{name}", escape(title(module))
+    parts = [f'<figure id="{name}"><h3>{head}</h3>']
+    parts += [f"<p>{escape(part)}</p>" for part in words(module)]
+    parts.append(f'<img src="{place}.png" alt="{head}" loading="lazy">')
+    if (folder / f"{place}.gif").is_file():
+        parts.append(f'<p><img src="{place}.gif" alt="{head}, in motion"></p>')
+    numbers = ""
+    if (data := folder / f"{place}.csv").is_file():
+        parts.append(_table(read_printed(data)))
+        numbers = f'<a href="{place}.csv">numbers</a> · '
+    parts.append(f"<p>{numbers}<code>python -m figures {name}</code></p></figure>")
+    return "\n".join(parts)
 
 
 def write_index(folder):

@@ -4,11 +4,18 @@ Curves are offset like the paper's, so many newtons per division.  Our choice wh
 text gives no sensor: bead 16 of stem 1.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
-from granular import Bead, Striker, energies, materials, overlaps, sensor_force, simulate
+from granular import (
+    Bead,
+    Striker,
+    diamond_guide,
+    energies,
+    materials,
+    overlaps,
+    sensor_force,
+    simulate,
+)
 from tensegrity import Record
 
 STEEL = Bead(4.76e-3, materials["steel"], mass=0.45e-3)
@@ -18,9 +25,9 @@ PARYLENE = STEEL.coated(materials["parylene"], 50e-6)
 HEAVY = Bead.of_mass(5.33e-3, materials["steel"])
 STEM, BRANCH = 19, 47  # beads in each
 DT = 0.1e-6  # s: energy to 2e-8 or better in these scenes
-MIXED = (("stem 1", 16), ("branch 1", 7), ("branch 2", 7), ("stem 2", 5))  # sensors, figs. 4-6
+MIXED, MIXED_END = (("stem 1", 16), ("branch 1", 7), ("branch 2", 7), ("stem 2", 5)), 2.4e-3
+"""Sensors of figs. 4 to 6, and the time of their runs [s]."""
 INSTANTS = (0.6e-3, 1.2e-3, 2.4e-3)  # s, at which energy fractions are printed
-ROWS = 10  # steps between recorded rows
 
 
 def light(speed):
@@ -33,9 +40,14 @@ def heavy(speed):
     return Striker(HEAVY, speed)
 
 
-def followed(scene, t_end, dt=DT, every=ROWS):
+def followed(scene, t_end, dt=DT, every=10):
     """A run of all sites as in the paper: a fixed step, and a row every `every` steps."""
     return simulate(scene, scene.start(), t_end, method="rkn6", dt=dt, record=Record(every=every))
+
+
+def mixed(soft, striker):
+    """The run of a steel guide whose second branch is of other beads."""
+    return followed(diamond_guide(bead=STEEL, branches=(STEEL, soft), striker=striker), MIXED_END)
 
 
 def curves(run, sensors):
@@ -44,25 +56,39 @@ def curves(run, sensors):
     return {"t [s]": run.t, **columns}
 
 
-def line(scene, branch):
-    """Sites from the striker's end to the other through one branch, and where parts begin."""
-    parts = [p for p in ("stem 1", f"branch {branch}", "stem 2") if p in scene.parts]
-    sites = [s for p in parts for s in scene.parts[p]]
-    return sites, np.cumsum([0, *(len(scene.parts[p]) for p in parts)])[1:-1]
+def scene_tables(run, sensors, branch):
+    """Curves, density along a branch, energies of the parts and some numbers of a full guide.
 
-
-def density_table(run, branch):
-    """Sensor forces along stem 1, a branch and stem 2: t and a column for each site.
-
-    Every 3 us, or every row of the run where these are farther apart.
+    The density is the sensor force at each site of stem 1, the branch and stem 2, every 3 us, or
+    every row of the run where these are farther apart.
     """
-    sites, _ = line(run.scene, branch)
+    largest, mean = overlaps(run, f"branch {branch}")
+    sites = [s for p in ("stem 1", f"branch {branch}", "stem 2") for s in run.scene.parts[p]]
     step = max(1, round(CLOCK / (run.t[1] - run.t[0])))
-    forces = sensor_force(run, sites)[::step]
+    forces = enumerate(sensor_force(run, sites)[::step].T, 1)
     return {
-        "t [s]": run.t[::step],
-        **{f"site {k + 1} [N]": forces[:, k] for k in range(len(sites))},
+        "curves": curves(run, sensors),
+        "density": {"t [s]": run.t[::step], **{f"site {k} [N]": x for k, x in forces}},
+        "energies": {"t [s]": run.t, **{f"{k} [J]": e for k, e in energies(run).parts.items()}},
+        "numbers": {
+            "largest overlap [m]": [largest],
+            "mean peak overlap [m]": [mean],
+            "energy error": [run.energy_error],
+            "momentum error": [momentum_error(run)],
+        },
     }
+
+
+def skew(run):
+    """Largest difference of the upper branch and the mirrored lower one, over the largest u."""
+    upper, lower = (list(run.scene.parts[f"branch {k}"]) for k in (1, 2))
+    return np.abs(run.u[:, upper] * [1, -1] - run.u[:, lower]).max() / np.abs(run.u).max()
+
+
+def momentum_error(run):
+    """Largest change of the momentum of beads and walls, over the striker's."""
+    total = run.momentum()
+    return np.abs(total - total[0]).max() / total[0, 0]
 
 
 def draw_curves(axes, table, divisions, title):
@@ -85,57 +111,41 @@ def draw_curves(axes, table, divisions, title):
     axes.margins(x=0)
 
 
-def draw_density(figure, axes, table, breaks, title):
-    """Colours of force, site against time in units of 3 us, the paper's step between rows."""
-    forces = np.stack([c for n, c in table.items() if n != "t [s]"], axis=1)
-    from matplotlib.colors import PowerNorm
-
+def draw_density(axes, table, breaks, title, unit, *, first=1, **style):
+    """Colours of a value, site against time in a unit [s], and lines behind some of the sites;
+    returns the image."""
+    values = np.stack([c for n, c in table.items() if n != "t [s]"], axis=1)
+    start = first - 0.5
     image = axes.imshow(
-        forces, origin="lower", aspect="auto", cmap="inferno",
-        norm=PowerNorm(0.5, 0, forces.max()), interpolation="nearest",
-        extent=(0.5, forces.shape[1] + 0.5, 0, table["t [s]"][-1] / CLOCK),
+        values, origin="lower", aspect="auto", interpolation="nearest",
+        extent=(start, start + values.shape[1], 0, table["t [s]"][-1] / unit), **style,
     )  # fmt: skip
     for place in breaks:
         axes.axvline(place + 0.5, color="w", lw=0.7, ls=":")
-    axes.set(xlabel="site", ylabel="time step of 3 µs")
     axes.set_title(title, fontsize=9)
     axes.grid(False)
-    figure.colorbar(image, ax=axes, label="force [N]")
+    return image
 
 
-def scene_tables(run, sensors, branch):
-    """Curves, density, energies of the parts and some numbers of a run of the full guide."""
-    largest, mean = overlaps(run, f"branch {branch}")
-    return {
-        "curves": curves(run, sensors),
-        "density": density_table(run, branch),
-        "energies": {"t [s]": run.t, **{f"{k} [J]": e for k, e in energies(run).parts.items()}},
-        "numbers": {
-            "largest overlap [m]": np.array([largest]),
-            "mean peak overlap [m]": np.array([mean]),
-            "energy error": np.array([run.energy_error]),
-            "momentum error": np.array([momentum_error(run)]),
-        },
-    }
+def draw_scene(axes, tables, divisions, titles):
+    """Curves on the left, density on the right, time in units of the paper's step between rows."""
+    from matplotlib.colors import PowerNorm
+
+    left, right = axes
+    draw_curves(left, tables["curves"], divisions, titles[0])
+    norm = PowerNorm(0.5, 0)
+    image = draw_density(
+        right, tables["density"], (STEM, STEM + BRANCH), titles[1], CLOCK, norm=norm, cmap="inferno"
+    )
+    right.set(xlabel="site", ylabel="time step of 3 µs")
+    right.figure.colorbar(image, ax=right, label="force [N]")
 
 
-def skew(run):
-    """Largest difference of the upper branch and the mirrored lower one, over the largest u."""
-    upper, lower = (list(run.scene.parts[f"branch {k}"]) for k in (1, 2))
-    return np.abs(run.u[:, upper] * [1, -1] - run.u[:, lower]).max() / np.abs(run.u).max()
-
-
-def momentum_error(run):
-    """Largest change of the momentum of beads and walls, over the striker's."""
-    total = run.momentum()
-    return np.abs(total - total[0]).max() / total[0, 0]
-
-
-def draw_scene(figure, axes, tables, divisions, titles):
-    """Curves on the left, density on the right."""
-    draw_curves(axes[0], tables["curves"], divisions, titles[0])
-    breaks = [STEM, STEM + BRANCH]
-    draw_density(figure, axes[1], tables["density"], breaks, titles[1])
+def draw_mixed(figure, tables, divisions, soft, blow):
+    """Curves and density of a guide with a soft branch."""
+    figure.set_size_inches(9, 5)
+    titles = (f"steel and {soft} branch, {blow}", f"stem 1, {soft} branch, stem 2")
+    draw_scene(figure.subplots(1, 2), tables, divisions, titles)
 
 
 def number(tables, name):
@@ -143,50 +153,46 @@ def number(tables, name):
     return float(tables["numbers"][name][0])
 
 
-def curve(tables, part, bead):
-    """(t, force) of a sensor of a scene."""
-    return tables["curves"]["t [s]"], tables["curves"][f"{part} {bead} [N]"]
+def curve(tables, part, bead, until=np.inf):
+    """(t, force) of a sensor of a scene, up to an instant."""
+    t, force = tables["curves"]["t [s]"], tables["curves"][f"{part} {bead} [N]"]
+    return t[t < until], force[t < until]
 
 
 def share(tables, part, instant):
     """Part of the total energy that is in a part of the guide at an instant."""
-    energies = tables["energies"]
-    total = sum(e[0] for name, e in energies.items() if name != "t [s]")
-    return float(np.interp(instant, energies["t [s]"], energies[f"{part} [J]"]) / total)
+    t, *parts = tables["energies"].values()
+    energy = tables["energies"][f"{part} [J]"]
+    return float(np.interp(instant, t, energy / sum(e[0] for e in parts)))
 
 
-def soft_shares(figure, tables, of):
-    """Lines of the fraction of the energy in the second branch at `INSTANTS`."""
-    return [
-        row(figure, f"energy in {of} at {1e3 * t:g} ms", share(tables, "branch 2", t), "trapped")
-        for t in INSTANTS
-    ]
+def soft_lines(figure, tables, of, mean=None):
+    """Lines of a soft second branch: overlaps, of which `mean` is the paper's value, fractions of
+    the energy at `INSTANTS`, and the errors of the balances."""
+    lines = {}
+    if mean:
+        lines = {
+            "largest overlap in the Parylene branch [um]":
+            (1e6 * number(tables, "largest overlap [m]"), "order of 10"),
+            "mean peak overlap there [um]": (1e6 * number(tables, "mean peak overlap [m]"), mean),
+        }  # fmt: skip
+    lines |= {f"energy in {of} at {1e3 * t:g} ms": (share(tables, "branch 2", t), "trapped")
+              for t in INSTANTS}  # fmt: skip
+    return rows(figure, lines | balances(tables))
 
 
-def soft_overlaps(figure, tables, mean):
-    """Lines of the overlaps in the second branch; `mean` is the value of the paper."""
-    said = {"largest overlap": "order of 10", "mean peak overlap": mean}
-    where = {"largest overlap": "in the Parylene branch", "mean peak overlap": "there"}
-    return [
-        row(figure, f"{name} {where[name]} [um]", 1e6 * number(tables, f"{name} [m]"), words)
-        for name, words in said.items()
-    ]
+def balances(tables, of=""):
+    """The errors of energy and momentum."""
+    names = {"energy error": "", "momentum error": ", walls included"}
+    return {f"{of}{name}{words}": number(tables, name) for name, words in names.items()}
 
 
-def balances(figure, tables, of=""):
-    """Lines of the errors of energy and momentum."""
-    return [
-        row(figure, f"{of}energy error", number(tables, "energy error")),
-        row(figure, f"{of}momentum error, walls included", number(tables, "momentum error")),
-    ]
-
-
-def row(figure, quantity, here, paper="", experiment=""):
-    """One line of the table of the group."""
-    return {
-        "figure": figure,
-        "quantity": quantity,
-        "paper": paper,
-        "experiment": experiment,
-        "here": here,
-    }
+def rows(figure, found):
+    """Lines of the table of the group, from {quantity: here, or (here, paper, experiment)}."""
+    lines = []
+    for quantity, values in found.items():
+        values = values if isinstance(values, tuple) else (values,)
+        here, paper, experiment, *_ = (*values, "", "")
+        lines.append({"figure": figure, "quantity": quantity, "paper": paper,
+                      "experiment": experiment, "here": here})  # fmt: skip
+    return lines

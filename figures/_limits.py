@@ -1,16 +1,14 @@
 """Common parts of the pictures of limits: chains, bare loops, words and tables for numbers."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tensegrity import METHODS, Chain, Prism
 from tensegrity.engine.methods import Corrected
 from tensegrity.scenes.dynamics import dynamics
 
-DIFFERENT = [name for name, method in METHODS.items() if not isinstance(method, Corrected)]
-"""Methods but those that, on smooth springs, do the steps of another."""
-EXPLICIT = [name for name in DIFFERENT if METHODS[name].explicit]
+EXPLICIT = [name for name, method in METHODS.items()
+            if method.explicit and not isinstance(method, Corrected)]  # fmt: skip
+"""Explicit methods but those that, on smooth springs, do the steps of another."""
 COLOURS = {name: f"C{k}" for k, name in enumerate(METHODS)}
 
 
@@ -48,12 +46,6 @@ def gap(one, other):
 def slope(x, y):
     """Power of x in y, by least squares of the logarithms."""
     return float(np.polyfit(np.log(x), np.log(y), 1)[0])
-
-
-def listed(parts):
-    """A list as text: "a, b and c"."""
-    *first, last = parts
-    return f"{', '.join(first)} and {last}" if first else last
 
 
 def grid(head, rows):

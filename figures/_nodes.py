@@ -5,8 +5,6 @@ lower nodes lie in parallel planes; Newton's method finds the rest, from the nod
 Source: the talk, part III; the energy is that of `derivations.member`.
 """
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

@@ -4,8 +4,6 @@ Base, cross strings and masses are those of the units: base 1 m, k_cross 1 N/m, 
 a scene states otherwise.  Source: the talk, part III.
 """
 
-from __future__ import annotations
-
 from functools import cache
 
 from figures._measure import Scene

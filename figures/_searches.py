@@ -1,7 +1,5 @@
 """Results of searches, to and from columns of numbers and text."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
@@ -10,26 +8,12 @@ from granular import Bead, materials
 
 
 class Found(NamedTuple):
-    """A search: `granular.design.Best`, of its history the least force so far.
-
-    Attributes
-    ----------
-    beads : list of Bead
-    peak_force : float
-        [N].
-    least : ndarray, (designs computed,)
-        [N].
-    converged_in_time : bool
-    rejected : int
-    seed : int
-    """
+    """A search: `granular.design.Best`, of its history the least force so far."""
 
     beads: list[Bead]
-    peak_force: float
-    least: np.ndarray
+    peak_force: float  # N
+    least: np.ndarray  # N, (designs computed,)
     converged_in_time: bool
-    rejected: int
-    seed: int
 
 
 def columns(best):
@@ -40,15 +24,11 @@ def columns(best):
         "least [N]": np.minimum.accumulate(best.history),
         "peak force [N]": [best.peak_force],
         "converged in time": [best.converged_in_time],
-        "rejected": [best.rejected],
-        "seed": [best.seed],
     }
 
 
 def found(columns):
     """The `Found` of such columns."""
-    beads = zip(columns["diameter [m]"].tolist(), columns["material"], strict=True)
-    names = ("peak force [N]", "converged in time", "rejected", "seed")
-    peak, converged, rejected, seed = (columns[name].tolist()[0] for name in names)
-    beads = [Bead(diameter, materials[name]) for diameter, name in beads]
-    return Found(beads, peak, columns["least [N]"], converged, rejected, seed)
+    diameters, names, least, (peak,), (converged,) = columns.values()
+    beads = [Bead(float(d), materials[name]) for d, name in zip(diameters, names, strict=True)]
+    return Found(beads, float(peak), least, bool(converged))

@@ -10,14 +10,12 @@ printing of objects, and functions of a picture that only show numbers (`SHOWING
 Deeper dependencies on the packages are left to a slow test, which computes every result again.
 """
 
-from __future__ import annotations
-
 import ast
+import fcntl
 import hashlib
 import inspect
 import os
 import sys
-from contextlib import contextmanager
 from functools import cache, wraps
 from pathlib import Path
 
@@ -75,7 +73,8 @@ def current(name, make, of, command, folders):
     """
     path = folders[0] / f"{name}.npz"
     folders[0].mkdir(parents=True, exist_ok=True)
-    with locked(path.with_suffix(".lock")):  # another process may be at it: its result is taken
+    with open(path.with_suffix(".lock"), "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)  # another process may be at it: its result is taken
         there = [folder / path.name for folder in folders if (folder / path.name).is_file()]
         for one in there:
             tables, about = read(one)
@@ -96,19 +95,6 @@ def current(name, make, of, command, folders):
 def spent():
     """Processor time of this process and of those that it has waited for [s]."""
     return sum(os.times()[:4])
-
-
-@contextmanager
-def locked(path):
-    """Hold the lock of a file, where the system has such locks."""
-    try:
-        import fcntl
-    except ImportError:
-        yield
-        return
-    with open(path, "w") as file:
-        fcntl.flock(file, fcntl.LOCK_EX)
-        yield
 
 
 def save(path, tables, about):
@@ -172,7 +158,7 @@ def digest(path):
     text = path.read_bytes()
     if path.suffix == ".py":
         tree = ast.parse(text)
-        if b"\nNAME = " in text:  # a picture
+        if b"\nGROUP = " in text:  # a picture
             tree.body = [node for node in tree.body if getattr(node, "name", "") not in SHOWING]
         text = repr(form(tree)).encode()
     return hashlib.sha256(text).hexdigest()[:16]

@@ -1,9 +1,8 @@
 """Structures drawn in space: bars black, strings by tension, slack ones dashed."""
 
-from __future__ import annotations
-
 import numpy as np
 
+from figures._files import side_by_side
 from tensegrity import plotting
 
 ENDS = ("x0", "y0", "z0", "x1", "y1", "z1")
@@ -11,26 +10,24 @@ ENDS = ("x0", "y0", "z0", "x1", "y1", "z1")
 
 def frames(path, rows):
     """Some rows of a path, one line for each member of each: ends, tension, whether slack."""
-    s, along = path.structure, next(iter(path.columns))
-    columns = {n: [] for n in ("frame", along, *ENDS, "tension", "slack", "string")}
+    s, along, members = path.structure, next(iter(path.columns)), []
     for number, row in enumerate(np.asarray(rows).tolist()):
         x = path.positions[row] - [0, 0, path.positions[row, :, 2].min()]  # on the ground
-        for member, (i, j) in enumerate(s.ends.tolist()):
-            ends = [*x[i].tolist(), *x[j].tolist()]
-            values = (number, float(path.columns[along][row]), *ends,
-                      float(path.tensions[row, member]), bool(path.slack[row, member]),
-                      bool(s.is_string[member]))  # fmt: skip
-            for column, value in zip(columns.values(), values, strict=True):
-                column.append(value)
-    return columns
+        for member, ends in enumerate(s.ends.tolist()):
+            members.append({
+                "frame": number, along: float(path.columns[along][row]),
+                **dict(zip(ENDS, x[ends].ravel().tolist(), strict=True)),
+                "tension": float(path.tensions[row, member]),
+                "slack": bool(path.slack[row, member]), "string": bool(s.is_string[member]),
+            })  # fmt: skip
+    return side_by_side(members)
 
 
 def show(axes, table, frame):
     """The structure of one frame; colours and limits are those of all frames."""
     from matplotlib import colormaps
 
-    along = list(table)[1]
-    rows = np.flatnonzero(np.array(table["frame"]) == frame)
+    along, rows = list(table)[1], np.flatnonzero(np.array(table["frame"]) == frame)
     everything = np.column_stack([table[name] for name in ENDS])
     tension, strings = np.array(table["tension"]), np.array(table["string"])
     largest = tension[strings].max()
@@ -49,11 +46,8 @@ def show(axes, table, frame):
     axes.locator_params(nbins=4)
     axes.zaxis.labelpad = 8
     unit = " m" if along == "shortening" else ""
-    axes.set_title(
-        f"{along} {abs(table[along][rows[0]]):.2f}{unit}; slack strings dashed\n"
-        f"colour: tension, 0 to {largest:.2f} N",
-        fontsize=8, y=0.97,
-    )  # fmt: skip
+    words = f"{along} {abs(table[along][rows[0]]):.2f}{unit}; slack strings dashed\n"
+    axes.set_title(f"{words}colour: tension, 0 to {largest:.2f} N", fontsize=8, y=0.97)
 
 
 def film(table, path):

@@ -3,13 +3,13 @@
 Each number that the claims take from a single run is computed again with its input, such as the
 speed of the blow, larger by 1e-6 and by 1 %.  Of the draws of the composite, in which four inputs
 change at random, the largest change is shown.  Late numbers of lines between walls, means over a
-time, fluctuate.  Numbers below 1e-6 are errors, and left out.
+time, fluctuate.  Numbers below 1e-6 are errors, and left out.  Of protectors `protectors_robust`
+changes the input: the sizes of beads and the gaps between them.
 """
-
-from __future__ import annotations
 
 import math
 from functools import partial
+from importlib import import_module
 
 import numpy as np
 
@@ -17,17 +17,7 @@ from figures import (
     _impact,
     _scenes,
     composite_spread,
-    granular_energy,
-    granular_fig2,
-    granular_fig3,
-    granular_fig4,
-    granular_fig5,
-    granular_fig6,
     granular_losses,
-    granular_quasiparticle,
-    granular_steps,
-    granular_trapping,
-    packs_thermal,
     wave_collision,
     wave_composite,
     wave_mitigation,
@@ -36,6 +26,7 @@ from figures import (
     wave_speeds,
     wave_tuning,
 )
+from figures._files import lines, side_by_side
 from granular import kuwabara_kono
 from tensegrity import LockingError, Record, simulate, solitary_wave
 
@@ -47,30 +38,18 @@ LEAST = 1e-6  # smaller numbers are errors, not results
 EXACT = (1.05, 2.0, 3.0)  # speeds over that of sound of waves that are launched
 FASTEST = 12.16  # of the one that emerges
 STILL = 1e-13  # changes below it are drawn there
-WHERE = {  # pictures, as they are called here
-    "granular_fig2": "half guide", "granular_fig3": "guide of one material",
-    "granular_fig4": "guide with PTFE branch", "granular_fig5": "guide with Parylene branch",
-    "granular_fig6": "the same, heavy striker", "granular_trapping": "trapped energies",
-    "granular_energy": "errors of RK4", "granular_quasiparticle": "forks of other angles",
-    "granular_losses": "half guide with losses", "granular_steps": "steps of lines of beads",
-    "packs_thermal": "lines between walls", "wave_power_law": "chains of power laws",
-    "wave_speeds": "widths of waves", "wave_collision": "collisions",
-    "wave_tuning": "prestrain that changes", "wave_softening": "softening chains",
-    "wave_composite": "interfaces", "wave_mitigation": "barriers",
-    "composite_spread": "chaotic interface",
-}  # fmt: skip
 
 
 def printed(module, by):
     """{(row, quantity): number} of the numbers that a picture of beads prints."""
     lines = module.table(module.data(by))
-    return {(line["quantity"], ""): line["here"] for line in lines
-            if isinstance(line["here"], (int, float))}  # fmt: skip
+    numbers = {(line["quantity"], ""): line["here"] for line in lines}
+    return {row: here for row, here in numbers.items() if isinstance(here, (int, float))}
 
 
-def of(row, numbers):
-    """The numbers {quantity: value} of one row."""
-    return {(row, quantity): value for quantity, value in numbers.items()}
+def of(row, numbers, *quantities):
+    """Some numbers {quantity: value} of one row, or all."""
+    return {(row, quantity): numbers[quantity] for quantity in quantities or numbers}
 
 
 def lossy(by):
@@ -82,11 +61,11 @@ def lossy(by):
 
 def power_law(by):
     """What leads in precompressed chains of power laws whose ends are struck."""
-    found = {}
+    found, record = {}, Record(every=2)
     for n in wave_power_law.STRUCK:
         for blow, speed in wave_power_law.BLOWS.items():
-            run = simulate(*wave_power_law.struck(n, by * speed), method="rkn6", dt=0.05,
-                           record=Record(every=2))  # fmt: skip
+            scene = wave_power_law.struck(n, by * speed)
+            run = simulate(*scene, method="rkn6", dt=0.05, record=record)
             row = f"power law n = {n:g}, precompressed, free end {blow} at {abs(speed)} m/s"
             found |= of(row, wave_power_law.leading(run))
     return found
@@ -94,11 +73,11 @@ def power_law(by):
 
 def widths(by):
     """Widths of exact waves of other speeds, and of one that emerges from another blow."""
-    found = {}
+    found = of(f"wave at {FASTEST:g} cs, emerged", emerged(by))
     for ratio in EXACT:
         wave = solitary_wave(_scenes.rigid(0.7, 0.01), speed_ratio=by * ratio)
         found |= of(f"wave at {ratio:g} cs, launched", {"width": wave.width()})
-    return found | of(f"wave at {FASTEST:g} cs, emerged", emerged(by))
+    return found
 
 
 def emerged(by):
@@ -124,8 +103,7 @@ def collisions(by):
         run = simulate(*_scenes.collision(spring, by * ratio, meeting), method="rkn6",
                        dt=wave_collision.STEP / wave.speed)  # fmt: skip
         one = wave_collision.outcome(run, wave)
-        chosen = {name: one[name] for name in ("residue", "exchange", "shift")}
-        found |= of(f"collision {ratio} cs at {meeting:g}", chosen)
+        found |= of(f"collision {ratio} cs at {meeting:g}", one, "residue", "exchange", "shift")
     return found
 
 
@@ -136,17 +114,16 @@ def changing(by):
         runs = wave_tuning.tuned(ramp, wave_tuning.STEP, by * wave_tuning.RATIO)
         one = wave_tuning.outcome(*runs)
         row = f"prestrain {wave_tuning.BEFORE:g} to {wave_tuning.AFTER:g} while a wave travels"
-        chosen = {key: one[key] for key in ("before", "after", "fraction")}
-        found |= of(f"{row}, {name} ({ramp:g} s)", chosen)
+        found |= of(f"{row}, {name} ({ramp:g} s)", one, "before", "after", "fraction")
     return found
 
 
 def softening(by):
     """What leads in softening chains after other blows."""
     blow, hard = wave_softening.SHOWN, wave_softening.HARD
-    held = "leading rarefaction soliton, supersonic", "oscillatory tail, subsonic"
+    held, tail = "leading rarefaction soliton, supersonic", "oscillatory tail, subsonic"
     scenes = {
-        held[0]: wave_softening.struck(blow["held"], by * hard),
+        held: wave_softening.struck(blow["held"], by * hard),
         f"softening chain, end driven {wave_softening.SHAKEN[0]:g} m in and back":
             wave_softening.shaken(by),
         f"softening chain, {blow['free']}, {hard} m/s":
@@ -156,9 +133,9 @@ def softening(by):
     for row, scene in scenes.items():
         run = simulate(*scene, method="rkn6", dt=wave_softening.STEP, record=Record(every=4))
         one = wave_softening.leading(run)
-        if row == held[0]:
-            found |= of(held[1], {"speed": one["tail"]})
-        found |= of(row, {"speed": one["speed"], "peak": one["peak"]})
+        if row == held:
+            found |= of(tail, {"speed": one["tail"]})
+        found |= of(row, one, "speed", "peak")
     return found
 
 
@@ -170,11 +147,11 @@ def interfaces(by):
         peak = by * solitary_wave(case.near, speed_ratio=case.ratio).amplitude
         ratio = solitary_wave(case.near, amplitude=peak).speed_ratio
         wave, scene = wave_composite.composite(case._replace(ratio=ratio))
-        run = simulate(*scene, method="rkn6", dt=case.step,
-                       record=Record(every=wave_composite.EVERY))  # fmt: skip
+        run = simulate(
+            *scene, method="rkn6", dt=case.step, record=Record(every=wave_composite.EVERY)
+        )
         one = wave_composite.outcome(run, wave, case)
-        chosen = {key: one[key] for key in ("energy", "impulse", "back")}
-        found |= of(f"composite, {name}: reflection", chosen)
+        found |= of(f"composite, {name}: reflection", one, "energy", "impulse")
     return found
 
 
@@ -190,20 +167,21 @@ def barriers(by):
     return found | of(row, {"peak over that of stiffening units": last[0] / last[1]})
 
 
-CASES = {  # picture: (input, its numbers with that times a factor)
-    **{module.NAME: ("speed of the blow", partial(printed, module)) for module in (
-        granular_fig2, granular_fig3, granular_fig4, granular_fig5, granular_fig6,
-        granular_trapping, granular_energy, granular_quasiparticle, granular_steps, packs_thermal,
-    )},
-    "granular_losses": ("speed of the blow", lossy),
-    "wave_power_law": ("speed of the blow", power_law),
+BLOW = "speed of the blow"
+PRINT = ("granular_fig2", "granular_fig3", "granular_fig4", "granular_fig5", "granular_fig6",
+         "granular_trapping", "granular_energy", "granular_quasiparticle", "granular_steps",
+         "packs_thermal", "packs_floor", "packs_space")  # fmt: skip
+OWN = {  # picture: (input, its numbers with that times a factor)
+    "granular_losses": (BLOW, lossy),
+    "wave_power_law": (BLOW, power_law),
     "wave_speeds": ("speed of the wave or of the blow", widths),
     "wave_collision": ("speed of both waves", collisions),
     "wave_tuning": ("speed of the wave", changing),
     "wave_softening": ("speed of the blow, or way of the end", softening),
     "wave_composite": ("peak of the incident wave", interfaces),
-    "wave_mitigation": ("speed of the blow", barriers),
-}  # fmt: skip
+    "wave_mitigation": (BLOW, barriers),
+}
+CASES = OWN | {name: (BLOW, partial(printed, import_module(f"figures.{name}"))) for name in PRINT}
 
 
 def relative(value, first):
@@ -223,30 +201,27 @@ def drawn():
     """The same of the draws of the composite: the largest change."""
     tables, found = composite_spread.data(), {}
     for what in ("energy of reflected rarefactions", "transmitted compressions"):
-        first = composite_spread.spread(tables, 0.0)[what][0]
-        most = [np.abs(relative(composite_spread.spread(tables, change)[what], first)).max()
-                for change in CHANGES.values()]  # fmt: skip
-        found["changes up to 0.01", what] = first, most
+        first, *others = (composite_spread.spread(tables, x)[what] for x in (0, *CHANGES.values()))
+        most = [np.abs(relative(one, first[0])).max() for one in others]
+        found["changes up to 0.01", what] = first[0], most
     return found
 
 
 def data():
     """A line for each number."""
-    lines = [
-        (picture, row, quantity, given, value, *changes)
-        for picture, (given, numbers) in
-        [*((one, (CASES[one][0], moved(one))) for one in CASES),
-         ("composite_spread", ("peak, stiffnesses and preload", drawn()))]
-        for (row, quantity), (value, changes) in numbers.items()
-    ]  # fmt: skip
+    everything = {name: (given, moved(name)) for name, (given, _) in CASES.items()}
+    everything[composite_spread.NAME] = "peak, stiffnesses and preload", drawn()
     names = ("picture", "row", "quantity", "input", "value", *CHANGES)
-    return {"numbers": dict(zip(names, map(list, zip(*lines, strict=True)), strict=True))}
+    return {"numbers": side_by_side([
+        dict(zip(names, (picture, *key, given, value, *changes), strict=True))
+        for picture, (given, numbers) in everything.items()
+        for key, (value, changes) in numbers.items()
+    ])}  # fmt: skip
 
 
 def table(tables):
     """The lines themselves."""
-    one = tables["numbers"]
-    return [dict(zip(one, line, strict=True)) for line in zip(*one.values(), strict=True)]
+    return lines(tables["numbers"])
 
 
 def draw(figure, tables):
@@ -260,5 +235,5 @@ def draw(figure, tables):
         axes.axvline(CHANGES[name], color=f"C{k}", lw=0.8, ls=":")
         axes.text(CHANGES[name], 0.7, f"input + {name}", color=f"C{k}", ha="center")
     axes.set(xscale="log", xlabel="relative change of a number (at the left edge: none)",
-             ylabel="where a number is from", xlim=(STILL / 2, 9))  # fmt: skip
-    axes.set_yticks(list(rows.values()), [WHERE[picture] for picture in rows])
+             ylabel="picture that a number is from", xlim=(STILL / 2, 9))  # fmt: skip
+    axes.set_yticks(list(rows.values()), list(rows))

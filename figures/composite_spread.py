@@ -6,53 +6,47 @@ first interface is therefore followed many times, with the incident peak, a stif
 and the preload changed at random, and reported as a distribution.
 """
 
-from __future__ import annotations
-
 from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 
-from figures import _composite
-from figures._composite import FOUND, NAMES
+from figures._composite import FOUND, KINDS, NAMES, followed, made, solitary
 from figures._stored import stored
 from tensegrity import TensegrityError, sweep
 
 NAME = "composite_spread"
 GROUP = "composite"
 
-CHANGED = ("peak", "k_bar near", "k_cross far", "preload")
+CHANGED = [NAMES.index(name) for name in ("peak", "k_bar near", "k_cross far", "preload")]
 SIZES = (1e-6, 1e-3, 1e-2)  # relative changes, uniform up to these on both sides
 DRAWS, SEED = 14, 0  # of each size
-QUANTITIES = ("reflected rarefactions", "reflected compressions", "transmitted rarefactions",
-              "transmitted compressions")  # fmt: skip
 
 
 def cases():
     """(largest change, parameters) of every draw; the first is exact."""
     rng = np.random.default_rng(SEED)
-    named = dict(zip(NAMES, next(iter(FOUND.values())), strict=True))
-    found = [(0.0, named)]
+    exact = np.array(next(iter(FOUND.values())))
+    found = [(0.0, exact)]
     for size in SIZES:
-        for factor in 1 + size * rng.uniform(-1, 1, (DRAWS, len(CHANGED))):
-            changed = {k: named[k] * f for k, f in zip(CHANGED, factor, strict=True)}
-            found.append((size, {**named, **changed}))
+        for factors in 1 + size * rng.uniform(-1, 1, (DRAWS, len(CHANGED))):
+            changed = exact.copy()
+            changed[CHANGED] *= factors
+            found.append((size, changed))
     return found
 
 
-def followed(case):
-    """Number, and fraction of the incident energy, of each kind of solitary wave; the delay of the
-    second transmitted compression behind the first in sites; nan where a run left its range."""
-    real = _composite.made(case[1])
+def counted(case):
+    """Number, and fraction of the incident energy, of each kind of solitary wave; the sites between
+    the first two transmitted compressions; nan where a run left its range."""
     try:
-        one = _composite.outcome(real, _composite.duration(real))
+        _, (_, found) = followed(made(case[1]))
     except TensegrityError:
-        return [np.nan] * (2 * len(QUANTITIES) + 1)
-    energy, answer = one.incident.energy, one.fine
-    numbers = []
-    for several in (answer.back, answer.pressed, answer.leading, answer.train):
-        mine = [x.energy / energy for x in several if x.is_solitary(energy)]
+        return [np.nan] * (2 * len(KINDS) + 1)
+    rows, numbers = solitary(found), []
+    for kind in KINDS:
+        mine = [row["energy"] for row in rows if row["kind"] == kind]
         numbers += [len(mine), sum(mine)]
-    places = sorted((x.place for x in answer.train if x.is_solitary(energy)), reverse=True)
+    places = sorted((row["place"] for row in rows if row["kind"] == KINDS[-1]), reverse=True)
     return [*numbers, places[0] - places[1] if len(places) > 1 else np.nan]
 
 
@@ -61,13 +55,10 @@ def data():
     """A line for each draw."""
     drawn = cases()
     with ProcessPoolExecutor(1) as pool:
-        found = np.array(sweep(followed, drawn, executor=pool), dtype=float)
-    columns = {"largest change": np.array([size for size, _ in drawn])}
-    for k, what in enumerate(QUANTITIES):
-        columns[what] = found[:, 2 * k]
-        columns[f"energy of {what}"] = found[:, 2 * k + 1]
-    columns["sites between the first two"] = found[:, -1]
-    return {"draws": columns}
+        found = np.array(sweep(counted, drawn, executor=pool), dtype=float)
+    names = [name for kind in KINDS for name in (kind, f"energy of {kind}")]
+    columns = dict(zip([*names, "sites between the first two"], found.T, strict=True))
+    return {"draws": {"largest change": np.array([size for size, _ in drawn]), **columns}}
 
 
 def spread(tables, size):
@@ -78,22 +69,17 @@ def spread(tables, size):
 
 
 def table(tables):
-    """Ranges of the reflected energies, and how often there is a train, for each size."""
+    """Ranges of the energies, and how often there is a train, for each size."""
     lines = []
     for size in SIZES:
         one = spread(tables, size)
-        train = one["transmitted compressions"]
-        both = [one[f"energy of {what}"] for what in QUANTITIES]
-        delay = one["sites between the first two"]
+        train, delay = one["transmitted compressions"], one["sites between the first two"]
+        energies = {kind: one[f"energy of {kind}"] for kind in KINDS}
         lines.append({
             "what": f"changes up to {size:g}", "draws": len(train),
-            "reflected rarefaction": f"{both[0].min():.4f} to {both[0].max():.4f}",
-            "reflected compressions": f"{both[1].min():.4f} to {both[1].max():.4f}",
-            "transmitted rarefactions": f"{both[2].min():.4f} to {both[2].max():.4f}",
-            "transmitted compressions": f"{both[3].min():.4f} to {both[3].max():.4f}",
-            "two or more of these in": f"{np.sum(train >= _composite.TRAIN)} of {len(train)}",
-            "sites between two": f"{np.nanmin(delay):.0f} to {np.nanmax(delay):.0f}"
-            if np.isfinite(delay).any() else "",
+            **{kind: f"{x.min():.4f} to {x.max():.4f}" for kind, x in energies.items()},
+            "two or more of these in": f"{np.sum(train >= 2)} of {len(train)}",
+            "sites between two": f"{np.nanmin(delay):.0f} to {np.nanmax(delay):.0f}",
         })  # fmt: skip
     return lines
 
@@ -107,10 +93,11 @@ def draw(figure, tables):
         across = k + np.linspace(-0.25, 0.25, len(one["largest change"]))
         left.plot(across, one["energy of reflected rarefactions"], "C0o", ms=4)
         right.plot(across, one["transmitted compressions"], "C3o", ms=4)
-    left.set(ylabel="energy / incident energy", ylim=(0, 0.35))
-    left.set_title("(a) the reflected rarefaction stays", loc="left")
-    right.set(ylabel="solitary compressions", ylim=(-0.1, 3), yticks=range(4))
-    right.set_title("(b) the number of transmitted pulses does not", loc="left")
+    left.set(
+        ylabel="energy / incident energy", ylim=(0, 0.35), title="the reflected rarefaction stays"
+    )
+    right.set(ylabel="solitary compressions", ylim=(-0.1, 3.2), yticks=range(4),
+              title="the number of transmitted pulses does not")  # fmt: skip
     for axes in (left, right):
         axes.set_xticks(range(len(SIZES)), [f"{size:g}" for size in SIZES])
         axes.set_xlabel("largest relative change of peak, stiffnesses, preload")

@@ -1,13 +1,10 @@
 """A slender rigid prism locks where its bars meet, a thick one collapses flat."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from figures._draw import name_curves
 from tensegrity import NoLocking, Prism
 
-NAME = "constitutive_rigid"
 GROUP = "constitutive"
 
 SLENDER, THICK = 0.7, 0.25  # height over base
@@ -28,9 +25,8 @@ def _curve(prism):
     spring = prism.potential()
     low, high = spring.domain
     compressed = low * (1 - np.logspace(-5, 0, POINTS))  # graded towards locking
-    r = np.append(
-        compressed[compressed < 0], np.linspace(0, 0.5 * min(high, -3 * low), POINTS // 4)
-    )
+    stretched = np.linspace(0, 0.5 * min(high, -3 * low), POINTS // 4)
+    r = np.append(compressed[compressed < 0], stretched)
     try:
         locking = prism.locking_height()
     except NoLocking:
@@ -47,9 +43,8 @@ def draw(figure, tables):
     """Load above and energy below, of the slender and the thick prism."""
     figure.set_size_inches(9, 5.5)
     axes = figure.subplots(2, 2, sharex="col")
-    for column, (height, word) in zip(
-        axes.T, ((SLENDER, "locks"), (THICK, "collapses flat")), strict=True
-    ):
+    shapes = (SLENDER, "locks"), (THICK, "collapses flat")
+    for column, (height, word) in zip(axes.T, shapes, strict=True):
         for prestrain in PRESTRAINS:
             table = tables[f"h{height:g}_p{prestrain:g}"]
             for ax, name in zip(column, ("load", "energy"), strict=True):
@@ -58,10 +53,9 @@ def draw(figure, tables):
             column[0].set_ylim(-0.45, 1.0)  # the load is unbounded at locking
             for ax in column:
                 ax.axvline(locking, color="0.4", ls="--", lw=1)
-            column[1].annotate("locking:\nbars meet", (locking, 0.7), xytext=(6, 0),
-                               xycoords=("data", "axes fraction"),
-                               textcoords="offset points")  # fmt: skip
-        column[0].set_title(f"height {height:g} m, base 1 m: {word}", fontsize=10)
+            place = column[1].get_xaxis_transform()
+            column[1].text(locking + 0.01, 0.7, "locking:\nbars meet", transform=place)
+        column[0].set_title(f"height {height:g} m, base 1 m: {word}")
         column[0].set(ylabel="axial load [N]\n(compression > 0)")
         column[1].set(xlabel="height [m]", ylabel="energy [J]")
         name_curves(column[0])

@@ -6,8 +6,6 @@ or a slip must also be shown to fail as printed.  `make derivations` writes out 
 step by step.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 
 import sympy as sp
@@ -15,12 +13,13 @@ import sympy as sp
 from derivations import ledger
 from derivations.argument import NAMES, Verdict, derivation
 
-NAME = "derivations_ledger"
 GROUP = "derivations"
 
-COLOURS = {"holds": "C2", "holds under a convention": "C1", "slip": "C3",
-           "no data in the source": "0.75"}  # fmt: skip
-SHOWN = {"no data in the source": "a claim without formula"}
+# verdict: colour, and what it is called here
+KINDS = {
+    "holds": ("C2", "holds"), "holds under a convention": ("C1", "holds under a convention"),
+    "slip": ("C3", "slip"), "no data in the source": ("0.75", "a claim without formula"),
+}  # fmt: skip
 
 
 def data():
@@ -57,15 +56,10 @@ def equation(left, right):
 def table(tables):
     """Number of entries of each verdict, and how they were decided."""
     entries = tables["entries"]
-    counts = Counter(entries["verdict"])
-    decided = sum(entries["confirmed"])
-    lines = [{"quantity": SHOWN.get(kind, kind), "here": counts[kind]} for kind in COLOURS]
-    symbolic = entries["how"].count("symbolic")
-    return [
-        *lines,
-        {"quantity": "verdicts that the derivations confirm", "here": decided},
-        {"quantity": "decided symbolically", "here": symbolic},
-    ]
+    for kind, (_, words) in KINDS.items():
+        yield {"quantity": words, "here": entries["verdict"].count(kind)}
+    yield {"quantity": "verdicts that the derivations confirm", "here": sum(entries["confirmed"])}
+    yield {"quantity": "decided symbolically", "here": entries["how"].count("symbolic")}
 
 
 def draw(figure, tables):
@@ -74,22 +68,21 @@ def draw(figure, tables):
     upper, lower = figure.subfigures(2, 1, height_ratios=(1.1, 1))
     axes = upper.subplots()
     entries, titles = tables["entries"], tables["derivations"]["title"]
-    points, place = {kind: [] for kind in COLOURS}, Counter()
-    pairs = list(zip(entries["derivation"], entries["verdict"], strict=True))
-    for kind, several in points.items():
+    place, pairs = Counter(), list(zip(entries["derivation"], entries["verdict"], strict=True))
+    for kind, (colour, words) in KINDS.items():
+        points = []
         for title in [one for one, verdict in pairs if verdict == kind]:
-            several.append((place[title], titles.index(title)))
+            points.append((place[title], titles.index(title)))
             place[title] += 1
-        label = f"{SHOWN.get(kind, kind)}: {len(several)}"
-        axes.scatter(*zip(*several, strict=True), 52, COLOURS[kind], marker="s", label=label)
+        label = f"{words}: {len(points)}"
+        axes.scatter(*zip(*points, strict=True), 52, colour, marker="s", label=label)
     for row, title in enumerate(titles):
         if not place[title]:
             axes.text(-0.3, row, "not printed in the sources", color="0.6", va="center")
     axes.set_yticks(range(len(titles)), titles, fontsize=8)
     axes.set(xticks=[], ylabel="derivation", ylim=(len(titles) - 0.4, -0.6), xlim=(-0.7, 27.5))
     axes.grid(False)
-    for side in axes.spines.values():
-        side.set_visible(False)
+    axes.spines[:].set_visible(False)
     axes.tick_params(length=0)
     axes.legend(loc="lower right", fontsize=8)
     for x, head in ((0.02, "a slip, as printed"), (0.38, "as derived")):

@@ -8,13 +8,12 @@ Source: Boechler, Theocharis & Daraio 2011, Bifurcation-based acoustic switching
 for the chain of beads.
 """
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np
 import sympy as sp
 
+from figures._files import side_by_side
 from tensegrity import (
     Chain,
     Damping,
@@ -35,8 +34,10 @@ GROUND, RANGE = 0.02, (1.55, 1.8)  # N s/m, rad/s
 BEADS, LIGHT, MOVED, LOSS = 10, 0.5, 0.02, 0.005
 SWEPT = (2.83, 2.75)
 SIDES = {"light bead near the drive": 2, "light bead at the far end": 9}
+NAMED = ((0.0078, 1.2e-6), (0.0129, 1e-10))  # where they are named
 TURNED, STRENGTHS = 2.81, np.geomspace(0.002, 0.06, 12)  # rad/s, m
 SETTLED, END, STEP = 1500.0, 3000.0, 0.05  # s
+FREQUENCY = "frequency of the drive [rad/s]"
 W, T, SIZE = sp.symbols("W t A")
 
 
@@ -44,8 +45,9 @@ def prism(force):
     """A prism on a held base, driven by a force."""
     drive = Drive(force=force * sp.cos(W * T), parameters={"W": RANGE[0]})
     spring = Prism(1.0, 0.7, 0.1, 1.0).potential()
-    return Chain(spring, 2, ends=("fixed", "free"), drive={1: drive},
-                 damping=Damping(ground=GROUND))  # fmt: skip
+    return Chain(
+        spring, 2, ends=("fixed", "free"), drive={1: drive}, damping=Damping(ground=GROUND)
+    )
 
 
 def beads(drive, light=2):
@@ -84,11 +86,12 @@ def data():
         path = followed(name)
         tables[f"path {name}"] = {"W": path.columns["W"], "amplitude": path.amplitude,
                                   "stable": np.asarray(path.stable, float)}  # fmt: skip
-        tables[f"events {name}"] = {
-            "kind": [event.kind for event in path.events],
-            "W": [float(event.value) for event in path.events],
-            "amplitude": [float(event.amplitude) for event in path.events],
-        }
+        tables[f"events {name}"] = side_by_side(
+            [
+                {"kind": one.kind, "W": float(one.value), "amplitude": float(one.amplitude)}
+                for one in path.events
+            ]
+        )
     tables["transmitted"] = {"drive": STRENGTHS} | {
         side: np.array([transmitted(light, a) for a in STRENGTHS]) for side, light in SIDES.items()
     }
@@ -118,37 +121,37 @@ def draw(figure, tables):
         at = int(np.argmax(amplitude))
         place = w[at] - (0.0, 0.024, 0.008)[k], amplitude[at] - (0.0105, 0.0, 0.0)[k]
         prisms.annotate(f"{1e3 * force:g} mN", place, color=f"C{k}", ha="right" if k else "center")
-    prisms.set(xlabel="frequency of the drive [rad/s]", ylabel="amplitude [m]")
+    prisms.set(xlabel=FREQUENCY, ylabel="amplitude [m]", title="A prism's response folds over")
     prisms.set_ylim(bottom=-0.0025)
-    prisms.set_title("(a) A prism's response folds over", fontsize=10)
     response(row, tables, "beads", "C0")
     for words, place in (("fold", (2.8, 0.18)), ("torus point", (2.816, 0.235)),
                          ("unstable", (2.773, 0.29))):  # fmt: skip
         row.annotate(words, place)
-    row.set(xlabel="frequency of the drive [rad/s]", ylabel="amplitude of a bead [m]")
-    row.set_title("(b) Ten beads lose stability in two ways", fontsize=10)
+    row.set(xlabel=FREQUENCY, ylabel="amplitude of a bead [m]",
+            title="Ten beads lose stability in two ways")  # fmt: skip
     drive, *found = tables["transmitted"].values()
-    for k, values in enumerate(found):
+    for k, (values, side, place) in enumerate(zip(found, SIDES, NAMED, strict=True)):
         sent.loglog(drive, values, f"C{3 * k}o-", ms=4)
-    sent.annotate("light bead near the drive", (0.0078, 1.2e-6), color="C0")
-    sent.annotate("light bead at the far end", (drive[6], 1e-10), color="C3")
+        sent.annotate(side, place, color=f"C{3 * k}")
+    lost = tables["lost"]["drive"][0]
     sent.xaxis.set_minor_formatter("")
-    sent.axvline(tables["lost"]["drive"][0], color="0.5", ls=":")
-    sent.annotate("torus point", (tables["lost"]["drive"][0] * 0.98, 3e-3), color="0.4", ha="right")
-    sent.set(xlabel="amplitude of the drive [m]", ylabel="energy of the last bead [J]")
-    sent.set_title("(c) Beyond a torus point waves pass one way, not the other", fontsize=10)
+    sent.axvline(lost, color="0.5", ls=":")
+    sent.annotate("torus point", (0.98 * lost, 3e-3), color="0.4", ha="right")
+    sent.set(xlabel="amplitude of the drive [m]", ylabel="energy of the last bead [J]",
+             title="Beyond a torus point waves pass one way, not the other")  # fmt: skip
 
 
 def table(tables):
     rows = []
-    for name in (FORCES[-1], "beads"):
-        words = "ten beads" if name == "beads" else f"prism, {1e3 * name:g} mN"
-        for kind, w in zip(*list(tables[f"events {name}"].values())[:2], strict=True):
-            rows.append({"response": f"{words}, {kind}", "frequency [rad/s]": w})
-    for side, lost in zip(*tables["lost"].values(), strict=True):
-        shown = "none" if np.isnan(lost) else float(lost)
-        rows.append({"response": f"{side}, loses stability at a drive of", "drive": shown})
+    for words, name in ((f"prism, {1e3 * FORCES[-1]:g} mN", FORCES[-1]), ("ten beads", "beads")):
+        kinds, frequencies, _ = tables[f"events {name}"].values()
+        rows += [
+            {"response": f"{words}, {kind}", "frequency [rad/s]": w}
+            for kind, w in zip(kinds, frequencies, strict=True)
+        ]
+    rows += [{"response": f"{side}, loses stability at a drive of",
+              "drive": "none" if np.isnan(lost) else float(lost)}
+             for side, lost in zip(*tables["lost"].values(), strict=True)]  # fmt: skip
     _, ahead, back = tables["transmitted"].values()
-    ratio = float((ahead / back).max())
-    rows.append({"response": "transmitted energy, one way over the other", "ratio": ratio})
-    return rows
+    words = "transmitted energy, one way over the other"
+    return [*rows, {"response": words, "ratio": (ahead / back).max()}]

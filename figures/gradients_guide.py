@@ -7,12 +7,10 @@ backward pass through the unperturbed run; because contacts open, a linear predi
 changes of size much smaller than a micrometre.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
-from figures import _gradients
 from figures._disks import disks
+from figures._files import lines
 from granular import Bead, Striker, materials, y_guide
 from tensegrity import gradient
 from tensegrity import objective as o
@@ -23,7 +21,6 @@ GROUP = "gradients"
 STEEL = materials["steel"]
 BEAD = Bead(4.76e-3, STEEL)
 DT, END = 1e-7, 2.5e-4  # s
-NORM = 32
 
 
 def data():
@@ -31,35 +28,29 @@ def data():
     guide = y_guide(10, 10, bead=BEAD, branches=(BEAD, BEAD), wall=materials["ptfe"],
                     striker=Striker(BEAD, 0.585), end=STEEL)  # fmt: skip
     last = guide.parts["branch 1"][-1]
-    contact = [k for k, (site, wall) in enumerate(guide.wall_contacts.tolist())
-               if site == last][-1]  # fmt: skip
-    wall = int(guide.wall_contacts[contact, 1])
+    wall = [wall for site, wall in guide.wall_contacts.tolist() if site == last][-1]
     load = o.load(wall=wall)
-    norm, peak = gradient([o.p_norm(load, NORM), o.peak(load)], guide, guide.start(), END, dt=DT,
-                          checkpoints=100)  # fmt: skip
-    per_micron = 100 * 1e-6 / peak.value
+    peak = gradient(o.peak(load), guide, guide.start(), END, dt=DT, checkpoints=100)
     x, y = guide.positions.T
+    size, modulus = (peak.by(name) / peak.value for name in ("diameter", "modulus"))
+    beads = {"x": x, "y": y, "percent per um": size * 100e-6,
+             "percent per percent of modulus": modulus * STEEL.modulus}  # fmt: skip
     values = {
         "peak force at the end of branch 1 [N]": peak.value,
-        f"{NORM}-norm of it, in N s^(1/{NORM})": norm.value,
         "largest derivative by a diameter [% of the peak per um]":
-        np.abs(peak.by("diameter")).max() * per_micron,
+        np.abs(beads["percent per um"]).max(),
         "largest derivative by a modulus [% of the peak per %]":
-        np.abs(peak.by("modulus") * STEEL.modulus / peak.value).max(),
+        np.abs(beads["percent per percent of modulus"]).max(),
         "digits unaffected by round-off": peak.digits,
         "error of the reversed run at the start [m, m/s]": peak.reversal,
     }  # fmt: skip
-    return {
-        "beads": {"x": x, "y": y, "percent per um": peak.by("diameter") * per_micron,
-                  "percent per percent of modulus":
-                  peak.by("modulus") * STEEL.modulus / peak.value},
-        "numbers": _gradients.numbers(values),
-    }  # fmt: skip
+    numbers = {"quantity": list(values), "value": [float(x) for x in values.values()]}
+    return {"beads": beads, "numbers": numbers}
 
 
 def table(tables):
     """The numbers that are printed."""
-    return _gradients.lines(NAME, tables)
+    return [{"picture": NAME, **line} for line in lines(tables["numbers"])]
 
 
 def draw(figure, tables):

@@ -4,12 +4,10 @@ Loss of contact puts a kink into the force: orders of convergence above that of 
 attained, and local slopes scatter.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from figures import _guide
-from figures._guide import PTFE, STEEL, row
+from figures._guide import PTFE, STEEL
 from granular import simulate, y_guide
 from tensegrity import METHODS, Record
 
@@ -37,19 +35,17 @@ def data(by=1.0):
     tables = {}
     for name, (bead, speed, t_end, unit) in SCENES.items():
         guide = y_guide(bead=bead, striker=_guide.light(by * speed))
-        columns = {"dt [s]": unit * STEPS}
-        for method in NAMES:
-            columns[method] = np.array([_error(guide, t_end, method, dt) for dt in unit * STEPS])
+        errors = {method: np.array([_error(guide, t_end, method, dt) for dt in unit * STEPS])
+                  for method in NAMES}  # fmt: skip
         run = simulate(guide, guide.start(), t_end, record=Record(every=10))
-        chosen = {"dt [s]": [run.dt], "error": [run.energy_error]}
-        tables |= {name: columns, f"{name} by default": chosen}
+        tables[name] = {"dt [s]": unit * STEPS, **errors}
+        tables[f"{name} by default"] = {"dt [s]": [run.dt], "error": [run.energy_error]}
     return tables
 
 
 def _error(guide, t_end, method, dt):
-    every = max(1, int(t_end / dt / INSTANTS))
-    how = {"method": method, "dt": dt, "record": Record(every=every)}
-    return simulate(guide, guide.start(), t_end, **how).energy_error
+    record = Record(every=max(1, int(t_end / dt / INSTANTS)))
+    return simulate(guide, guide.start(), t_end, method=method, dt=dt, record=record).energy_error
 
 
 def order(table, method):
@@ -65,25 +61,22 @@ def meets(table, method, bound):
 
 def table(tables):
     """The paper's error at its step, and the steps that meet bounds."""
-    lines = []
+    lines = {}
     for name in SCENES:
         one, chosen = tables[name], tables[f"{name} by default"]
         at = int(np.argmin(np.abs(one["dt [s]"] - PAPER_STEP)))
-        lines += [
-            row("energy", f"{name}: error of RK4 at {1e6 * one['dt [s]'][at]:g} us",
-                float(one["rk4"][at]), "< 1e-5"),
-            row("energy", f"{name}: step of RK4 that meets 1e-5 [us]",
-                1e6 * meets(one, "rk4", PAPER_ERROR), 1),
-            row("energy", f"{name}: step of Verlet that meets 1e-5 [us]",
-                1e6 * meets(one, "verlet", PAPER_ERROR)),
-            row("energy", f"{name}: step of rkn6 that meets 1e-9 [us]",
-                1e6 * meets(one, "rkn6", FINE_ERROR)),
-            row("energy", f"{name}: default step (corrected6) [us]", 1e6 * chosen["dt [s]"][0]),
-            row("energy", f"{name}: error with the default step", chosen["error"][0]),
-            row("energy", f"{name}: measured orders of {', '.join(NAMES)}",
-                ", ".join(f"{order(one, method):.1f}" for method in NAMES)),
-        ]  # fmt: skip
-    return lines
+        orders = ", ".join(f"{order(one, method):.1f}" for method in NAMES)
+        found = {
+            f"error of RK4 at {1e6 * one['dt [s]'][at]:g} us": (one["rk4"][at], "< 1e-5"),
+            "step of RK4 that meets 1e-5 [us]": (1e6 * meets(one, "rk4", PAPER_ERROR), 1),
+            "step of Verlet that meets 1e-5 [us]": 1e6 * meets(one, "verlet", PAPER_ERROR),
+            "step of rkn6 that meets 1e-9 [us]": 1e6 * meets(one, "rkn6", FINE_ERROR),
+            "default step (corrected6) [us]": 1e6 * chosen["dt [s]"][0],
+            "error with the default step": chosen["error"][0],
+            f"measured orders of {', '.join(NAMES)}": orders,
+        }
+        lines |= {f"{name}: {quantity}": value for quantity, value in found.items()}
+    return _guide.rows("energy", lines)
 
 
 def draw(figure, tables):
@@ -101,8 +94,6 @@ def draw(figure, tables):
                       textcoords="offset points")  # fmt: skip
         at = 1e6 * chosen["dt [s]"][0], chosen["error"][0]
         axes.plot(*at, "ks", mfc="none", ms=7)
-        axes.annotate("default of simulate", at, (0, -14), ha="center",
-                      textcoords="offset points")  # fmt: skip
-        axes.set(xlabel="step [µs]", title=f"half guide, {name}", xlim=(0.02, 99),
-                 ylim=(1e-13, 10))  # fmt: skip
+        axes.annotate("default of simulate", at, (0, -14), ha="center", textcoords="offset points")
+        axes.set(xlabel="step [µs]", title=f"half guide, {name}", xlim=(0.02, 99), ylim=(1e-13, 10))
     figure.axes[0].set_ylabel("largest relative error of the energy")

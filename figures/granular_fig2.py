@@ -3,15 +3,13 @@
 Fig. 2 of the paper: a single wave splits at the junction of the half guide, all steel.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
 
 from derivations import contact, junction
 from figures import _guide
-from figures._guide import STEEL, row
+from figures._guide import STEEL
 from granular import sensor_force, y_guide
 from tensegrity import first_peak, peaks, sampled
 
@@ -48,9 +46,9 @@ def data(by=1.0):
         "settling": {"bead": np.arange(1, 16), "peak [N]": np.array(numbers)},
         "clock": _clock(run),
         "numbers": {
-            "energy error": np.array([run.energy_error]),
-            "difference of the branches": np.array([_guide.skew(run)]),
-            "momentum error": np.array([_guide.momentum_error(run)]),
+            "energy error": [run.energy_error],
+            "difference of the branches": [_guide.skew(run)],
+            "momentum error": [_guide.momentum_error(run)],
         },
     }
 
@@ -73,24 +71,18 @@ def located(run):
 
 def _clock(run):
     """V_t/V_i and V_r/V_i from the largest samples, for each phase of the clock."""
-    phases = np.arange(PHASES) * _guide.CLOCK / PHASES
-    forces, windows = _read(run)
-    found = []
+    phases, found = np.arange(PHASES) * _guide.CLOCK / PHASES, []
+    records = list(zip(*_read(run), strict=True))
     for phase in phases:
-        read = [
-            _largest_sample(*sampled(run.t, f, _guide.CLOCK, phase), window)
-            for f, window in zip(forces, windows, strict=True)
-        ]
-        incident, transmitted, reflected = np.diff(read)[::2]
-        found.append((incident / transmitted, incident / reflected))
+        instants = []
+        for force, (start, end) in records:
+            t, samples = sampled(run.t, force, _guide.CLOCK, phase)
+            inside = (t >= start) & (t <= end)
+            instants.append(t[inside][np.argmax(samples[inside])])
+        incident, *others = np.diff(instants)[::2]
+        found.append([incident / other for other in others])
     transmitted, reflected = np.array(found).T
     return {"phase [s]": phases, "V_t/V_i": transmitted, "V_r/V_i": reflected}
-
-
-def _largest_sample(times, values, window):
-    """Instant of the largest sample within a time."""
-    inside = (times >= window[0]) & (times <= window[1])
-    return times[inside][np.argmax(values[inside])]
 
 
 def ratios(tables, step="peaks"):
@@ -116,49 +108,43 @@ def agreeing(tables):
 def table(tables):
     """Numbers of this figure in the paper and here."""
     (v_i, v_t, v_r), (f_i, f_t, f_r) = ratios(tables)
-    share, name = agreeing(tables), "2"
     read = [tables["clock"][k] for k in ("V_t/V_i", "V_r/V_i")]
     spread = [f"{x.min():.3f} to {x.max():.3f}" for x in read]
     settled = tables["settling"]["peak [N]"]
-    back, forth = (float(x.subs(junction.waves, 1)) for x in _split_ratios())
+    back, forth = (  # (I1, I2)/I0 of eq. (7)
+        float((x / junction.incident).subs(junction.waves, 1)) for x in junction.at_thirty_degrees()
+    )
     power = float(contact.scalings()[0].subs(contact.exponent, 1.5))
-    return [
-        row(name, "V_i [m/s]", float(v_i), "", 566.96),
-        row(name, "V_t [m/s]", float(v_t), "", 506.64),
-        row(name, "V_r [m/s]", float(v_r), "", 415.92),
-        row(name, "V_t/V_i", float(v_t / v_i), PRINTED[0], 0.894),
-        row(name, "V_r/V_i", float(v_r / v_i), PRINTED[1], 0.734),
-        row(name, "V_t/V_i read every 3 us, over phases", spread[0], PRINTED[0]),
-        row(name, "V_r/V_i read every 3 us, over phases", spread[1], PRINTED[1]),
-        row(name, "fraction of phases that give the paper's pair", share),
-        row(name, "F_i/F_t", float(f_i / f_t), 1.6, 2),
-        row(name, "F_i/F_t by eq. (7)", forth**-power, 1.6),
-        row(name, "F_i/F_r", float(f_i / f_r), 6.9, 8.4),
-        row(name, "F_i/F_r by eq. (7)", back**-power, 6.9),
-        row(name, "peak at bead 1 of the branch over bead 15", float(settled[0] / settled[14])),
-        row(name, "the same at bead 4", float(settled[3] / settled[14]), "settled"),
-        row(name, "largest other peak in stem 1 over the incident one", others(tables)),
-        row(name, "change of these ratios with a step of 0.4 us, not 0.1 us", step_error(tables)),
-        row(
-            name, "difference of both branches", _guide.number(tables, "difference of the branches")
-        ),
-        *_guide.balances(name, tables),
-    ]
+    found = {
+        "V_i [m/s]": (v_i, "", 566.96),
+        "V_t [m/s]": (v_t, "", 506.64),
+        "V_r [m/s]": (v_r, "", 415.92),
+        "V_t/V_i": (v_t / v_i, PRINTED[0], 0.894),
+        "V_r/V_i": (v_r / v_i, PRINTED[1], 0.734),
+        "V_t/V_i read every 3 us, over phases": (spread[0], PRINTED[0]),
+        "V_r/V_i read every 3 us, over phases": (spread[1], PRINTED[1]),
+        "fraction of phases that give the paper's pair": agreeing(tables),
+        "F_i/F_t": (f_i / f_t, 1.6, 2),
+        "F_i/F_t by eq. (7)": (forth**-power, 1.6),
+        "F_i/F_r": (f_i / f_r, 6.9, 8.4),
+        "F_i/F_r by eq. (7)": (back**-power, 6.9),
+        "peak at bead 1 of the branch over bead 15": settled[0] / settled[14],
+        "the same at bead 4": (settled[3] / settled[14], "settled"),
+        "largest other peak in stem 1 over the incident one": others(tables),
+        "change of these ratios with a step of 0.4 us, not 0.1 us": step_error(tables),
+        "difference of both branches": _guide.number(tables, "difference of the branches"),
+        **_guide.balances(tables),
+    }
+    return _guide.rows("2", found)
 
 
 def others(tables):
     """Highest peak in stem 1 besides the incident and the reflected one, over the incident one."""
-    curves = tables["curves"]
     found = []
-    for part, bead in SENSORS[:2]:
-        heights = np.sort(peaks(curves["t [s]"], curves[f"{part} {bead} [N]"], FAINT)[1])[::-1]
+    for sensor in SENSORS[:2]:
+        heights = np.sort(peaks(*_guide.curve(tables, *sensor), FAINT)[1])[::-1]
         found.append(heights[2] / heights[0])
     return float(max(found))
-
-
-def _split_ratios():
-    """(I1, I2)/I0 of eq. (7)."""
-    return [x / junction.incident for x in junction.at_thirty_degrees()]
 
 
 def draw(figure, tables):
@@ -167,14 +153,12 @@ def draw(figure, tables):
     left, right = figure.subplots(1, 2, width_ratios=(1.7, 1.2))
     _guide.draw_curves(left, tables["curves"], [2.5] * 4, f"struck at {SPEED} m/s")
     (v_i, v_t, v_r), _ = ratios(tables)
-    clock = tables["clock"]
-    for k, (name, exact, printed) in enumerate(
-        zip(("V_t/V_i", "V_r/V_i"), (v_t / v_i, v_r / v_i), PRINTED, strict=True)
-    ):
+    clock, names = tables["clock"], ("V_t/V_i", "V_r/V_i")
+    for k, (name, v, printed) in enumerate(zip(names, (v_t, v_r), PRINTED, strict=True)):
         right.plot(1e6 * clock["phase [s]"], clock[name], f"C{k}.", ms=3)
-        right.axhline(exact, color=f"C{k}", lw=1)
+        right.axhline(v / v_i, color=f"C{k}", lw=1)
         right.axhline(printed, color=f"C{k}", lw=1, ls=":")
-        words = f"${name}$ = {exact:.4f}, in the paper {printed}"
+        words = f"${name}$ = {v / v_i:.4f}, in the paper {printed}"
         right.text(0.05, 1.19 - 0.05 * k, words, color=f"C{k}")
     right.set(xlabel="phase of the sampling [µs]", ylabel="ratio of speeds", ylim=(0.6, 1.25),
               title="dots: read every 3 µs")  # fmt: skip

@@ -1,14 +1,12 @@
 """No law of losses gives all five numbers that the paper measured."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
 
 from figures import _guide, granular_fig2
 from figures._draw import name_curves
-from figures._guide import STEEL, row
+from figures._guide import STEEL
 from granular import (
     carretero_gonzalez,
     hunt_crossley,
@@ -17,7 +15,7 @@ from granular import (
     viscous,
     y_guide,
 )
-from tensegrity import Record, first_peak
+from tensegrity import Record
 
 NAME = "granular_losses"
 GROUP = "granular"
@@ -41,11 +39,11 @@ SENSORS = (("stem 1", 16), ("branch 1", 8))
 def followed(law=None, friction=None, dt=DT, by=1.0):
     """A run of the half guide."""
     given = {} if law is None else {"law": law}
-    guide = y_guide(bead=STEEL, striker=_guide.light(by * granular_fig2.SPEED), friction=friction,
-                    **given)  # fmt: skip
+    guide = y_guide(
+        bead=STEEL, striker=_guide.light(by * granular_fig2.SPEED), friction=friction, **given
+    )
     method = "rkn6" if law is None and friction is None else "rk8"
-    record = Record(every=1)
-    return simulate(guide, guide.start(), END, method=method, dt=dt, record=record)
+    return simulate(guide, guide.start(), END, method=method, dt=dt, record=Record(every=1))
 
 
 def five(run):
@@ -58,23 +56,27 @@ def five(run):
 
 def data():
     """The five numbers for each law and restitution, and sensor curves."""
-    elastic, lossy = followed(), followed(kuwabara_kono(restitution=DRAWN, speed=AT))
-    found = {"elastic": {"restitution": np.ones(1), **_named([five(elastic)])}}
-    for name, law in LAWS.items():
-        each = [five(followed(law(restitution=e, speed=AT))) for e in RESTITUTIONS]
-        found[name] = {"restitution": RESTITUTIONS, **_named(each)}
-    fine = five(followed(kuwabara_kono(restitution=DRAWN, speed=AT), dt=DT / 2))
-    rubbing = five(followed(friction=(0.3, 0.01)))
+    law = kuwabara_kono(restitution=DRAWN, speed=AT)
+    elastic, lossy = followed(), followed(law)
+    found = {"elastic": named([1.0], [elastic])}
+    for name, laws in LAWS.items():
+        runs = (followed(laws(restitution=e, speed=AT)) for e in RESTITUTIONS)
+        found[name] = named(RESTITUTIONS, runs)
     return found | {
-        "friction 0.3": {"restitution": np.ones(1), **_named([rubbing])},
-        "half the step": {"restitution": np.array([DRAWN]), **_named([fine])},
+        "friction 0.3": named([1.0], [followed(friction=(0.3, 0.01))]),
+        "half the step": named([DRAWN], [followed(law, dt=DT / 2)]),
+        "reflected": {
+            "peak [N]": [granular_fig2.located(run)["height [N]"][4] for run in (elastic, lossy)]
+        },
         "elastic curves": _guide.curves(elastic, SENSORS),
         "lossy curves": _guide.curves(lossy, SENSORS),
     }
 
 
-def _named(rows):
-    return dict(zip(MEASURED, np.array(rows).T, strict=True))
+def named(restitutions, runs):
+    """The five numbers of runs, as columns."""
+    columns = zip(MEASURED, np.array([five(run) for run in runs]).T, strict=True)
+    return {"restitution": np.array(restitutions), **dict(columns)}
 
 
 def misfit(tables, name):
@@ -86,48 +88,33 @@ def misfit(tables, name):
 def restitution_for(tables, key, name="Kuwabara-Kono"):
     """The restitution at which a number is the measured one; NaN where none is."""
     e = np.append(1.0, tables[name]["restitution"])
-    values = np.append(tables["elastic"][key], tables[name][key]) - MEASURED[key]
-    where = np.flatnonzero(values[1:] * values[:-1] <= 0)
-    if not where.size:
-        return math.nan
-    k = where[0]
-    return float(e[k] + (e[k + 1] - e[k]) * values[k] / (values[k] - values[k + 1]))
+    values = np.append(tables["elastic"][key], tables[name][key])
+    order = np.argsort(values)
+    return float(np.interp(MEASURED[key], values[order], e[order], math.nan, math.nan))
 
 
 def table(tables):
     """The five numbers, and the constants that would give them."""
-    name, found = "losses", []
-    k = int(np.flatnonzero(RESTITUTIONS == DRAWN)[0])
-    lossy = tables["Kuwabara-Kono"]
+    k, found = list(RESTITUTIONS).index(DRAWN), {}
+    before, after = tables["reflected"]["peak [N]"]
+    plain, lossy = tables["elastic"], tables["Kuwabara-Kono"]
     for key, value in MEASURED.items():
-        found.append(
-            row(name, f"{key} without losses", float(tables["elastic"][key][0]), "", value)
-        )
-        found.append(row(name, f"{key} at restitution {DRAWN}", float(lossy[key][k]), "", value))
         e = restitution_for(tables, key)
-        found.append(row(name, f"restitution that gives {key}", "none" if math.isnan(e) else e))
+        found[f"{key} without losses"] = plain[key][0], "", value
+        found[f"{key} at restitution {DRAWN}"] = lossy[key][k], "", value
+        found[f"restitution that gives {key}"] = "none" if math.isnan(e) else e
     for law in ("elastic", *LAWS):
-        found.append(row(name, f"largest misfit at the best constant, {law}",
-                         float(misfit(tables, law).min())))  # fmt: skip
-    half, rubbing = (tables[key] for key in ("half the step", "friction 0.3"))
-    found += [
-        row(name, "change of these numbers with half the step",
-            max(abs(float(half[key][0] / lossy[key][k]) - 1) for key in MEASURED)),
-        row(name, "change of these numbers by friction with the walls, 0.3",
-            max(abs(float(rubbing[key][0] / tables["elastic"][key][0]) - 1) for key in MEASURED)),
-        row(name, "reflected peak with losses over that without", reflected(tables)),
-    ]  # fmt: skip
-    return found
+        found[f"largest misfit at the best constant, {law}"] = misfit(tables, law).min()
 
+    def change(name, of, k):
+        return max(abs(tables[name][key][0] / of[key][k] - 1) for key in MEASURED)
 
-def reflected(tables):
-    """Height of the reflected pulse in stem 1 with losses over that without."""
-    heights = []
-    for kind in ("elastic curves", "lossy curves"):
-        t, force = tables[kind]["t [s]"], tables[kind]["stem 1 16 [N]"]
-        after = first_peak(t, force)[0] + granular_fig2.BEYOND
-        heights.append(first_peak(t, force, (after, math.inf))[1])
-    return heights[1] / heights[0]
+    found |= {
+        "change of these numbers with half the step": change("half the step", lossy, k),
+        "change of these numbers by friction with the walls, 0.3": change("friction 0.3", plain, 0),
+        "reflected peak with losses over that without": after / before,
+    }
+    return _guide.rows("losses", found)
 
 
 def draw(figure, tables):
@@ -142,8 +129,8 @@ def draw(figure, tables):
             if style == "-":
                 at = t[force.argmax()] + 8, 0.93 * force.max()
                 curves.annotate(f"{part}, bead {bead}", at, color=f"C{k}")
-    curves.set(xlabel="time [µs]", ylabel="force at the sensor [N]", xlim=(100, 420))
-    curves.set_title(f"dashed: restitution {DRAWN} at {AT} m/s", fontsize=10)
+    curves.set(xlabel="time [µs]", ylabel="force at the sensor [N]", xlim=(100, 420),
+               title=f"dashed: restitution {DRAWN} at {AT} m/s")  # fmt: skip
     kuwabara = tables["Kuwabara-Kono"]
     e = np.append(1.0, kuwabara["restitution"])
     for label, (key, value) in zip(LABELS, MEASURED.items(), strict=True):

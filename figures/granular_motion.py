@@ -3,8 +3,6 @@
 The guide of Fig. 5 of the paper; beads are coloured by the contact force of eq. (5).
 """
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np
@@ -47,19 +45,6 @@ def data():
     }
 
 
-def _stage(axes, tables):
-    """Draw walls and beads; returns the collection that takes the colours."""
-    beads, walls = tables["beads"], tables["walls"]
-    for x0, y0, x1, y1 in zip(*walls.values(), strict=True):
-        axes.plot([1e3 * x0, 1e3 * x1], [1e3 * y0, 1e3 * y1], "0.4", lw=1)
-    places = np.stack([beads["x [m]"], beads["y [m]"]], axis=1)
-    rims = np.where(beads["soft"] == 1, "C2", "0.6")
-    found = disks(axes, places, STEEL.diameter, cmap="inferno_r", lw=0.5, edgecolors=rims)
-    found.set_clim(0, HELD)
-    axes.set(ylabel="y [mm]")
-    return found
-
-
 def _forces(tables):
     return np.stack([f for name, f in tables["forces"].items() if name != "t [s]"], axis=1)
 
@@ -69,14 +54,19 @@ def draw(figure, tables):
     figure.set_size_inches(9, 6.2)
     forces, t = _forces(tables), tables["forces"]["t [s]"]
     panels = figure.subplots(2, 2)
-    for axes, (frame, where) in zip(panels.ravel(), SHOWN.items(), strict=True):
-        disks = _stage(axes, tables)
-        disks.set_array(forces[frame])
-        axes.set(title=f"{1e3 * t[frame]:.2f} ms after the blow", xlim=SEEN[where], ylim=(-32, 32))
+    *places, soft = tables["beads"].values()
+    style = {"cmap": "inferno_r", "lw": 0.5, "edgecolors": np.where(soft == 1, "C2", "0.6")}
+    for axes, (frame, where) in zip(panels.flat, SHOWN.items(), strict=True):
+        for x0, y0, x1, y1 in zip(*tables["walls"].values(), strict=True):
+            axes.plot([1e3 * x0, 1e3 * x1], [1e3 * y0, 1e3 * y1], "0.4", lw=1)
+        beads = disks(axes, np.stack(places, axis=1), STEEL.diameter, **style)
+        beads.set(array=forces[frame], clim=(0, HELD))
+        axes.set(title=f"{1e3 * t[frame]:.2f} ms after the blow", xlim=SEEN[where], ylim=(-32, 32),
+                 ylabel="y [mm]")  # fmt: skip
     for side, name, y in (("top", "steel branch", 30), ("bottom", "Parylene branch", -30)):
         panels[0, 0].text(-42, y, name, va=side)
     label = "force on a bead [N]; green outlines: Parylene branch"
-    figure.colorbar(disks, ax=panels, label=label, shrink=0.7, extend="max")
+    figure.colorbar(beads, ax=panels, label=label, shrink=0.7, extend="max")
 
 
 def animate(tables, path):

@@ -5,23 +5,20 @@ half guide has no stem 2: what differs there is not computed for it. Half-angles
 are impossible: the first beads of the branches would overlap.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
 import numpy as np
 
 from figures import _guide
-from figures._guide import PARYLENE, PTFE, STEEL, row
-from granular import diamond_guide, energies, materials, sensor_force, simulate, y_guide
-from tensegrity import Record, first_peak, largest_peak
+from figures._guide import PARYLENE, PTFE, STEEL
+from granular import diamond_guide, energies, materials, sensor_force, y_guide
+from tensegrity import first_peak, largest_peak
 
 NAME = "granular_sensitivity"
 GROUP = "granular"
 
-DT = 0.4e-6  # s
-HALF_END, FULL_END, AT = 420e-6, 1.4e-3, 1.2e-3  # s
+AT = 1.2e-3  # s
 BEYOND = 40e-6  # s after the incident peak: the reflected one is on its way
 CASES = {  # what differs: keywords of the guides, Parylene bead
     "as the paper (our reading)": ({}, PARYLENE),
@@ -41,7 +38,7 @@ FULL = (
 )
 
 
-NOT_COMPUTED = "not computed"
+NOT_THERE = (math.nan,) * len(HALF)
 LEAST = 0.05  # %: smaller changes count as zero
 MARKS = "osD^v*"  # of the six quantities
 
@@ -51,47 +48,40 @@ def data():
 
     The half guide has neither stem 2 nor Parylene: variations of these are not computed there.
     """
-    columns = {"case": list(CASES)} | {name: [] for name in (*HALF, *FULL)}
-    for keywords, coated in CASES.values():
-        in_half = "end" not in keywords and coated is PARYLENE
-        half = _half(keywords) if in_half else [NOT_COMPUTED] * len(HALF)
-        for name, value in zip((*HALF, *FULL), (*half, *_full(keywords, coated)), strict=True):
-            columns[name].append(value)
-    return {"cases": columns}
+    rows = [
+        # the end and the Parylene bead are not in the half guide
+        [*(NOT_THERE if "end" in given or coated is not PARYLENE else _half(given)),
+         *_full(given, coated)]
+        for given, coated in CASES.values()
+    ]  # fmt: skip
+    columns = dict(zip((*HALF, *FULL), np.array(rows).T, strict=True))
+    return {"cases": {"case": list(CASES), **columns}}
 
 
 def changes(column):
-    """Changes against the first case [%], None where the quantity was not computed."""
-    return [None if v == NOT_COMPUTED else 100 * (v / column[0] - 1) for v in column]
+    """Changes against the first case [%], nan where the quantity was not computed."""
+    return 100 * (np.asarray(column) / column[0] - 1)
 
 
 def _run(guide, t_end):
-    how = {"dt": DT, "method": "rkn6", "record": Record(every=2)}
-    return simulate(guide, guide.start(), t_end, **how)
-
-
-def _given(keywords, speed):
-    """Beads, striker and keywords of a guide."""
-    return {"bead": STEEL, "striker": _guide.light(speed), **keywords}
+    return _guide.followed(guide, t_end, 0.4e-6, every=2)
 
 
 def _half(keywords):
-    given = _given(keywords, 0.585)
-    run = _run(y_guide(**given), HALF_END)
+    given = {"bead": STEEL, "striker": _guide.light(0.585), **keywords}
+    run = _run(y_guide(**given), 420e-6)
     stem = sensor_force(run, "stem 1", 16)
     instant, incident = first_peak(run.t, stem)
     there = first_peak(run.t, sensor_force(run, "branch 1", 4))[1]
     back = first_peak(run.t, stem, (instant + BEYOND, math.inf))[1]
     soft = _run(y_guide(branches=(STEEL, PTFE), **given), 0.6e-3)
-    return (
-        incident / there,
-        incident / back,
-        largest_peak(soft.t, sensor_force(soft, "branch 2", 7))[1],
-    )
+    peak = largest_peak(soft.t, sensor_force(soft, "branch 2", 7))[1]
+    return incident / there, incident / back, peak
 
 
 def _full(keywords, coated):
-    run = _run(diamond_guide(branches=(STEEL, coated), **_given(keywords, 0.5)), FULL_END)
+    given = {"bead": STEEL, "striker": _guide.light(0.5), **keywords}
+    run = _run(diamond_guide(branches=(STEEL, coated), **given), 1.4e-3)
     forces = [
         largest_peak(run.t, sensor_force(run, *s))[1] for s in (("branch 2", 7), ("stem 2", 5))
     ]
@@ -101,14 +91,14 @@ def _full(keywords, coated):
 
 def table(tables):
     """Relative changes against our reading, in percent."""
-    cases, lines = tables["cases"], []
+    cases, lines = tables["cases"], {}
     for k, case in enumerate(cases["case"]):
         for name in (*HALF, *FULL):
             value, change = cases[name][k], changes(cases[name])[k]
-            if k == 0 or (change is not None and abs(change) > LEAST):
+            if k == 0 or abs(change) > LEAST:
                 shown = "" if k == 0 else f" ({change:+.1f} %)"
-                lines.append(row("sensitivity", f"{case}: {name}", f"{value:.4g}{shown}"))
-    return lines
+                lines[f"{case}: {name}"] = f"{value:.4g}{shown}"
+    return _guide.rows("sensitivity", lines)
 
 
 def draw(figure, tables):
@@ -117,7 +107,7 @@ def draw(figure, tables):
     axes, cases = figure.subplots(), tables["cases"]
     names, rows = (*HALF, *FULL), np.arange(len(CASES) - 1)[::-1]
     for k, (name, mark) in enumerate(zip(names, MARKS, strict=True)):
-        change = np.array([np.nan if x is None else x for x in changes(cases[name])[1:]])
+        change = changes(cases[name])[1:]
         label = name.removesuffix(" [N]").replace("F_i/F_t", "$F_i/F_t$")
         axes.plot(change, rows + 0.11 * (2.5 - k), mark, ms=8, mew=0,
                   label=label.replace("F_i/F_r", "$F_i/F_r$"))  # fmt: skip

@@ -1,12 +1,9 @@
 """After an impact a chain of any material carries the exact wave of Hertz's law."""
 
-from __future__ import annotations
-
 import numpy as np
 
-from figures._beads import bead
-from figures._guide import PTFE, STEEL, row
-from granular import Bead, Striker, chain, hertz, simulate
+from figures import _guide
+from granular import Bead, Striker, chain, hertz, materials, simulate
 from tensegrity import PowerLaw, Record, State, first_peak, solitary_wave
 
 NAME = "granular_uniform"
@@ -40,13 +37,14 @@ def data():
 
 def measured(name, velocity):
     """The wave that a striker equal to the beads generates in a uniform chain."""
-    one = bead(name)
+    one = Bead(_guide.STEEL.diameter, materials[name])
     alpha = hertz(one, one).constant
     scene = chain([one] * BEADS, striker=Striker(one, velocity))
     impact = (one.mass**2 / (alpha**2 * velocity)) ** 0.2
     t_end = (FAR[1] + 12) * 1.2 * impact
-    run = simulate(scene, scene.start(), t_end, dt=FINE * impact, method="rkn6",
-                   record=Record(every=2))  # fmt: skip
+    run = simulate(
+        scene, scene.start(), t_end, dt=FINE * impact, method="rkn6", record=Record(every=2)
+    )
     forces = scene.contact_forces(run.u)
     (first, _), (second, height) = (first_peak(run.t, forces[:, j]) for j in FAR)
     rate = (FAR[1] - FAR[0]) / (second - first)
@@ -64,7 +62,6 @@ def measured(name, velocity):
         "mass [kg]": one.mass,
         "alpha [N/m^1.5]": alpha,
         "fraction of the energy": energy / run.energy[0],
-        "energy error": run.energy_error,
     }
 
 
@@ -82,12 +79,8 @@ def scaled(tables):
     """
     w = tables["waves"]
     alpha, m = w["alpha [N/m^1.5]"], w["mass [kg]"]
-    momentum = w["momentum [kg m/s]"] / m
-    return (
-        momentum,
-        w["peak force [N]"] / (alpha**0.4 * m**0.6),
-        w["speed [beads/s]"] * ((m / alpha) ** 0.4),
-    )
+    force = w["peak force [N]"] / (alpha**0.4 * m**0.6)
+    return w["momentum [kg m/s]"] / m, force, w["speed [beads/s]"] * (m / alpha) ** 0.4
 
 
 def table(tables):
@@ -96,21 +89,22 @@ def table(tables):
     momentum, force, rate = scaled(tables)
     powers = [np.polyfit(np.log(momentum), np.log(y), 1)[0] for y in (force, rate)]
     mass = w["momentum [kg m/s]"] ** 2 / (2 * w["energy [J]"] * w["mass [kg]"])
-    name = "1D"
-    return [
-        row(name, "constant c of V = 2 r c alpha^(1/3) m^(-1/2) F^(1/6)", f"{found[2]:.9f}"),
-        row(name, "the same of the exact travelling wave", f"{exact['constant'][0]:.9f}"),
-        row(name, "largest difference over materials and speeds",
-            float(np.max(np.abs(found / exact["constant"][0] - 1)))),
-        row(name, "power of momentum in the force, all chains", f"{powers[0]:.6f}", "6/5"),
-        row(name, "power of momentum in the speed, all chains", f"{powers[1]:.6f}", "1/5"),
-        row(name, "effective mass in beads", f"{mass[2]:.6f}", 1.4),
-        row(name, "the same of the exact travelling wave", f"{exact['effective mass'][0]:.6f}"),
-        row(name, "width of the exact wave in beads, at 1 %", exact["width"][0], "about 5"),
-        row(name, "steel bead of 4.76 mm: mass by density [g]", mass_by_density(STEEL), 0.45),
-        row(name, "PTFE bead of 4.76 mm: mass by density [g]", mass_by_density(PTFE), 0.123),
-        row(name, "fraction of the energy in the wave", float(w["fraction of the energy"][2])),
-    ]  # fmt: skip
+    lines = {
+        "constant c of V = 2 r c alpha^(1/3) m^(-1/2) F^(1/6)": f"{found[2]:.9f}",
+        "the same of the exact travelling wave": f"{exact['constant'][0]:.9f}",
+        "largest difference over materials and speeds": np.abs(
+            found / exact["constant"][0] - 1
+        ).max(),
+        "power of momentum in the force, all chains": (f"{powers[0]:.6f}", "6/5"),
+        "power of momentum in the speed, all chains": (f"{powers[1]:.6f}", "1/5"),
+        "effective mass in beads": (f"{mass[2]:.6f}", 1.4),
+        "that of the exact travelling wave": f"{exact['effective mass'][0]:.6f}",
+        "width of the exact wave in beads, at 1 %": (exact["width"][0], "about 5"),
+        "steel bead of 4.76 mm: mass by density [g]": (mass_by_density(_guide.STEEL), 0.45),
+        "PTFE bead of 4.76 mm: mass by density [g]": (mass_by_density(_guide.PTFE), 0.123),
+        "fraction of the energy in the wave": w["fraction of the energy"][2],
+    }
+    return _guide.rows("1D", lines)
 
 
 def mass_by_density(one):
@@ -123,12 +117,14 @@ def draw(figure, tables):
     figure.set_size_inches(9, 4.2)
     momentum, force, rate = scaled(tables)
     names = list(tables["waves"]["material"])
-    for axes, y, power, label in (
-        (figure.add_subplot(1, 2, 1), force, 6 / 5,
-         r"force / $(\alpha^{2/5} m^{3/5})$  [(m/s)$^{6/5}$]"),
-        (figure.add_subplot(1, 2, 2), rate, 1 / 5,
-         r"speed $(m/\alpha)^{2/5}$  [beads (m/s)$^{1/5}$]"),
-    ):  # fmt: skip
+    shown = {
+        r"force / $(\alpha^{2/5} m^{3/5})$  [(m/s)$^{6/5}$]":
+        (force, 6 / 5, 0.012, [0.02, 0.05, 0.1, 0.2, 0.4]),
+        r"speed $(m/\alpha)^{2/5}$  [beads (m/s)$^{1/5}$]":
+        (rate, 1 / 5, 0.44, [0.45, 0.5, 0.6, 0.7, 0.8]),
+    }  # fmt: skip
+    pairs = zip(figure.subplots(1, 2), shown.items(), strict=True)
+    for axes, (label, (y, power, least, ticks)) in pairs:
         line = np.array([momentum.min(), momentum.max()])
         axes.loglog(line, y[0] * (line / momentum[0]) ** power, "k-", lw=0.8)
         axes.text(line[0], y.max(), f"line: power {power:g}", va="top")
@@ -138,9 +134,8 @@ def draw(figure, tables):
             axes.annotate("PTFE" if name == "ptfe" else name, (x, top), (6, -4), color=colour,
                           textcoords="offset points", va="top", fontsize=9)  # fmt: skip
         axes.set(xlabel="momentum over mass [m/s]", ylabel=label, xlim=(0.04, 1.3))
-        for axis in (axes.xaxis, axes.yaxis):
+        for axis, places in ((axes.xaxis, [0.05, 0.1, 0.2, 0.5, 1]), (axes.yaxis, ticks)):
             axis.set_major_formatter("{x:g}")
             axis.set_minor_formatter("")
-        axes.set_xticks([0.05, 0.1, 0.2, 0.5, 1])
-        axes.set_ylim(0.012 if power > 1 else 0.44)
-        axes.set_yticks([0.02, 0.05, 0.1, 0.2, 0.4] if power > 1 else [0.45, 0.5, 0.6, 0.7, 0.8])
+            axis.set_ticks(places)
+        axes.set_ylim(least)

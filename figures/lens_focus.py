@@ -5,14 +5,12 @@ single contributions; this measures alignment, not strength.  The largest pressu
 before the focus, nearer to the ends.
 """
 
-from __future__ import annotations
+from functools import cache
 
 import numpy as np
 
-from figures import _lens
 from figures._draw import name_curves
-from figures._lens import row
-from tensegrity import plotting
+from tensegrity import Lens, Prism, plotting
 
 NAME = "lens_focus"
 GROUP = "lens"
@@ -25,6 +23,25 @@ INSTANTS = 48  # of the GIF
 BEFORE, AFTER = 15.0, 6.0  # s shown about the focus
 
 
+@cache
+def lens():
+    """21 chains of 40 prisms, 2 m apart, focused 20 m ahead."""
+    return Lens(Prism(base=1.0, height=0.8, prestrain=0.01, k_cross=1.0), focus=(0.0, 20.0))
+
+
+def top(t, pressure):
+    """Instant and height of the largest pressure, by the parabola through three instants."""
+    k = int(np.clip(np.argmax(pressure), 1, len(t) - 2))
+    a, b, c = pressure[k - 1 : k + 2]
+    shift = (a - c) / (2 * (a - 2 * b + c))
+    return t[k] + shift * (t[k + 1] - t[k]), b - (a - c) * shift / 4
+
+
+def around(before, after, step=0.02):
+    """Instants about that at which the pulses meet."""
+    return lens().focus_time + np.arange(-before, after + step / 2, step)
+
+
 def grid(shape):
     """Points x, y of the box, (n, 2)."""
     x, y = np.meshgrid(np.linspace(-BOX[0], BOX[0], shape[0]), np.linspace(0, BOX[1], shape[1]))
@@ -33,39 +50,35 @@ def grid(shape):
 
 def data():
     """Chains; pressures at the focus and along the axis; fields."""
-    lens = _lens.lens()
-    t = np.arange(lens.focus_time - 14.0, lens.focus_time + 10.0, _lens.STEP)
-    equal = {
-        name: lens.pressure(lens.focus, t, lens.chain_prestrains[k]) for name, k in EQUAL.items()
-    }
-    near = _lens.around(lens, 13.0, 13.0, 0.05)
-    times, plane = np.linspace(-BEFORE, AFTER, INSTANTS), grid(GRID)
-    frames = {f"{s:.3f} s": lens.pressure(plane, lens.focus_time + s) for s in times}
+    one, t = lens(), around(14.0, 10.0)
+    axis = np.stack([0 * ALONG, ALONG], axis=1)
+    single = one.pressures(one.focus, t)
+    equal = {f"{name} [Pa]": one.pressure(one.focus, t, one.chain_prestrains[k])
+             for name, k in EQUAL.items()}  # fmt: skip
     return {
         "chains": {
-            "x [m]": lens.places, "prestrain": lens.chain_prestrains,
-            "width [s]": lens.pulse_widths, "late by [s]": lens.focus_arrivals - lens.focus_time,
-            "peak [Pa]": [_lens.top(t, p)[1] for p in lens.pressures(lens.focus, t)],
+            "x [m]": one.places, "prestrain": one.chain_prestrains,
+            "width [s]": one.pulse_widths, "late by [s]": one.focus_arrivals - one.focus_time,
+            "peak [Pa]": [top(t, p)[1] for p in single],
         },
-        "pressure": {
-            "t [s]": t, "lens [Pa]": lens.pressure(lens.focus, t),
-            **{f"{name} [Pa]": p for name, p in equal.items()},
-        },
-        "along": {"y [m]": ALONG, "peak [Pa]": _lens.peaks(lens, _lens.line(0.0, ALONG), near)},
+        "pressure": {"t [s]": t, "lens [Pa]": one.pressure(one.focus, t), **equal},
+        "along": {"y [m]": ALONG,
+                  "peak [Pa]": one.pressure(axis, around(13.0, 13.0, 0.05)).max(axis=0)},
         "numbers": {
-            "coupling": [lens.coupling], "focus time [s]": [lens.focus_time],
-            "largest delay [s]": [float(lens.delays.max())],
-            "energy error": [lens.run().energy_error],
-            **{name: [value] for name, value in vars(lens.focusing()).items()},
+            "coupling": [one.coupling], "focus time [s]": [one.focus_time],
+            "largest delay [s]": [float(one.delays.max())],
+            "energy error": [one.run().energy_error],
+            **{name: [value] for name, value in vars(one.focusing()).items()},
         },
-        "frames": frames,
+        "frames": {f"{s:.3f} s": one.pressure(grid(GRID), one.focus_time + s)
+                   for s in np.linspace(-BEFORE, AFTER, INSTANTS)},
     }  # fmt: skip
 
 
 def table(tables):
     """Arrivals, gains, and the size of the neglected coupling."""
     chain, seen, numbers = (tables[k] for k in ("chains", "pressure", "numbers"))
-    peak = _lens.top(seen["t [s]"], seen["lens [Pa]"])[1]
+    peak = top(seen["t [s]"], seen["lens [Pa]"])[1]
     arrivals = np.ptp(chain["late by [s]"]) / np.min(chain["width [s]"])
     found = {key: value[0] for key, value in numbers.items()}
     lines = {
@@ -76,7 +89,7 @@ def table(tables):
         "alignment: peak over the sum of single peaks": (peak / np.sum(chain["peak [Pa]"]),
                                                          ">= 0.999"),
         **{f"peak over equal chains of the {name}'s prestrain":
-           (peak / _lens.top(seen["t [s]"], seen[f"{name} [Pa]"])[1], "") for name in EQUAL},
+           (peak / top(seen["t [s]"], seen[f"{name} [Pa]"])[1], "") for name in EQUAL},
         "gain: peak over equal chains of the median prestrain": (found["gain"], ""),
         "largest pressure on the axis from 10 to 30 m, at y [m]": (found["place"], "17.1"),
         "that pressure over that at the focus": (found["largest"] / found["peak"], "1.058"),
@@ -84,14 +97,15 @@ def table(tables):
         "one-way coupling, rho c A/(m cs)": (found["coupling"], "<< 1"),
         "energy error of the run": (found["energy error"], ""),
     }  # fmt: skip
-    return [row("21 chains, focus 20 m ahead", key, *pair) for key, pair in lines.items()]
+    return [{"case": "21 chains, focus 20 m ahead", "quantity": key, "value": value,
+             "reference": reference} for key, (value, reference) in lines.items()]  # fmt: skip
 
 
 def draw(figure, tables):
     """Prestrains, pressures at the focus, the field, and pressures along the axis."""
     figure.set_size_inches(9, 7)
     (a, b), (c, d) = figure.subplots(2, 2)
-    chain, seen, focus = tables["chains"], tables["pressure"], _lens.lens().focus
+    chain, seen, focus = tables["chains"], tables["pressure"], lens().focus
     found = {key: values[0] for key, values in tables["numbers"].items()}
     a.plot(chain["x [m]"], chain["prestrain"], "o-", ms=4)
     a.set(xlabel="place x of the chain [m]", ylabel="prestrain", title="prestrains of the chains")
@@ -101,8 +115,6 @@ def draw(figure, tables):
     b.set(xlabel="time from the focus [s]", ylabel="pressure [µPa]",
           title=f"at the focus: {found['gain']:.2f} times equal chains")  # fmt: skip
     name_curves(b, at=np.argmax, spread=16)
-    for axes in (a, b, c, d):
-        axes.title.set_fontsize(10)
     paint(figure, c, tables["frames"], min(tables["frames"], key=lambda s: abs(float(s[:-2]))))
     c.set_title(f"as the pulses meet; {100 * found['transmitted']:.2g} % of the energy radiated")
     d.semilogy(tables["along"]["y [m]"], 1e6 * tables["along"]["peak [Pa]"])
@@ -120,8 +132,8 @@ def paint(figure, axes, frames, name, most=5.0):
         extent=(-BOX[0], BOX[0], 0, BOX[1]), cmap="RdBu_r",
         vmin=-most, vmax=most, interpolation="bilinear", aspect="equal",
     )  # fmt: skip
-    axes.plot(*_lens.lens().focus, "k+", ms=10)
-    axes.plot(_lens.lens().places, np.zeros(21), "k|", ms=6, clip_on=False)
+    axes.plot(*lens().focus, "k+", ms=10)
+    axes.plot(lens().places, np.zeros(21), "k|", ms=6, clip_on=False)
     axes.set(xlabel="x [m]", ylabel="y [m]")
     axes.grid(False)
     figure.colorbar(image, ax=axes, label="pressure [µPa]", shrink=0.8)

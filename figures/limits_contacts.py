@@ -1,15 +1,12 @@
 """Contacts that open cost a method its order, and corrections restore most of it."""
 
-from __future__ import annotations
-
 import numpy as np
 
-from figures._draw import name_curves
+from figures._draw import name_curves, note
 from figures._limits import COLOURS, gap, grid, moved, slope
 from tensegrity import METHODS, Chain, PowerLaw
 from tensegrity.scenes.dynamics import dynamics
 
-NAME = "limits_contacts"
 GROUP = "limits"
 
 BEADS, DURATION = 6, 9.0  # unit masses, unit contacts
@@ -89,20 +86,12 @@ def text(tables):
     t, powers = tables["orders"], tables["exponents"]
     one, other = tables[f"{PLAIN}_opening"], tables[f"{CORRECTED}_opening"]
     last = int(np.argmin(np.abs(other["steps"] - 480)))
-    orders = grid(
-        ["method", "order, closed chain", "order, contacts that open"],
-        [
-            [name, f"{a:.1f}", f"{b:.1f}"]
-            for name, a, b in zip(t["method"], t["closed"], t["opening"], strict=True)
-        ],
-    )
-    exponents = grid(
-        ["exponent", f"order of {PLAIN}", f"order of {CORRECTED}"],
-        [
-            [f"{n:g}", f"{a:.1f}", f"{b:.1f}"]
-            for n, a, b in zip(powers["exponent"], powers[PLAIN], powers[CORRECTED], strict=True)
-        ],
-    )
+    orders = zip(t["method"], t["closed"], t["opening"], strict=True)
+    orders = grid(["method", "order, closed chain", "order, contacts that open"],
+                  [[name, f"{a:.1f}", f"{b:.1f}"] for name, a, b in orders])  # fmt: skip
+    exponents = zip(powers["exponent"], powers[PLAIN], powers[CORRECTED], strict=True)
+    exponents = grid(["exponent", f"order of {PLAIN}", f"order of {CORRECTED}"],
+                     [[f"{n:g}", f"{a:.1f}", f"{b:.1f}"] for n, a, b in exponents])  # fmt: skip
     return (
         "The force of a contact grows like a power of the overlap, 3/2 for spheres: where contacts "
         f"open or close it has one derivative only. Measured orders on a chain of {BEADS} beads "
@@ -121,32 +110,28 @@ def text(tables):
 def draw(figure, tables):
     """Error against steps: all closed, opening; orders for other exponents."""
     figure.set_size_inches(9, 4.6)
-    panels = figure.subplots(1, 3, width_ratios=(1, 1, 0.85))
-    powers = tables["exponents"]
-    for axes, how in zip(panels, BLOWS, strict=False):
+    *panels, last = figure.subplots(1, 3, width_ratios=(1, 1, 0.85))
+    for axes, how in zip(panels, BLOWS, strict=True):
         for name in tables["orders"]["method"]:
             if how == "closed" and name == CORRECTED:
                 continue  # does the steps of the plain one
-            one = tables[f"{name}_{how}"]
-            label = f"{name}, {name.replace('rkn', 'corrected')}"
-            label = label if how == "closed" and name == PLAIN else name
-            axes.loglog(one["steps"], one["error"], color=COLOURS[name], lw=1.3, label=label)
-        axes.set(
-            ylim=(1e-16, 1e2), xlim=(25, 3e4), xlabel="steps", yticks=10.0 ** np.arange(-16, 3, 4)
-        )
+            both = how == "closed" and name == PLAIN
+            axes.loglog(*tables[f"{name}_{how}"].values(), color=COLOURS[name], lw=1.3,
+                        label=f"{name}, {CORRECTED}" if both else name)  # fmt: skip
+        axes.set(xlim=(25, 3e4), ylim=(1e-16, 1e2), yticks=10.0 ** np.arange(-16, 3, 4))
+        axes.set(xlabel="steps", ylabel="largest error of u and v at the end")
         name_curves(axes)
-    for name, colour in ((PLAIN, COLOURS[PLAIN]), (CORRECTED, COLOURS[CORRECTED])):
-        panels[2].plot(powers["exponent"], powers[name], "o", color=colour)
-        panels[2].annotate(name, (powers["exponent"][1], powers[name][1]), (0, 10), ha="center",
-                           textcoords="offset points", color=colour)  # fmt: skip
-    for more, words in ((1, "exponent + 1"), (3, "exponent + 3")):
-        x = np.array([EXPONENTS[0], EXPONENTS[-1]])
-        panels[2].plot(x, x + more, "0.5", ls=":")
-        panels[2].annotate(words, (x[1], x[1] + more), (0, 4), ha="right", color="0.4",
-                           textcoords="offset points", fontsize=9)  # fmt: skip
-    panels[0].set(title="(a) closed: full order", ylabel="largest error of u and v at the end")
-    panels[1].set(title="(b) opening: order lost", ylabel="largest error of u and v at the end")
-    panels[2].set(title="(c) orders, opening", xlabel="exponent of the contacts",
-                  ylabel="measured order", ylim=(1, 6.5))  # fmt: skip
-    for axes in panels:
-        axes.title.set_fontsize(11)
+    powers = tables["exponents"]
+    for name in (PLAIN, CORRECTED):
+        last.plot(powers["exponent"], powers[name], "o", color=COLOURS[name])
+        place = powers["exponent"][1], powers[name][1]
+        note(last, name, place, (0, 10), ha="center", color=COLOURS[name])
+    x = np.array([EXPONENTS[0], EXPONENTS[-1]])
+    for more in (1, 3):
+        last.plot(x, x + more, "0.5", ls=":")
+        note(last, f"exponent + {more}", (x[1], x[1] + more), (0, 4), ha="right", color="0.4",
+             fontsize=9)  # fmt: skip
+    panels[0].set_title("closed: full order")
+    panels[1].set_title("opening: order lost")
+    last.set(title="orders, opening", xlabel="exponent of the contacts", ylabel="measured order")
+    last.set_ylim(1, 6.5)

@@ -1,7 +1,5 @@
 """In ten million steps rk4 loses a third of the energy; symplectic methods lose none."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from figures._draw import name_curves
@@ -9,7 +7,6 @@ from figures._limits import COLOURS, grid, prism_chain
 from tensegrity import METHODS, State
 from tensegrity.scenes.dynamics import dynamics
 
-NAME = "limits_drift"
 GROUP = "limits"
 
 SITES = 3
@@ -55,19 +52,14 @@ def predicted(method, steps, dt):
     _, _, frequencies, energies = scene()
     xx, xv, vx, vv = METHODS[method].step_matrix(frequencies[1:] * dt)
     factor = xx * vv - xv * vx  # of the energy in a mode, per step
-    remaining = energies[0] + (energies[1:] * np.exp(np.outer(looks(steps), np.log(factor)))).sum(
-        axis=1
-    )
-    return remaining / energies.sum() - 1
+    grown = energies[1:] * np.exp(np.outer(looks(steps), np.log(factor)))
+    return (energies[0] + grown.sum(axis=1)) / energies.sum() - 1
 
 
 def data(steps=STEPS):
     """Change of the energy of each method over the same time."""
     dt = STEP / scene()[2].max()
-    tables = {
-        name: drifting(name, int(steps * fraction), dt / fraction)
-        for name, fraction in WORK.items()
-    }
+    tables = {name: drifting(name, int(steps * part), dt / part) for name, part in WORK.items()}
     tables["rk4"]["predicted"] = predicted("rk4", steps, dt)
     return tables
 
@@ -75,10 +67,8 @@ def data(steps=STEPS):
 def text(tables):
     """The section of the page."""
     change = {name: tables[name]["change of the energy"] for name in WORK}
-    rows = [
-        [name, f"{STEP / fraction:g}", f"{steps:.0e}", f"{np.max(np.abs(change[name])):.1e}"]
-        for name, fraction, steps in ((n, w, STEPS * w) for n, w in WORK.items())
-    ]
+    rows = [[name, f"{STEP / part:g}", f"{STEPS * part:.0e}", f"{np.abs(change[name]).max():.1e}"]
+            for name, part in WORK.items()]  # fmt: skip
     head = ["method", "dt omega_max", "steps", "largest change of the energy, relative"]
     return (
         f"After {STEPS:.0e} steps rk4 has lost {-change['rk4'][-1]:.1%} of the energy of a small "
@@ -91,9 +81,8 @@ def draw(figure, tables):
     """Size of the change of energy against time."""
     axes = figure.subplots()
     for name in WORK:
-        t = tables[name]
-        axes.loglog(t["time [s]"], np.abs(t["change of the energy"]), "o", ms=3,
-                    color=COLOURS[name], label=name)  # fmt: skip
+        t, change, *_ = tables[name].values()
+        axes.loglog(t, np.abs(change), "o", ms=3, color=COLOURS[name], label=name)
     t = tables["rk4"]
     axes.loglog(t["time [s]"], -t["predicted"], "k--", lw=1)
     axes.set(xlabel="time [s]", ylabel="relative change of the energy")

@@ -1,7 +1,5 @@
 """Time steps near locking: the step required against the stroke left, and runs of fixed step."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from figures._draw import name_curves
@@ -9,7 +7,6 @@ from figures._limits import COLOURS, EXPLICIT, grid, moved, prism_chain, slope
 from tensegrity import METHODS, LockingError, Record, StabilityError, State, simulate
 from tensegrity.scenes.dynamics import dynamics
 
-NAME = "limits_locking"
 GROUP = "limits"
 
 GAPS = np.geomspace(1e-5, 1e-1, 13)  # fraction of the stroke left at closest approach
@@ -78,21 +75,15 @@ def outcome(gap, dt, over=1.0):
 def data():
     """Steps against the stroke left; fixed steps there; the blow that locks."""
     limits = {f"limit of {name} [s]": [stability_step(g, name) for g in GAPS] for name in EXPLICIT}
+    errors = [energy_error(g, "verlet", FIXED) for g in GAPS]
     steps = {f"step of {name} [s]": [good_step(g, name) for g in GAPS] for name in EXPLICIT}
+    found, blows = [outcome(g, FIXED)[0] for g in GAPS], [100 * FIXED, FIXED]
     return {
         "steps": {"stroke left": GAPS} | {k: np.array(v) for k, v in (limits | steps).items()},
-        "fixed": {
-            "stroke left": GAPS,
-            "outcome": [outcome(g, FIXED)[0] for g in GAPS],
-            "energy error of the bare loop": np.array(
-                [energy_error(g, "verlet", FIXED) for g in GAPS]
-            ),
-        },
-        "locks": {
-            "dt [s]": [100 * FIXED, FIXED],
-            "outcome": [outcome(0.0, dt, OVER)[0] for dt in (100 * FIXED, FIXED)],
-        },
-    }
+        "fixed": {"stroke left": GAPS, "outcome": found,
+                  "energy error of the bare loop": np.array(errors)},
+        "locks": {"dt [s]": blows, "outcome": [outcome(0.0, dt, OVER)[0] for dt in blows]},
+    }  # fmt: skip
 
 
 def powers(tables):
@@ -110,10 +101,8 @@ def text(tables):
     refused = np.array(fixed["outcome"]) != "accepted"
     worst = np.nanmax(fixed["energy error of the bare loop"][refused])
     near = int(np.argmin(np.abs(GAPS - 1e-3)))
-    rows = [
-        [name, f"{power:.2f}", f"{t[f'step of {name} [s]'][near]:.1e}"]
-        for name, power in powers(tables).items()
-    ]
+    rows = [[name, f"{power:.2f}", f"{t[f'step of {name} [s]'][near]:.1e}"]
+            for name, power in powers(tables).items()]  # fmt: skip
     head = ["method", "power of the stroke left", "step with a thousandth left [s]"]
     return (
         "The force of a rigid prism grows like the inverse root of the stroke left, the largest "
@@ -149,8 +138,6 @@ def draw(figure, tables):
     error = fixed["energy error of the bare loop"]
     right.loglog(GAPS[accepted], error[accepted], "C0o", label="accepted")
     right.loglog(GAPS[~accepted], error[~accepted], "C3x", label="refused: StabilityError")
-    right.set(
-        xlabel="fraction of the stroke left", ylabel="error of the energy, bare loop",
-        title=f"verlet, dt = {FIXED:g} s",
-    )  # fmt: skip
+    right.set(xlabel="fraction of the stroke left", ylabel="error of the energy, bare loop")
+    right.set_title(f"verlet, dt = {FIXED:g} s")
     right.legend(fontsize=8)

@@ -1,16 +1,14 @@
 """Stability limits of the methods: the step at which the highest mode of a chain begins to grow."""
 
-from __future__ import annotations
-
 import numpy as np
 import sympy as sp
 
 from figures._files import lines
-from figures._limits import COLOURS, EXPLICIT, grid, listed
+from figures._limits import COLOURS, EXPLICIT, grid
+from figures._tables import arrays
 from tensegrity import METHODS, Chain, Potential, State
 from tensegrity.scenes.dynamics import dynamics
 
-NAME = "limits_stability"
 GROUP = "limits"
 
 SITES = 8  # so few that their frequencies are well apart
@@ -64,12 +62,8 @@ def bracket(method):
     line = limit + width * np.linspace(-0.5, 1.5, 401)
     expected = predicted_growth(method, line)
     seen = max(FEWEST, int(TIMES / expected.max()))
-    around = {
-        "dt omega": near,
-        "growth": np.array([growth(method, z, seen) for z in near]),
-        "line": line,
-        "predicted": expected,
-    }
+    grows = np.array([growth(method, z, seen) for z in near])
+    around = {"dt omega": near, "growth": grows, "line": line, "predicted": expected}
     found = {"below": below, "growth below": grown[0], "above": above, "growth above": grown[1]}
     return {"limit": limit, **found, "growth predicted": rate, "steps": steps}, around
 
@@ -84,38 +78,22 @@ def predicted_growth(method, z):
 
 def data():
     """Growth per step on both sides of each limit and around it."""
-    pairs = {name: bracket(METHODS[name]) for name in EXPLICIT}
-    implicit = [m for m in METHODS.values() if not m.explicit]
-    rows = [found for found, _ in pairs.values()]
-    return {
-        "limits": {
-            "method": EXPLICIT,
-            "stages": [METHODS[name].stages for name in EXPLICIT],
-            **{key: np.array([row[key] for row in rows]) for key in rows[0]},
-        },
-        "implicit": {
-            "method": [m.name for m in implicit for _ in FAR_STEPS],
-            "dt omega": [z for _ in implicit for z in FAR_STEPS],
-            "growth": [growth(m, z, FEW) for m in implicit for z in FAR_STEPS],
-        },
-        **{name: around for name, (_, around) in pairs.items()},
-    }
+    rows, tables = [], {}
+    for name in EXPLICIT:
+        found, tables[name] = bracket(METHODS[name])
+        rows.append({"method": name, "stages": METHODS[name].stages} | found)
+    far = [{"method": m.name, "dt omega": z, "growth": growth(m, z, FEW)}
+           for m in METHODS.values() if not m.explicit for z in FAR_STEPS]  # fmt: skip
+    return {"limits": arrays(rows), "implicit": arrays(far)} | tables
 
 
 def text(tables):
     """The section of the page."""
-    t = tables["limits"]
-    each = lines(t)
-    rows = [
-        [
-            row["method"],
-            f"{row['limit']:.4f}",
-            f"{row['below']:.3f}",
-            f"{row['above']:.3f}, by {np.expm1(row['growth above']):.2g} a step",
-            f"{row['limit'] / row['stages']:.2f}",
-        ]
-        for row in each
-    ]
+    rows = []
+    for row in lines(tables["limits"]):
+        above = f"{row['above']:.3f}, by {np.expm1(row['growth above']):.2g} a step"
+        share = f"{row['limit'] / row['stages']:.2f}"
+        rows.append([row["method"], f"{row['limit']:.4f}", f"{row['below']:.3f}", above, share])
     head = ["method", "largest dt omega", "nothing grew at", "grew at", "limit for each evaluation"]
     far, names = max(tables["implicit"]["dt omega"]), dict.fromkeys(tables["implicit"]["method"])
     return (
@@ -124,14 +102,14 @@ def text(tables):
         f"chain.\n\n{grid(head, rows)}\n\n"
         "A weak growth is a resonance: a few thousand steps do no harm there, a million do. "
         "`simulate` refuses a larger step with a `StabilityError`, at the stiffness that the "
-        f"motion itself meets. {listed(list(names))} has no limit: nothing grew at {far:g}."
+        f"motion itself meets. {', '.join(names)} has no limit: nothing grew at {far:g}."
     )
 
 
 def draw(figure, tables):
     """Growth per step around each limit, predicted and found."""
     figure.set_size_inches(9, 4)
-    for axes, name in zip(np.atleast_1d(figure.subplots(1, len(EXPLICIT))), EXPLICIT, strict=True):
+    for axes, name in zip(figure.subplots(1, len(EXPLICIT)), EXPLICIT, strict=True):
         t, colour, limit = tables[name], COLOURS[name], METHODS[name].stability_limit
         axes.plot(t["line"], t["predicted"], color=colour, lw=1)
         axes.plot(t["dt omega"], t["growth"], "o", color=colour, ms=4)
@@ -139,7 +117,6 @@ def draw(figure, tables):
         axes.ticklabel_format(useOffset=False, style="plain", axis="x")
         axes.locator_params(axis="x", nbins=3)
         axes.set(xlabel="step dt $\\omega_{max}$", title=f"{name}: limit {limit:.4f}")
-        axes.title.set_fontsize(10)
     figure.supylabel("growth per step, logarithm of the amplitude", fontsize=10)
-    figure.suptitle("A mode grows where the eigenvalues of a step (line) say so; dots: the loop on "
-                    "a chain", fontsize=11)  # fmt: skip
+    words = "A mode grows where the eigenvalues of a step (line) say so; dots: the loop on a chain"
+    figure.suptitle(words)

@@ -1,7 +1,5 @@
 """For each accuracy there is a simplest sufficient model, far cheaper than the largest."""
 
-from __future__ import annotations
-
 import math
 import time
 
@@ -12,7 +10,7 @@ from figures._limits import moved, stepped
 from figures._nodes import Nodes
 from granular import chain as bead_chain
 from granular import hertz, simulate, y_guide
-from tensegrity import Chain, Polynomial, PowerLaw, Prism, Record, sech2, solitary_wave, tent
+from tensegrity import Chain, Polynomial, PowerLaw, Prism
 
 NAME = "models_ladder"
 GROUP = "models"
@@ -25,8 +23,6 @@ ELASTIC = Prism(base=1.0, height=0.8, prestrain=0.02, k_cross=1.0, k_base=1000.0
 RIGID = Prism(ELASTIC.base, ELASTIC.height, ELASTIC.prestrain, ELASTIC.k_cross)
 FITS = (1e-3, 1e-6, 1e-10)  # errors of polynomials, relative to the largest tension
 SITES, BLOW, T_END, STEPS = 30, dict.fromkeys(range(4), 0.03), 20.0, 100
-WAVES = {"near_sound": ((0.7, 0.1), 1.001), "near_locking": ((0.6, 0.001), 12.16)}
-WAVE_SITES, AT, TRAVEL = 700, 340, 10
 STEM, BRANCH, SPEED, ANGLE = 19, 23, 0.585, math.pi / 6
 DT_GUIDE, FINER = 0.05e-6, 2
 GUIDES = {"stem": 110e-6, "stem_and_junction": 250e-6}  # durations [s]
@@ -65,15 +61,12 @@ def prisms_in_a_row():
     """Displacements of a chain of elastic prisms some time after a blow."""
     spring, rigid, dt = ELASTIC.potential(), RIGID.potential(), T_END / STEPS
 
-    def chain_of(one):
-        return Chain(one, SITES)
-
     def run(one, finer=1):
-        row = chain_of(one)
+        row = Chain(one, SITES)
         return moved(row, row.at_rest(BLOW), "rkn6", dt / finer, finer * STEPS)[0]
 
     def nodes():
-        row, prisms = chain_of(spring), Nodes(ELASTIC, SITES - 1)
+        row, prisms = Chain(spring, SITES), Nodes(ELASTIC, SITES - 1)
 
         def acceleration(u):
             tension = prisms.tension(ELASTIC.height + row.elongation(u))
@@ -82,34 +75,13 @@ def prisms_in_a_row():
         state = row.at_rest(BLOW)
         return stepped(acceleration, state.u, state.v, "rkn6", dt, STEPS)[0]
 
-    row = chain_of(spring)
+    row = Chain(spring, SITES)
     visited = simulate(row, row.at_rest(BLOW), T_END, dt=dt, method="rkn6").elongation_range[0]
     fits = {error: Polynomial(spring, *(1.05 * visited), error) for error in FITS}
     models = {"rigid": lambda: run(rigid)}
     models |= {f"elastic, degree {p.degree}": (lambda p=p: run(p)) for p in fits.values()}
     models |= {"elastic, exact": lambda: run(spring), "18 coordinates": nodes}
     return ladder(models, run(spring, finer=4))
-
-
-def wave_on_prisms(shape, ratio):
-    """Profile of a solitary wave of a given speed, compared with the chain itself.
-
-    The reference is what an exact wave has become after some sites on the chain.
-    """
-    spring = Prism(1.0, *shape, 1.0).potential()
-    x = np.arange(WAVE_SITES - 1) + 0.5 - AT - TRAVEL
-    wave = solitary_wave(spring, speed_ratio=ratio)
-    row = Chain(spring, WAVE_SITES)
-    run = simulate(row, wave.launch(row, at=AT), TRAVEL / wave.speed, dt=2e-3 / wave.speed,
-                   method="rkn6", record=Record(every=10**9))  # fmt: skip
-    return ladder(
-        {
-            "sech$^2$": lambda: sech2(spring, ratio, x),
-            "tent": lambda: tent(spring, x),
-            "exact wave": lambda: solitary_wave(spring, speed_ratio=ratio).elongation(x),
-        },
-        row.elongation(run.final.u),
-    )
 
 
 def guide(t_end):
@@ -167,7 +139,6 @@ def data():
     """A ladder of models for each scene."""
     return {
         "chain_of_prisms": prisms_in_a_row(),
-        **{f"wave_{name}": wave_on_prisms(*how) for name, how in WAVES.items()},
         **{f"guide_{name}": guide(t_end) for name, t_end in GUIDES.items()},
         "prism_under_load": under_load(),
     }
@@ -184,10 +155,7 @@ def enough(ladder, level):
 def table(tables):
     """Which model suffices in each scene, and its time over that of the largest."""
     return [
-        {
-            "scene": scene.replace("_", " "),
-            **{f"for {level:g}": enough(one, level) for level in LEVELS},
-        }
+        {"scene": scene.replace("_", " ")} | {f"for {x:g}": enough(one, x) for x in LEVELS}
         for scene, one in tables.items()
     ]
 
@@ -195,26 +163,25 @@ def table(tables):
 def draw(figure, tables):
     """Error against time in each scene, every model by its name."""
     figure.set_size_inches(9, 7)
-    panels = figure.subplots(2, 3, sharey=True)
-    for axes, letter, (scene, one) in zip(panels.flat, "abcdef", tables.items(), strict=True):
+    panels = figure.subplots(2, 2, sharey=True)
+    for axes, (scene, one) in zip(panels.flat, tables.items(), strict=True):
         low, high = one["time"].min(), one["time"].max()
         middle, last = np.sqrt(low * high), np.inf
         for name, error, seconds in sorted(zip(*one.values(), strict=True), key=lambda x: -x[1]):
-            exact = error < FLOOR
             height = max(error, FLOOR)
-            axes.loglog(seconds, height, "C0v" if exact else "C0o", ms=6)
-            at = np.log10(height)
+            axes.loglog(seconds, height, "C0v" if error < FLOOR else "C0o", ms=6)
+            at, is_late = np.log10(height), seconds > middle
             last = min(at, last - 1)  # a decade is as high as a name
             axes.annotate(
                 f"{name}, reference" if error == 0 else name, (seconds, height),
-                (-7 if seconds > middle else 7, 11 * (last - at)), va="center",
-                textcoords="offset points",
-                ha="right" if seconds > middle else "left", fontsize=8,
+                (-7 if is_late else 7, 11 * (last - at)), textcoords="offset points",
+                ha="right" if is_late else "left", va="center", fontsize=8,
             )  # fmt: skip
         for level in LEVELS:
             axes.axhline(level, color="0.6", lw=0.7, ls=":")
         room = max((high / low) ** 0.6, 3.0)
-        axes.set(xlim=(low / room, high * room), ylim=(FLOOR / 1e4, 30))
-        axes.set_title(f"({letter}) {scene.replace('_', ' ')}", fontsize=10)
+        axes.set(
+            xlim=(low / room, high * room), ylim=(FLOOR / 1e4, 30), title=scene.replace("_", " ")
+        )
     figure.supxlabel("time over that of the slowest model", fontsize=10)
     figure.supylabel("error, relative to the largest value (triangles: below 1e-15)", fontsize=10)

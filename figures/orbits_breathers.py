@@ -8,15 +8,13 @@ Source: Boechler, Theocharis, Job, Kevrekidis, Porter & Daraio 2010, Discrete br
 one-dimensional diatomic granular crystals, for the chain.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
 
+from figures._tables import arrays
 from tensegrity import Chain, PowerLaw, State, floquet, periodic_orbit
 
-NAME = "orbits_breathers"
 GROUP = "waves"
 
 HERTZ, PRELOAD, MASSES = 5.464421336726e9, 20.0, (0.02884, 0.00975)  # N/m^1.5, N, kg
@@ -53,14 +51,10 @@ def data():
     tables = {}
     for centre in SITES:
         sites, orbits = family(centre)
-        tables[centre] = {
-            "frequency": FREQUENCIES,
-            "energy": np.array([one.energy for one in orbits]),
-            "multiplier": np.array([largest(one) for one in orbits]),
-            "elongation": np.array(
-                [np.abs(np.diff(one.state.u)).max() / OVERLAP for one in orbits]
-            ),
-        }
+        tables[centre] = {"frequency": FREQUENCIES} | arrays([
+            {"energy": one.energy, "multiplier": largest(one),
+             "elongation": np.abs(np.diff(one.state.u)).max() / OVERLAP} for one in orbits
+        ])  # fmt: skip
         shown = orbits[int(np.flatnonzero(FREQUENCIES == SHOWN)[0])].state.u
         tables[f"{centre} shape"] = {"site": sites, "displacement": shown - shown.mean()}
     return tables
@@ -82,8 +76,7 @@ def draw(figure, tables):
         frequency, joule, real, _ = tables[centre].values()
         energy.plot(frequency / 1e3, 1e6 * joule, color)
         multiplier.plot(frequency / 1e3, real, color)
-        words = f"centred on\na {centre} bead"
-        shape.annotate(words, (3.4, 2.7 - 7.2 * k), color=color)
+        shape.annotate(f"centred on\na {centre} bead", (3.4, 2.7 - 7.2 * k), color=color)
     energy.annotate("heavy", (7.3, 210), color="C3")
     energy.annotate("light", (7.05, 118), color="C0")
     multiplier.annotate("heavy", (7.45, 2.6), color="C3")
@@ -92,19 +85,16 @@ def draw(figure, tables):
     for ax in (energy, multiplier):
         ax.axvspan(*unstable(tables["light"]), color="C0", alpha=0.12, lw=0)
         ax.set(xlabel="frequency [kHz]")
-    energy.set(ylabel="energy [µJ]")
-    multiplier.set(ylabel="largest real multiplier")
-    titles = ("Two breathers at 7.2 kHz", "One energy falls, then rises", "Unstable where it falls")
-    for letter, ax, title in zip("abc", (shape, energy, multiplier), titles, strict=True):
-        ax.set_title(f"({letter}) {title}", fontsize=10)
+    shape.set_title("Two breathers at 7.2 kHz")
+    energy.set(ylabel="energy [µJ]", title="One energy falls, then rises")
+    multiplier.set(ylabel="largest real multiplier", title="Unstable where it falls")
 
 
 def table(tables):
-    rows = []
     for centre in SITES:
         frequency, energy, real, elongation = tables[centre].values()
         here = int(np.flatnonzero(frequency == SHOWN)[0])
-        rows.append({
+        yield {
             "breather": f"centred on a {centre} bead, {SHOWN:g} Hz",
             "energy [J]": float(energy[here]),
             "largest elongation over the overlap": float(elongation[here]),
@@ -112,5 +102,4 @@ def table(tables):
             "least energy at [Hz]": float(frequency[int(np.argmin(energy))]),
             "real multiplier from [Hz]": float(frequency[real > 1.001].min()),
             "to [Hz]": float(frequency[real > 1.001].max()),
-        })  # fmt: skip
-    return rows
+        }  # fmt: skip

@@ -6,30 +6,19 @@ projected on those of the periodic orbit that continues the mode of the defect, 
 in the inner product of the linear chain's energy.  A heavy mass has no such orbit.
 """
 
-from __future__ import annotations
-
 import math
 from functools import cache
 from types import SimpleNamespace
 
 import numpy as np
 
-from tensegrity import (
-    Chain,
-    Prism,
-    Record,
-    State,
-    floquet,
-    orbit_path,
-    periodic_orbit,
-    simulate,
-    solitary_wave,
-)
+import tensegrity as ts
+from figures._files import lines
+from figures._tables import arrays
 
-NAME = "orbits_trapped"
 GROUP = "waves"
 
-SPRING = Prism(base=1.0, height=0.7, prestrain=0.1, k_cross=1.0).potential()
+SPRING = ts.Prism(base=1.0, height=0.7, prestrain=0.1, k_cross=1.0).potential()
 LIGHT, HEAVY = 0.5, 2.0  # kg
 SITES, MIDDLE, BEHIND, WINDOW, NEAR = 1201, 600, 40, 20, 8
 RATIOS = (1.2, 1.4, 1.6, 1.8)  # speeds over that of sound
@@ -41,17 +30,17 @@ def chain(mass, sites=SITES):
     """Prisms with another mass in the middle."""
     masses = np.ones(sites)
     masses[sites // 2] = mass
-    return Chain(SPRING, sites, masses)
+    return ts.Chain(SPRING, sites, masses)
 
 
 @cache
 def struck(mass, ratio):
     """A wave that has passed the middle: the run near it, late, and the wave's energy [J]."""
-    scene, wave = chain(mass), solitary_wave(SPRING, speed_ratio=ratio)
+    scene, wave = chain(mass), ts.solitary_wave(SPRING, speed_ratio=ratio)
     near = range(MIDDLE - WINDOW, MIDDLE + WINDOW + 1)
     start = wave.launch(scene, at=MIDDLE - BEHIND)
-    run = simulate(scene, start, LATE + LAST, method="rkn6", dt=STEP,
-                   record=Record(every=1, sites=near))  # fmt: skip
+    run = ts.simulate(scene, start, LATE + LAST, method="rkn6", dt=STEP,
+                   record=ts.Record(every=1, sites=near))  # fmt: skip
     late = run.t > LATE
     return SimpleNamespace(t=run.t[late], u=run.u[late], v=run.v[late]), wave.energy
 
@@ -67,23 +56,23 @@ def family():
     """The mode of the defect, followed in its energy."""
     scene, x = chain(LIGHT, 2 * WINDOW + 1), np.arange(-WINDOW, WINDOW + 1)
     linear = math.sqrt(4 * float(SPRING.stiffness(0.0)) / (LIGHT * (2 - LIGHT))) / (2 * math.pi)
-    guess = State(0.0091 * (-LIGHT / (2 - LIGHT)) ** np.abs(x), 0.0 * x)
-    first = periodic_orbit(scene, guess, period=1 / (1.005 * linear))
-    return orbit_path(first, by="energy", until=0.012), linear
+    guess = ts.State(0.0091 * (-LIGHT / (2 - LIGHT)) ** np.abs(x), 0.0 * x)
+    first = ts.periodic_orbit(scene, guess, period=1 / (1.005 * linear))
+    return ts.orbit_path(first, by="energy", until=0.012), linear
 
 
 def breather(energy):
     """The orbit of an energy [J]."""
     path, _ = family()
     nearest = path.orbits[int(np.argmin(np.abs(path.energy - energy)))]
-    return periodic_orbit(nearest.scene, nearest, energy=energy)
+    return ts.periodic_orbit(nearest.scene, nearest, energy=energy)
 
 
 def share(run, orbit):
     """Mean over the recorded states of the part of their energy along the orbit's nearest one."""
-    whole = simulate(
+    whole = ts.simulate(
         orbit.scene, orbit.state, orbit.period, tol=1e-8,
-        record=Record(times=np.linspace(0, orbit.period, 400)),
+        record=ts.Record(times=np.linspace(0, orbit.period, 400)),
     )  # fmt: skip
     stiffness, mass = float(SPRING.stiffness(0.0)), orbit.scene.mass
 
@@ -108,36 +97,25 @@ def data():
     for ratio in RATIOS:
         run, energy = struck(LIGHT, ratio)
         left = float(np.mean(trapped(run, LIGHT)))
-        orbit = breather(left)
-        heavy = float(np.mean(trapped(struck(HEAVY, ratio)[0], HEAVY)))
-        rows.append((ratio, energy, left / energy, heavy / energy, share(run, orbit),
-                     frequency(run), 1 / orbit.period, left))  # fmt: skip
-    names = ("speed ratio", "energy of the wave", "trapped", "at a heavy mass", "on the breather",
-             "frequency in the run", "frequency of the breather", "energy trapped")  # fmt: skip
-    table = {
-        name: np.array(column) for name, column in zip(names, zip(*rows, strict=True), strict=True)
-    }
+        heavy, orbit = float(np.mean(trapped(struck(HEAVY, ratio)[0], HEAVY))), breather(left)
+        rows.append({
+            "speed ratio": ratio, "energy of the wave": energy, "trapped": left / energy,
+            "at a heavy mass": heavy / energy, "on the breather": share(run, orbit),
+            "frequency in the run": frequency(run), "frequency of the breather": 1 / orbit.period,
+            "energy trapped": left,
+        })  # fmt: skip
+        if ratio == SHOWN:
+            peak = int(np.argmax(np.abs(run.u[:, WINDOW] - run.u.mean(axis=1))))
+            shapes = {"site": np.arange(-WINDOW, WINDOW + 1)}
+            for name, u in (("run", run.u[peak]), ("breather", orbit.state.u)):
+                shapes[name] = u - u.mean()
+            largest = float(np.abs(ts.floquet(orbit).multipliers[0]))
     path, linear = family()
-    run, _ = struck(LIGHT, SHOWN)
-    orbit = breather(float(np.mean(trapped(run, LIGHT))))
-    peak = int(np.argmax(np.abs(run.u[:, WINDOW] - run.u.mean(axis=1))))
+    followed = {"energy": path.energy, "frequency": 1 / path.period, "multiplier": path.multiplier}
     return {
-        "struck": table,
-        "family": {
-            "energy": path.energy,
-            "frequency": 1 / path.period,
-            "multiplier": path.multiplier,
-        },
-        "linear": {
-            "frequency": [linear],
-            "largest modulus": [float(np.abs(floquet(orbit).multipliers[0]))],
-        },
-        "shape": {
-            "site": np.arange(-WINDOW, WINDOW + 1),
-            "run": run.u[peak] - run.u[peak].mean(),
-            "breather": orbit.state.u - orbit.state.u.mean(),
-        },
-    }
+        "struck": arrays(rows), "family": followed, "shape": shapes,
+        "linear": {"frequency": [linear], "largest modulus": [largest]},
+    }  # fmt: skip
 
 
 def draw(figure, tables):
@@ -146,21 +124,15 @@ def draw(figure, tables):
     site, run, orbit = tables["shape"].values()
     shape.plot(site, run, "C0-", lw=1.2, label="run, when largest")
     shape.plot(site, orbit, "ko", ms=4, mfc="none", label="breather")
-    shape.set(
-        xlabel="site, from the light one",
-        ylabel="displacement [m]",
-        xlim=(-12, 12),
-        ylim=(-0.011, 0.026),
-    )
-    shape.legend(frameon=False, fontsize=9, loc="upper left")
-    shape.set_title("(a) What stays is a breather in shape", fontsize=10)
+    shape.set(xlabel="site, from the light one", ylabel="displacement [m]")
+    shape.set(xlim=(-12, 12), ylim=(-0.011, 0.026), title="What stays is a breather in shape")
+    shape.legend(fontsize=9, loc="upper left")
     curve.plot(tables["family"]["energy"], tables["family"]["frequency"], "k-", lw=1.2)
     curve.plot(tables["struck"]["energy trapped"], tables["struck"]["frequency in the run"], "C0o")
     curve.annotate("breather", (0.0063, 0.656), ha="right")
     curve.annotate("runs", (0.0024, 0.622), color="C0")
     curve.set(xlabel="energy near the light mass [J]", ylabel="frequency [Hz]")
-    curve.set_xticks([0, 0.004, 0.008, 0.012])
-    curve.set_title("(b) and in frequency", fontsize=10)
+    curve.set(xticks=[0, 0.004, 0.008, 0.012], title="and in frequency")
     ratio = tables["struck"]["speed ratio"]
     for name, color in (("trapped", "C0"), ("at a heavy mass", "C3")):
         part.semilogy(ratio, tables["struck"][name], f"{color}o-")
@@ -168,13 +140,10 @@ def draw(figure, tables):
     at = ratio[1], tables["struck"]["at a heavy mass"][1] * 1.6
     part.annotate("heavy mass", at, color="C3")
     part.set(xlabel="speed over that of sound", ylabel="part of the wave's energy")
-    part.set_title("(c) Heavy masses trap nothing", fontsize=10)
+    part.set_title("Heavy masses trap nothing")
 
 
 def table(tables):
-    struck = tables["struck"]
-    names = [name for name in struck if name != "speed ratio"]
-    return [
-        {"wave": f"{ratio:g} times the speed of sound"} | {n: float(struck[n][k]) for n in names}
-        for k, ratio in enumerate(struck["speed ratio"])
-    ]
+    for line in lines(tables["struck"]):
+        wave = f"{line.pop('speed ratio'):g} times the speed of sound"
+        yield {"wave": wave} | {name: float(value) for name, value in line.items()}

@@ -7,16 +7,14 @@ grows as the multiplier says, then one wave speeds up towards the stable ones an
 On a ring, waves meet their own radiation, and a stable wave seems to be unstable.
 """
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np
 import sympy as sp
 
+from figures._tables import arrays
 from tensegrity import METHODS, Chain, Potential, State, floquet, predict, simulate, solitary_wave
 
-NAME = "orbits_wave"
 GROUP = "waves"
 
 R = sp.Symbol("r")
@@ -89,27 +87,21 @@ def perturbed(sign):
 
 
 def data():
-    waves = [solitary_wave(LAW, speed=float(c)) for c in SPEEDS]
-    found = [floquet(wave) for wave in waves]
+    rows = []
+    for speed in SPEEDS:
+        wave = solitary_wave(LAW, speed=float(speed))
+        rows.append({"speed": speed, "energy": wave.energy, "slope": wave.energy_slope,
+                     "multiplier": floquet(wave).multipliers[0].real})  # fmt: skip
     ((_, change),) = predict(LAW)["compression"].unstable()
-    least = solitary_wave(LAW, speed=change)
-    slow, fast = (solitary_wave(LAW, speed=c) for c in (UNSTABLE, STABLE))
-    rings = {}
+    slow, least, fast = (solitary_wave(LAW, speed=c) for c in (UNSTABLE, change, STABLE))
+    tables = {
+        "family": arrays(rows), "change": {"speed": [change], "energy": [least.energy]},
+        "mode": {"multiplier": [floquet(slow).multipliers[0].real]},
+    }  # fmt: skip
     for name, sites, ring in (("ring", RING, True), ("window", RING + 1, False)):
         values = np.linalg.eigvals(passed(fast, sites, ring)[0])
-        rings[name] = {"angle": np.abs(np.angle(values)), "modulus": np.abs(values)}
-    return {
-        "family": {
-            "speed": SPEEDS,
-            "energy": np.array([wave.energy for wave in waves]),
-            "slope": np.array([wave.energy_slope for wave in waves]),
-            "multiplier": np.array([one.multipliers[0].real for one in found]),
-        },
-        "change": {"speed": [change], "energy": [least.energy]},
-        "mode": {"multiplier": [floquet(slow).multipliers[0].real]},
-        **rings,
-        **{f"run {sign:+d}": perturbed(sign) for sign in (1, -1)},
-    }
+        tables[name] = {"angle": np.abs(np.angle(values)), "modulus": np.abs(values)}
+    return tables | {f"run {sign:+d}": perturbed(sign) for sign in (1, -1)}
 
 
 def growth(run):
@@ -122,63 +114,50 @@ def growth(run):
 def draw(figure, tables):
     figure.set_size_inches(9, 6)
     axes = figure.subplot_mosaic([["energy", "multiplier", "ring"], ["grown", "grown", "peak"]])
-    speed, energy, _, multiplier = tables["family"].values()
+    energy, multiplier, rings, grown, peak = axes.values()
+    speed, joule, _, factor = tables["family"].values()
     (change,), (least,) = tables["change"].values()
-    for name, y, at in (("energy", energy, least), ("multiplier", multiplier, 1.0)):
-        ax, slow = axes[name], speed < change
+    slow = speed < change
+    for ax, y, at in ((energy, joule, least), (multiplier, factor, 1.0)):
         ax.plot([*speed[slow], change], [*y[slow], at], "C3--")
         ax.plot([change, *speed[~slow]], [at, *y[~slow]], "C0-")
         ax.plot([change], [at], "ko", ms=4)
         ax.set_xlabel("speed [sites/s]")
-    axes["energy"].set(ylabel="energy [J]", title="(a) The energy has a minimum")
-    axes["energy"].annotate("unstable", (1.0205, 1.264), color="C3")
-    axes["energy"].annotate("stable", (1.0405, 1.2485), color="C0")
-    axes["multiplier"].axhline(1, color="0.6", lw=0.8)
-    axes["multiplier"].set(ylabel="multiplier per site", title="(b) Slower waves are unstable")
-    for name, style in (("ring", "C1o"), ("window", "C0.")):
+    energy.set(ylabel="energy [J]", title="The energy has a minimum")
+    energy.annotate("unstable", (1.0205, 1.264), color="C3")
+    energy.annotate("stable", (1.0405, 1.2485), color="C0")
+    multiplier.axhline(1, color="0.6", lw=0.8)
+    multiplier.set(ylabel="multiplier per site", title="Slower waves are unstable")
+    for name, style, face in (("ring", "C1o", "none"), ("window", "C0.", "C0")):
         angle, modulus = tables[name].values()
-        axes["ring"].plot(
-            angle / np.pi, modulus, style, ms=4, mfc="none" if name == "ring" else "C0"
-        )
-    axes["ring"].annotate("ring of 60 sites", (0.3, 1.0042), color="C1")
-    axes["ring"].annotate("open window", (0.35, 0.9915), color="C0")
-    axes["ring"].set(xlabel="angle of the multiplier [π]", ylabel="modulus, at 1.05 sites/s")
-    axes["ring"].set(ylim=(0.985, 1.0065), title="(c) On a ring it seems unstable")
-    (rate,) = np.log(tables["mode"]["multiplier"])
+        rings.plot(angle / np.pi, modulus, style, ms=4, mfc=face)
+    rings.annotate("ring of 60 sites", (0.3, 1.0042), color="C1")
+    rings.annotate("open window", (0.35, 0.9915), color="C0")
+    rings.set(xlabel="angle of the multiplier [π]", ylabel="modulus, at 1.05 sites/s")
+    rings.set(ylim=(0.985, 1.0065), title="On a ring it seems unstable")
     for sign, style in ((1, "C0-"), (-1, "C3--")):
-        run = tables[f"run {sign:+d}"]
-        axes["grown"].semilogy(run["sites"][1:], np.abs(run["ahead"][1:]), style)
-        axes["peak"].plot(run["sites"], run["peak"], style)
-    run = tables["run +1"]
-    start = float(np.interp(FIRST, run["sites"], np.abs(run["ahead"])))
-    count = np.array([0.0, 2300.0, 4600.0])
-    axes["grown"].semilogy(count, 30 * start * np.exp(rate * (count - FIRST)), "k:")
-    axes["grown"].annotate("predicted slope", (1200, 200 * start), color="k", ha="right")
-    axes["grown"].set(xlabel="sites passed", ylabel="ahead or behind [sites]",
-                      title="(d) A deviation grows as the multiplier says")  # fmt: skip
-    axes["peak"].annotate("faster", (200, 0.77), color="C0")
-    axes["peak"].annotate("spreads", (200, 0.60), color="C3")
-    axes["peak"].set(xlabel="sites passed", ylabel="peak elongation [m]",
-                     title="(e) and the wave changes")  # fmt: skip
-    for ax in axes.values():
-        ax.title.set_fontsize(10)
+        sites, ahead, height = tables[f"run {sign:+d}"].values()
+        grown.semilogy(sites[1:], np.abs(ahead[1:]), style)
+        peak.plot(sites, height, style)
+    sites, ahead, _ = tables["run +1"].values()
+    start, count = np.interp(FIRST, sites, np.abs(ahead)), np.array([0.0, 2300.0, 4600.0])
+    (rate,) = np.log(tables["mode"]["multiplier"])
+    grown.semilogy(count, 30 * start * np.exp(rate * (count - FIRST)), "k:")
+    grown.annotate("predicted slope", (1200, 200 * start), color="k", ha="right")
+    grown.set(xlabel="sites passed", ylabel="ahead or behind [sites]")
+    grown.set_title("A deviation grows as the multiplier says")
+    peak.annotate("faster", (200, 0.77), color="C0")
+    peak.annotate("spreads", (200, 0.60), color="C3")
+    peak.set(xlabel="sites passed", ylabel="peak elongation [m]", title="and the wave changes")
 
 
 def table(tables):
-    ring = float(tables["ring"]["modulus"].max())
-    runs = [tables[f"run {sign:+d}"] for sign in (1, -1)]
-    return [
-        {"wave of r + r^7": "stability changes", "speed": float(tables["change"]["speed"][0])},
-        {"wave of r + r^7": f"on a ring of {RING}", "speed": STABLE, "multiplier": ring},
-        *(
-            {
-                "wave of r + r^7": f"run, {words}",
-                "speed": UNSTABLE,
-                "multiplier": float(np.exp(growth(run))),
-                "last peak": float(run["peak"][-1]),
-            }
-            for words, run in zip(("faster", "slower"), runs, strict=True)
-        ),
-        {"wave of r + r^7": "predicted", "speed": UNSTABLE,
-         "multiplier": float(tables["mode"]["multiplier"][0])},
-    ]  # fmt: skip
+    wave, ring = "wave of r + r^7", float(tables["ring"]["modulus"].max())
+    yield {wave: "stability changes", "speed": float(tables["change"]["speed"][0])}
+    yield {wave: f"on a ring of {RING}", "speed": STABLE, "multiplier": ring}
+    for words, sign in (("faster", 1), ("slower", -1)):
+        run = tables[f"run {sign:+d}"]
+        yield {wave: f"run, {words}", "speed": UNSTABLE, "multiplier": float(np.exp(growth(run))),
+               "last peak": float(run["peak"][-1])}  # fmt: skip
+    (factor,) = tables["mode"]["multiplier"]
+    yield {wave: "predicted", "speed": UNSTABLE, "multiplier": float(factor)}

@@ -5,12 +5,10 @@ talk states "force mitigation efficiency at the bottom wall: 70 %" without a ref
 table gives the efficiency for several reference forces, for this pack and for variants.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from figures import _packs
-from figures._packs import FAST, STEEL, row
+from figures._packs import FAST, STEEL
 from granular import wall_force
 from granular.contact_network import wall_sites
 from tensegrity import Record, largest_peak
@@ -24,63 +22,62 @@ FRONT = 4.5e-4  # s: the direct front has arrived, no reflection has yet
 COLUMN_END = 3e-4
 
 
-def data():
-    """Forces on floor, single beads and sides; the peaks; efficiencies."""
-    scene = _packs.cube()
+def data(by=1.0):
+    """Forces on floor, single beads and sides; the peaks; efficiencies.
+
+    Parameters
+    ----------
+    by : float, optional
+        Factor of the speed of the blow.
+    """
+    scene = _packs.cube(by=by)
     sites = {site for name in ("floor", "left", "right") for site in wall_sites(scene, name)}
-    record = Record(interval=_packs.ROW, sites=sorted(sites))
-    run = _packs.exact(scene, END, record)
-    each = wall_force(run, "floor", each=True)
-    total = each.sum(axis=1)
-    sides = {name: wall_force(run, name) for name in ("left", "right")}
-    hit = _packs.direct(STEEL, FAST)
-    lone = largest_peak(*_packs.floor_of(_packs.column([STEEL] * 17, FAST), COLUMN_END, name="end"))
-    steel = largest_peak(*_packs.floor_of(_packs.cube(sides="steel"), END))
-    before = run.t < FRONT
-    peak, first = largest_peak(run.t, total), largest_peak(run.t[before], total[before])
-    single = max((largest_peak(run.t, each[:, k]) for k in range(49)), key=lambda found: found[1])
+    run = _packs.exact(scene, END, Record(interval=_packs.ROW, sites=sorted(sites)))
+    each, before = wall_force(run, "floor", each=True), run.t < FRONT
+    total, sides = each.sum(axis=1), {name: wall_force(run, name) for name in ("left", "right")}
+    hit, column = _packs.direct(STEEL, by * FAST), _packs.column([STEEL] * 17, by * FAST)
+    peaks = {
+        "floor": largest_peak(run.t, total),
+        "first front": largest_peak(run.t[before], total[before]),
+        "largest single bead": max((largest_peak(run.t, x) for x in each.T), key=lambda x: x[1]),
+        **{f"{name} side": largest_peak(run.t, force) for name, force in sides.items()},
+        "column": largest_peak(*_packs.floor_of(column, COLUMN_END, name="end")),
+        "steel sides": largest_peak(*_packs.floor_of(_packs.cube(sides="steel", by=by), END)),
+    }
+    force = {what: peak for what, (_, peak) in peaks.items()}
     against = {
-        "the striker straight on the wall": (peak[1], hit),
-        "the same 17 layers as one straight column": (peak[1], lone[1]),
-        "the same pack with steel sides": (peak[1], steel[1]),
-        "the striker, first front only": (first[1], hit),
-        "the striker, one sensor below the worst floor bead": (single[1], hit),
+        "the striker straight on the wall": force["floor"] / hit,
+        "the same 17 layers as one straight column": force["floor"] / force["column"],
+        "the same pack with steel sides": force["floor"] / force["steel sides"],
+        "the striker, first front only": force["first front"] / hit,
+        "the striker, one sensor below the worst floor bead": force["largest single bead"] / hit,
     }
     return {
         "forces": {
             "t [s]": run.t, "floor [N]": total, **{f"{k} [N]": f for k, f in sides.items()},
             **{f"bead {name} [N]": each[:, k] for name, k in SHOWN.items()},
         },
-        "peaks": {
-            "what": ["floor", "first front", "largest single bead", "left side", "right side"],
-            "t [s]": [x[0] for x in (peak, first, single, *(largest_peak(run.t, f) for f in
-                                                            sides.values()))],
-            "force [N]": [x[1] for x in (peak, first, single, *(largest_peak(run.t, f) for f in
-                                                                sides.values()))],
-        },
-        "efficiency": {
-            "against": list(against),
-            "efficiency": [1 - force / other for force, other in against.values()],
-        },
-        "numbers": {"energy error": np.array([run.energy_error]), "direct [N]": np.array([hit])},
+        "peaks": {"what": list(peaks), "t [s]": [t for t, _ in peaks.values()],
+                  "force [N]": list(force.values())},
+        "efficiency": {"against": list(against), "efficiency": [1 - x for x in against.values()]},
+        "numbers": {"energy error": [run.energy_error]},
     }  # fmt: skip
 
 
-REFERENCES = {"floor": "202.404006", "first front": "170.10", "largest single bead": "9.81913",
-              "left side": "136.85496", "right side": "127.76841"}  # fmt: skip
+REFERENCES = {"floor": 202.404006, "first front": 170.10, "largest single bead": 9.81913,
+              "left side": 136.85496, "right side": 127.76841}  # fmt: skip
 
 
 def table(tables):
     """Peaks and efficiencies."""
-    peaks, found = tables["peaks"], tables["efficiency"]
-    return [
-        *(row("floor", f"{what}, peak [N]", force, REFERENCES[what])
-          for what, force in zip(peaks["what"], peaks["force [N]"], strict=True)),
-        row("floor", "peak on the floor at [us]", 1e6 * peaks["t [s]"][0], "606.2904"),
-        *(row("floor", f"efficiency against {what}", e, "talk: 0.70")
-          for what, e in zip(found["against"], found["efficiency"], strict=True)),
-        row("floor", "energy error", float(tables["numbers"]["energy error"][0])),
-    ]  # fmt: skip
+    what, times, forces = tables["peaks"].values()
+    force, found = dict(zip(what, forces, strict=True)), tables["efficiency"].values()
+    return _packs.rows("floor", {
+        **{f"{name}, peak [N]": (force[name], known) for name, known in REFERENCES.items()},
+        "peak on the floor at [us]": (1e6 * times[0], 606.2904),
+        **{f"efficiency against {name}": (e, "talk: 0.70") for name, e in zip(*found, strict=True)},
+        "energy error": tables["numbers"]["energy error"][0],
+    })  # fmt: skip
 
 
 def draw(figure, tables):

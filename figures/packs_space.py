@@ -5,15 +5,12 @@ along y; the beads that reach the largest speeds are drawn in front of the other
 are lines whose width is the force.
 """
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np
 
 import tensegrity
 from figures import _packs
-from figures._packs import row
 from granular import energies
 from tensegrity import Record
 from tensegrity.animation import moving
@@ -25,55 +22,58 @@ END, FRAMES = 1e-3, 60
 FACTOR, MOST, FASTEST = 60, 60.0, 0.5  # of the displacements; N of the widest line; m/s
 SHOWN = (6, 18, 36)  # frames of the picture
 VIEW = (-60, 20)  # degrees, of the film
-TIMES = (4e-4, 1e-3)  # s
-LATERAL = {4e-4: 0.346, 1e-3: 0.259}
-UPPER = {4e-4: 0.5392, 1e-3: 0.5694}
+KNOWN = {4e-4: (0.346, 0.5392), 1e-3: (0.259, 0.5694)}
+"""At instants [s]: the lateral part of the motion, and the part of the upper six layers."""
 
 
 @cache
-def motion():
+def motion(by):
     """The run, one row per frame."""
-    return _packs.exact(_packs.cube(), END, Record(interval=END / FRAMES))
+    return _packs.exact(_packs.cube(by=by), END, Record(interval=END / FRAMES))
 
 
-def data():
-    """Energy fractions, effective number of beads, lateral fraction of the motion."""
-    run = motion()
-    scene, shares = run.scene, energies(run).fractions
-    kinetic = 0.5 * scene.mass[:, None] * run.v**2
+def data(by=1.0):
+    """Energy fractions, effective number of beads, lateral fraction of the motion.
+
+    Parameters
+    ----------
+    by : float, optional
+        Factor of the speed of the blow.
+    """
+    run = motion(by)
+    shares = energies(run).fractions
+    kinetic = run.scene.mass[:, None] * run.v**2
     layers = shares[:, :-1].reshape(len(run.t), 17, 49).sum(axis=2)
-    parts = {"striker": shares[:, -1]} | {
-        f"layers {a + 1} to {b}": layers[:, a:b].sum(axis=1) for a, b in ((0, 6), (6, 11), (11, 17))
-    }
-    lateral = kinetic[..., :2].sum(axis=(1, 2)) / kinetic.sum(axis=(1, 2))
     return {
         "energy": {
-            "t [s]": run.t, **parts, "beads that share it": energies(run).effective_number,
-            "lateral part of the motion": lateral,
+            "t [s]": run.t, "striker": shares[:, -1],
+            **{f"layers {a + 1} to {b}": layers[:, a:b].sum(axis=1)
+               for a, b in ((0, 6), (6, 11), (11, 17))},
+            "beads that share it": energies(run).effective_number,
+            "lateral part of the motion":
+            kinetic[..., :2].sum(axis=(1, 2)) / kinetic.sum(axis=(1, 2)),
         },
     }  # fmt: skip
 
 
 def table(tables):
     """Redirection and trapping of the pack of one material."""
-    t = tables["energy"]
-    rows = []
-    for instant in TIMES:
-        k = int(np.argmin(np.abs(t["t [s]"] - instant)))
-        words = f"at {1e3 * instant:g} ms"
-        rows += [
-            row("space", f"redirection: lateral part of the kinetic energy {words}",
-                float(t["lateral part of the motion"][k]), LATERAL[instant]),
-            row("space", f"trapping: energy in the upper six layers {words}",
-                float(t["layers 12 to 17"][k]), UPPER[instant]),
-            row("space", f"effective number of beads that hold the energy {words}",
-                float(t["beads that share it"][k])),
-        ]  # fmt: skip
-    return rows
+    one, lines = tables["energy"], {}
+    for instant, (lateral, upper) in KNOWN.items():
+        k = int(np.argmin(np.abs(one["t [s]"] - instant)))
+        lines |= {
+            f"{words} at {1e3 * instant:g} ms": (one[name][k], known) for words, name, known in (
+                ("redirection: lateral part of the kinetic energy", "lateral part of the motion",
+                 lateral),
+                ("trapping: energy in the upper six layers", "layers 12 to 17", upper),
+                ("effective number of beads that hold the energy", "beads that share it", ""),
+            )
+        }  # fmt: skip
+    return _packs.rows("space", lines)
 
 
 def _moving(axes, label=""):
-    return moving(motion(), axes, factor=FACTOR, top=FASTEST, widest=MOST, label=label)
+    return moving(motion(1.0), axes, factor=FACTOR, top=FASTEST, widest=MOST, label=label)
 
 
 def draw(figure, tables):
@@ -82,7 +82,7 @@ def draw(figure, tables):
     *panels, last = figure.subplots(1, len(SHOWN) + 1, width_ratios=[1] * len(SHOWN) + [1.4])
     for axes, k in zip(panels, SHOWN, strict=True):
         _moving(axes, "" if k == SHOWN[-1] else None)(k)
-        axes.set_title(f"{1e3 * motion().t[k]:.2f} ms", fontsize=10)
+        axes.set_title(f"{1e3 * motion(1.0).t[k]:.2f} ms")
     for axes in panels[1:]:
         axes.set(ylabel="", yticklabels=[])
     t = tables["energy"]
@@ -100,6 +100,6 @@ def draw(figure, tables):
 
 def animate(tables, path):
     """The pack in space, cut open by transparency: what moves is seen."""
-    speed = np.minimum(np.linalg.norm(motion().v, axis=-1), FASTEST)
+    speed = np.minimum(np.linalg.norm(motion(1.0).v, axis=-1), FASTEST)
     how = {"frames": FRAMES + 1, "rate": 10, "factor": FACTOR, "view": VIEW}
-    tensegrity.animate(motion(), path, speed, label=f"speed, up to {FASTEST:g} [m/s]", **how)
+    tensegrity.animate(motion(1.0), path, speed, label=f"speed, up to {FASTEST:g} [m/s]", **how)

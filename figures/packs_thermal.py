@@ -6,12 +6,10 @@ motion: it checks the run, and says nothing of equipartition. That is the ratio 
 energies of heavy and light beads: 1 in equilibrium.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
+from figures import _packs
 from figures._draw import name_curves
-from figures._packs import row
 from granular import Bead, chain, energies, materials, simulate
 from tensegrity import Record
 
@@ -77,21 +75,19 @@ def heavy_over_light(tables, name, span):
 
 def table(tables):
     """Means over spans of time, and of the virial ratio over the second half."""
-    t, rows = tables["lines"]["t [s]"], []
+    t, rows = tables["lines"]["t [s]"], {}
     for name, spans in SPANS.items():
         for first, last, known in spans:
-            within = (t >= first) & (t <= last)
             words = f"{name}: beads that share the energy, {1e3 * first:g} to {1e3 * last:g} ms"
-            rows.append(row("thermal", words, float(tables["lines"][name][within].mean()), known))
+            rows[words] = tables["lines"][name][(t >= first) & (t <= last)].mean(), known
     for name in LINES:
-        mean = float(tables["virial"][name][t >= END / 2].mean())
-        rows.append(row("thermal", f"{name}: mean virial ratio, 20 to 40 ms", mean, 5 / 9))
+        mean = tables["virial"][name][t >= END / 2].mean()
+        rows[f"{name}: mean virial ratio, 20 to 40 ms"] = mean, 5 / 9
     for name in MIXED:
-        for first, last in (EARLY, LATE):
-            words = f"{name}: kinetic energy of heavy over light beads, "
-            words += f"{1e3 * first:g} to {1e3 * last:g} ms"
-            rows.append(row("thermal", words, heavy_over_light(tables, name, (first, last)), 1))
-    return rows
+        for span in (EARLY, LATE):
+            words = f"{name}: kinetic energy of heavy over light beads, {1e3 * span[0]:g} to "
+            rows[f"{words}{1e3 * span[1]:g} ms"] = heavy_over_light(tables, name, span), 1
+    return _packs.rows("thermal", rows)
 
 
 def draw(figure, tables):
@@ -106,15 +102,15 @@ def draw(figure, tables):
     for name in LINES:
         a.plot(*(smooth(x, 50) for x in (1e3 * t, tables["lines"][name])), lw=1, label=name)
     for k, name in enumerate(MIXED, 1):
-        heavy, light = (smooth(tables["kinetic"][f"{name}, {kind}"], MEAN)
-                        for kind in ("heavy", "light"))  # fmt: skip
+        heavy, light = (
+            smooth(tables["kinetic"][f"{name}, {kind}"], MEAN) for kind in ("heavy", "light")
+        )
         b.plot(smooth(1e3 * t, MEAN), heavy / light, f"C{k}", lw=1, label=name)
     b.plot([0, 40], [1, 1], color="k", lw=0.8, ls=":")
     b.text(5, 0.5, "dotted: equipartition")
     for axes in (a, b):
         axes.set(xlabel="time [ms]", xlim=(0, 52))
         name_curves(axes)
-    a.set(ylabel="effective beads with energy, of 40")
-    b.set(ylabel="kinetic energy of heavy over light beads", ylim=(0, None))
-    b.set_title(f"means over {1e3 * INTERVAL * MEAN:g} ms", fontsize=10)
-    a.set_title("beads that hold the energy", fontsize=10)
+    a.set(ylabel="effective beads with energy, of 40", title="beads that hold the energy")
+    b.set(ylabel="kinetic energy of heavy over light beads", ylim=(0, None),
+          title=f"means over {1e3 * INTERVAL * MEAN:g} ms")  # fmt: skip

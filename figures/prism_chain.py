@@ -5,15 +5,12 @@ from its self-stressed state.  Along the axis it is a spring whose energy V is a
 elongation alone.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.patches import Ellipse
 
 from figures.prism_drawing import KINDS
 from tensegrity import Prism
 
-NAME = "prism_chain"
 GROUP = "waves"
 
 PRISM, PRELOAD, UNITS = Prism(1.0, 0.9, 0.1, 1.0), 0.06, 4
@@ -30,15 +27,15 @@ def data():
     angles = np.concatenate([turns, turns + twist])
     nodes = {"x": radius * np.cos(angles), "y": radius * np.sin(angles),
              "z": np.repeat([0.0, height], 3)}  # fmt: skip
-    names = ["height without preload", "height under preload", "twist under preload [deg]"]
-    values = [PRISM.height, height, float(np.degrees(twist))]
-    return {"nodes": nodes, "numbers": {"quantity": names, "value": values}}
+    numbers = {"height without preload": PRISM.height, "height under preload": height,
+               "twist under preload [deg]": float(np.degrees(twist))}  # fmt: skip
+    return {"nodes": nodes, "numbers": {"quantity": [*numbers], "value": [*numbers.values()]}}
 
 
 def table(tables):
     """The dimensions that are drawn."""
-    both = zip(*tables["numbers"].values(), strict=True)
-    return [{"quantity": name, "here": value} for name, value in both]
+    for name, value in zip(*tables["numbers"].values(), strict=True):
+        yield {"quantity": name, "here": value}
 
 
 def members():
@@ -68,8 +65,7 @@ def draw(figure, tables):
         places = seen(nodes, k * pitch + DISC / 2)
         for a, b, name in members():
             colour, width, _ = KINDS[name]
-            axes.plot(*places[[a, b]].T, color=colour, lw=0.6 * width, solid_capstyle="round",
-                      zorder=2)  # fmt: skip
+            axes.plot(*places[[a, b]].T, colour, lw=0.6 * width, solid_capstyle="round", zorder=2)
     for k in range(UNITS + 1):
         size = 2 * radius * np.sin(TILT) + DISC, 2.1 * radius
         axes.add_patch(Ellipse((k * pitch, 0), *size, fc="0.85", ec="0.4", alpha=0.75, zorder=1))
@@ -80,15 +76,16 @@ def draw(figure, tables):
         axes.annotate("", (tip, 0), (tail, 0), arrowprops=arrow)
         axes.text((tip + tail) / 2, 0.12, "preload $F_0$", ha="center", fontsize=10)
     for k, name in ((1, "n"), (2, "n+1")):
-        axes.annotate("", (k * pitch + 0.45, top), (k * pitch, top),
-                      arrowprops={"arrowstyle": "->", "color": "C0"})  # fmt: skip
+        moved = {"arrowstyle": "->", "color": "C0"}
+        axes.annotate("", (k * pitch + 0.45, top), (k * pitch, top), arrowprops=moved)
         axes.plot([k * pitch] * 2, [0.1, top], "C0", lw=0.8, ls=":")
         axes.text(k * pitch + 0.2, top + 0.06, f"$u_{{{name}}}$", color="C0", ha="center")
-    axes.text(1.3 * pitch, -1.5 * radius, "prism: a spring of energy $V(r_n)$\n"
-              "elongation $r_n = u_{n+1} - u_n$", ha="center", va="top")  # fmt: skip
+    words = "prism: a spring of energy $V(r_n)$\nelongation $r_n = u_{n+1} - u_n$"
+    below = {"y": -1.5 * radius, "va": "top", "ha": "center"}
+    axes.text(1.3 * pitch, s=words, **below)
     for place, name in ((2.5, "bars"), (3.2, "cross"), (4.1, "base")):
-        axes.text(place * pitch, -1.5 * radius, KINDS[name][2].split(":")[0], va="top", ha="center",
-                  color=KINDS[name][0])  # fmt: skip
+        colour, _, words = KINDS[name]
+        axes.text(place * pitch, s=words.split(":")[0], color=colour, **below)
     axes.set(xlim=(-1.4, end + 1.4), ylim=(-2.1 * radius, 1.75 * radius), aspect="equal")
     axes.set_title("Prisms under a preload are the springs between lumped masses", fontsize=12)
     axes.set_axis_off()

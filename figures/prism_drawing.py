@@ -5,14 +5,11 @@ in tension and the bars in compression; the top triangle is rotated by 5 pi/6 re
 bottom one.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.patches import Arc
 
 from tensegrity import Prism
 
-NAME = "prism_drawing"
 GROUP = "start"
 
 PRISM = Prism(base=1.0, height=1.1, prestrain=0.05, k_cross=1.0, k_base=5.0, k_bar=50.0)
@@ -23,6 +20,7 @@ KINDS = {  # group of members: colour, width, label
     "cross": ("#c0392b", 1.8, "cross string: tension"),
     "base": ("#17607a", 1.8, "base string: tension"),
 }
+FORCE = {"arrowstyle": "-|>", "color": "0.2", "lw": 1.6}
 ARROW = {"arrowstyle": "<->", "color": "0.35", "lw": 1.0, "shrinkA": 0, "shrinkB": 0}
 
 
@@ -40,20 +38,14 @@ def data():
     rise = nodes[ends[:, 1], 2] - nodes[ends[:, 0], 2]
     kinds = [kind(z, one) for z, one in zip(rise, structure.is_string, strict=True)]
     first, last = (np.arctan2(*nodes[i, 1::-1]) for i in (0, bar_end(ends, kinds, 0)))
+    twist = float(np.degrees(last - first) % 360)
     return {
         "nodes": dict(zip("xyz", nodes.T, strict=True)),
-        "members": {
-            "first": ends[:, 0],
-            "second": ends[:, 1],
-            "kind": kinds,
-            "tension [N]": structure.tensions,
-        },
+        "members": {"first": ends[:, 0], "second": ends[:, 1], "kind": kinds,
+                    "tension [N]": structure.tensions},
         "numbers": {
             "quantity": ["base", "height", "twist [deg]", "prestrain"],
-            "value": [
-                PRISM.base, float(np.ptp(nodes[:, 2])),
-                float(np.degrees(last - first) % 360), PRISM.prestrain,
-            ],
+            "value": [PRISM.base, float(np.ptp(nodes[:, 2])), twist, PRISM.prestrain],
         },
     }  # fmt: skip
 
@@ -68,10 +60,8 @@ def bar_end(ends, kinds, node):
 
 def table(tables):
     """The dimensions that are drawn."""
-    return [
-        {"quantity": name, "here": value}
-        for name, value in zip(*tables["numbers"].values(), strict=True)
-    ]
+    for name, value in zip(*tables["numbers"].values(), strict=True):
+        yield {"quantity": name, "here": value}
 
 
 def seen(nodes):
@@ -117,17 +107,14 @@ def from_side(axes, nodes, tables):
     for level in levels:
         axes.plot([0.0, far + 0.04], [level, level], color="0.6", lw=0.7, ls=":")
     high = levels[1] + 0.2
-    axes.annotate("", (-0.14, high), (-0.14, high + 0.34),
-                  arrowprops={"arrowstyle": "-|>", "color": "0.2", "lw": 1.6})  # fmt: skip
-    axes.annotate("", (0.14, high + 0.34), (0.14, high),
-                  arrowprops={"arrowstyle": "-|>", "color": "0.2", "lw": 1.6})  # fmt: skip
+    for x, tip, tail in ((-0.14, high, high + 0.34), (0.14, high + 0.34, high)):
+        axes.annotate("", (x, tip), (x, tail), arrowprops=FORCE)
     axes.text(-0.2, high + 0.17, "load,\nshortening > 0", ha="right", va="center")
     axes.text(0.2, high + 0.17, "tension,\nelongation > 0", ha="left", va="center")
     handles = dict(zip(*axes.get_legend_handles_labels()[::-1], strict=True))
     axes.legend(handles.values(), handles.keys(), loc="upper center",
                 bbox_to_anchor=(0.5, 0.02), ncols=3, handlelength=1.4)  # fmt: skip
-    axes.set_xlim(-0.95, 1.25)
-    axes.set_ylim(levels[0] - 0.3, high + 0.45)
+    axes.set(xlim=(-0.95, 1.25), ylim=(levels[0] - 0.3, high + 0.45))
 
 
 def from_above(axes, nodes, tables):
@@ -143,10 +130,8 @@ def from_above(axes, nodes, tables):
     angles = [np.degrees(np.arctan2(*places[node][::-1])) for node in (start, end)]
     axes.add_patch(Arc((0, 0), 0.42, 0.42, theta1=angles[0], theta2=angles[1], color="0.2", lw=1.4))
     along = np.radians(angles[0] + 65)
-    axes.annotate(
-        "twist 5π/6", 0.21 * np.array([np.cos(along), np.sin(along)]), (0.42, 0.62),
-        ha="center", arrowprops={"arrowstyle": "-", "color": "0.35", "lw": 0.8},
-    )  # fmt: skip
+    line, on_arc = {"arrowstyle": "-", "color": "0.35", "lw": 0.8}, (np.cos(along), np.sin(along))
+    axes.annotate("twist 5π/6", 0.21 * np.array(on_arc), (0.42, 0.62), ha="center", arrowprops=line)
     below = [i for i in low if i != start]
     a, b = places[below]
     out = (a + b) / 2
@@ -155,5 +140,4 @@ def from_above(axes, nodes, tables):
     axes.text(*((a + b) / 2 + 1.7 * out), "base", ha="center", va="center")
     stretch = "prestrain = (length − natural length)\n/ natural length of a cross string"  # noqa: RUF001
     axes.text(0, -0.98, stretch, ha="center", va="center", fontsize=9)
-    axes.set_xlim(-0.9, 0.9)
-    axes.set_ylim(-1.15, 0.85)
+    axes.set(xlim=(-0.9, 0.9), ylim=(-1.15, 0.85))

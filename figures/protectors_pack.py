@@ -5,8 +5,6 @@ bead at 1 m/s.  Orders of half steel and half PTFE, and beads of any of six mate
 for the least force on the floor.
 """
 
-from __future__ import annotations
-
 from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
@@ -14,10 +12,10 @@ import numpy as np
 from figures import _searches
 from figures._disks import disks
 from figures._stored import stored
-from granular import Bead, Striker, hexagonal_pack, materials, sensor_force, simulate, wall_force
-from granular.contact_network import wall_sites
+from granular import Bead, Striker, hexagonal_pack, materials
 from granular.design import Choice, Order, search
-from tensegrity import Record, largest_peak, plotting, sweep
+from granular.design.objective import wall_peak
+from tensegrity import sweep
 
 NAME = "protectors_pack"
 GROUP = "protectors"
@@ -38,8 +36,6 @@ SPACES = {
 }
 COLOURS = {"steel": "0.45", "ptfe": "#f4f1e6", "rubber": "#303030", "bronze": "#b9772f",
            "glass": "#9fd3dd", "nylon": "#e9c6d8"}  # fmt: skip
-FRAMES, RATE, END = 90, 12, 1.2e-3  # of the moving picture; s
-HELD = 8.0  # N: upper end of the colour scale
 
 
 def by_row(kinds):
@@ -64,10 +60,7 @@ def build(beads):
 
 def peak(beads):
     """Largest force on the floor [N]."""
-    scene, name = build(beads)
-    record = Record(every=2, sites=wall_sites(scene, name))
-    run = simulate(scene, scene.start(), T_END, method="rkn6", dt=FINE, record=record)
-    return largest_peak(run.t, wall_force(run, name))[1]
+    return wall_peak(build, beads, T_END, FINE)[0]
 
 
 @stored(GROUP)
@@ -96,49 +89,32 @@ def peaks():
 
 
 def data():
-    """Floor peaks of all designs, the searches, the best pack in motion."""
+    """Floor peaks of all designs, the searches, the best pack."""
     drawn = peaks()["drawn"]["force [N]"]
     found = {name: _searches.found(columns) for name, columns in searches().items()}
-    rows = [(*pair, 1) for pair in zip(*peaks()["compared"].values(), strict=True)]
-    rows += [("random orders, median", float(np.median(drawn)), len(drawn)),
-             ("random orders, best", float(drawn.min()), len(drawn))]  # fmt: skip
-    rows += [(f"{name}, evolution", x.peak_force, len(x.least)) for name, x in found.items()]
-    names = ("design", "floor peak [N]", "designs")
-    tables = {"peaks": dict(zip(names, map(list, zip(*rows, strict=True)), strict=True))}
+    names, forces = peaks()["compared"].values()
+    counts = [1] * len(names) + [len(drawn)] * 2 + [len(one.least) for one in found.values()]
+    tables = {"peaks": {
+        "design": [*names, "random orders, median", "random orders, best",
+                   *(f"{name}, evolution" for name in found)],
+        "floor peak [N]": [*forces, np.median(drawn), drawn.min(),
+                           *(one.peak_force for one in found.values())],
+        "designs": counts,
+    }}  # fmt: skip
     for name, one in found.items():
         tables[f"history {name}"] = {"designs": np.arange(1, len(one.least) + 1),
                                      "least [N]": one.least}  # fmt: skip
-    best = min(found.values(), key=lambda one: one.peak_force)
-    scene, _ = build(best.beads)
-    steps = 4 * round(END / (4 * FINE))
-    run = simulate(scene, scene.start(), END, method="rkn6", dt=END / steps, record=Record(every=4))
-    some = np.linspace(0, len(run.t) - 1, FRAMES + 1).astype(int)
-    forces = sensor_force(run, range(COUNT))[some]
-    return tables | {
-        "beads": {"x [m]": scene.positions[:COUNT, 0], "z [m]": scene.positions[:COUNT, 1],
-                  "material": [bead.material.name for bead in best.beads]},
-        "forces": {"t [s]": run.t[some], **{f"bead {k} [N]": f for k, f in enumerate(forces.T)}},
-    }  # fmt: skip
+    beads = min(found.values(), key=lambda one: one.peak_force).beads
+    x, z = build(beads)[0].positions[:COUNT].T
+    materials = [bead.material.name for bead in beads]
+    return tables | {"beads": {"x [m]": x, "z [m]": z, "material": materials}}
 
 
 def table(tables):
     """Floor peaks."""
+    names = ("what", "value", "designs")
     rows = zip(*tables["peaks"].values(), strict=True)
-    return [
-        {"scene": "pack", "what": a, "value": float(b), "designs": c, "seeds": "0"}
-        for a, b, c in rows
-    ]
-
-
-def stage(axes, tables, colours=None):
-    """Draw the beads as disks; returns the collection that takes the colours."""
-    places = np.stack([tables["beads"]["x [m]"], tables["beads"]["z [m]"]], axis=1)
-    style = {"cmap": "inferno_r"} if colours is None else {"facecolors": colours}
-    found = disks(axes, places, DIAMETER, lw=0.6, edgecolors="0.3", **style)
-    if colours is None:
-        found.set_clim(0, HELD)
-    axes.set(xlabel="x [mm]", ylabel="z [mm]", xlim=(-2, 202), ylim=(-2, 112))
-    return found
+    return [{"scene": "pack", **dict(zip(names, row, strict=True)), "seeds": "0"} for row in rows]
 
 
 def draw(figure, tables):
@@ -158,26 +134,11 @@ def draw(figure, tables):
         left.text(BUDGET / 2, known[name], name, va="bottom")
     left.set(xlabel="designs computed", ylabel="largest force on the floor [N]", ylim=0)
     name_curves(left)
-    materials = tables["beads"]["material"]
-    stage(right, tables, [COLOURS[name] for name in materials])
-    used = [name for name in COLOURS if name in materials]
-    handles = [Patch(facecolor=COLOURS[n], edgecolor="0.3", label=n) for n in used]
-    right.legend(
-        handles=handles, ncols=3, fontsize=9, loc="upper center", bbox_to_anchor=(0.5, -0.2)
-    )
-
-
-def animate(tables, path):
-    """Forces on the beads of the best pack, as a GIF."""
-    import matplotlib.pyplot as plt
-
-    figure, axes = plt.subplots(figsize=(9, 5.2), dpi=80, layout="constrained")
-    t, *forces = tables["forces"].values()
-    found = stage(axes, tables)
-    figure.colorbar(found, ax=axes, label="force on a bead [N]", shrink=0.8, extend="max")
-
-    def show(row):
-        found.set_array(np.array([force[row] for force in forces]))
-        axes.set_title(f"{1e3 * t[row]:.2f} ms after the blow, the best pack")
-
-    plotting.film(path, figure, range(len(t)), show, RATE)
+    x, z, materials = tables["beads"].values()
+    disks(right, np.stack([x, z], axis=1), DIAMETER, lw=0.6, edgecolors="0.3",
+          facecolors=[COLOURS[name] for name in materials])  # fmt: skip
+    right.set(ylabel="z [mm]", xlim=(-2, 202), ylim=(-2, 112))
+    handles = [
+        Patch(facecolor=COLOURS[n], edgecolor="0.3", label=n) for n in COLOURS if n in materials
+    ]
+    right.legend(handles=handles, ncols=3, loc="upper center", bbox_to_anchor=(0.5, -0.2))

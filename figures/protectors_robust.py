@@ -7,11 +7,10 @@ best uniform chain, and what it keeps is the gain under deviations, of both, ove
 touching beads.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from figures import _protectors as common
+from figures._files import lines, side_by_side
 from figures._stored import stored
 from granular.design import Scatter, peak_force, robustness, search
 
@@ -45,15 +44,15 @@ def found(name, how, scatter=None):
 def data():
     """Quantiles of the force of each design against the largest gap, and at the stated deviations;
     what is kept of a gain; the designs."""
-    tables, kept, built = {}, {}, {}
-    for name in UNIFORM:
+    tables, rows = {}, []
+    for name, gapless in UNIFORM.items():
         scatter = Scatter(**DEVIATIONS, draws=TRIED[name], seed=SEARCHED, quantile=QUANTILE)
         designs = {
-            "uniform": common.SCENES[name].compared[UNIFORM[name]],
+            "uniform": common.SCENES[name].compared[gapless],
             "for touching beads": found(name, NOMINAL[name]),
             "for deviations": found(name, ROBUST[name], scatter),
         }
-        columns = {"largest gap [m]": np.array(GAPS)}
+        tables[name], touching = {"largest gap [m]": np.array(GAPS)}, {}
         for kind, beads in designs.items():
             several = [
                 robustness(
@@ -62,42 +61,30 @@ def data():
                 ) for gap in GAPS
             ]  # fmt: skip
             for q in (0.1, 0.5, 0.9):
-                columns[f"{kind}, {q:.0%} [N]"] = np.array([one.quantile(q) for one in several])
-            built.setdefault("scene", []).append(name)
-            built.setdefault("for", []).append(kind)
-            built.setdefault("design", []).append(common.letters(name, beads))
+                forces = np.array([one.quantile(q) for one in several])
+                tables[name][f"{kind}, {q:.0%} [N]"] = forces
             one = several[GAPS.index(DEVIATIONS["gaps"])]
-            for key, value in {
-                "scene": name, "design": kind, "touching [N]": peak_force(beads, **blow(name)),
-                "median [N]": one.quantile(0.5), "nine tenths below [N]": one.quantile(0.9),
-            }.items():  # fmt: skip
-                kept.setdefault(key, []).append(value)
-        tables[name] = columns
-    kept["gain kept"] = gains(kept)
-    return tables | {"kept": kept, "designs": built}
-
-
-def gains(kept):
-    """Fraction of the gain of the best touching design over the uniform chain that a design has
-    under deviations, by medians; that of the uniform chain is 0."""
-    numbers = [kept[k] for k in ("touching [N]", "median [N]")]
-    out = []
-    for k in range(0, len(kept["scene"]), len(COLOURS)):
-        exact, median = (np.array(x[k : k + len(COLOURS)]) for x in numbers)
-        out += ((median[0] - median) / (exact[0] - exact[1])).tolist()
-    return out
+            median = one.quantile(0.5)
+            touching[kind] = peak_force(beads, **blow(name)), median
+            exact, deviating = touching["uniform"]
+            gain = exact - touching.get("for touching beads", (0.0,))[0]
+            rows.append({
+                "scene": name, "design": kind, "touching [N]": touching[kind][0],
+                "median [N]": median, "nine tenths below [N]": one.quantile(0.9),
+                "gain kept": (deviating - median) / gain,
+                "beads": common.letters(name, beads),
+            })  # fmt: skip
+    return tables | {"kept": side_by_side(rows)}
 
 
 def table(tables):
     """Forces of each design, touching and with deviations, and the fraction of the gain."""
-    one, lines = tables["kept"], []
-    for k, (name, kind) in enumerate(zip(one["scene"], one["design"], strict=True)):
-        for what in ("touching [N]", "median [N]", "nine tenths below [N]", "gain kept"):
-            lines.append({
-                "scene": name, "what": f"{name}, {kind}: {what.removesuffix(' [N]')}",
-                "value": float(one[what][k]), "designs": DRAWS, "seeds": str(SEED),
-            })  # fmt: skip
-    return lines
+    quantities = ("touching [N]", "median [N]", "nine tenths below [N]", "gain kept")
+    return [
+        {"scene": one["scene"], "value": one[key], "designs": DRAWS, "seeds": str(SEED),
+         "what": f"{one['scene']}, {one['design']}: {key.removesuffix(' [N]')}"}
+        for one in lines(tables["kept"]) for key in quantities
+    ]  # fmt: skip
 
 
 def draw(figure, tables):
@@ -116,23 +103,8 @@ def draw(figure, tables):
                 color=colour, fontsize=9,
             )  # fmt: skip
         axes.set_xscale("symlog", linthresh=0.1, linscale=0.5)
-        axes.set(xlabel="largest gap between beads [µm]", ylabel="force on the wall [N]",
-                 ylim=(0, 1.15 * columns["uniform, 90% [N]"].max()))  # fmt: skip
-        axes.set_xlim(0, gaps[-1])
-        axes.set_xticks(gaps, [f"{gap:g}" for gap in gaps])
         what = "order" if name == "T1" else "sizes"
-        axes.set_title(f"({'a' if name == 'T1' else 'b'}) {name}, {what} of 20 steel beads",
-                       loc="left")  # fmt: skip
-
-
-def text(tables):
-    """The designs, and what they keep."""
-    one = tables["kept"]
-    lines = ["Diameters deviate by 1 % (standard deviation); the bands contain eight draws of ten.",
-             "", "| " + " | ".join(one) + " |", "|---" * len(one) + "|"]  # fmt: skip
-    for values in zip(*one.values(), strict=True):
-        cells = (v if isinstance(v, str) else f"{v:.3g}" for v in values)
-        lines.append("| " + " | ".join(cells) + " |")
-    built = tables["designs"]
-    lines += ["", *(f"* {a}, {b}: {c}" for a, b, c in zip(*built.values(), strict=True))]
-    return "\n".join(lines)
+        axes.set(xlabel="largest gap between beads [µm]", ylabel="force on the wall [N]",
+                 ylim=(0, 1.15 * columns["uniform, 90% [N]"].max()), xlim=(0, gaps[-1]),
+                 title=f"{name}, {what} of 20 steel beads")  # fmt: skip
+        axes.set_xticks(gaps, [f"{gap:g}" for gap in gaps])

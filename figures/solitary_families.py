@@ -1,12 +1,10 @@
 """Width, energy and peak of exact solitary waves against speed, for rigid and elastic prisms."""
 
-from __future__ import annotations
-
 import numpy as np
 
+from figures._draw import note
 from tensegrity import Prism, predict
 
-NAME = "solitary_families"
 GROUP = "waves"
 
 SPRINGS = {  # name: (prism, preload, family)
@@ -26,16 +24,11 @@ def data():
     for name, (prism, preload, family) in SPRINGS.items():
         spring = prism.potential(preload=preload)
         waves = predict(spring)[family]
-        bound = waves.speeds[1] / spring.sound_speed()
-        largest = min(FASTEST, 1 + 0.9 * (bound - 1))
-        excess = np.geomspace(2e-3, largest - 1, POINTS)
+        bound = waves.speeds[1] / spring.sound_speed() - 1
+        excess = np.geomspace(2e-3, min(FASTEST, 1 + 0.9 * bound) - 1, POINTS)
         curve = waves.curve(speed_ratio=1 + excess)
-        tables[name.replace(", ", "_").replace(" ", "_")] = {
-            "speed_excess": excess,
-            "width": curve.width,
-            "energy": curve.energy,
-            "peak": curve.amplitude,
-        }
+        found = {"width": curve.width, "energy": curve.energy, "peak": curve.amplitude}
+        tables[name.replace(", ", "_").replace(" ", "_")] = {"speed_excess": excess} | found
     return tables
 
 
@@ -46,16 +39,15 @@ def draw(figure, tables):
     for k, (name, table) in enumerate(zip(SPRINGS, tables.values(), strict=True)):
         for one, column in zip(axes, ("width", "energy", "peak"), strict=True):
             one.loglog(table["speed_excess"], np.abs(table[column]), ".-", ms=4, lw=1)
-        where = {"xy": (0.99, 0.955 - 0.055 * k), "xycoords": "axes fraction", "ha": "right"}
-        axes[0].annotate(name, color=f"C{k}", fontsize=9, **where)
+        place = 0.99, 0.955 - 0.055 * k
+        note(axes[0], name, place, inside=True, ha="right", color=f"C{k}", fontsize=9)
     excess = np.geomspace(2e-3, 0.05, 2)
     axes[0].loglog(excess, 9.0 * (24 * excess) ** -0.5, "k:", lw=1)
     axes[0].annotate("slope -1/2", (0.026, 13))
     labels = "width at 5 % of the peak [sites]", "energy [k$_{cross}$ l$^2$]", "peak elongation [l]"
-    titles = "(a) Faster waves are narrower", "(b) have more energy", "(c) and a higher peak"
+    titles = "Faster waves are narrower", "have more energy", "and a higher peak"
     for one, label, title in zip(axes, labels, titles, strict=True):
-        one.set(xlabel="speed over that of sound, less 1", ylabel=label)
-        one.set_title(title, fontsize=10)
+        one.set(xlabel="speed over that of sound, less 1", ylabel=label, title=title)
     ticks = (2, 3, 5, 10, 20, 40)
     axes[0].set_yticks(ticks, [str(tick) for tick in ticks])
     axes[0].set_yticks([], minor=True)

@@ -9,8 +9,6 @@ members are bars, for the strings would go slack.
 Source: the talk, concluding remarks, "wave-steering".
 """
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np
@@ -18,9 +16,9 @@ import sympy as sp
 from scipy.optimize import brentq
 
 import tensegrity
+from figures._tables import arrays
 from tensegrity import Force, Lattice, Record, State, bands, simulate
 
-NAME = "structures_beam"
 GROUP = "structures"
 
 SITES, WIDTH, TRAVEL, START = 60, 7.0, 22.0, (20, 32)  # cells
@@ -71,8 +69,8 @@ def velocity(lattice, centre, before=None):
     return weight @ found.velocities[:, 0] / weight.sum()
 
 
-def packet(lattice, centre, sites=SITES, start=START):
-    """A packet's state on the plate, at rest at the border."""
+def launched(lattice, centre, sites, start, t_end, forces=()):
+    """The run of a packet on a plate whose border is held."""
     phases, amplitude, found = spectrum(lattice, centre)
     main = bands(lattice, [centre], shapes=True).shapes[0, 0, 0]
     shape, w = found.shapes[:, 0, 0], found.frequencies[:, 0]
@@ -80,8 +78,11 @@ def packet(lattice, centre, sites=SITES, start=START):
     cells = np.stack(np.meshgrid(*[np.arange(sites)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
     turned = np.exp(1j * ((cells - start) @ phases.T)) * amplitude
     u, v = (turned @ shape).real, (turned @ (-1j * w[:, None] * shape)).real
-    scale = SIZE / np.abs(u).max()
-    return scale * u, scale * v
+    scene, scale = lattice.network((sites, sites), forces=forces), SIZE / np.abs(u).max()
+    u, v = scale * u, scale * v
+    u[list(scene.held)] = v[list(scene.held)] = 0.0
+    record = Record(interval=t_end / (ROWS - 1))
+    return simulate(scene, State(u, v), t_end, tol=1e-7, record=record)
 
 
 @cache
@@ -89,12 +90,9 @@ def followed(density):
     """A run of a packet, and its predicted velocity."""
     lattice = plate(density)
     centre = carrier(lattice)
-    scene, expected = lattice.network((SITES, SITES)), velocity(lattice, centre)
-    u, v = packet(lattice, centre)
-    u[list(scene.held)] = v[list(scene.held)] = 0.0
+    expected = velocity(lattice, centre)
     t_end = TRAVEL / float(np.linalg.norm(expected))
-    record = Record(interval=t_end / (ROWS - 1))
-    return simulate(scene, State(u, v), t_end, tol=1e-7, record=record), expected
+    return launched(lattice, centre, SITES, START, t_end), expected
 
 
 @cache
@@ -111,11 +109,7 @@ def turned(ramp=RAMP):
     rest, (t, gain) = np.zeros(before.shape), sp.symbols("t gain")
     gained = {"gain": after.bond_tension(rest) - before.bond_tension(rest)}
     grown = Force(gain * (1 + sp.erf((t - half) / ramp)) / 2, on="bonds", parameters=gained)
-    scene = soft.network((LARGER, LARGER), forces=(grown,))
-    u, v = packet(soft, centre, LARGER, THERE)
-    u[list(scene.held)] = v[list(scene.held)] = 0.0
-    record = Record(interval=2 * half / (ROWS - 1))
-    return simulate(scene, State(u, v), 2 * half, tol=1e-7, record=record), expected
+    return launched(soft, centre, LARGER, THERE, 2 * half, (grown,)), expected
 
 
 def centres(run):
@@ -136,20 +130,21 @@ def angles(run, expected, rows=(0, -1)):
 
 def data():
     tables, found = {}, []
+
+    def follow(run, path, at_end):
+        tables[path] = dict(zip("xy", centres(run).T, strict=True))
+        tables[at_end] = {"kinetic energy": np.sum(run.v[-1] ** 2, axis=1)}
+
     for q in DENSITIES:
-        run, expected = followed(q)
-        central = plate(q)
-        alone = bands(central, [carrier(central)], velocities=True).velocities[0, 0]
-        found.append([q, *angles(run, expected), angle(alone), run.energy_error])
-        path = centres(run)
-        tables[f"path at {q}"] = {"x": path[:, 0], "y": path[:, 1]}
-        tables[f"map at {q}"] = {"kinetic energy": np.sum(run.v[-1] ** 2, axis=1)}
-    names = ("force density", "run", "spectrum", "carrier", "energy error")
-    tables["angles"] = dict(zip(names, np.array(found).T, strict=True))
+        (run, velocity), lattice = followed(q), plate(q)
+        alone = bands(lattice, [carrier(lattice)], velocities=True).velocities[0, 0]
+        seen, expected = angles(run, velocity)
+        found.append({"force density": q, "run": seen, "spectrum": expected,
+                      "carrier": angle(alone), "energy error": run.energy_error})  # fmt: skip
+        follow(run, f"path at {q}", f"map at {q}")
+    tables["angles"] = arrays(found)
     run, velocities = turned()
-    path = centres(run)
-    tables["changed path"] = {"x": path[:, 0], "y": path[:, 1]}
-    tables["changed map"] = {"kinetic energy": np.sum(run.v[-1] ** 2, axis=1)}
+    follow(run, "changed path", "changed map")
     found = [angles(run, *leg) for leg in zip(velocities, LEGS, strict=True)]
     tables["changed"] = dict(zip(("run", "spectrum"), np.array(found).T, strict=True))
     return tables
@@ -158,18 +153,16 @@ def data():
 def draw(figure, tables):
     """The path of each packet, and its energy at the end."""
     figure.set_size_inches(9, 9)
-    panels = figure.subplots(2, 2).ravel()
-    shown = [(f"prestress {q} N/m: {x:.2f}°", f"path at {q}", f"map at {q}") for q, x in
-             zip(DENSITIES, tables["angles"]["run"], strict=True)]  # fmt: skip
+    shown = {f"prestress {q} N/m: {x:.2f}°": (f"path at {q}", f"map at {q}")
+             for q, x in zip(DENSITIES, tables["angles"]["run"], strict=True)}  # fmt: skip
     legs = "changed on the way: {:.1f}°, then {:.1f}°".format(*tables["changed"]["run"])
-    shown.append((legs, "changed path", "changed map"))
-    for ax, (words, path, at_end) in zip(panels, shown, strict=True):
+    shown[legs] = "changed path", "changed map"
+    for ax, (words, (path, at_end)) in zip(figure.subplots(2, 2).flat, shown.items(), strict=True):
         energy = tables[at_end]["kinetic energy"]
-        energy = np.reshape(energy, 2 * (round(len(energy) ** 0.5),))
-        ax.imshow(energy.T, origin="lower", cmap="Blues")
+        side = round(len(energy) ** 0.5)
+        ax.imshow(energy.reshape(side, side).T, origin="lower", cmap="Blues")
         ax.plot(*tables[path].values(), "C3", lw=1.5)
-        ax.set_title(words, fontsize=10)
-        ax.set(xlabel="cell along the rows", ylabel="cell across the rows")
+        ax.set(xlabel="cell along the rows", ylabel="cell across the rows", title=words)
 
 
 def animate(tables, path):
@@ -177,12 +170,10 @@ def animate(tables, path):
 
 
 def table(tables):
-    rows = []
     for q, run, expected, alone, error in zip(*tables["angles"].values(), strict=True):
-        rows.append({"plate": f"force density {q:g} N/m", "run [deg]": float(run),
-                     "spectrum [deg]": float(expected), "carrier [deg]": float(alone),
-                     "energy error": float(error)})  # fmt: skip
+        yield {"plate": f"force density {q:g} N/m", "run [deg]": float(run),
+               "spectrum [deg]": float(expected), "carrier [deg]": float(alone),
+               "energy error": float(error)}  # fmt: skip
     for leg, run, expected in zip(("before", "after"), *tables["changed"].values(), strict=True):
-        rows.append({"plate": f"{CHANGED[0]:g} to {CHANGED[1]:g} N/m on the way, {leg}",
-                     "run [deg]": float(run), "spectrum [deg]": float(expected)})  # fmt: skip
-    return rows
+        yield {"plate": f"{CHANGED[0]:g} to {CHANGED[1]:g} N/m on the way, {leg}",
+               "run [deg]": float(run), "spectrum [deg]": float(expected)}  # fmt: skip

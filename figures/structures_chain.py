@@ -6,14 +6,11 @@ triangle at each site.
 Source: the talk, part III, "chains of tensegrity prisms".
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.optimize import brentq
 
 from tensegrity import Prism, bands, dispersion, moduli
 
-NAME = "structures_chain"
 GROUP = "structures"
 
 PRISM = Prism(1.0, 0.7, 0.1, 1.0, 5.0, 50.0)
@@ -65,25 +62,23 @@ def data():
 def draw(figure, tables):
     figure.set_size_inches(9.4, 4.2)
     panels = figure.subplots(1, 2, sharey=True)
-    titles = ("(a) Alternating hands: the chain holds for long waves",
-              "(b) One hand: axial waves are torsional too")  # fmt: skip
-    for ax, hand, title in zip(panels, HANDS, titles, strict=True):
+    for ax, hand in zip(panels, HANDS, strict=True):
         q, w, part = tables[hand].values()
         ax.scatter(q, w, s=30 * part, c="C0", lw=0)
         ax.plot(*tables["chain"].values(), "C3", lw=1.2)
         ax.annotate("chain", (2.2, 1.42), color="C3")
         ax.set(xlabel="phase from unit to unit [rad]", ylim=(0, HIGHEST), xlim=(0, np.pi))
-        ax.set_title(title, fontsize=10)
-    panels[0].set_ylabel("frequency [rad/s]")
+    panels[0].set(
+        ylabel="frequency [rad/s]", title="Alternating hands: the chain holds for long waves"
+    )
+    panels[1].set_title("One hand: axial waves are torsional too")
 
 
 def table(tables):
-    h, rows = PRISM.height, []
-    speed = float(h * np.sqrt(PRISM.axial_stiffness() / PRISM.sides))
+    speed = float(PRISM.height * np.sqrt(PRISM.axial_stiffness() / PRISM.sides))
     for hand, words in HANDS.items():
-        found = moduli(PRISM.column(chirality=hand, periodic=True)).speeds([0, 0, 1])[2:]
-        rows.append({"column": words, "slower [m/s]": float(found[0]),
-                     "faster [m/s]": float(found[1]), "chain [m/s]": speed})  # fmt: skip
+        slow, fast = moduli(PRISM.column(chirality=hand, periodic=True)).speeds([0, 0, 1])[2:]
+        yield {"column": words, "slower [m/s]": float(slow), "faster [m/s]": float(fast),
+               "chain [m/s]": speed}  # fmt: skip
     q, words = exact_until(), f"alternating hands, {ERROR:.0%} below the chain at a phase of"
-    rows.append({"column": words, "units a wave": float(2 * np.pi / q), "phase": float(q)})
-    return rows
+    yield {"column": words, "units a wave": float(2 * np.pi / q), "phase": float(q)}

@@ -8,18 +8,15 @@ triangles it tilts or bows at a load that falls about as the inverse square of i
 the top is equivalent to half the length.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 
 import numpy as np
 
 from figures._draw import name_curves
-from figures._files import lines
+from figures._files import lines, side_by_side
 from tensegrity import Prism, equilibrium_path, plates
 
-NAME = "structures_columns"
 GROUP = "structures"
 
 COUNTS = (1, 2, 3, 5, 7, 10)
@@ -36,11 +33,9 @@ def lost(prism, count, between, guided, limit):
     """Load at which the uniform state loses stability below a limit [N]; nan where it does not."""
     s = prism.column(count, plates=between)
     low, up = range(3), range(s.nodes - 3, s.nodes)
-    held = (
-        {"supports": plates(low, up)}
-        if guided
-        else {"supports": plates(low), "loads": {n: (0, 0, -1 / 3) for n in up}}
-    )
+    held = {"supports": plates(low, up if guided else [])}
+    if not guided:
+        held["loads"] = {n: (0, 0, -1 / 3) for n in up}
     path = equilibrium_path(s, branch="symmetric", max_load=limit, **held)
     found = [e.load for e in path.events if e.kind == "bifurcation"]
     if not found and path.load[-1] < limit * (1 - 1e-9):
@@ -55,18 +50,18 @@ def largest_of_chain(prism):
     return folds[0] if folds else float(path.load[-1])
 
 
-def data(progress=iter):
+def data():
     """Load at which a column tilts or bows, over the largest load of its chain of springs."""
-    names = ("slenderness", "prestrain", "units", "plates", "guided", "load", "largest", "share")
     rows = []
-    for slenderness, prestrain in progress(SHAPES):
+    for slenderness, prestrain in SHAPES:
         prism = Prism(1.0, slenderness, prestrain, 1.0, **STIFFNESS)
         largest = largest_of_chain(prism)
         for count, (between, guided) in itertools.product(COUNTS, KINDS.values()):
             load = lost(prism, count, between, guided, 0.999 * largest)
-            rows.append((slenderness, prestrain, count, between, guided, load, largest,
-                         load / largest))  # fmt: skip
-    return {"columns": dict(zip(names, map(list, zip(*rows, strict=True)), strict=True))}
+            rows.append({"slenderness": slenderness, "prestrain": prestrain, "units": count,
+                         "plates": between, "guided": guided, "load": load, "largest": largest,
+                         "share": load / largest})  # fmt: skip
+    return {"columns": side_by_side(rows)}
 
 
 def draw(figure, tables):
@@ -78,10 +73,9 @@ def draw(figure, tables):
         for k, (slenderness, prestrain) in enumerate(SHAPES):
             rows = (table["slenderness"] == slenderness) & (table["prestrain"] == prestrain)
             rows &= (table["plates"] == kind[0]) & (table["guided"] == kind[1])
-            axes.semilogy(table["units"][rows], shares[rows], "o-", ms=9 - 2 * k,
-                          label=f"{slenderness:g} m, {prestrain:g}")  # fmt: skip
-        axes.set_title(title, fontsize=10)
-        axes.set(xlabel="units", xticks=COUNTS)
+            label = f"{slenderness:g} m, {prestrain:g}"
+            axes.semilogy(table["units"][rows], shares[rows], "o-", ms=9 - 2 * k, label=label)
+        axes.set(xlabel="units", xticks=COUNTS, title=title)
         axes.set_ylabel("load at loss of stability /\nlargest of the chain")
         axes.label_outer()
         if kind == (False, False):

@@ -8,16 +8,13 @@ Nearly flat, the strings carry a weight only where shortening raises it: down to
 heavier prism reaches earlier.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
-from figures._draw import name_curves
-from figures._files import lines
+from figures._draw import name_curves, note
+from figures._files import lines, side_by_side
 from figures._structures import film, frames, show
 from tensegrity import Prism, control_path, equilibrium, plates
 
-NAME = "structures_deployment"
 GROUP = "structures"
 
 REFERENCE = Prism(1.0, 0.29, 0.1, k_cross=1.0, k_base=20.0, k_bar=400.0)
@@ -71,47 +68,39 @@ def columns(count, path):
     }  # fmt: skip
 
 
-def data(progress=iter):
+def data():
     """Heights, slack, stability and work along the way."""
     tables, marks = {}, []
-    for count, weight in progress([*((count, LIGHT) for count in COUNTS), (1, HEAVY)]):
+    for name, count, weight in (*((f"units_{n}", n, LIGHT) for n in COUNTS), ("heavy", 1, HEAVY)):
         path = deployed(count) if weight == LIGHT else paid_out()
-        table = columns(count, path)
-        tables[f"units_{count}" if weight == LIGHT else "heavy"] = table
-        rows = [
-            ("start", 0, ""),
-            *((e.kind, e.row, f"control {e.control:.9g}") for e in path.events),
-        ]
-        for kind, row, note in [*rows, ("end", len(path) - 1, path.end)]:
-            at = [float(table[name][row]) for name in ("natural_length", "height", "work")]
-            stable = bool(table["stable"][row])
-            marks.append((count, weight, kind, *at, int(table["slack"][row]), stable, note))
-        if (count, weight) == (COUNTS[-1], LIGHT):
-            shown = np.linspace(0, len(path) - 1, FRAMES).astype(int)
-            tables["frames"] = frames(path, shown)
-    names = ("units", "weight", "event", "natural_length", "height", "work", "slack", "stable",
-             "note")  # fmt: skip
-    return tables | {"events": dict(zip(names, map(list, zip(*marks, strict=True)), strict=True))}
+        table = tables[name] = columns(count, path)
+        events = [(e.kind, e.row, f"control {e.control:.9g}") for e in path.events]
+        for kind, row, words in (("start", 0, ""), *events, ("end", len(path) - 1, path.end)):
+            at = {key: float(table[key][row]) for key in ("natural_length", "height", "work")}
+            marks.append({"units": count, "weight": weight, "event": kind, **at,
+                          "slack": int(table["slack"][row]), "stable": bool(table["stable"][row]),
+                          "note": words})  # fmt: skip
+        if name == f"units_{COUNTS[-1]}":
+            tables["frames"] = frames(path, np.linspace(0, len(path) - 1, FRAMES).astype(int))
+    return tables | {"events": side_by_side(marks)}
 
 
 def draw(figure, tables):
     """Height and work of a unit; the column folded and deployed."""
     figure.set_size_inches(9, 7)
     cells = figure.add_gridspec(2, 2)
-    heights, work = figure.add_subplot(cells[0, 0]), figure.add_subplot(cells[1, 0])
+    heights, work = (figure.add_subplot(cells[row, 0]) for row in (0, 1))
     for count, colour in zip(COUNTS, ("C0", "C2"), strict=True):
-        units = tables[f"units_{count}"]
-        word = "1 unit" if count == 1 else f"{count} units"
-        heights.plot(units["natural_length"], units["height"] / count, colour, label=word)
-        work.plot(units["natural_length"], 1e3 * units["work"] / count, colour, label=word)
-    heavy = tables["heavy"]
-    number = int(np.argmax(heavy["natural_length"]))
+        units, label = tables[f"units_{count}"], f"{count} unit{'s' * (count > 1)}"
+        heights.plot(units["natural_length"], units["height"] / count, colour, label=label)
+        work.plot(units["natural_length"], 1e3 * units["work"] / count, colour, label=label)
+    length, height = (tables["heavy"][name] for name in ("natural_length", "height"))
+    number = int(np.argmax(length))
     for part, style in ((slice(number + 1), "C3"), (slice(number, None), "C3:")):
-        heights.plot(heavy["natural_length"][part], heavy["height"][part], style)
-    fold = heavy["natural_length"][number], heavy["height"][number]
+        heights.plot(length[part], height[part], style)
+    fold, words = (length[number], height[number]), "ten times the weight:\nfold (dotted: unstable)"
     heights.plot(*fold, "ks", ms=4)
-    heights.annotate("ten times the weight:\nfold (dotted: unstable)", fold, (-10, 60),
-                     textcoords="offset points", color="C3")  # fmt: skip
+    note(heights, words, fold, (-10, 60), color="C3")
     heights.set(ylabel="height of a unit [m]", ylim=(0, 0.45))
     work.set_ylabel("work done on a unit [mJ]")
     for axes in (heights, work):

@@ -8,14 +8,12 @@ border is felt; harder blows slacken strings, and their front is slower.
 Source: the talk, "impact protection".
 """
 
-from __future__ import annotations
-
 import numpy as np
 
-from figures.structures_struck import KINDS, octahedra
+from figures._draw import note
+from figures.structures_struck import KINDS, normal, octahedra
 from tensegrity import Record, State, bands, moduli, simulate
 
-NAME = "structures_front"
 GROUP = "structures"
 
 LINE, LONG, FAR = 800, 720.0, (24, 48, 96, 144)  # cells; s; cells from the struck one
@@ -27,13 +25,6 @@ SHOWN = (60.0, 120.0, 240.0)  # s
 
 def lattice():
     return octahedra(KINDS[0])
-
-
-def normal(cell):
-    """Of the layers, and their distance [m]."""
-    n = np.cross(*cell.vectors[:2])
-    n *= np.sign(n @ cell.vectors[2]) / np.linalg.norm(n)
-    return n, float(n @ cell.vectors[2])
 
 
 def sound_speed():
@@ -95,22 +86,16 @@ def struck(speed):
                    record=Record(interval=0.25))  # fmt: skip
     middle = (at[:, :2] == np.array(COUNTS[:2]) // 2).all(axis=1)
     layers = [middle & (at[:, 2] == STRUCK + k) for k in NEAR]
-    return (
-        run.t,
-        np.stack([(run.u[:, one] @ n).mean(axis=1) for one in layers], axis=1) / speed,
-        run,
-    )
+    u = np.stack([(run.u[:, one] @ n).mean(axis=1) for one in layers], axis=1)
+    return run.t, u / speed, run
 
 
 def data():
-    distance = normal(lattice())[1]
-    t = np.arange(0.0, LONG, 0.5)
+    t, far = np.arange(0.0, LONG, 0.5), list(FAR)
     u, v = summed(t)
-    far = list(FAR)
-    tables = {"far": {"cell": np.array(FAR), "half the displacement [s]":
-                      arrivals(t, u[:, far], left() / 2),
-                      "head [s]": arrivals(t, v[:, far], SMALL)}}  # fmt: skip
-    tables["layers"] = {"place [m]": distance * np.arange(120)}
+    half, head = arrivals(t, u[:, far], left() / 2), arrivals(t, v[:, far], SMALL)
+    tables = {"far": {"cell": np.array(FAR), "half the displacement [s]": half, "head [s]": head}}
+    tables["layers"] = {"place [m]": normal(lattice())[1] * np.arange(120)}
     for when in SHOWN:
         tables["layers"][f"at {when:g} s"] = v[int(np.searchsorted(t, when)), :120]
     w, along = group(400)
@@ -137,39 +122,38 @@ def draw(figure, tables):
         layers.plot(2 * [c * when], [up - 0.05, up + 0.12], "k--", lw=1)
         layers.plot(2 * [fastest * when], [up - 0.05, up + 0.12], "C3:", lw=1.5)
     layers.set(xlabel="place [m]", ylabel="velocity over that of the blow (shifted)")
-    layers.set_title("layers; dashed: sound, dotted: fastest", fontsize=10)
+    layers.set_title("layers; dashed: sound, dotted: fastest")
     group_of.plot(*tables["group"].values(), ".", color="C0", ms=2)
     group_of.axhline(c, color="k", ls="--", lw=1)
     group_of.annotate(f"sound, {c:.3f} m/s", (1.45, c + 0.006))
     group_of.annotate(f"fastest, {fastest:.3f} m/s", (0.65, fastest - 0.004), color="C3")
-    group_of.set(xlabel="frequency [rad/s]", ylabel="group velocity [m/s]", xlim=(0, 2.6))
-    group_of.set_ylim(0, 0.38)
-    group_of.set_title("waves along the normal", fontsize=10)
+    group_of.set(xlabel="frequency [rad/s]", ylabel="group velocity [m/s]")
+    group_of.set(xlim=(0, 2.6), ylim=(0, 0.38), title="waves along the normal")
     for k in NEAR:
         runs.plot(tables["sum"]["t"], tables["sum"][str(k)], "0.6", lw=3)
         for speed, style in zip(BLOWS, ("C0-", "C3-"), strict=True):
             own = tables[f"run at {speed:g} m/s"]
             runs.plot(own["t"], own[str(k)], style, lw=1)
-    runs.annotate("grey: endless lattice\nblue: run, 1 mm/s\nred: run, 3 cm/s",
-                  (0.03, 0.8), xycoords="axes fraction")  # fmt: skip
+    words = "grey: endless lattice\nblue: run, 1 mm/s\nred: run, 3 cm/s"
+    note(runs, words, (0.03, 0.8), inside=True)
     runs.set(xlabel="time [s]", ylabel="displacement over speed of the blow [s]")
-    runs.set_title(f"layers {NEAR[0]} to {NEAR[-1]} after the struck one", fontsize=10)
+    runs.set_title(f"layers {NEAR[0]} to {NEAR[-1]} after the struck one")
 
 
 def table(tables):
-    cell, half, head = tables["far"].values()
+    cell, *times = tables["far"].values()
     way = np.diff(cell) * normal(lattice())[1]
-    rows = [{"wave": "longitudinal sound", "speed [m/s]": sound_speed()},
-            {"wave": "largest group velocity along the normal",
-             "speed [m/s]": float(tables["group"]["velocity"].max())}]  # fmt: skip
-    for k, (slow, fast) in enumerate(zip(way / np.diff(half), way / np.diff(head), strict=True)):
-        cells = f"from cell {cell[k]} to {cell[k + 1]}"
-        rows.append({"wave": f"half the displacement, {cells}", "speed [m/s]": float(slow)})
-        rows.append({"wave": f"{SMALL:g} of the blow's speed, {cells}", "speed [m/s]": float(fast)})
+    yield {"wave": "longitudinal sound", "speed [m/s]": sound_speed()}
+    fastest = float(tables["group"]["velocity"].max())
+    yield {"wave": "largest group velocity along the normal", "speed [m/s]": fastest}
+    levels = "half the displacement", f"{SMALL:g} of the blow's speed"
+    for k, speeds in enumerate(zip(*(way / np.diff(t) for t in times), strict=True)):
+        for words, speed in zip(levels, speeds, strict=True):
+            wave = f"{words}, from cell {cell[k]} to {cell[k + 1]}"
+            yield {"wave": wave, "speed [m/s]": float(speed)}
     for speed in BLOWS:
         own = tables[f"run at {speed:g} m/s"]
         off = max(np.abs(own[str(k)] - tables["sum"][str(k)]).max() for k in NEAR)
-        rows.append({"wave": f"run at {speed:g} m/s",
-                     "off the sum, over what is left": float(off / left()),
-                     "energy error": float(own["energy error"][0])})  # fmt: skip
-    return rows
+        yield {"wave": f"run at {speed:g} m/s",
+               "off the sum, over what is left": float(off / left()),
+               "energy error": float(own["energy error"][0])}  # fmt: skip

@@ -6,14 +6,11 @@ preload and one that softens; the resonators are masses on prestressed strings i
 Source: the talk, "negative effective elastic moduli", "wave-steering and stop-bands".
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.optimize import brentq
 
 from tensegrity import Lattice, Prism, bands, catalogue, decay, effective_mass, moduli
 
-NAME = "structures_lattices"
 GROUP = "structures"
 
 LOAD = 0.02  # N, at which the bars of the octahedra buckle
@@ -115,17 +112,16 @@ def draw(figure, tables):
     phases.annotate("slack", (-1.9, 0.008))
     phases.annotate("bars buckled", (6.0, 0.17))
     phases.set(xlabel="strings shorter by [%]", ylabel="speed along an axis [m/s]")
-    phases.set_title("(a) Octahedra have three phases")
+    phases.set_title("Octahedra have three phases")
     f, low, high = tables["prisms"].values()
     prisms.fill_between(f, low, high, color="0.85")
     prisms.plot(f, low, "C0", f, high, "C0")
     prisms.axvline(closing(), color="C3", ls=":")
-    prisms.annotate(
-        f"closes at\n{closing():.5f} N", (closing() - 0.0005, 1.9), color="C3", ha="right"
-    )
+    words = f"closes at\n{closing():.5f} N"
+    prisms.annotate(words, (closing() - 0.0005, 1.9), color="C3", ha="right")
     prisms.annotate("gap", (0.05, 2.04))
     prisms.set(xlabel="preload [N]", ylabel="frequency [rad/s]")
-    prisms.set_title("(b) Preload closes a gap and opens it again")
+    prisms.set_title("Preload closes a gap and opens it again")
     q, *branches = tables["resonators"].values()
     for n in range(4):
         gaps.fill_between(q, branches[2 * n], branches[2 * n + 1], color="C0", alpha=0.25, lw=0)
@@ -133,7 +129,7 @@ def draw(figure, tables):
         gaps.plot(q, edge, "k--", lw=1)
     gaps.annotate("no wave", (0.3, 1.5))
     gaps.set(xlabel="force density of the strings [N/m]", ylabel="frequency [rad/s]", ylim=(0, 4))
-    gaps.set_title("(c) Prestress moves a complete gap (dashed: exact)")
+    gaps.set_title("Prestress moves a complete gap (dashed: exact)")
     for k, q in enumerate(SHOWN):
         w, values, _ = tables[f"mass at {q}"].values()
         for side in (w < exact(q)[0], w > exact(q)[0]):
@@ -142,35 +138,29 @@ def draw(figure, tables):
         mass.annotate(f"{q} N/m", (exact(q)[1] - 0.12, -11 - 4 * k), color=f"C{k}", ha="right")
     mass.axhline(0, color="0.6", lw=0.8)
     mass.set(xlabel="frequency [rad/s]", ylabel="effective mass of a cell [kg]", ylim=(-20, 20))
-    mass.set_title("(d) In the gap the effective mass is negative")
+    mass.set_title("In the gap the effective mass is negative")
 
 
 def table(tables):
-    rows = []
-
     def add(quantity, here, closed=""):
-        rows.append({"lattice": quantity, "here": here, "exact": closed})
+        return {"lattice": quantity, "here": float(here), "exact": closed}
 
     ratio = (stiffness(STIFFENING, 0.0), stiffness(SOFTENING, 0.0))
-    first = float(tables["prisms"]["lower edge [rad/s]"][0])
-    add("gap of prisms without preload, from [rad/s]", first, float(np.sqrt(2 * min(ratio))))
-    add("gap of prisms closes at a preload of [N]", float(closing()))
+    first = tables["prisms"]["lower edge [rad/s]"][0]
+    yield add("gap of prisms without preload, from [rad/s]", first, float(np.sqrt(2 * min(ratio))))
+    yield add("gap of prisms closes at a preload of [N]", closing())
     for q in SHOWN:
-        n = int(np.argmin(np.abs(DENSITIES - q)))
-        own = tables["resonators"]
-        for side, edge, exactly in (
-            ("from", own["branch 1 to [rad/s]"][n], exact(q)[0]),
-            ("to", own["branch 2 from [rad/s]"][n], exact(q)[1]),
-        ):
-            add(f"gap of resonators at {q} N/m, {side} [rad/s]", float(edge), float(exactly))
+        n, own = int(np.argmin(np.abs(DENSITIES - q))), tables["resonators"]
+        edges = [own[f"branch {branch} [rad/s]"][n] for branch in ("1 to", "2 from")]
+        for side, edge, exactly in zip(("from", "to"), edges, exact(q), strict=True):
+            yield add(f"gap of resonators at {q} N/m, {side} [rad/s]", edge, float(exactly))
         w, m, fading = tables[f"mass at {q}"].values()
         inside = (w > exact(q)[0]) & (w < exact(q)[1])
-        add(f"effective mass in that gap at {q} N/m, largest [kg]", float(m[inside].max()))
-        add(f"decay per cell in that gap at {q} N/m, least", float(fading[inside].min()))
+        yield add(f"effective mass in that gap at {q} N/m, largest [kg]", m[inside].max())
+        yield add(f"decay per cell in that gap at {q} N/m, least", fading[inside].min())
     column = STIFFENING.column(periodic=True)
-    add("axial stiffness of a column at 0 rad/s [N]", moduli(column).axial)
-    add("axial stiffness of a column at 1 rad/s [N]", float(moduli(column, 1.0).axial))
+    for w, found in ((0, moduli(column)), (1, moduli(column, 1.0))):
+        yield add(f"axial stiffness of a column at {w} rad/s [N]", found.axial)
     x, long, shear = tables["octahedra"].values()
     ratio = np.interp(0.01, x, shear) / np.interp(0.01, x, long)
-    add("shear over longitudinal speed of octahedra, strings 1 % shorter", float(ratio))
-    return rows
+    yield add("shear over longitudinal speed of octahedra, strings 1 % shorter", ratio)

@@ -7,14 +7,12 @@ loses its energy to torsion.
 Source: the talk, part III, "chains of tensegrity prisms", where plates have no rotary inertia.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
+from figures._tables import arrays
 from figures.structures_chain import HANDS, LEAST, PRISM, chain, waves
 from tensegrity import Chain, Record, State, bands, simulate, solitary_wave
 
-NAME = "structures_plates"
 GROUP = "structures"
 
 MASS, GYRATION = 3.0, PRISM.circumradius  # of the nodes of a polygon, 1 kg each
@@ -97,10 +95,10 @@ def data():
     tables["wave"] |= dict(zip(("extension", "twist"), wave.elongation(POINTS).T, strict=True))
     found = []
     for tolerance in TOLERANCES:
-        last, *off = travelled(tolerance, wave.speed, state)
-        found.append([tolerance, *off, wave.residual, wave.speed])
-    names = ("tolerance", "off", "behind", "residual", "speed")
-    tables["travel"] = dict(zip(names, np.array(found).T, strict=True))
+        last, off, behind = travelled(tolerance, wave.speed, state)
+        found.append({"tolerance": tolerance, "off": off, "behind": behind,
+                      "residual": wave.residual, "speed": wave.speed})  # fmt: skip
+    tables["travel"] = arrays(found)
     near = last[START + TRAVEL - 8 : START + TRAVEL + 9]
     tables["after"] = {"x": np.arange(-8, 9), "extension": near[:, 0], "twist": near[:, 1]}
     for name, part in GYRATIONS.items():
@@ -124,32 +122,29 @@ def draw(figure, tables):
     left.annotate("plates", (0.75, 2.6), color="C0")
     left.annotate("chain", (2.3, 1.25), color="C3")
     left.set(xlabel="phase from unit to unit [rad]", ylabel="frequency [rad/s]", ylim=(0, HIGHEST))
-    left.set_title("one handedness: bands", fontsize=10)
+    left.set_title("one handedness: bands")
     for name, colour, at in (("extension", "C0", (1.3, 140)), ("twist", "C1", (2.6, 32))):
         middle.plot(tables["wave"]["x"], 1e3 * tables["wave"][name], colour)
         middle.plot(tables["after"]["x"], 1e3 * tables["after"][name], "o", color=colour, ms=4)
         middle.annotate(name, at, color=colour)
-    middle.set(xlabel="distance from the peak [units]")
+    middle.set_xlabel("distance from the peak [units]")
     middle.set_ylabel("difference from plate to plate [mm]")
-    middle.set_title(f"one handedness: the same after {TRAVEL} units (dots)", fontsize=10)
-    for n, name in enumerate(GYRATIONS):
-        right.plot(tables[name]["units"], tables[name]["share"], f"C{n + 2}")
-        right.plot(tables[name]["units"], tables[name]["loose"], ".", color=f"C{n + 2}", ms=4)
-        right.annotate(f"gyration {name}", (55, (0.72, 0.31)[n]), color=f"C{n + 2}")
+    middle.set_title(f"one handedness: the same after {TRAVEL} units (dots)")
+    for name, color, level in zip(GYRATIONS, ("C2", "C3"), (0.72, 0.31), strict=True):
+        units, share, loose = tables[name].values()
+        right.plot(units, share, color, units, loose, f"{color}.", ms=4)
+        right.annotate(f"gyration {name}", (55, level), color=color)
     right.set(xlabel="units travelled", ylabel="fraction of energy near the peak", ylim=(0, 1.05))
-    right.set_title("alternating: the wave of the chain decays", fontsize=10)
+    right.set_title("alternating: the wave of the chain decays")
 
 
 def table(tables):
-    rows = [
-        {"wave": f"{units:g} units long"} | dict(zip(BRANCHES, map(float, each), strict=True))
-        for units, *each in zip(*tables["models"].values(), strict=True)
-    ]
+    for units, *each in zip(*tables["models"].values(), strict=True):
+        yield {"wave": f"{units:g} units long"} | dict(zip(BRANCHES, map(float, each), strict=True))
     for tolerance, off, behind, residual, speed in zip(*tables["travel"].values(), strict=True):
-        rows.append({"wave": f"{KINDS[1]}, {TRAVEL} units at tol {tolerance:g}",
-                     "off": float(off), "left behind": float(behind), "residual": float(residual),
-                     "speed [units/s]": float(speed)})  # fmt: skip
+        yield {"wave": f"{KINDS[1]}, {TRAVEL} units at tol {tolerance:g}",
+               "off": float(off), "left behind": float(behind), "residual": float(residual),
+               "speed [units/s]": float(speed)}  # fmt: skip
     for name in GYRATIONS:
-        rows.append({"wave": f"alternating, gyration {name}, {SHED} units",
-                     "share left": float(tables[name]["share"][-1])})  # fmt: skip
-    return rows
+        share = float(tables[name]["share"][-1])
+        yield {"wave": f"alternating, gyration {name}, {SHED} units", "share left": share}

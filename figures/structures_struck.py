@@ -6,14 +6,13 @@ behind is held against that of the same lattice with members that never do.
 Source: the talk, "stop-bands", "impact protection".
 """
 
-from __future__ import annotations
-
 import numpy as np
 import sympy as sp
 
+from figures._files import lines
+from figures._tables import arrays
 from tensegrity import Damping, Drive, Lattice, Record, State, catalogue, decay, simulate
 
-NAME = "structures_struck"
 GROUP = "structures"
 
 CELLS, FAR, STRENGTH = 40, 25, 0.6  # cells either way; the first one with dashpots; N s/m
@@ -54,15 +53,21 @@ def octahedra(kind):
                    natural_lengths=cell.natural_lengths)  # fmt: skip
 
 
+def normal(cell):
+    """Of the layers, and their distance [m]."""
+    n = np.cross(*cell.vectors[:2])
+    n *= np.sign(n @ cell.vectors[2]) / np.linalg.norm(n)
+    return n, float(n @ cell.vectors[2])
+
+
 def struck(kind, speed, step=STEP, method="corrected6"):
     """Largest force on the held nodes behind [N], and fraction of slack strings, of a blow."""
     lattice = octahedra(kind)
     scene = lattice.network((LAYERS,) * 3)
-    normal = np.cross(*lattice.vectors[:2])
-    normal *= np.sign(normal @ lattice.vectors[2]) / np.linalg.norm(normal)
+    n, _ = normal(lattice)
     layer = np.arange(scene.sites) // lattice.nodes % LAYERS
     held = np.isin(np.arange(scene.sites), scene.held)
-    v = np.where(((layer == 0) & ~held)[:, None], speed * normal, 0.0)
+    v = np.where(((layer == 0) & ~held)[:, None], speed * n, 0.0)
     run = simulate(scene, State(np.zeros_like(v), v), AFTER, method=method, dt=step,
                    record=Record(interval=0.25))  # fmt: skip
     behind = np.isin(scene.bonds, np.flatnonzero(held & (layer == LAYERS - 1)))
@@ -71,7 +76,7 @@ def struck(kind, speed, step=STEP, method="corrected6"):
     for u in run.u:
         d = np.diff((scene.positions + u)[scene.bonds], axis=1)[:, 0]
         length = np.linalg.norm(d, axis=1)
-        pull = scene.bond_tension(u) * (d @ normal) / length
+        pull = scene.bond_tension(u) * (d @ n) / length
         force.append(pull @ (behind[:, 0] * 1.0 - behind[:, 1]))
         slack.append(np.mean(length[strings] < scene.lengths[strings]) if strings.any() else 0.0)
     return {"force [N]": np.abs(np.array(force) - force[0]).max(), "slack": max(slack),
@@ -90,11 +95,9 @@ def data():
         fitted.append(-np.polyfit(np.arange(FAR)[inside], np.log(found[inside]), 1)[0])
     tables["decay"] |= {"computed": rates, "run": np.array(fitted)}
     for kind in KINDS:
-        each = [struck(kind, speed) for speed in BLOWS]
-        names = {name: np.array([found[name] for found in each]) for name in each[0]}
-        tables[kind] = {"speed [m/s]": np.array(BLOWS)} | names
-    fine = struck(KINDS[0], BLOWS[-1], FINE)
-    tables["fine"] = {name: np.array([value]) for name, value in fine.items()}
+        found = arrays([struck(kind, speed) for speed in BLOWS])
+        tables[kind] = {"speed [m/s]": np.array(BLOWS)} | found
+    tables["fine"] = arrays([struck(KINDS[0], BLOWS[-1], FINE)])
     return tables
 
 
@@ -102,42 +105,38 @@ def draw(figure, tables):
     figure.set_size_inches(9, 3.9)
     sent, slack, force = figure.subplots(1, 3)
     cells, *found = tables["transmitted"].values()
-    for k, (w, values, rate) in enumerate(
-        zip(FREQUENCIES, found, tables["decay"]["computed"], strict=True)
-    ):
+    rates = tables["decay"]["computed"]
+    for k, (w, values, rate) in enumerate(zip(FREQUENCIES, found, rates, strict=True)):
         sent.semilogy(cells, values, f"C{k}.-", lw=1)
         if rate > 0:
             line = values[FITTED[0]] * np.exp(-rate * (cells - FITTED[0]))
             sent.semilogy(cells, line, "k--", lw=1)
         sent.annotate(f"{w} rad/s", (15, values[15] * (0.4 if not rate else 1.7)), color=f"C{k}")
     sent.set(xlabel="cell from the shaken edge", ylabel="amplitude over that of the edge")
-    sent.set_title("(a) waves decay in the gap", fontsize=10)
+    sent.set_title("waves decay in the gap")
     speed, peak, loose, _ = tables[KINDS[0]].values()
     slack.semilogx(speed, 100 * loose, "C0o-")
     slack.set(xlabel="speed of the blow [m/s]", ylabel="most slack strings [%]")
-    slack.set_title("(b) harder blows slacken more", fontsize=10)
+    slack.set_title("harder blows slacken more")
     rigid = tables[KINDS[1]]["force [N]"]
     force.loglog(speed, rigid, "C3o-", speed, peak, "C0o-")
-    force.annotate(
-        "members that\nnever slacken", (speed[1], 2.2 * rigid[1]), color="C3", ha="center"
-    )
+    words = "members that\nnever slacken"
+    force.annotate(words, (speed[1], 2.2 * rigid[1]), color="C3", ha="center")
     force.annotate("strings that\nslacken", (speed[2], 0.55 * peak[2]), color="C0")
     force.set(xlabel="speed of the blow [m/s]", ylabel="largest force behind [N]")
-    force.set_title("(c) slackening lowers the force", fontsize=10)
+    force.set_title("slackening lowers the force")
 
 
 def table(tables):
-    rows = []
     for w, rate, run in zip(*tables["decay"].values(), strict=True):
-        rows.append({"lattice": f"resonators shaken at {w} rad/s, decay per cell",
-                     "run": float(run), "computed": float(rate)})  # fmt: skip
-    loose, rigid = (tables[kind] for kind in KINDS)
+        yield {"lattice": f"resonators shaken at {w} rad/s, decay per cell",
+               "run": float(run), "computed": float(rate)}  # fmt: skip
     force = "force behind [N]"
-    for k, speed in enumerate(BLOWS):
-        row = {"lattice": f"octahedra struck at {speed} m/s", force: float(loose["force [N]"][k])}
-        row |= {"never slack": float(rigid["force [N]"][k]), "slack": float(loose["slack"][k])}
-        rows.append(row | {"energy error": float(loose["energy error"][k])})
-    fine = {name: float(values[0]) for name, values in tables["fine"].items()}
-    row = {"lattice": f"the last one with steps of {FINE} s", force: fine["force [N]"]}
-    rows.append(row | {"slack": fine["slack"], "energy error": fine["energy error"]})
-    return rows
+    for line, rigid in zip(*(lines(tables[kind]) for kind in KINDS), strict=True):
+        speed, peak, slack, error = line.values()
+        yield {"lattice": f"octahedra struck at {speed} m/s", force: float(peak),
+               "never slack": float(rigid["force [N]"]), "slack": float(slack),
+               "energy error": float(error)}  # fmt: skip
+    peak, slack, error = (float(value) for (value,) in tables["fine"].values())
+    yield {"lattice": f"the last one with steps of {FINE} s", force: peak, "slack": slack,
+           "energy error": error}  # fmt: skip

@@ -7,23 +7,23 @@ back, since its springs to the inputs are softer than those of the rows (logic b
 that branch: J. Raney et al., PNAS 113, 9722 (2016)).
 """
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np
 
 from figures import transition_switch as row
-from tensegrity import Damping, Network, Potential, Record, State, simulate
+from figures._draw import note
+from figures._scenes import linear
+from figures._tables import arrays
+from tensegrity import Damping, Network, Record, State, simulate
 
-NAME = "transition_logic"
 GROUP = "waves"
 
 DISCS = 8  # of each row
 SOFTER = 0.6  # of the junction's springs to the inputs, over those of the rows
 GATES = {"AND": row.TORQUE, "OR": 12e-3}  # torques of the junction [N m]
 INPUTS = "", "A", "B", "AB"
-SHOWN = {"a": ("AND", "A"), "b": ("AND", "AB"), "c": ("OR", "A")}
+SHOWN = (("AND", "A"), ("AND", "AB"), ("OR", "A"))
 TORQUES = (3e-3, 6e-3, 9e-3, 10e-3, 10.5e-3, 11e-3, 11.5e-3, 12e-3, 12.5e-3)
 END, INSTANTS, SKIP = 450.0, 226, 3
 FAR = 1000.0  # m: position of the ground, so that elongations to it are twists
@@ -38,12 +38,10 @@ def gate(torque):
     ground = out[-1] + 1
     joints = [(a[-1], JUNCTION), (b[-1], JUNCTION)]
     bonds = [pair for part in (a, b, (JUNCTION, *out)) for pair in pairwise(part)]
-    r_spring, unit = row.spring(), row.unit(row.TORQUE)
-    (r,) = r_spring.law.energy.free_symbols
-    softer = Potential(SOFTER * r_spring.law.energy, r)
+    unit, softer = row.unit(row.TORQUE), linear(SOFTER * row.COUPLING)
     places = np.concatenate([[*range(DISCS)] * 2, DISCS + np.arange(DISCS + 1), [-FAR]])
     units = [unit.varied({"M": torque}) if n == JUNCTION else unit for n in range(ground)]
-    springs = [r_spring] * len(bonds) + [softer] * len(joints) + units
+    springs = [row.SPRING] * len(bonds) + [softer] * len(joints) + units
     grounded = [(ground, n) for n in range(ground)]
     return Network(
         places[:, None], [*bonds, *joints, *grounded], springs, held=[ground],
@@ -74,11 +72,11 @@ def data():
         for inputs in INPUTS:
             one = run(torque, inputs)
             found.append({"gate": name, "inputs": inputs} | switched(one.u[-1, :, 0]))
-            if (name, inputs) in SHOWN.values():
+            if (name, inputs) in SHOWN:
                 tables[f"{name} of {inputs}"] = {"t": one.t[::SKIP]} | {
                     f"twist {n}": one.u[::SKIP, n, 0] for n in range(3 * DISCS + 1)
                 }
-    tables["gates"] = {key: np.array([one[key] for one in found]) for key in found[0]}
+    tables["gates"] = arrays(found)
     tables["by torque"] = {"torque": np.array(TORQUES)} | {
         f"of {inputs}": np.array([switched(run(m, inputs).u[-1, :, 0])["output"] for m in TORQUES])
         for inputs in ("A", "AB")
@@ -89,13 +87,12 @@ def data():
 def draw(figure, tables):
     """Three runs, and the output by the torque of the junction."""
     figure.set_size_inches(11, 8.4)
-    panels = dict(zip("abcd", figure.subplots(2, 2).ravel(), strict=True))
-    for letter, (name, inputs) in SHOWN.items():
-        ax, found = panels[letter], tables[f"{name} of {inputs}"]
-        twists = np.array([found[f"twist {n}"] for n in range(3 * DISCS + 1)])
+    *panels, last = figure.subplots(2, 2).ravel()
+    for ax, (name, inputs) in zip(panels, SHOWN, strict=True):
+        t, *twists = tables[f"{name} of {inputs}"].values()
         shown = ax.imshow(
             twists, cmap="coolwarm", vmin=-0.5, vmax=0.5, aspect="auto",
-            extent=(found["t"][0], found["t"][-1], 3 * DISCS + 0.5, -0.5),
+            extent=(t[0], t[-1], 3 * DISCS + 0.5, -0.5),
         )  # fmt: skip
         for edge in (DISCS, JUNCTION, JUNCTION + 1):
             ax.axhline(edge - 0.5, color="k", lw=1)
@@ -104,20 +101,18 @@ def draw(figure, tables):
         ax.grid(visible=False)
         ax.set(xlabel="time [s]", ylabel="discs")
         struck = " and ".join(inputs) + (" is struck" if len(inputs) == 1 else " are struck")
-        ax.set_title(
-            f"({letter}) junction {1e3 * GATES[name]:g} mN m ({name}): {struck}", fontsize=10
-        )
-    figure.colorbar(shown, ax=[panels["b"]]).set_label("twist [rad]")
-    ax, found = panels["d"], tables["by torque"]
+        ax.set_title(f"junction {1e3 * GATES[name]:g} mN m ({name}): {struck}")
+    figure.colorbar(shown, ax=[panels[1]]).set_label("twist [rad]")
+    ax, found = last, tables["by torque"]
     both = ("AB", "both are struck", "s", DISCS - 0.4), ("A", "one is struck", "o", 0.3)
     for k, (inputs, words, marker, level) in enumerate(both):
         ax.plot(1e3 * found["torque"], found[f"of {inputs}"], f"C{k}", marker=marker, ms=6)
         ax.annotate(words, (5.0, level), color=f"C{k}")
     for name, torque in GATES.items():
         ax.axvline(1e3 * torque, color="0.6", lw=1, ls="--")
-        ax.annotate(name, (1e3 * torque, DISCS / 2), (4, 0), textcoords="offset points")
+        note(ax, name, (1e3 * torque, DISCS / 2), (4, 0))
     ax.set(xlabel="torque of the junction [mN m]", ylabel="discs of the output switched")
-    ax.set_title("(d) A larger torque makes an OR of an AND", fontsize=10)
+    ax.set_title("A larger torque makes an OR of an AND")
 
 
 def table(tables):

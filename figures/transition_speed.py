@@ -6,14 +6,15 @@ c = sqrt(k) v/sqrt(g^2 + v^2), v = (1 - 2a)/sqrt(2) (N. Nadkarni et al., Phys. R
 threshold of a, beyond which a chain holds a standing front, depends on k alone.
 """
 
-from __future__ import annotations
-
 import numpy as np
+import sympy as sp
+from scipy.optimize import brentq
 
+from figures._draw import note
+from figures._scenes import linear
 from tensegrity import Chain, Damping, Potential, Record, simulate, transition_wave
 from tensegrity.waves.transition import standing_forces
 
-NAME = "transition_speed"
 GROUP = "waves"
 
 COUPLINGS = (0.1, 0.25, 1.0)  # N/m
@@ -28,23 +29,14 @@ TESTED = {0.1: (0.7, 1.9), 0.25: (0.7,), 1.0: (0.9,)}  # dashpots of runs
 
 def wells(a):
     """The spring to the ground."""
-    import sympy as sp
-
     u, s = sp.symbols("u a")
     return Potential(u**2 * (3 * u**2 - 4 * (1 + s) * u + 6 * s) / 12, u, {"a": a})
-
-
-def bond(k):
-    import sympy as sp
-
-    r, s = sp.symbols("r k")
-    return Potential(s * r**2 / 2, r, {"k": k})
 
 
 def front(k, a, g):
     """The front of a chain with these springs and dashpots."""
     damping = Damping(ground=g)
-    return transition_wave(bond(k), ahead=0.0, behind=1.0, ground=wells(a), damping=damping)
+    return transition_wave(linear(k), ahead=0.0, behind=1.0, ground=wells(a), damping=damping)
 
 
 def continuum(k, a, g):
@@ -55,14 +47,12 @@ def continuum(k, a, g):
 
 def threshold(k):
     """The least a at which the chain holds a standing front."""
-    from scipy.optimize import brentq
-
-    return brentq(lambda a: standing_forces(bond(k), wells(a), 0.0, 1.0)[1], 0.3, 0.5, xtol=1e-12)
+    return brentq(lambda a: standing_forces(linear(k), wells(a), 0.0, 1.0)[1], 0.3, 0.5, xtol=1e-12)
 
 
 def measured(k, a, g):
     """Speed in a run that starts from a step [sites/s]."""
-    chain = Chain(bond(k), SITES, ground=wells(a), damping=Damping(ground=g))
+    chain = Chain(linear(k), SITES, ground=wells(a), damping=Damping(ground=g))
     state = front(k, a, g).launch(chain, at=AT, tail=1e-3)
     rough = type(state)(np.round(state.u), 0 * state.v)
     end = 2 * PASSED / continuum(k, a, g)
@@ -75,23 +65,17 @@ def data():
     """Speeds by dashpot and by the place of the barrier, thresholds and runs."""
     tables = {}
     for k in COUPLINGS:
-        by_dashpot = [front(k, WELL, g) for g in DASHPOTS]
-        tables[f"k = {k:g}, dashpots"] = {
-            "dashpot": np.array(DASHPOTS),
-            "speed": np.array([one.speed for one in by_dashpot]),
-            "residual": np.array([one.residual for one in by_dashpot]),
+        fronts, limit = [front(k, WELL, g) for g in DASHPOTS], threshold(k)
+        found = {
+            name: np.array([getattr(x, name) for x in fronts]) for name in ("speed", "residual")
         }
-        limit = threshold(k)
+        tables[f"k = {k:g}, dashpots"] = {"dashpot": np.array(DASHPOTS)} | found
         below = np.array([a for a in WELLS if a < limit - 0.004])
-        tables[f"k = {k:g}, barriers"] = {
-            "a": below,
-            "speed": np.array([front(k, a, DASHPOT).speed for a in below]),
-        }
+        speeds = np.array([front(k, a, DASHPOT).speed for a in below])
+        tables[f"k = {k:g}, barriers"] = {"a": below, "speed": speeds}
         tables[f"k = {k:g}, pinned"] = {"from a": np.array([limit])}
-        tables[f"k = {k:g}, runs"] = {
-            "dashpot": np.array(TESTED[k]),
-            "speed": np.array([measured(k, WELL, g) for g in TESTED[k]]),
-        }
+        speeds = np.array([measured(k, WELL, g) for g in TESTED[k]])
+        tables[f"k = {k:g}, runs"] = {"dashpot": np.array(TESTED[k]), "speed": speeds}
     return tables
 
 
@@ -104,39 +88,34 @@ def draw(figure, tables):
         color = f"C{number}"
         left.plot(g, continuum(k, WELL, g), color, ls="--", lw=1)
         right.plot(a, continuum(k, a, DASHPOT), color, ls="--", lw=1)
-        found = tables[f"k = {k:g}, dashpots"]
-        left.plot(found["dashpot"], found["speed"], color, marker="o", ms=4)
+        dashpot, speed, _ = tables[f"k = {k:g}, dashpots"].values()
+        left.plot(dashpot, speed, color, marker="o", ms=4)
         left.annotate(f"k = {k:g} N/m", NAMES[k], color=color)
-        run = tables[f"k = {k:g}, runs"]
-        left.plot(run["dashpot"], run["speed"], "kx", ms=9, mew=1.5)
-        found, limit = tables[f"k = {k:g}, barriers"], tables[f"k = {k:g}, pinned"]["from a"][0]
-        right.plot(found["a"], found["speed"], color, marker="o", ms=4)
+        left.plot(*tables[f"k = {k:g}, runs"].values(), "kx", ms=9, mew=1.5)
+        right.plot(*tables[f"k = {k:g}, barriers"].values(), color, marker="o", ms=4)
+        limit = tables[f"k = {k:g}, pinned"]["from a"][0]
         right.plot([limit], [0], color, marker="s", ms=6, clip_on=False, zorder=9 - number)
-    left.annotate(
-        "dashed: continuum", (0.95, 0.93), xycoords="axes fraction", ha="right", color="0.4"
-    )
-    left.annotate("crosses: runs from a step", (0.95, 0.86), xycoords="axes fraction", ha="right")
+    note(left, "dashed: continuum", (0.95, 0.93), inside=True, ha="right", color="0.4")
+    note(left, "crosses: runs from a step", (0.95, 0.86), inside=True, ha="right")
     right.annotate("pinned from\nthe square on", (0.41, 0.2), ha="left", color="0.3")
     left.set(xlabel="dashpot to the ground g [N s/m]", ylabel="speed [sites/s]", ylim=(0, None))
-    left.set_title(f"barrier at a = {WELL:g}", fontsize=10)
+    left.set_title(f"barrier at a = {WELL:g}")
     right.set(xlabel="place of the barrier a [m]", ylabel="speed [sites/s]", ylim=(0, None))
-    right.set_title(f"dashpot g = {DASHPOT:g} N s/m; equal wells at a = 1/2", fontsize=10)
+    right.set_title(f"dashpot g = {DASHPOT:g} N s/m; equal wells at a = 1/2")
 
 
 def table(tables):
     """Loss of speed by the lattice, and thresholds."""
-    rows = []
     for k in COUPLINGS:
-        found, run = tables[f"k = {k:g}, dashpots"], tables[f"k = {k:g}, runs"]
-        ratio = found["speed"] / continuum(k, WELL, found["dashpot"])
-        each = dict(zip(found["dashpot"].tolist(), found["speed"].tolist(), strict=True))
-        off = [abs(s / each[g] - 1) for g, s in zip(run["dashpot"], run["speed"], strict=True)]
-        rows.append({
+        dashpot, speed, residual = tables[f"k = {k:g}, dashpots"].values()
+        ratio = speed / continuum(k, WELL, dashpot)
+        run = tables[f"k = {k:g}, runs"]
+        off = run["speed"] / speed[np.searchsorted(dashpot, run["dashpot"])] - 1
+        yield {
             "k [N/m]": k,
             "least speed over that of the continuum": float(ratio.min()),
             "largest": float(ratio.max()),
             "pinned from a [m]": float(tables[f"k = {k:g}, pinned"]["from a"][0]),
-            "runs off by": float(max(off)),
-            "largest residual": float(found["residual"].max()),
-        })  # fmt: skip
-    return rows
+            "runs off by": float(np.abs(off).max()),
+            "largest residual": float(residual.max()),
+        }

@@ -7,26 +7,19 @@ A disc whose torque acts the other way stops it (N. Nadkarni et al., Phys. Rev. 
 (2016)).
 """
 
-from __future__ import annotations
-
 import numpy as np
+from scipy.optimize import brentq
 
-from tensegrity import (
-    Chain,
-    Damping,
-    Potential,
-    Record,
-    State,
-    catalogue,
-    simulate,
-    transition_wave,
-)
+import tensegrity as ts
+from figures._draw import note
+from figures._scenes import linear
+from figures._tables import arrays
 
-NAME = "transition_switch"
 GROUP = "waves"
 
 PRESTRAIN, TORQUE = 0.28, 3e-3  # N m
 COUPLING, DASHPOT = 0.05, 0.1  # N m/rad, N m s/rad
+SPRING = linear(COUPLING)
 SITES, BLOW, END = 40, 0.2, 500.0  # discs of 1 kg m^2; rad/s of the first; s
 DEFECT = 20
 TORQUES = (2e-3, 2.5e-3, 3e-3, 3.5e-3, 4e-3, 5e-3)
@@ -39,48 +32,36 @@ INSTANTS, SKIP = 2001, 16
 
 def unit(torque):
     """The spring to the ground."""
-    return catalogue.twin_strings(sides=4, prestrain=PRESTRAIN, torque=torque)
+    return ts.catalogue.twin_strings(sides=4, prestrain=PRESTRAIN, torque=torque)
 
 
 def wells(ground):
     """Twists of the upper and of the lower well [rad], of a positive torque."""
-    from scipy.optimize import brentq
-
     near = brentq(lambda x: float(ground.stiffness(x)), 0.0, 0.35)
     far = brentq(lambda x: float(ground.stiffness(x)), -0.35, 0.0)
     both = (-0.5, far), (near, 0.5)
     return [brentq(lambda x: float(ground.tension(x)), *ends, xtol=1e-15) for ends in both]
 
 
-def spring():
-    import sympy as sp
-
-    r = sp.Symbol("r")
-    return Potential(COUPLING * r**2 / 2, r)
-
-
 def run(side, defect):
     """The run of a row whose discs rest in the upper (side = 1) or in the lower wells."""
-    ground = [unit(TORQUE)] * SITES
+    ground, (high, low) = [unit(TORQUE)] * SITES, wells(unit(TORQUE))
+    u, v = np.full(SITES, high if side > 0 else low), np.zeros(SITES)
     if defect is not None:
         ground[defect] = unit(-TORQUE)
-    high, low = wells(ground[0])
-    begin = high if side > 0 else low
-    u, v = np.full(SITES, begin), np.zeros(SITES)
-    if defect is not None:
         u[defect] = -low  # the lower well of a disc biased the other way
     v[0] = side * BLOW
-    chain = Chain(spring(), SITES, ground=ground, damping=Damping(ground=DASHPOT))
-    record = Record(times=np.linspace(0, END, INSTANTS))
-    return simulate(chain, State(u, v), END, tol=1e-6, record=record)
+    chain = ts.Chain(SPRING, SITES, ground=ground, damping=ts.Damping(ground=DASHPOT))
+    record = ts.Record(times=np.linspace(0, END, INSTANTS))
+    return ts.simulate(chain, ts.State(u, v), END, tol=1e-6, record=record)
 
 
 def front(torque, dashpot):
     """The front that leaves the upper wells."""
     ground = unit(torque)
     high, low = wells(ground)
-    return transition_wave(
-        spring(), ahead=high, behind=low, ground=ground, damping=Damping(ground=dashpot)
+    return ts.transition_wave(
+        SPRING, ahead=high, behind=low, ground=ground, damping=ts.Damping(ground=dashpot)
     )
 
 
@@ -101,13 +82,12 @@ def data():
         if name == STRUCK:
             tables["run"] = {"speed": np.array([measured(one)])}
     for dashpot in DASHPOTS:
-        found = [front(torque, dashpot) for torque in TORQUES]
-        tables[f"dashpot {dashpot:g}"] = {
-            "torque": np.array(TORQUES),
-            "released": np.array([one.released for one in found]),
-            "speed": np.array([one.speed for one in found]),
-            "residual": np.array([one.residual for one in found]),
-        }
+        rows = []
+        for torque in TORQUES:
+            one = front(torque, dashpot)
+            rows.append({"torque": torque, "released": one.released, "speed": one.speed,
+                         "residual": one.residual})  # fmt: skip
+        tables[f"dashpot {dashpot:g}"] = arrays(rows)
     return tables
 
 
@@ -120,33 +100,26 @@ def draw(figure, tables):
     """Twists of three rows against time above, speeds of fronts below."""
     figure.set_size_inches(11, 7.6)
     panels = figure.subplot_mosaic([[*ROWS], ["speed"] * 3], height_ratios=(1.25, 1))
-    for letter, name in zip("abc", ROWS, strict=True):
+    for name in ROWS:
         ax, table = panels[name], tables[name]
         edges = -0.5, SITES - 0.5, table["t"][0], table["t"][-1]
-        shown = ax.imshow(
-            twists(table), cmap="coolwarm", vmin=-0.5, vmax=0.5, extent=edges,
-            aspect="auto", origin="lower",
-        )  # fmt: skip
-        ax.set(xlabel="disc", ylabel="time [s]")
-        ax.set_title(f"({letter}) {name}", fontsize=10)
-    bar = figure.colorbar(shown, ax=[panels[name] for name in ROWS])
-    bar.set_label("twist [rad]")
+        shown = ax.imshow(twists(table), cmap="coolwarm", vmin=-0.5, vmax=0.5, extent=edges,
+                          aspect="auto", origin="lower")  # fmt: skip
+        ax.set(xlabel="disc", ylabel="time [s]", title=name)
+    figure.colorbar(shown, ax=[panels[name] for name in ROWS]).set_label("twist [rad]")
     ax, run_speed = panels["speed"], tables["run"]["speed"][0]
     for number, dashpot in enumerate(DASHPOTS):
-        found, color = tables[f"dashpot {dashpot:g}"], f"C{number}"
-        ax.plot(1e3 * found["released"], found["speed"], color, marker="o", ms=4)
-        ax.annotate(
-            f"dashpot {dashpot:g} N m s/rad", (1e3 * found["released"][-1], found["speed"][-1]),
-            (6, -3), textcoords="offset points", color=color, fontsize=10,
-        )  # fmt: skip
+        _, released, speed, _ = tables[f"dashpot {dashpot:g}"].values()
+        color, words = f"C{number}", f"dashpot {dashpot:g} N m s/rad"
+        ax.plot(1e3 * released, speed, color, marker="o", ms=4)
+        note(ax, words, (1e3 * released[-1], speed[-1]), (6, -3), color=color)
         if dashpot == DASHPOT:
-            there = 1e3 * found["released"][TORQUES.index(TORQUE)]
-            ax.plot([there], [run_speed], "kx", ms=10, mew=1.5)
-            ax.annotate("run (a)", (there, run_speed), (-8, 8), textcoords="offset points",
-                        ha="right", fontsize=10)  # fmt: skip
+            there = 1e3 * released[TORQUES.index(TORQUE)], run_speed
+            ax.plot(*there, "kx", ms=10, mew=1.5)
+            note(ax, "run (a)", there, (-8, 8), ha="right")
     ax.set(xlabel="energy released by a disc [mJ]", ylabel="speed of the front [discs/s]")
     ax.set(xlim=(1.3, 4.1), ylim=(0, 0.125))
-    ax.set_title("(d) Fronts that release more are faster, dashpots slow them", fontsize=10)
+    ax.set_title("Fronts that release more are faster, dashpots slow them")
 
 
 def table(tables):
@@ -156,11 +129,11 @@ def table(tables):
         u = twists(tables[name])
         switched = int(np.sum(np.sign(u[-1]) != np.sign(u[0])))
         rows.append({"row": name, "discs switched": switched, "of": SITES})
-    found = tables[f"dashpot {DASHPOT:g}"]
-    exact = float(found["speed"][TORQUES.index(TORQUE)])
-    off = max(float(tables[f"dashpot {dashpot:g}"]["residual"].max()) for dashpot in DASHPOTS)
     rows[0] |= {
-        "speed [discs/s]": float(tables["run"]["speed"][0]), "speed of the front": exact,
-        "largest residual": off,
-    }  # fmt: skip
+        "speed [discs/s]": float(tables["run"]["speed"][0]),
+        "speed of the front": float(tables[f"dashpot {DASHPOT:g}"]["speed"][TORQUES.index(TORQUE)]),
+        "largest residual": max(
+            float(tables[f"dashpot {g:g}"]["residual"].max()) for g in DASHPOTS
+        ),
+    }
     return rows

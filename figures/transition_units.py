@@ -7,15 +7,13 @@ one hand is slack where the other is longest.  The paths of the structure with e
 maximum of its curve (thresholds of this kind: A. Micheletti et al. 2023).
 """
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np
 
+from figures._draw import note
 from tensegrity import catalogue, control_path, equilibrium_path, held, plates
 
-NAME = "transition_units"
 GROUP = "waves"
 
 HEIGHTS = {3: np.linspace(0.5, 2.0, 31), 4: np.linspace(0.7, 2.2, 31)}  # over the side
@@ -110,27 +108,21 @@ def data():
     for sides, heights in HEIGHTS.items():
         grid = PRESTRAINS[sides]
         count = [[len(wells(of_shape(sides, h, p), sides)) for h in heights] for p in grid]
-        tables[f"{sides} sides"] = {"prestrain": grid} | {
-            f"wells at height {h:.3g}": np.array(count)[:, k] for k, h in enumerate(heights)
-        }
-        tables[f"{sides} sides, limits"] = {
-            "height": heights, "threshold": threshold(sides, heights),
-            "last": last(sides, heights),
-        }  # fmt: skip
-    for name, branch, more in (
-        ("a branch", "stable", 0.0), ("straight", "symmetric", 0.0), ("unequal", "stable", UNEQUAL),
-    ):  # fmt: skip
-        _, path = drawn(DRAWN[1], branch, more)
-        stable = path.stable_load
+        counts = zip(heights, np.transpose(count), strict=True)
+        counts = {f"wells at height {height:.3g}": column for height, column in counts}
+        tables[f"{sides} sides"] = {"prestrain": grid} | counts
+        limits = {"threshold": threshold(sides, heights), "last": last(sides, heights)}
+        tables[f"{sides} sides, limits"] = {"height": heights} | limits
+    branches = {"a branch": ("stable", 0.0), "straight": ("symmetric", 0.0)}
+    for name, how in (branches | {"unequal": ("stable", UNEQUAL)}).items():
+        _, path = drawn(DRAWN[1], *how)
         tables[name] = {"prestrain": prestrain_of(path, DRAWN[1]),
-                        "twist": turned(path.positions), "stable": stable}  # fmt: skip
-        if branch == "symmetric":
-            split = path.events[0]
-            tables["split"] = {"prestrain": np.array([prestrain_of(split, DRAWN[1])])}
+                        "twist": turned(path.positions), "stable": path.stable_load}  # fmt: skip
+        if name == "straight":
+            tables["split"] = {"prestrain": np.array([prestrain_of(path.events[0], DRAWN[1])])}
     twists = np.linspace(-0.46, 0.46, 185)
-    tables["potential"] = {"twist": twists} | {
-        f"torque at {p:g}": of_shape(3, 1.0, p).tension(twists) for p in PUSHED
-    }
+    torques = {f"torque at {p:g}": of_shape(3, 1.0, p).tension(twists) for p in PUSHED}
+    tables["potential"] = {"twist": twists} | torques
     places = [wells(of_shape(3, 1.0, p), 3)[-1] for p in LIMITS]
     tables["wells"] = {"prestrain": LIMITS, "twist": np.array(places)}
     for p in PUSHED:
@@ -149,87 +141,83 @@ def draw(figure, tables):
     """Where there are two wells, above; the pitchfork and how a torque switches wells, below."""
     figure.set_size_inches(11, 8.4)
     panels = figure.subplots(2, 2)
-    for letter, (sides, heights), ax in zip("ab", HEIGHTS.items(), panels[0], strict=True):
-        found, limits = tables[f"{sides} sides"], tables[f"{sides} sides, limits"]
-        ax.pcolormesh(heights, found["prestrain"], count(found), cmap="Blues", vmin=-1, vmax=4,
-                      shading="nearest")  # fmt: skip
-        for name, words, color in (("threshold", "splits", "C1"), ("last", "ends", "C3")):
-            ax.plot(limits["height"], limits[name], color, lw=2)
-            ax.annotate(f"derived: {words} the well" + "s" * (name == "last"),
-                        (0.97, 0.9 - 0.08 * (name == "last")), xycoords="axes fraction", ha="right",
-                        color=color, bbox={"fc": "w", "ec": "none", "pad": 2})  # fmt: skip
-        middle = len(heights) // 4
-        lower, upper, top = limits["threshold"][middle], limits["last"][middle], found["prestrain"]
-        for level, words in ((lower / 2, "one well"), ((lower + upper) / 2, "two wells"),
-                             ((upper + top[-1]) / 2, "none")):  # fmt: skip
-            ax.text(heights[middle], level, words, ha="center", va="center", fontsize=10)
-        ax.set(xlabel="height over side", ylabel="prestrain of the strings")
-        ax.set(xlim=heights[[0, -1]], ylim=top[[0, -1]])
-        ax.set_title(f"({letter}) {'triangles' if sides == 3 else 'squares'}, by number of wells",
-                     fontsize=10)  # fmt: skip
+    for sides, ax in zip(HEIGHTS, panels[0], strict=True):
+        _shapes(ax, tables, sides)
     _pitchfork(panels[1, 0], tables)
-    ax, potential = panels[1, 1], tables["potential"]
+    ax = panels[1, 1]
     for number, p in enumerate(PUSHED):
-        found, folds = tables[f"structure {p:g}"], tables[f"folds {p:g}"]["twist"]
-        ax.plot(potential["twist"], 1e3 * potential[f"torque at {p:g}"], f"C{number}", lw=1)
-        ax.plot(found["twist"], 1e3 * found["torque"], f"C{number}", ls="none", marker="o", ms=4)
-        at = np.argmax(np.where(found["twist"] < 0, found["torque"], -1))
-        ax.annotate(
-            f"prestrain {p:g}",
-            (found["twist"][at], 1e3 * found["torque"][at]),
-            (0, 6),
-            textcoords="offset points",
-            ha="right",
-            color=f"C{number}",
-            fontsize=10,
-        )
-        level = np.interp(
-            folds, np.sort(found["twist"]), found["torque"][np.argsort(found["twist"])]
-        )
-        ax.plot(folds, 1e3 * level, "ks", ms=6, mfc="none")
-    ax.annotate("lines: energy of rigid bars\ndots: path of the structure\nsquares: its folds",
-                (-0.27, -12))  # fmt: skip
+        color, (twist, *_) = f"C{number}", tables["potential"].values()
+        ax.plot(twist, 1e3 * tables["potential"][f"torque at {p:g}"], color, lw=1)
+        twist, torque = tables[f"structure {p:g}"].values()
+        ax.plot(twist, 1e3 * torque, color, ls="none", marker="o", ms=4)
+        at = np.argmax(np.where(twist < 0, torque, -1))
+        note(ax, f"prestrain {p:g}", (twist[at], 1e3 * torque[at]), (0, 6), ha="right", color=color)
+        folds, order = tables[f"folds {p:g}"]["twist"], np.argsort(twist)
+        ax.plot(folds, 1e3 * np.interp(folds, twist[order], torque[order]), "ks", ms=6, mfc="none")
+    words = "lines: energy of rigid bars\ndots: path of the structure\nsquares: its folds"
+    ax.annotate(words, (-0.27, -12))
     ax.set(xlabel="twist [rad]", ylabel="torque [mN m]", xlim=(-0.45, 0.45), ylim=(-13, 14))
-    ax.set_title("(d) A torque switches wells at a fold (triangles)", fontsize=10)
+    ax.set_title("A torque switches wells at a fold (triangles)")
+
+
+def _shapes(ax, tables, sides):
+    heights, found = HEIGHTS[sides], tables[f"{sides} sides"]
+    prestrain, (_, first, end) = found["prestrain"], tables[f"{sides} sides, limits"].values()
+    ax.pcolormesh(heights, prestrain, count(found), cmap="Blues", vmin=-1, vmax=4,
+                  shading="nearest")  # fmt: skip
+    box = {"fc": "w", "ec": "none", "pad": 2}
+    limits = (first, "splits the well", "C1"), (end, "ends the wells", "C3")
+    for k, (limit, words, color) in enumerate(limits):
+        ax.plot(heights, limit, color, lw=2)
+        place = (0.97, 0.9 - 0.08 * k)
+        note(ax, f"derived: {words}", place, inside=True, ha="right", color=color, bbox=box)
+    middle = len(heights) // 4
+    levels = np.array([0.0, first[middle], end[middle], prestrain[-1]])
+    middles = (levels[1:] + levels[:-1]) / 2
+    for level, words in zip(middles, ("one well", "two wells", "none"), strict=True):
+        ax.text(heights[middle], level, words, ha="center", va="center")
+    ax.set(xlabel="height over side", ylabel="prestrain of the strings")
+    ax.set(xlim=heights[[0, -1]], ylim=prestrain[[0, -1]])
+    ax.set_title(f"{'triangles' if sides == 3 else 'squares'}, by number of wells")
 
 
 def _pitchfork(ax, tables):
-    branch, straight, unequal = (tables[name] for name in ("a branch", "straight", "unequal"))
     for side in (1, -1):
-        ax.plot(tables["wells"]["prestrain"], side * tables["wells"]["twist"], "0.4", lw=1)
-        ax.plot(branch["prestrain"], side * branch["twist"], "C0", ls="none", marker="o", ms=4)
-    held_up = ~straight["stable"]
-    ax.plot(straight["prestrain"][held_up], straight["twist"][held_up], "C0", ls="--")
-    ax.plot(unequal["prestrain"], unequal["twist"], "C2")
+        twist = side * tables["wells"]["twist"]
+        ax.plot(tables["wells"]["prestrain"], twist, "0.4", lw=1)
+        prestrain, twist, _ = tables["a branch"].values()
+        ax.plot(prestrain, side * twist, "C0", ls="none", marker="o", ms=4)
+    prestrain, twist, stable = tables["straight"].values()
+    ax.plot(prestrain[~stable], twist[~stable], "C0", ls="--")
+    prestrain, twist, _ = tables["unequal"].values()
+    ax.plot(prestrain, twist, "C2")
     ax.plot([threshold(3, 1.0)], [0], "C1", marker="s", ms=8, ls="none")
-    for place, color, words in (
-        ((0.052, 0.3), "C0", "stable branches of the structure,\non the wells of rigid bars"),
-        ((0.1, 0.03), "C0", "unstable"), ((0.052, -0.2), "C2", "one hand more by 0.0005"),
-        ((0.06, 0.05), "C1", "derived threshold"),
-    ):  # fmt: skip
-        ax.annotate(words, place, color=color)
+    words = "stable branches of the structure,\non the wells of rigid bars"
+    ax.annotate(words, (0.052, 0.3), color="C0")
+    ax.annotate("unstable", (0.1, 0.03), color="C0")
+    ax.annotate("one hand more by 0.0005", (0.052, -0.2), color="C2")
+    ax.annotate("derived threshold", (0.06, 0.05), color="C1")
     ax.set(xlabel="prestrain of the strings", ylabel="twist [rad]", xlim=DRAWN)
-    ax.set_title("(c) Drawn in, the structure leaves its straight state", fontsize=10)
+    ax.set_title("Drawn in, the structure leaves its straight state")
 
 
 def table(tables):
     """Thresholds against counts on the grid, the pitchfork, and how far the structure is off."""
     rows = []
     for sides in HEIGHTS:
-        found, limits = tables[f"{sides} sides"], tables[f"{sides} sides, limits"]
-        between = (found["prestrain"][:, None] > limits["threshold"]) & (
-            found["prestrain"][:, None] < limits["last"])  # fmt: skip
-        below = found["prestrain"][:, None] < limits["threshold"]
-        wrong = np.count_nonzero(count(found) != np.where(between, 2, below))
-        rows.append(
-            {"sides": sides, "shapes and prestrains": between.size, "counted otherwise": wrong}
-        )
-    rows[0] |= {"threshold, height 1": threshold(3, 1.0),
-                "pitchfork of the structure": float(tables["split"]["prestrain"][0])}  # fmt: skip
+        found, (_, first, end) = tables[f"{sides} sides"], tables[f"{sides} sides, limits"].values()
+        grid = found["prestrain"][:, None]
+        expected = np.where((grid > first) & (grid < end), 2, grid < first)
+        wrong = {"counted otherwise": np.count_nonzero(count(found) != expected)}
+        rows.append({"sides": sides, "shapes and prestrains": expected.size} | wrong)
     off = []
     for p in PUSHED:
-        found, exact = tables[f"structure {p:g}"], of_shape(3, 1.0, p)
-        within = np.abs(found["twist"]) < 0.4
-        off.append(np.abs(found["torque"] - exact.tension(found["twist"]))[within].max())
-    rows[0] |= {"torque off by [N m]": float(max(off)), "of": float(found["torque"][within].max())}
+        at, torque = tables[f"structure {p:g}"].values()
+        within = np.abs(at) < 0.4
+        off.append(np.abs(torque - of_shape(3, 1.0, p).tension(at))[within].max())
+    rows[0] |= {
+        "threshold, height 1": threshold(3, 1.0),
+        "pitchfork of the structure": float(tables["split"]["prestrain"][0]),
+        "torque off by [N m]": float(max(off)), "of": float(torque[within].max()),
+    }  # fmt: skip
     return rows

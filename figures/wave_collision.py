@@ -1,16 +1,14 @@
 """Two colliding waves emerge shifted in phase and leave almost no energy behind."""
 
-from __future__ import annotations
-
 import math
 from functools import cache
 
 import tensegrity
 from figures import _measure, _scenes
 from figures._draw import name_curves
+from figures._measure import row
 from tensegrity import LockingError, phase_shift, pulses, simulate, solitary_wave
 
-NAME = "wave_collision"
 GROUP = "waves"
 
 PRISM = (0.8, 0.02)  # height, prestrain
@@ -44,10 +42,8 @@ def outcome(run, wave):
 
     def windows(tail):
         reach = wave.reach(tail)
-        around = (
-            slice(math.floor(outgoing[way] - reach), math.ceil(outgoing[way] + reach) + 1)
-            for way in (-1, 1)
-        )
+        ends = [(outgoing[way] - reach, outgoing[way] + reach) for way in (-1, 1)]
+        around = [slice(math.floor(low), math.ceil(high) + 1) for low, high in ends]
         return [energy[part].sum() / energy.sum() for part in around]
 
     left, right = windows(WINDOW)
@@ -86,19 +82,16 @@ def shown():
 def data():
     """Residue, exchange and shift over speed and meeting place; one density; the locking."""
     spring = _scenes.rigid(*PRISM)
-    measured = {name: {"meeting": MEETINGS} for name in ("residue", "exchange", "shift")}
-    tables, energy_error = dict(measured), 0.0
+    tables, worst = {n: {"meeting": MEETINGS} for n in ("residue", "exchange", "shift")}, 0.0
     for ratio in SPEEDS:
-        for meeting in MEETINGS:
-            found = collide(spring, ratio, meeting)
-            for name, columns in measured.items():
-                columns.setdefault(f"{ratio}", []).append(found[name].value)
-                columns.setdefault(f"{ratio} error", []).append(found[name].error)
-            window = abs(found["window"].value)
-            tables["residue"].setdefault(f"{ratio} window", []).append(window)
-            energy_error = max(energy_error, found["energy error"].value)
+        found = [collide(spring, ratio, meeting) for meeting in MEETINGS]
+        for name, columns in tables.items():
+            columns[f"{ratio}"] = [one[name].value for one in found]
+            columns[f"{ratio} error"] = [one[name].error for one in found]
+        tables["residue"][f"{ratio} window"] = [abs(one["window"].value) for one in found]
+        worst = max(worst, *(one["energy error"].value for one in found))
     tables["density"] = _measure.density(shown())
-    tables["energy"] = {"largest relative error": [energy_error]}
+    tables["energy"] = {"largest relative error": [worst]}
     tables["locking"] = {"speed ratio": [TOO_FAST], "message": [too_fast()]}
     return tables
 
@@ -116,12 +109,12 @@ def draw(figure, tables):
             ax.plot(table["meeting"], table[f"{speed}"], f"C{k}o-", label=f"{speed}")
     axes[1].set(yscale="log", ylabel="fraction of the energy\nin neither wave")
     axes[2].set(ylabel="lead over an undisturbed\nwave [sites]")
-    axes[1].set_title("(b) little energy is left behind", fontsize=10)
-    axes[2].set_title("(c) each wave is shifted ahead", fontsize=10)
+    axes[1].set_title("(b) little energy is left behind")
+    axes[2].set_title("(c) each wave is shifted ahead")
     for ax in axes[1:]:
         ax.set(xlabel="meeting place [sites from a mass]", xlim=(-0.02, 0.6))
         name_curves(ax)
-    figure.suptitle("Colliding waves go on (numbers at curves: speed / sound speed)", fontsize=11)
+    figure.suptitle("Colliding waves go on (numbers at curves: speed / sound speed)")
 
 
 def animate(tables, path):
@@ -132,23 +125,13 @@ def animate(tables, path):
 def table(tables):
     """Rows for the table of the group."""
     claim = "solitons emerge unchanged but for a phase (part I)"
-    rows = []
+    three = [tables[name] for name in ("residue", "exchange", "shift")]
     for ratio in (1.3, 2.0):
-        residue, shift, exchange = (tables[n] for n in ("residue", "shift", "exchange"))
         for k in (0, 2, 4):
-            rows.append(
-                _measure.row(
-                    f"collision {ratio} cs at {MEETINGS[k]:g}",
-                    claim,
-                    f"left {residue[f'{ratio}'][k]:.3e}, exchanged "
-                    f"{exchange[f'{ratio}'][k]:+.1e} of the energy, shift "
-                    f"{shift[f'{ratio}'][k]:+.5f} sites: not exactly",
-                    max(t[f"{ratio} error"][k] for t in (residue, shift, exchange)),
-                )
-            )
-    rows.append(
-        _measure.row(
-            f"collision {TOO_FAST} cs", claim, tables["locking"]["message"][0], "no number"
-        )
-    )
-    return rows
+            residue, exchange, shift = (one[f"{ratio}"][k] for one in three)
+            found = f"left {residue:.3e}, exchanged {exchange:+.1e} of the energy, "
+            found += f"shift {shift:+.5f} sites: not exactly"
+            error = max(one[f"{ratio} error"][k] for one in three)
+            yield row(f"collision {ratio} cs at {MEETINGS[k]:g}", claim, found, error)
+    message = tables["locking"]["message"][0]
+    yield row(f"collision {TOO_FAST} cs", claim, message, "no number")

@@ -4,8 +4,6 @@ Rarefaction from hard to soft, and both kinds from soft to hard: fractions of en
 compared with those of linear chains of the same impedances.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
@@ -13,13 +11,7 @@ import numpy as np
 
 from figures import _measure, _scenes
 from figures._measure import Number
-from tensegrity import (
-    Potential,
-    TensegrityError,
-    interface,
-    pulses,
-    solitary_wave,
-)
+from tensegrity import Potential, interface, solitary_wave, transmission
 
 NAME = "wave_composite"
 GROUP = "waves"
@@ -51,11 +43,8 @@ def cases():
 REFLECTION = "a reflected solitary rarefaction wave with oscillatory tail in the hard branch"
 TRANSMISSION = "a delayed train of compression pulses in the soft branch"
 OTHERWISE = "anomalous reflection of compression and rarefaction waves"
-TIMED = 380, 500  # bonds before the interface at which a reflected pulse is timed
-PASSED = 70, 120  # and a transmitted one, beyond
 CUT = 1e-10  # of the peak, cut off where the wave is launched
-COUNTED = 0.25  # of the largest elongation beyond: from there a pulse counts
-CLOSE = 1e-3  # a reflected rarefaction this close to the exact wave of its peak is a soliton
+COUNTED = 0.25  # of the largest elongation of a chain: from there a pulse counts
 EVERY = 5  # steps between recorded instants
 
 
@@ -83,18 +72,13 @@ def composite(case, travel=None):
     return wave, _measure.Scene(chain, state, duration)
 
 
-def met(wave):
-    """Time at which the peak reaches the interface [s]."""
-    return (wave.reach(CUT) + 2) / wave.speed
-
-
 def acoustics(case):
     """Reflected over incident impulse in linear chains: (Z - Z')/(Z + Z')."""
     z, further = case.near.sound_speed(), case.far.sound_speed()
     return (z - further) / (z + further)
 
 
-def outcome(run, wave, case, timed=TIMED, passed=PASSED):
+def outcome(run, wave, case):
     """Numbers of one incidence.
 
     Returns
@@ -102,50 +86,25 @@ def outcome(run, wave, case, timed=TIMED, passed=PASSED):
     dict
         energy, impulse: of the near part at last, over incident ones; back, back peak: speed
         over sound and elongation [m] of the leading reflected pulse; on, on peak: the same of
-        the first large pulse beyond; late: how much later than sound it comes there [s];
-        momentum error: of the whole chain, over that of the wave.
+        the leading transmitted one; late: how much later it leaves the interface than the
+        incident peak arrives [s]; compression, rarefaction: exact waves beyond; momentum error:
+        of the whole chain, over that of the wave.  Speeds are nan where there is no exact wave.
     """
-    sound, further = wave.sound_speed, case.far.sound_speed()
-    energy = run.scene.site_energy(run.final)
-    near, last = (
-        _measure.peak(run, case.before - bonds, after=met(wave) + 0.9 * bonds / sound)
-        for bonds in timed
-    )
-    first, second = (_measure.peak(run, case.before + bonds) for bonds in passed)
+    found = transmission(run, fraction=COUNTED)
+    back, on = found.reflected[0], found.transmitted[-1]
+    beyond = [pulse.amplitude > 0 for pulse in found.transmitted if pulse.wave]
     return {
-        "energy": float(energy[: case.before].sum() / energy.sum()),
+        "energy": found.reflected_energy,
         "impulse": float(run.final.v[: case.before].sum() / wave.momentum),
-        "back": (timed[1] - timed[0]) / (last[0] - near[0]) / sound,
-        "back peak": last[1],
-        "on": (passed[1] - passed[0]) / (second[0] - first[0]) / further,
-        "on peak": second[1],
-        "late": first[0] - met(wave) - passed[0] / further,
+        "back": back.wave.speed_ratio if back.wave else math.nan,
+        "back peak": back.amplitude,
+        "on": on.wave.speed_ratio if on.wave else math.nan,
+        "on peak": on.amplitude,
+        "late": float(found.transmitted_delays[-1]),
+        "compression": beyond.count(False),
+        "rarefaction": beyond.count(True),
         "momentum error": float(np.abs(run.v.sum(axis=1) / wave.momentum - 1).max()),
     }
-
-
-def exact_ratio(spring, peak):
-    """Speed over sound of the exact wave of a peak, with its residual; nan where there is none."""
-    try:
-        wave = solitary_wave(spring, amplitude=peak)
-    except TensegrityError:
-        return Number(math.nan, math.nan)
-    return Number(wave.speed_ratio, wave.residual)
-
-
-def train(run, before, since):
-    """Pulses beyond the interface ahead of sound emitted there at an instant.
-
-    Returns
-    -------
-    int, int
-        How many of compression, of rarefaction.
-    """
-    r = np.abs(run.scene.elongation(run.final.u))
-    front = before + run.scene.springs[-1].sound_speed() * (run.t[-1] - since)
-    found = pulses(run, fraction=COUNTED * r[before:].max() / r.max())
-    signs = [pulse.amplitude > 0 for pulse in found if pulse.place > front]
-    return signs.count(False), signs.count(True)
 
 
 def data():
@@ -156,17 +115,7 @@ def data():
         run, found = _measure.resolved(
             scene, lambda run, w=wave, c=case: outcome(run, w, c), EVERY * case.step, step=case.step
         )
-        since = met(wave) + max(found["late"].value, 0.0)
-        pushed, pulled = train(run, case.before, since)
-        found |= {
-            "acoustics": Number(acoustics(case), 0.0),
-            "exact back": exact_ratio(case.near, found["back peak"].value),
-            "exact on": exact_ratio(case.far, found["on peak"].value),
-            "compression pulses": Number(pushed, 0.0),
-            "rarefaction pulses": Number(pulled, 0.0),
-            "incident peak": Number(wave.amplitude, wave.residual),
-            "time": Number(run.t[-1], 0.0),
-        }
+        found |= {"acoustics": Number(acoustics(case), 0.0), "time": Number(run.t[-1], 0.0)}
         tables[name] = _measure.as_table(found)
         r = run.scene.elongation(run.final.u)
         bonds = np.arange(r.size) - case.before
@@ -178,13 +127,12 @@ def draw(figure, tables):
     """The last instant of each case, with the energy that went back."""
     figure.set_size_inches(9, 6.5)
     for ax, name in zip(figure.subplots(2, 2).flat, cases(), strict=True):
-        last, found = tables[f"{name} last"], _measure.from_table(tables[name])
-        ax.plot(last["bond"], last["elongation"], "C0", lw=0.7)
+        found = _measure.from_table(tables[name])
+        ax.plot(*tables[f"{name} last"].values(), "C0", lw=0.7)
         ax.axvline(0, color="0.5", lw=0.8, ls=":")
         energy, linear = 100 * found["energy"].value, 100 * found["acoustics"].value ** 2
         ax.margins(x=0)
-        ax.set_title(f"{name}\n{energy:.1f} % of the energy reflected; acoustics: {linear:.1f} %",
-                     fontsize=10)  # fmt: skip
+        ax.set_title(f"{name}\n{energy:.1f} % of the energy reflected; acoustics: {linear:.1f} %")
     figure.supxlabel("bonds from the interface", fontsize=10)
     figure.supylabel("final elongation / peak of the incident wave", fontsize=10)
     figure.suptitle("The energy reflected is not what acoustics predicts", fontsize=12)
@@ -196,39 +144,31 @@ def table(tables):
     for name in cases():
         found = _measure.from_table(tables[name])
         value = {key: number.value for key, number in found.items()}
-        ends = f"time {value['time']:.0f} s"
-        rows.append(
+        is_hard = "rarefaction, hard" in name
+        rows += [
             _measure.row(
                 f"composite, {name}: reflection",
-                REFLECTION if "rarefaction, hard" in name else OTHERWISE,
-                f"{_reflected(value)}; at {ends} energy {value['energy']:.6f} (acoustics "
-                f"{value['acoustics'] ** 2:.4f}), impulse {value['impulse']:+.6f} (acoustics "
-                f"{value['acoustics']:+.4f})",
-                max(found[key].error for key in ("energy", "impulse", "back")),
-            )
-        )
-        kind = "rarefaction" if value["on peak"] > 0 else "compression"
-        rows.append(
+                REFLECTION if is_hard else OTHERWISE,
+                f"{leading(value, 'back')}; at time {value['time']:.0f} s energy "
+                f"{value['energy']:.6f} (acoustics {value['acoustics'] ** 2:.4f}), impulse "
+                f"{value['impulse']:+.6f} (acoustics {value['acoustics']:+.4f})",
+                np.nanmax([found[key].error for key in ("energy", "impulse", "back")]),
+            ),
             _measure.row(
                 f"composite, {name}: transmission",
-                TRANSMISSION if "rarefaction, hard" in name else OTHERWISE,
-                f"{value['compression pulses']:.0f} compression and "
-                f"{value['rarefaction pulses']:.0f} rarefaction pulses faster than sound, from "
-                f"{COUNTED:g} of the largest; first a {kind} at {value['on']:.5f} sound speeds "
-                f"({_exact(value['exact on'])}), {value['late']:+.2f} s after sound",
-                max(found["on"].error, found["late"].error),
-            )
-        )
+                TRANSMISSION if is_hard else OTHERWISE,
+                f"solitons above {COUNTED:g} of the largest: {value['compression']:.0f} of "
+                f"compression, {value['rarefaction']:.0f} of rarefaction; "
+                f"{leading(value, 'on')}, leaves {value['late']:+.2f} s after the arrival",
+                np.nanmax([found["on"].error, found["late"].error]),
+            ),
+        ]
     return rows
 
 
-def _reflected(value):
-    kind = "rarefaction" if value["back peak"] > 0 else "compression"
-    text = f"{kind} leads at {value['back']:.6f} cs"
-    if abs(value["back"] - value["exact back"]) < CLOSE and value["back"] > 1:
-        return f"{text}, a soliton ({_exact(value['exact back'])})"
-    return f"{text}, no soliton"
-
-
-def _exact(ratio):
-    return "no exact wave" if math.isnan(ratio) else f"exact wave of its peak {ratio:.6f}"
+def leading(value, side):
+    """What leads on one side of the interface."""
+    kind, ratio = "rarefaction" if value[f"{side} peak"] > 0 else "compression", value[side]
+    return f"{kind} leads, " + (
+        "no soliton" if math.isnan(ratio) else f"a soliton at {ratio:.6f} sound speeds"
+    )

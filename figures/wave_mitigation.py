@@ -1,15 +1,14 @@
 """Softening units lower the peak of a blow the more of them there are, stiffening ones never."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.interpolate import make_interp_spline
 from scipy.optimize import brentq
 
 from figures import _measure, _scenes
 from figures._draw import name_curves
+from figures._limits import slope
+from figures._measure import row
 
-NAME = "wave_mitigation"
 GROUP = "waves"
 
 DEGREE = 7  # of the spline through the force at the wall
@@ -17,22 +16,15 @@ BLOW = 0.06  # m/s, of the first mass: the energy is the same for all
 UNITS = (10, 20, 50, 100, 200, 400, 1000)
 FITTED = 100  # units from which the exponent is fitted
 INTERVALS = {"stiffening": 0.1, "softening": 0.4, "linear": 0.4}  # s, between recorded instants
-WAYS = {  # of sound, over the length of the chain: before the recording begins, and to its end
-    "stiffening": (0.6, 0.85),
-    "softening": (0.8, 1.5),
-    "linear": (0.8, 1.3),
-}
+# of sound, over the length of the chain: before the recording begins, and to its end
+WAYS = {"stiffening": (0.6, 0.85), "softening": (0.8, 1.5), "linear": (0.8, 1.3)}
 UNIT_SIZE, BARRIER = 10e-6, 0.01  # m, the talk's estimate: 1000 units
 
 
 def springs():
     """The chains that are compared."""
-    linear = _scenes.linear(1.0)
-    return {
-        "stiffening": _scenes.rigid(0.8, 0.02),
-        "softening": _scenes.softening(),
-        "linear": linear,
-    }
+    prisms = {"stiffening": _scenes.rigid(0.8, 0.02), "softening": _scenes.softening()}
+    return prisms | {"linear": _scenes.linear(1.0)}
 
 
 def barrier(spring, units, way, speed=BLOW):
@@ -50,10 +42,9 @@ def at_wall(run):
         peak: force [N]; spread: impulse over peak, until the force last falls below half of it:
         how long a constant force would take [s].
     """
-    push = make_interp_spline(
-        run.t, -run.scene.springs[-1].tension(run.u[:, 1] - run.u[:, 0]), DEGREE
-    )
-    sampled, t = push(run.t), run.t
+    t, load = run.t, -run.scene.springs[-1].tension(run.u[:, 1] - run.u[:, 0])
+    push = make_interp_spline(t, load, DEGREE)
+    sampled = push(t)
     top = int(np.argmax(sampled))
     peak = float(push(brentq(push.derivative(), t[top - 1], t[top + 1])))
     last = int(np.flatnonzero(sampled > peak / 2)[-1])
@@ -73,22 +64,20 @@ def data():
     """Peak, spread and impulse at the wall for each chain and number of units."""
     tables = {}
     for name in springs():
-        columns = {"units": UNITS}
-        for units in UNITS:
-            for key, number in peaks(name, units).items():
-                columns.setdefault(key, []).append(number.value)
-                columns.setdefault(f"{key} error", []).append(number.error)
-        tables[name] = columns
+        found = [peaks(name, units) for units in UNITS]
+        tables[name] = {"units": UNITS}
+        for key in found[0]:
+            tables[name][key] = [one[key].value for one in found]
+            tables[name][f"{key} error"] = [one[key].error for one in found]
     return tables
 
 
 def exponent(columns):
     """Exponent of the peak force in the number of units, and how it changes on half the range."""
-    units, peak = np.array(columns["units"], float), np.array(columns["peak"], float)
-    late = units >= FITTED
-    slope = float(np.polyfit(np.log(units[late]), np.log(peak[late]), 1)[0])
-    last = units >= 2 * FITTED
-    return slope, abs(slope - float(np.polyfit(np.log(units[last]), np.log(peak[last]), 1)[0]))
+    units, peak = (np.array(columns[name], float) for name in ("units", "peak"))
+    parts = (units >= least for least in (FITTED, 2 * FITTED))
+    found, other = (slope(units[part], peak[part]) for part in parts)
+    return found, abs(found - other)
 
 
 def draw(figure, tables):
@@ -109,30 +98,21 @@ def draw(figure, tables):
 def table(tables):
     """Rows for the table of the group."""
     claim = "softening units mitigate an impact without dissipation, given enough of them"
-    rows = []
     for name in springs():
-        slope, error = exponent(tables[name])
-        rows.append(
-            _measure.row(
-                f"peak force at the wall, {name}, {FITTED} to {UNITS[-1]} units",
-                claim,
-                f"falls as units^{slope:.4f}",
-                f"{error:.1g} (upper half of the range)",
-            )
-        )
+        power, error = exponent(tables[name])
+        scene = f"peak force at the wall, {name}, {FITTED} to {UNITS[-1]} units"
+        error = f"{error:.1g} (upper half of the range)"
+        yield row(scene, claim, f"falls as units^{power:.4f}", error)
     units = round(BARRIER / UNIT_SIZE)
+    stiff, soft = (tables[name] for name in ("stiffening", "softening"))
     k = UNITS.index(units)
-    stiff, soft = (tables[n] for n in ("stiffening", "softening"))
-    parts = {n: t["peak"][k] / t["peak"][0] for n, t in (("stiff", stiff), ("soft", soft))}
-    rows.append(
-        _measure.row(
-            f"barrier of {units} units of 10 um, equal energy",
-            "about 1 cm of 10 um units protects",
-            f"peak {soft['peak'][k]:.6f} N against {stiff['peak'][k]:.6f} N of stiffening units: "
-            f"{1 - soft['peak'][k] / stiff['peak'][k]:.1%} less; over that of {UNITS[0]} units "
-            f"{parts['soft']:.3f} (stiffening {parts['stiff']:.3f}); spread over "
-            f"{soft['spread'][k] / stiff['spread'][k]:.0f} times the time",
-            max(soft["peak error"][k], stiff["peak error"][k]),
-        )
+    low, high = soft["peak"][k], stiff["peak"][k]
+    found = (
+        f"peak {low:.6f} N against {high:.6f} N of stiffening units: {1 - low / high:.1%} less; "
+        f"over that of {UNITS[0]} units {low / soft['peak'][0]:.3f} (stiffening "
+        f"{high / stiff['peak'][0]:.3f}); spread over "
+        f"{soft['spread'][k] / stiff['spread'][k]:.0f} times the time"
     )
-    return rows
+    scene = f"barrier of {units} units of 10 um, equal energy"
+    error = max(soft["peak error"][k], stiff["peak error"][k])
+    yield row(scene, "about 1 cm of 10 um units protects", found, error)

@@ -1,14 +1,13 @@
 """Stiffening power laws carry compression waves, softening ones rarefaction under preload."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from figures import _measure, _scenes
 from figures._draw import name_curves
+from figures._limits import slope
+from figures._measure import row
 from tensegrity import TensegrityError, solitary_wave, speed
 
-NAME = "wave_power_law"
 GROUP = "waves"
 
 NORMAL = (1.5, 2.0, 3.0)
@@ -26,11 +25,9 @@ def run_speed(wave, bonds=(40, 60)):
     reach = int(wave.reach()) + 2
     scene = _scenes.launched(wave, bonds[1] + 3 * reach, reach, bonds[1] + reach)
     sites = [site + reach for bond in bonds for site in (bond, bond + 1)]
-    far = tuple(bond + reach for bond in bonds)
-    found = _measure.resolved(
-        scene, lambda run: {"speed": speed(run, far)}, 0.1 / wave.speed, sites
-    )
-    return found[1]["speed"]
+    far, interval = tuple(bond + reach for bond in bonds), 0.1 / wave.speed
+    _, found = _measure.resolved(scene, lambda run: {"speed": speed(run, far)}, interval, sites)
+    return found["speed"]
 
 
 def scaling(exponent):
@@ -44,7 +41,7 @@ def scaling(exponent):
     """
     waves = [solitary_wave(_scenes.power(exponent), amplitude=-size) for size in SIZES]
     speeds = np.array([wave.speed for wave in waves])
-    power = float(np.polyfit(np.log(SIZES), np.log(speeds), 1)[0])
+    power = slope(SIZES, speeds)
     middle = waves[len(waves) // 2]
     error = abs(run_speed(middle).value - middle.speed)
     return {
@@ -84,9 +81,10 @@ def data():
     tables["abnormal"] = _measure.as_table({"ratio": _measure.Number(wave.speed_ratio, error)})
     tables["abnormal_rest"] = {"message": [no_wave()]}
     x = np.linspace(-8, 8, 401)
-    tables["profiles"] = {"x": x, f"{ABNORMAL}": wave.elongation(x) / RAREFACTION} | {
-        f"{n}": solitary_wave(_scenes.power(n), amplitude=-1.0).elongation(x) for n in NORMAL
-    }
+    tables["profiles"] = {"x": x, f"{ABNORMAL}": wave.elongation(x) / RAREFACTION}
+    for n in NORMAL:
+        wave = solitary_wave(_scenes.power(n), amplitude=-1.0)
+        tables["profiles"][f"{n}"] = wave.elongation(x)
     for n in STRUCK:
         for blow in BLOWS:
             scene = struck(n, BLOWS[blow])
@@ -103,17 +101,16 @@ def draw(figure, tables):
     above, below = figure.subplots(2, 1)
     for n in STRUCK:
         for blow, line in zip(BLOWS, ("-", ":"), strict=True):
-            last = tables[f"n{n:g} {blow} last"]
-            above.plot(last["bond"], last["elongation"], f"C{STRUCK.index(n)}{line}", lw=0.9,
-                       label=f"n = {n:g}, {blow}")  # fmt: skip
+            style, label = f"C{STRUCK.index(n)}{line}", f"n = {n:g}, {blow}"
+            above.plot(*tables[f"n{n:g} {blow} last"].values(), style, lw=0.9, label=label)
     above.set(xlabel="bond", ylabel="elongation [m]", xlim=(90, 179))
-    above.set_title("free ends of precompressed chains pushed and pulled", fontsize=10)
+    above.set_title("free ends of precompressed chains pushed and pulled")
     name_curves(above, at=_front)
-    for name, profile in tables["profiles"].items():
-        if name != "x":
-            below.plot(tables["profiles"]["x"], profile, label=f"n = {name}")
+    x, *_ = tables["profiles"].values()
+    for n in (ABNORMAL, *NORMAL):
+        below.plot(x, tables["profiles"][f"{n}"], label=f"n = {n}")
     below.set(xlabel="distance from the peak [sites]", ylabel="elongation over its size")
-    below.set_title("exact waves", fontsize=10)
+    below.set_title("exact waves")
     name_curves(below, at=lambda y: np.flatnonzero(np.abs(y) > 0.4)[-1])
 
 
@@ -124,44 +121,24 @@ def _front(y):
 
 def table(tables):
     """Rows for the table of the group."""
-    rows = []
     for n in NORMAL:
-        found = _measure.from_table(tables[f"n{n:g}"])
-        rows.append(
-            _measure.row(
-                f"power law n = {n:g}, no precompression",
-                "normal: compression waves, the larger the faster",
-                f"c = {found['constant'].value:.10f} A^{found['power'].value:.6f}, "
-                f"width {found['width'].value:.4f} sites",
-                f"{found['constant'].error:.0e} (a chain), {found['power'].error:.0e}",
-            )
-        )
-    ratio = _measure.from_table(tables["abnormal"])["ratio"]
-    scene = f"power law n = {ABNORMAL:g}"
-    claim = "abnormal: rarefaction waves"
-    return [
-        *rows,
-        _measure.row(
-            f"{scene}, precompressed by 1 m",
-            claim,
-            f"rarefaction of {RAREFACTION:g} m runs at {ratio.value:.8f} cs",
-            ratio.error,
-        ),
-        _measure.row(
-            f"{scene}, no precompression", claim, tables["abnormal_rest"]["message"][0], "proof"
-        ),
-        *(_struck_row(tables, n, blow) for n in STRUCK for blow in BLOWS),
-    ]
-
-
-def _struck_row(tables, n, blow):
-    found = _measure.from_table(tables[f"n{n:g} {blow}"])
-    what = "compression" if found["peak"].value < 0 else "rarefaction"
-    ratio = found["ratio"].value
-    kind = f"supersonic {what} leads" if ratio > 1 else f"no soliton, {what} leads"
-    return _measure.row(
-        f"power law n = {n:g}, precompressed, free end {blow} at {BLOW} m/s",
-        "normal: compression leads; abnormal: rarefaction leads",
-        f"{kind}: {ratio:.6f} cs, peak {found['peak'].value:+.4f} m",
-        found["ratio"].error,
-    )
+        constant, power, width = _measure.from_table(tables[f"n{n:g}"]).values()
+        found = f"c = {constant.value:.10f} A^{power.value:.6f}, width {width.value:.4f} sites"
+        error = f"{constant.error:.0e} (a chain), {power.error:.0e}"
+        claim = "normal: compression waves, the larger the faster"
+        yield row(f"power law n = {n:g}, no precompression", claim, found, error)
+    scene, claim = f"power law n = {ABNORMAL:g}", "abnormal: rarefaction waves"
+    (ratio,) = _measure.from_table(tables["abnormal"]).values()
+    found = f"rarefaction of {RAREFACTION:g} m runs at {ratio.value:.8f} cs"
+    yield row(f"{scene}, precompressed by 1 m", claim, found, ratio.error)
+    yield row(f"{scene}, no precompression", claim, tables["abnormal_rest"]["message"][0], "proof")
+    claim = "normal: compression leads; abnormal: rarefaction leads"
+    for n in STRUCK:
+        for blow in BLOWS:
+            found = _measure.from_table(tables[f"n{n:g} {blow}"])
+            ratio, peak = found["ratio"], found["peak"].value
+            what = "compression" if peak < 0 else "rarefaction"
+            kind = f"supersonic {what} leads" if ratio.value > 1 else f"no soliton, {what} leads"
+            scene = f"power law n = {n:g}, precompressed, free end {blow} at {BLOW} m/s"
+            found = f"{kind}: {ratio.value:.6f} cs, peak {peak:+.4f} m"
+            yield row(scene, claim, found, ratio.error)

@@ -1,22 +1,12 @@
 """A rarefaction wave leads where the end is held or pulled, never where a free end is pushed."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from figures import _measure, _scenes
-from figures._measure import Number
-from tensegrity import (
-    Chain,
-    Drive,
-    LockingError,
-    Record,
-    arrival,
-    simulate,
-    solitary_wave,
-)
+from figures._draw import note
+from figures._measure import Number, row
+from tensegrity import Chain, Drive, LockingError, Record, arrival, simulate, solitary_wave
 
-NAME = "wave_softening"
 GROUP = "waves"
 
 PRELOAD = 0.05  # N
@@ -40,19 +30,14 @@ BLOWS = {  # velocities of the sites per speed of the blow, held first site or n
 
 SHOWN = {"held": "held end, next mass pushed", "free": "free end pushed"}
 PUSHED = [blow for blow, (given, _, _) in BLOWS.items() if min(given.values()) > 0]  # compressive
-MARKS = {  # colour and symbol of what leads
-    "soliton": ("C1o",),
-    "forming": ("C4d",),
-    "compression": ("C0s",),
-    "collapse": ("C3v",),
-}
+# colour and symbol of what leads
+MARKS = {"soliton": "C1o", "forming": "C4d", "compression": "C0s", "collapse": "C3v"}
 
 
 def struck(blow, speed, sites=SITES, duration=DURATION):
     """The scene of one blow."""
     velocities, end, first = BLOWS[blow]
-    mass = np.ones(sites)
-    mass[0] = first
+    mass = np.append(first, np.ones(sites - 1))
     speeds = {site: speed * v for site, v in velocities.items()}
     return _scenes.impact(_scenes.softening(PRELOAD), sites, speeds, duration, (end, "free"), mass)
 
@@ -77,15 +62,20 @@ def leading(run):
     dict
         speed, tail: over the speed of sound; peak: elongation [m].
     """
+    ratio, peak = leader(run)
+    behind = np.diff(SENSORS)[0] / np.diff([tail(run, bond) for bond in SENSORS])[0]
+    return {"speed": ratio, "tail": float(behind) / sound_speed(run), "peak": peak}
+
+
+def leader(run):
+    """Speed of the first pulse over that of sound, and its peak [m]."""
     fast, peak = _measure.leader(run, SENSORS)
-    near, far = SENSORS
-    behind = [tail(run, bond) for bond in SENSORS]
-    sound = run.scene.springs[-1].sound_speed(run.scene.mass[-1])
-    return {
-        "speed": fast / sound,
-        "tail": (far - near) / (behind[1] - behind[0]) / sound,
-        "peak": peak,
-    }
+    return fast / sound_speed(run), peak
+
+
+def sound_speed(run):
+    """[sites/s]"""
+    return run.scene.springs[-1].sound_speed(run.scene.mass[-1])
 
 
 def tail(run, bond):
@@ -114,20 +104,24 @@ def kind(blow, speed):
         run = simulate(*struck(blow, speed), method="rkn6", dt=STEP, record=record)
     except LockingError:
         return "collapse", 0.0
-    fast, peak = _measure.leader(run, SENSORS)
-    ratio = fast / run.scene.springs[-1].sound_speed(run.scene.mass[-1])
+    ratio, peak = leader(run)
     if peak < 0:
         return "compression", ratio
-    exact = solitary_wave(_scenes.softening(PRELOAD), amplitude=peak).speed_ratio
+    exact = exact_wave(peak).speed_ratio
     formed = ratio > 1 + CLOSE and abs(ratio - exact) < CLOSE
     return ("soliton" if formed else "forming"), ratio
 
 
-def measured(blow, speed):
-    """Numbers of one blow with their errors, and the finer run."""
-    run, found = _measure.resolved(struck(blow, speed), leading, 4 * STEP)
+def exact_wave(peak):
+    """The wave of a peak [m]."""
+    return solitary_wave(_scenes.softening(PRELOAD), amplitude=peak)
+
+
+def measured(scene):
+    """Numbers of one scene with their errors, and the finer run."""
+    run, found = _measure.resolved(scene, leading, 4 * STEP)
     if found["peak"].value > 0:
-        wave = solitary_wave(_scenes.softening(PRELOAD), amplitude=found["peak"].value)
+        wave = exact_wave(found["peak"].value)
         found["exact speed"] = Number(wave.speed_ratio, wave.residual)
         found["fraction"] = Number(wave.energy / run.energy[0], 2 * found["peak"].error)
     return run, found
@@ -135,20 +129,13 @@ def measured(blow, speed):
 
 def data():
     """The map of blows; numbers, density and last instant of the blows that are shown."""
-    words = {blow: [kind(blow, speed) for speed in SPEEDS] for blow in BLOWS}
-    _, found = _measure.resolved(shaken(), leading, 4 * STEP)
-    wave = solitary_wave(_scenes.softening(PRELOAD), amplitude=found["peak"].value)
-    found["exact speed"] = Number(wave.speed_ratio, wave.residual)
-    tables = {
-        "shaken": _measure.as_table(found),
-        "map": {
-            "blow [m/s]": SPEEDS,
-            **{blow: [word for word, _ in row] for blow, row in words.items()},
-            **{f"{blow}: c/cs": [speed for _, speed in row] for blow, row in words.items()},
-        },
-    }
+    found = {blow: [kind(blow, speed) for speed in SPEEDS] for blow in BLOWS}
+    tables = {"shaken": _measure.as_table(measured(shaken())[1]), "map": {"blow [m/s]": SPEEDS}}
+    for k, ending in enumerate(("", ": c/cs")):
+        each = {f"{blow}{ending}": [pair[k] for pair in row] for blow, row in found.items()}
+        tables["map"] |= each
     for name, blow in SHOWN.items():
-        run, found = measured(blow, HARD)
+        run, found = measured(struck(blow, HARD))
         tables[name] = _measure.as_table(found)
         tables[f"{name}_density"] = _measure.density(run)
         r = run.scene.elongation(run.final.u)
@@ -159,67 +146,47 @@ def data():
 def draw(figure, tables):
     """Density of one blow and its front at the end, and the map."""
     figure.set_size_inches(9, 8)
-    cells = figure.add_gridspec(2, 2)
-    ax = figure.add_subplot(cells[0, 0])
-    _measure.draw_density(ax, tables["held_density"], f"{SHOWN['held']}, {HARD} m/s")
-    last, ax = tables["held_last"], figure.add_subplot(cells[0, 1])
+    axes = figure.subplot_mosaic([["density", "last"], ["map"] * 2])
+    _measure.draw_density(axes["density"], tables["held_density"], f"{SHOWN['held']}, {HARD} m/s")
+    (bond, elongation), ax = tables["held_last"].values(), axes["last"]
     front = _scenes.softening_sound_speed(PRELOAD) * DURATION
-    near = np.abs(last["bond"] - front) < 60
-    ax.plot(last["bond"][near], last["elongation"][near], "C0.-", ms=3, lw=0.8)
+    near = np.abs(bond - front) < 60
+    ax.plot(bond[near], elongation[near], "C0.-", ms=3, lw=0.8)
     ax.axvline(front, color="0.5", lw=0.8)
-    ax.set(xlabel="bond", ylabel="elongation [m]")
-    ax.set_title("its last instant; line: sound", fontsize=10)
-    ax = figure.add_subplot(cells[1, :])
+    ax.set(xlabel="bond", ylabel="elongation [m]", title="its last instant; line: sound")
+    ax = axes["map"]
     for y, blow in enumerate(BLOWS):
         for x, word in enumerate(tables["map"][blow]):
-            ax.plot(x, y, *MARKS[word], ms=9)
-            ax.annotate(word, (x, y), (10, 0), textcoords="offset points", va="center")
-    ax.set(xlabel="speed of the blow [m/s]", ylabel="how the chain is struck",
-           xlim=(-0.3, 2.8), ylim=(len(BLOWS) - 0.5, -0.5))  # fmt: skip
+            ax.plot(x, y, MARKS[word], ms=9)
+            note(ax, word, (x, y), (10, 0), va="center")
+    ax.set(xlabel="speed of the blow [m/s]", ylabel="how the chain is struck")
+    ax.set(xlim=(-0.3, 2.8), ylim=(len(BLOWS) - 0.5, -0.5))
     ax.set_xticks(range(len(SPEEDS)), SPEEDS)
     ax.set_yticks(range(len(BLOWS)), BLOWS)
-    ax.set_title("what leads (rarefaction: soliton, forming)", fontsize=10)
+    ax.set_title("what leads (rarefaction: soliton, forming)")
 
 
 def table(tables):
     """Rows for the table of the group."""
-    held, free = (_measure.from_table(tables[name]) for name in SHOWN)
-    driven = _measure.from_table(tables["shaken"])
+    held, free, driven = (_measure.from_table(tables[name]) for name in (*SHOWN, "shaken"))
+    speed, exact, tail = (held[name] for name in ("speed", "exact speed", "tail"))
+    found = (
+        f"{speed.value:.6f} cs with {held['fraction'].value:.3f} of the energy; the exact wave of "
+        f"that peak {exact.value:.6f} cs (off by {abs(speed.value - exact.value):.0e}: the pulse "
+        "still sheds its tail)"
+    )
     scene = f"softening chain, {SHOWN['held']}, {HARD} m/s"
-    solitons = [b for b in PUSHED if "soliton" in tables["map"][b]]
-    exact = abs(held["speed"].value - held["exact speed"].value)
-    return [
-        _measure.row(
-            scene,
-            "leading rarefaction soliton, supersonic",
-            f"{held['speed'].value:.6f} cs with {held['fraction'].value:.3f} of the energy; the "
-            f"exact wave of that peak {held['exact speed'].value:.6f} cs (off by {exact:.0e}: the "
-            "pulse still sheds its tail)",
-            held["speed"].error,
-        ),
-        _measure.row(
-            scene,
-            "oscillatory tail, subsonic",
-            f"{held['tail'].value:.6f} cs, first extremum behind the wave",
-            held["tail"].error,
-        ),
-        _measure.row(
-            f"softening chain, end driven {SHAKEN[0]:g} m in and back",
-            "compressive disturbance becomes a rarefaction wave",
-            f"does: {driven['speed'].value:.6f} cs, the exact wave of that peak "
-            f"{driven['exact speed'].value:.6f} cs",
-            driven["speed"].error,
-        ),
-        _measure.row(
-            f"softening chain, {SHOWN['free']}, {HARD} m/s",
-            "compressive disturbance becomes a rarefaction wave",
-            f"does not: compression leads, {free['speed'].value:.6f} cs",
-            free["speed"].error,
-        ),
-        _measure.row(
-            f"softening chain, {len(PUSHED)} pushed blows at {len(SPEEDS)} speeds",
-            "compressive disturbance becomes a rarefaction wave",
-            f"only with: {'; '.join(solitons) or 'none'}",
-            f"closer than {CLOSE:g} to the exact wave",
-        ),
-    ]
+    yield row(scene, "leading rarefaction soliton, supersonic", found, speed.error)
+    found = f"{tail.value:.6f} cs, first extremum behind the wave"
+    yield row(scene, "oscillatory tail, subsonic", found, tail.error)
+    claim = "compressive disturbance becomes a rarefaction wave"
+    speed, exact = driven["speed"], driven["exact speed"].value
+    found = f"does: {speed.value:.6f} cs, the exact wave of that peak {exact:.6f} cs"
+    scene = f"softening chain, end driven {SHAKEN[0]:g} m in and back"
+    yield row(scene, claim, found, speed.error)
+    found = f"does not: compression leads, {free['speed'].value:.6f} cs"
+    scene = f"softening chain, {SHOWN['free']}, {HARD} m/s"
+    yield row(scene, claim, found, free["speed"].error)
+    solitons = "; ".join(b for b in PUSHED if "soliton" in tables["map"][b]) or "none"
+    scene = f"softening chain, {len(PUSHED)} pushed blows at {len(SPEEDS)} speeds"
+    yield row(scene, claim, f"only with: {solitons}", f"closer than {CLOSE:g} to the exact wave")

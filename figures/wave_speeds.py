@@ -1,13 +1,11 @@
 """Near the sound speed waves are far from sech², at twelve times it they nearly are the tent."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from figures import _impact, _measure, _scenes
+from figures._measure import row
 from tensegrity import sech2, solitary_wave
 
-NAME = "wave_speeds"
 GROUP = "waves"
 
 # speed over sound: height, prestrain of the prism; way, velocities to look between
@@ -62,39 +60,23 @@ def draw(figure, tables):
 
 def table(tables):
     """Rows for the table of the group."""
-    rows = []
     for ratio in WAVES:
         found = _measure.from_table(tables[f"{ratio:g} numbers"])
-        widths = {n: found[f"width, {n} [sites]"] for n in ("launched", "emerged", "exact")}
+        exact = f"(exact {found['width, exact [sites]'].value:.6f})"
         for name in ("launched", "emerged"):
-            measured = f"{widths[name].value:.6f} sites at 5 % (exact {widths['exact'].value:.6f})"
-            rows.append(
-                _measure.row(
-                    f"wave at {ratio:g} cs, {name}", CLAIMED[ratio], measured, widths[name].error
-                )
+            width = found[f"width, {name} [sites]"]
+            scene, words = (
+                f"wave at {ratio:g} cs, {name}",
+                f"{width.value:.6f} sites at 5 % {exact}",
             )
+            yield row(scene, CLAIMED[ratio], words, width.error)
     near, errors = tables["near sound"], "deviation from the exact wave"
-    for prestrain in PRESTRAINS:
-        off = ", ".join(
-            f"{gap:.3f} of the peak at {ratio:g} cs"
-            for ratio, gap in zip(NEAR, near[f"{prestrain:g}"], strict=True)
-        )
-        rows.append(
-            _measure.row(
-                f"sech^2, height 0.7 m, prestrain {prestrain:g}",
-                "matches near sound",
-                f"off by {off}",
-                errors,
-            )
-        )
+    for p in PRESTRAINS:
+        off = (f"{gap:.3f} of the peak at {ratio:g} cs"
+               for ratio, gap in zip(NEAR, near[f"{p:g}"], strict=True))  # fmt: skip
+        scene, words = f"sech^2, height 0.7 m, prestrain {p:g}", f"off by {', '.join(off)}"
+        yield row(scene, "matches near sound", words, errors)
     for ratio in (2.0, 3.0, 12.16):
         gap = _measure.from_table(tables[f"{ratio:g} numbers"])["tent - exact, over the peak"]
-        rows.append(
-            _measure.row(
-                f"tent, {ratio:g} cs",
-                "almost coincides at 12.16 cs",
-                f"off by {gap.value:.3f} of the peak",
-                errors,
-            )
-        )
-    return rows
+        words = f"off by {gap.value:.3f} of the peak"
+        yield row(f"tent, {ratio:g} cs", "almost coincides at 12.16 cs", words, errors)

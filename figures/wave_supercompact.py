@@ -1,14 +1,13 @@
 """Without prestrain solitary waves are still two and a half prisms wide."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from figures import _measure, _scenes
 from figures._draw import name_curves
+from figures._measure import row
+from figures._tables import arrays
 from tensegrity import PowerLaw, solitary_wave
 
-NAME = "wave_supercompact"
 GROUP = "waves"
 
 HEIGHT = 0.8
@@ -28,24 +27,20 @@ def data():
     energy = at_amplitude(0.0).energy
     rows, profiles = [], {"x": (x := np.linspace(-4, 4, 401))}
     for prestrain in PRESTRAINS:
-        same_peak = at_amplitude(prestrain)
-        same_energy = solitary_wave(_scenes.rigid(HEIGHT, prestrain), energy=energy)
-        error = _checked(same_peak) if prestrain in CHECKED else np.nan
-        peak = same_energy.amplitude / same_energy.potential.domain[0]
-        rows.append(
-            (prestrain, same_peak.width(), same_energy.width(), error, peak, same_peak.speed)
-        )
-        profiles[f"{prestrain:g}"] = same_peak.elongation(x) / same_peak.amplitude
-    names = ("prestrain", "at amplitude", "at energy", "difference on a chain", "peak over stroke")
-    columns = zip(*rows, strict=True)
-    tables = {"widths": dict(zip((*names, "speed"), columns, strict=True)), "profiles": profiles}
-    cubic = solitary_wave(PowerLaw(1.0, 3.0), amplitude=-1.0)
-    small = at_amplitude(0.0, 1e-3)
-    tables["limit"] = {
+        wave = at_amplitude(prestrain)
+        same = solitary_wave(_scenes.rigid(HEIGHT, prestrain), energy=energy)
+        rows.append({
+            "prestrain": prestrain, "at amplitude": wave.width(), "at energy": same.width(),
+            "difference on a chain": _checked(wave) if prestrain in CHECKED else np.nan,
+            "peak over stroke": same.amplitude / same.potential.domain[0], "speed": wave.speed,
+        })  # fmt: skip
+        profiles[f"{prestrain:g}"] = wave.elongation(x) / wave.amplitude
+    cubic = solitary_wave(PowerLaw(1.0, 3.0), amplitude=-1.0).width()
+    limit = {
         "case": ["pure cubic force", "no prestrain, peak 1e-3 of the stroke"],
-        "width": [cubic.width(), small.width()],
+        "width": [cubic, at_amplitude(0.0, 1e-3).width()],
     }
-    return tables
+    return {"widths": arrays(rows), "profiles": profiles, "limit": limit}
 
 
 def _checked(wave):
@@ -57,51 +52,32 @@ def draw(figure, tables):
     """Widths, and profiles on a logarithmic scale."""
     figure.set_size_inches(9, 4.2)
     left, right = figure.subplots(1, 2)
-    widths = tables["widths"]
-    p0 = np.array(widths["prestrain"], dtype=float)
+    widths, (x, *_) = tables["widths"], tables["profiles"].values()
+    p0 = widths["prestrain"]
     shown = np.where(p0 > 0, p0, p0[p0 > 0].min() / 10)
     left.semilogx(shown, widths["at amplitude"], "o-", label=f"{PART:g} of the\nstroke")
     left.semilogx(shown, widths["at energy"], "s-", label="equal\nenergy")
     left.axhline(tables["limit"]["width"][0], color="0.5", ls=":")
     left.text(shown.min(), 3.2, "dotted: a pure cubic force")
     left.set(xlabel="prestrain (leftmost: 0)", ylabel="width at 5 % of the peak [sites]", ylim=0)
-    for name, profile in tables["profiles"].items():
-        if name != "x" and float(name) in (0.1, 0.01, 1e-3, 0.0):
-            x = tables["profiles"]["x"]
-            y = np.where(profile > 1e-12, profile, np.nan)
-            right.semilogy(x[x >= 0], y[x >= 0], label=f"prestrain {name}")
-    right.set(xlabel="distance from the peak [sites]", ylabel="elongation over its peak",
-              ylim=(1e-12, 2))  # fmt: skip
+    for name in ("0.1", "0.01", "0.001", "0"):
+        profile = tables["profiles"][name]
+        y = np.where(profile > 1e-12, profile, np.nan)
+        right.semilogy(x[x >= 0], y[x >= 0], label=f"prestrain {name}")
+    right.set(xlabel="distance from the peak [sites]", ylabel="elongation over its peak")
+    right.set_ylim(1e-12, 2)
     name_curves(left, at=0, spread=24)
     name_curves(right, at=lambda y: np.flatnonzero(np.isfinite(y))[-1])
 
 
 def table(tables):
     """Rows for the table of the group."""
-    widths = tables["widths"]
-    error = float(np.nanmax(np.array(widths["difference on a chain"], dtype=float)))
-    claim = "super-compact waves as the prestrain goes to 0"
-    rows = []
-    for name, what in (
-        ("at amplitude", f"peak {PART:g} of the stroke"),
-        ("at energy", "fixed energy"),
-    ):
-        found = ", ".join(f"{w:.4f}" for w in widths[name])
-        rows.append(
-            _measure.row(
-                f"prestrain {', '.join(f'{p:g}' for p in PRESTRAINS)}; {what}",
-                claim,
-                f"widths {found} sites",
-                f"{error:.0e} (run along a chain)",
-            )
-        )
+    widths, claim = tables["widths"], "super-compact waves as the prestrain goes to 0"
+    error = f"{np.nanmax(widths['difference on a chain']):.0e} (run along a chain)"
+    prestrains = ", ".join(f"{p:g}" for p in PRESTRAINS)
+    for name, what in (("amplitude", f"peak {PART:g} of the stroke"), ("energy", "fixed energy")):
+        found = ", ".join(f"{w:.4f}" for w in widths[f"at {name}"])
+        yield row(f"prestrain {prestrains}; {what}", claim, f"widths {found} sites", error)
     cubic, small = tables["limit"]["width"]
-    rows.append(
-        _measure.row(
-            "no prestrain, small waves",
-            claim,
-            f"width {small:.7f} sites, that of a pure cubic force {cubic:.7f}: not a point",
-            abs(cubic - small),
-        )
-    )
-    return rows
+    found = f"width {small:.7f} sites, that of a pure cubic force {cubic:.7f}: not a point"
+    yield row("no prestrain, small waves", claim, found, abs(cubic - small))

@@ -1,30 +1,16 @@
 """Prestress and preload tune the speed and width of waves, even during their propagation."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
 
+import tensegrity as ts
 from figures import _measure, _scenes
-from figures._measure import Number
-from tensegrity import (
-    Chain,
-    EquilibriumError,
-    LockingError,
-    Prism,
-    Record,
-    State,
-    pulses,
-    simulate,
-    solitary_wave,
-    speed,
-)
+from figures._measure import Number, row
+from figures._tables import arrays
 
-NAME = "wave_tuning"
 GROUP = "waves"
 
-QUANTITIES = ("sound speed", "wave speed", "width", "impedance")
 UNITS = {"sound speed": "sites/s", "wave speed": "sites/s", "width": "sites", "impedance": "kg/s"}
 MAPS = {  # members besides base 1 m, k_cross 1 N/m; amplitude [m]; prestrains; preloads [N]
     "stiffening": (
@@ -54,31 +40,30 @@ def characteristics(prism, preload, amplitude):
     Returns
     -------
     tuple
-        In the order of `QUANTITIES`, for masses of 1 kg.
+        In the order of `UNITS`, for masses of 1 kg.
     """
     try:
         spring = prism.potential(preload)
-    except EquilibriumError:
+    except ts.EquilibriumError:
         return (math.nan,) * 4  # beyond the limit point
     sound = spring.sound_speed()
     impedance = math.sqrt(float(spring.stiffness(0.0)))
     try:
-        wave = solitary_wave(spring, amplitude=amplitude)
-    except LockingError:
+        wave = ts.solitary_wave(spring, amplitude=amplitude)
+    except ts.LockingError:
         return sound, math.nan, math.nan, impedance
     return sound, wave.speed, wave.width(), impedance
 
 
 def chart(members, amplitude, prestrains, preloads):
     """The characteristics over prestrain and preload, as columns."""
-    columns = {name: [] for name in ("prestrain", "preload", *QUANTITIES)}
+    rows = []
     for prestrain in prestrains:
-        prism = Prism(base=1.0, prestrain=prestrain, k_cross=1.0, **members)
+        prism = ts.Prism(base=1.0, prestrain=prestrain, k_cross=1.0, **members)
         for preload in preloads:
-            found = characteristics(prism, preload, amplitude)
-            for name, value in zip(columns, (prestrain, preload, *found), strict=True):
-                columns[name].append(float(value))
-    return columns
+            found = zip(UNITS, characteristics(prism, preload, amplitude), strict=True)
+            rows.append({"prestrain": prestrain, "preload": preload, **dict(found)})
+    return arrays(rows)
 
 
 def drawn_in(ramp):
@@ -94,24 +79,22 @@ def drawn_in(ramp):
 def tuned(ramp, dt, ratio=RATIO):
     """A wave before, during and after the change: three runs, the middle one with its work."""
     spring_at = drawn_in(ramp)
-    wave = solitary_wave(spring_at(0.0), speed_ratio=ratio)
+    wave = ts.solitary_wave(spring_at(0.0), speed_ratio=ratio)
     fast = 1.6 * wave.speed  # sites/s, more than the wave has after the change
     sites = round(START + wave.speed * LEAD + fast * (WINDOW * ramp + AFTERWARDS))
     scene = _scenes.launched(wave, sites, START, 1)
-    record = Record(every=max(1, round(0.2 / dt)))
+    record = ts.Record(every=max(1, round(0.2 / dt)))
     how = {"method": "rkn6", "dt": dt, "record": record}
-    before = simulate(scene.chain, scene.state, LEAD, **how)
-    change = WINDOW * ramp
-    during = simulate(
-        of_springs(scene.chain, spring_at(0.0), spring_at), before.final, change, **how
-    )
+    before, change = ts.simulate(scene.chain, scene.state, LEAD, **how), WINDOW * ramp
+    tuned = of_springs(scene.chain, spring_at(0.0), spring_at)
+    during = ts.simulate(tuned, before.final, change, **how)
     last = of_springs(scene.chain, spring_at(change))
-    return before, during, simulate(last, during.final, AFTERWARDS, **how)
+    return before, during, ts.simulate(last, during.final, AFTERWARDS, **how)
 
 
 def of_springs(chain, spring, tune=None):
     """The same chain with another spring, perhaps one that changes."""
-    return Chain(spring, chain.sites, chain.mass, chain.ends, tune=tune)
+    return ts.Chain(spring, chain.sites, chain.mass, chain.ends, tune=tune)
 
 
 def outcome(before, during, after):
@@ -125,14 +108,14 @@ def outcome(before, during, after):
         the energy at first; momentum: its largest change, relative; energy: largest deviation of
         energy - work, over the energy at first.
     """
-    start = int(pulses(after, 0, fraction=0.5)[-1].place - 0.5)
+    start = int(ts.pulses(after, 0, fraction=0.5)[-1].place - 0.5)
     now, elongation = _measure.leader(after, [start + bond for bond in TIMED[1]])
-    wave = solitary_wave(after.scene.springs[0], speed=now)
+    wave = ts.solitary_wave(after.scene.springs[0], speed=now)
     first, work = before.energy[0], during.work[-1]
     momenta = np.concatenate([run.v @ run.scene.mass for run in (before, during, after)])
     gaps = (before.energy, during.energy - during.work, after.energy - work)
     return {
-        "before": speed(before, TIMED[0]),
+        "before": ts.speed(before, TIMED[0]),
         "after": now,
         "peak": elongation / wave.amplitude - 1,
         "fraction": float(wave.energy / after.energy[-1]),
@@ -146,7 +129,7 @@ def densities(before, during, after, spring_at):
     """Density of energy through all three runs, in the springs of each instant."""
     rows = [before.scene.site_energy(before)]
     for t, u, v in zip(during.t, during.u, during.v, strict=True):
-        rows.append(of_springs(during.scene, spring_at(t)).site_energy(State(u, v))[None])
+        rows.append(of_springs(during.scene, spring_at(t)).site_energy(ts.State(u, v))[None])
     rows.append(after.scene.site_energy(after))
     t = np.concatenate([before.t, LEAD + during.t, LEAD + during.t[-1] + after.t])
     return _measure.density_table(t, np.concatenate(rows))
@@ -160,8 +143,7 @@ def data():
         before, now = outcome(*coarse), outcome(*runs)
         found = {key: Number(now[key], abs(now[key] - before[key])) for key in now}
         tables[name] = _measure.as_table(found)
-        if name == "quick":
-            tables[f"{name} density"] = densities(*runs, drawn_in(ramp))
+    tables["quick density"] = densities(*runs, drawn_in(ramp))
     return tables
 
 
@@ -170,58 +152,45 @@ def draw(figure, tables):
     figure.set_size_inches(9, 7)
     axes = figure.subplot_mosaic([[*MAPS], ["change"] * 2])
     for name, given in MAPS.items():
-        columns, ax = tables[f"{name} map"], axes[name]
-        shape = len(given[2]), len(given[3])
+        columns, ax, shape = tables[f"{name} map"], axes[name], (len(given[2]), len(given[3]))
         grid = [np.reshape(columns[key], shape) for key in ("prestrain", "preload", "wave speed")]
         image = ax.pcolormesh(*grid, cmap="viridis", shading="nearest")
         ax.grid(False)
         ax.set_xscale("log" if name == "stiffening" else "linear")
         ax.set(xlabel="prestrain", ylabel="preload [N]")
-        ax.set_title(f"{name}: speed of a wave of {given[1]:g} m", fontsize=10)
+        ax.set_title(f"{name}: speed of a wave of {given[1]:g} m")
         figure.colorbar(image, ax=ax, label="sites/s")
-    middle = LEAD + WINDOW / 2 * RAMPS["quick"]
-    _measure.draw_density(axes["change"], tables["quick density"],
-                          f"cross strings drawn in at {middle:.3g} s")  # fmt: skip
+    words = f"cross strings drawn in at {LEAD + WINDOW / 2 * RAMPS['quick']:.3g} s"
+    _measure.draw_density(axes["change"], tables["quick density"], words)
 
 
 def table(tables):
     """Rows for the table of the group."""
-    rows = []
-    for name, given in MAPS.items():
-        columns = {key: np.array(column) for key, column in tables[f"{name} map"].items()}
-        ranges = ", ".join(
-            f"{q} {np.nanmin(columns[q]):.3f} to {np.nanmax(columns[q]):.3f} {UNITS[q]}"
-            for q in QUANTITIES
-        )
-        none = int(np.isnan(columns["sound speed"]).sum())
-        beyond = f"; {none} of {columns['preload'].size} beyond the limit point" if none else ""
-        locked = int(np.isnan(columns["wave speed"]).sum()) - none
-        if locked:
-            beyond += (
-                f"; {locked} of {columns['preload'].size} have no wave of that peak (white): "
-                "their bars meet before"
-            )
-        rows.append(
-            _measure.row(
-                f"{name} prism, prestrain {given[2][0]:g} to {given[2][-1]:g}, preload 0 to "
-                f"{given[3][-1]:g} N, peak {given[1]:g} m",
-                "wave properties tunable by local and global prestress",
-                ranges + beyond,
-                "residual of the waves, 1e-12",
-            )
-        )
+    for name, (_, peak, prestrains, preloads) in MAPS.items():
+        columns = tables[f"{name} map"]
+        ranges = [f"{q} {np.nanmin(columns[q]):.3f} to {np.nanmax(columns[q]):.3f} {unit}"
+                  for q, unit in UNITS.items()]  # fmt: skip
+        found = ", ".join(ranges)
+        count = len(columns["preload"])
+        none, locked = (int(np.isnan(columns[q]).sum()) for q in ("sound speed", "wave speed"))
+        if none:
+            found += f"; {none} of {count} beyond the limit point"
+        if locked > none:
+            found += f"; {locked - none} of {count} have no wave of that peak (white): "
+            found += "their bars meet before"
+        scene = f"{name} prism, prestrain {prestrains[0]:g} to {prestrains[-1]:g}, preload 0 to "
+        scene += f"{preloads[-1]:g} N, peak {peak:g} m"
+        claim = "wave properties tunable by local and global prestress"
+        yield row(scene, claim, found, "residual of the waves, 1e-12")
     for name, ramp in RAMPS.items():
-        found = _measure.from_table(tables[name])
-        rows.append(
-            _measure.row(
-                f"prestrain {BEFORE:g} to {AFTER:g} while a wave travels, {name} ({ramp:g} s)",
-                "adjusted on the fly",
-                f"speed {found['before'].value:.6f} to {found['after'].value:.6f} sites/s, with "
-                f"{found['fraction'].value:.4f} of the energy; peak that of the exact wave to "
-                f"{abs(found['peak'].value):.0e}; work {found['work'].value:.4f} of the energy "
-                f"at first; energy less work closes to {found['energy'].value:.0e}, momentum to "
-                f"{found['momentum'].value:.0e}",
-                max(found["before"].error, found["after"].error),
-            )
+        numbers = _measure.from_table(tables[name])
+        of = {key: number.value for key, number in numbers.items()}
+        scene = f"prestrain {BEFORE:g} to {AFTER:g} while a wave travels, {name} ({ramp:g} s)"
+        found = (
+            f"speed {of['before']:.6f} to {of['after']:.6f} sites/s, with {of['fraction']:.4f} of "
+            f"the energy; peak that of the exact wave to {abs(of['peak']):.0e}; work "
+            f"{of['work']:.4f} of the energy at first; energy less work closes to "
+            f"{of['energy']:.0e}, momentum to {of['momentum']:.0e}"
         )
-    return rows
+        error = max(numbers["before"].error, numbers["after"].error)
+        yield row(scene, "adjusted on the fly", found, error)

@@ -9,12 +9,12 @@ from claims import VERDICTS, changes, claims, numbers
 
 from derivations import ledger
 from derivations.argument import Verdict
-from figures import _guide, _lens, _measure, _packs, claims_inputs, pictures
+from figures import _composite, _guide, _measure, _packs, claims_inputs, pictures
 from figures._files import PRINTED, write_tables
 
 ROOT = Path(__file__).parent.parent
 OUTPUT = ROOT / "figures" / "output"
-HELPERS = (_guide, _lens, _measure, _packs)  # have the columns of lines that are printed
+HELPERS = (_composite, _guide, _measure, _packs)  # have the columns of lines that are printed
 ENTRIES = {entry.name: entry for entry in ledger.entries()}
 NUMBERS = [(claim["name"], one) for claim in claims() for one in claim.get("numbers", ())]
 

@@ -93,17 +93,17 @@ def test_the_reflected_rarefaction_is_robust_and_the_train_is_not():
     tables = composite_spread.data()
     one = composite_spread.spread(tables, 1e-2)["energy of reflected rarefactions"]
     assert len(one) == composite_spread.DRAWS
-    assert 0.287 < one.min() < one.max() < 0.2912
+    assert 0.288 < one.min() < one.max() < 0.2915
     trains = [composite_spread.spread(tables, x)["transmitted compressions"]
               for x in composite_spread.SIZES]  # fmt: skip
-    assert [(train == 2).sum() for train in trains] == [5, 5, 6]
-    assert [(train == 1).sum() for train in trains] == [9, 9, 8]
+    assert [(train >= 2).sum() for train in trains] == [6, 8, 9]
+    assert [(train == 1).sum() for train in trains] == [8, 6, 5]
 
 
 @pytest.mark.slow
 def test_a_draw_of_the_composite_is_found_again():
-    k, kinds = 3, composite_spread.QUANTITIES
-    found = composite_spread.followed(composite_spread.cases()[k])
+    k, kinds = 3, composite_spread.KINDS
+    found = composite_spread.counted(composite_spread.cases()[k])
     one = composite_spread.data()["draws"]
     assert [one[kind][k] for kind in kinds] == found[:8:2]
     assert [one[f"energy of {kind}"][k] for kind in kinds] == pytest.approx(found[1:8:2], abs=1e-6)

@@ -186,16 +186,13 @@ DOORS = ("tensegrity", "tensegrity.objective", "tensegrity.catalogue", "granular
 INSIDE = {
     "granular.contact_network.wall_sites": "which sites to record for the force on a wall",
     "granular.design.objective": "forces of many designs by the one step of a search",
-    "granular.design.methods": "the strategy of `search`, for prestrains",
-    "granular.layout.crossed_layout": "a guide whose branches cross, which no source proposes",
-    "tensegrity.animation.moving": "two moving packs in one film",
+    "tensegrity.animation.moving": "a moving pack in panels of a picture",
     "tensegrity.engine": "the loop itself, its threads, and expressions in CasADi",
     "tensegrity.plotting": "films of tables, which are no runs",
     "tensegrity.prisms.fold_curve.limit_load": "a limit point continued in two parameters",
     "tensegrity.scenes.dynamics.dynamics": "steps beyond the bounds that `simulate` sets",
     "tensegrity.springs.kinks.TAUT": "a tolerance that is explained",
     "tensegrity.waves.transition.standing_forces": "what pins fronts, without looking for one",
-    "tensegrity.waves.limit.largest_speed": "its error, from two extrapolations",
 }
 
 
@@ -220,11 +217,6 @@ def test_pictures_are_made_from_the_public_interface():
                     assert inside, f"{path.name} imports {name}"
                     needed |= set(inside)
     assert needed == INSIDE.keys()
-
-
-def test_names_of_pictures_are_those_of_their_modules():
-    for name, module in pictures().items():
-        assert module.__name__ == f"figures.{name}"
 
 
 def test_what_was_stopped_goes_on_where_it_was(tmp_path, capsys):

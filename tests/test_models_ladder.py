@@ -5,7 +5,7 @@ import pytest
 
 from figures import _nodes, models_ladder
 from figures._nodes import Nodes
-from figures.models_ladder import ELASTIC, enough, guide, ladder, under_load, wave_on_prisms
+from figures.models_ladder import ELASTIC, enough, guide, ladder, under_load
 from tensegrity import EquilibriumError, Prism
 
 
@@ -43,14 +43,6 @@ def test_a_prism_under_load_needs_the_more_the_smaller_the_error():
     assert found["elastic, exact"] < 1e-9
     assert enough(one, 1e-2).startswith("rigid")
     assert enough(one, 1e-8).startswith("elastic, degree")
-
-
-@pytest.mark.parametrize(("name", "good"), [("near_sound", "sech$^2$"), ("near_locking", "tent")])
-def test_the_profile_of_the_right_limit_is_the_better_one_and_the_exact_wave_is_exact(name, good):
-    found = errors(wave_on_prisms(*models_ladder.WAVES[name]))
-    assert found["exact wave"] < 1e-10
-    assert found[good] == min(e for model, e in found.items() if model != "exact wave")
-    assert 1e-3 < found[good] < 0.1
 
 
 def test_one_dimension_is_enough_in_the_stem():

@@ -21,7 +21,16 @@ from granular import (
     wall_force,
 )
 from granular.contact_network import contacts_of, wall_sites
-from tensegrity import ContactError, Record, Run, TensegrityError, Wall
+from tensegrity import (
+    ContactError,
+    Record,
+    Run,
+    TensegrityError,
+    Wall,
+    gradient,
+    objective,
+    peaks,
+)
 
 D = 9.53e-3
 WALL, SOFT = materials["steel"], materials["ptfe"]
@@ -115,18 +124,29 @@ def test_the_833_beads_pass_on_202_404006_newtons():
     assert instant == pytest.approx(606.2904e-6, abs=1e-9)
 
 
+def line_down(scene):
+    """Contacts of the line of touching beads at 60 degrees, from the struck bead to the right."""
+    x, found, site = scene.positions, [], scene.parts["row 1"][10]
+    for number in range(2, 13):
+        part = np.array(scene.parts[f"row {number}"])
+        following = int(part[np.argmin(np.abs(x[part, 0] - x[site, 0] - D / 2))])
+        found += np.flatnonzero((scene.bonds == sorted((site, following))).all(axis=1)).tolist()
+        site = following
+    return found
+
+
 @pytest.mark.parametrize(
-    ("options", "force", "instant", "side"),
+    ("options", "force", "instant", "side", "speeds"),
     [
-        ({}, 575.759026, 219.97633e-6, None),
+        ({}, 575.759026, 219.97633e-6, None, (643.5, 480.9)),
         (
             {"offset": (-0.5, math.sqrt(0.75)), "direction": (0.5, -math.sqrt(0.75))},
-            482.694720, 224.91311e-6, 59.370877,
+            482.694720, 224.91311e-6, 59.370877, (639.3, 489.5),
         ),
     ],
     ids=["straight", "along a close-packed line"],
 )  # fmt: skip
-def test_the_planar_pack_passes_on_the_reference_s_force(options, force, instant, side):
+def test_the_planar_pack_passes_on_the_reference_s_force(options, force, instant, side, speeds):
     scene = planar(**options)
     record = Record(interval=2e-7)
     run = simulate(scene, scene.start(), 3.7e-4 if side else 2.3e-4, method="rkn6", dt=2e-7,
@@ -134,11 +154,30 @@ def test_the_planar_pack_passes_on_the_reference_s_force(options, force, instant
     found = largest(run.t, wall_force(run, "floor"))
     assert found[1] == pytest.approx(force, rel=1e-6)
     assert found[0] == pytest.approx(instant, abs=2e-9)
+    loads = scene.contact_forces(run.u)
+    struck = np.flatnonzero((scene.bonds == scene.sites - 1).any(axis=1))
+    first = struck[np.argmax(loads[:, struck].max(axis=0))]
+    arrivals = [peaks(run.t, loads[:, k], level=0.2)[0][0] for k in (first, *line_down(scene))]
+    assert (D / np.diff(arrivals))[[0, -1]] == pytest.approx(speeds, abs=0.1)  # m/s, of the front
     if side:
         assert largest(run.t, wall_force(run, "right"))[1] == pytest.approx(side, rel=1e-5)
     else:  # the mirror image of itself, to the last bits
         across = run.v[:, list(scene.parts["row 6"]), 0]
         assert np.abs(across + across[:, ::-1]).max() < 1e-12
+
+
+def test_the_floor_of_a_pack_feels_beads_on_both_sides_of_the_middle_alike():
+    """Derivatives of the force on it by every diameter."""
+    scene = planar()
+    load = objective.load(wall=list(scene.named_walls).index("floor"))
+    peak = gradient(objective.peak(load), scene, scene.start(), 7e-4, dt=2e-7,
+                    wanted=("diameter",), checkpoints=100)  # fmt: skip
+    assert peak.value == pytest.approx(575.759, rel=1e-4)
+    (x, z), share = scene.positions.T, 100e-6 * peak.by("diameter") / peak.value  # % per um
+    mirror = [int(np.argmin(np.hypot(2 * x[-1] - x - x[k], z - z[k]))) for k in range(len(x))]
+    np.testing.assert_allclose(share[mirror], share, rtol=0, atol=1e-6 * np.abs(share).max())
+    assert np.abs(share).max() > 1
+    assert np.abs(share[z > z[-1] - 2.1 * (z[-1] - z[-2])][0]) < 1e-6  # a corner, not reached
 
 
 def test_five_layers_pass_on_the_reference_s_force():

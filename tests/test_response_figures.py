@@ -8,19 +8,17 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
 from figures import (
-    response_limit_load,
     response_prestrain,
     response_states,
 )
 
 MODULES = (
-    response_limit_load,
     response_prestrain,
     response_states,
 )
 
 
-@pytest.mark.parametrize("module", MODULES, ids=lambda m: m.NAME)
+@pytest.mark.parametrize("module", MODULES)
 def test_picture_is_drawn_from_its_numbers_with_units_on_its_axes(module):
     tables = module.data()
     for table in tables.values():

@@ -105,7 +105,10 @@ def test_the_key_of_a_source_is_of_what_it_computes_and_not_of_its_words(tmp_pat
 
 
 def test_how_a_picture_shows_its_numbers_is_no_source_of_them(tmp_path):
-    data, draw = "\nNAME = 1\ndef data():\n    return {}\n", "def draw(figure, tables):\n    pass\n"
+    data, draw = (
+        "\nGROUP = 1\ndef data():\n    return {}\n",
+        "def draw(figure, tables):\n    pass\n",
+    )
     first = digest(tmp_path, "a", data)
     assert first == digest(tmp_path, "b", data + draw)
     assert first != digest(tmp_path, "c", data + draw.replace("draw", "drawn"))
