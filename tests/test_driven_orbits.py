@@ -256,6 +256,27 @@ def test_a_path_is_written_and_drawn(tmp_path):
     assert path.amplitude.max() == pytest.approx(top, rel=0.05)
 
 
+def test_after_ctrl_c_a_path_has_the_orbits_so_far(monkeypatch):
+    first = periodic_orbit(scene := shaken(PRISM, 0.001, 0.02, 1.65), scene.at_rest())
+    whole = orbit_path(first, by="W", until=1.75)
+    calls, stacked = [], np.column_stack
+
+    def ctrl_c(arrays):
+        calls.append(0)
+        if len(calls) == 60:
+            raise KeyboardInterrupt
+        return stacked(arrays)
+
+    monkeypatch.setattr(np, "column_stack", ctrl_c)
+    path = orbit_path(first, by="W", until=1.75)
+    assert [path.end, whole.end] == ["interrupted", "W 1.75"]
+    assert 4 < len(path) == len(path.orbits) < len(whole)
+    np.testing.assert_allclose(path.amplitude, whole.amplitude[: len(path)], rtol=1e-9)
+    calls[:] = [0] * 59  # before there is a first row
+    with pytest.raises(KeyboardInterrupt):
+        orbit_path(first, by="W", until=1.75)
+
+
 WRONG = [
     (Chain(PRISM, 2, damping=Damping(ground=0.1)), {}, "no periodic drive"),
     (shaken(PRISM, 0.1, 0.1, 2.0), {"energy": 1.0}, "energy of a driven orbit"),

@@ -160,6 +160,15 @@ def test_locking_is_told_with_its_lane():
         simulate(ensemble, ensemble.at_rest({0: [0.01, 0.02, 0.5]}), 10.0)
 
 
+@pytest.mark.parametrize(("lanes", "light"), [(3, 1), (70, 68), (65, 64)])
+def test_a_step_that_is_unstable_at_first_is_told_with_its_lane(lanes, light):
+    masses = np.where(np.arange(lanes) == light, 1e-3, 1.0)
+    ensemble = Ensemble([Chain(series(), 6, float(mass)) for mass in masses])
+    words = rf"scene {light}: .* initial state$|initial state of scene {light}$"
+    with pytest.raises(StabilityError, match=words):
+        simulate(ensemble, ensemble.at_rest({0: 0.01}), 1.0, dt=0.2)
+
+
 @pytest.mark.parametrize("end", [-0.1, 0.1])
 def test_every_lane_is_watched_at_both_ends_of_the_domain(end):
     """A law that goes on beyond its domain, so that the range met alone can tell."""

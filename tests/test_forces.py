@@ -131,6 +131,43 @@ def test_the_speed_has_the_kink_of_an_absolute_value():
     assert Force(-(sp.Symbol("speed") ** 2) * V).law.continuity == np.inf  # a polynomial
 
 
+PIECES = {  # exponents at the places where pieces meet
+    "a kink": (sp.Piecewise((V / 5, V < 0), (V, True)), 1),
+    "a ramp": (C * sp.Piecewise((-1, V < -1), (V, V < 1), (1, True)), 1),
+    "a relative kink": (sp.Piecewise((V, V < U), (2 * V - U, True)), 1),
+    "a jump": (sp.Piecewise((0, V < 0), (1, True)), 0),
+    "a jump beyond a kink": (sp.Piecewise((0, V < 0), (V, V < 1), (2, True)), 0),
+    "an infinite slope": (sp.Piecewise((0, V < 0), (sp.sqrt(V), True)), 0),
+    "undefined": (sp.Piecewise((V, V < 0)), 0),
+}
+
+
+@pytest.mark.parametrize(("expression", "exponent"), PIECES.values(), ids=PIECES)
+def test_pieces_that_agree_where_they_meet_have_kinks(expression, exponent):
+    given = {"c": 1.0} if expression.has(C) else {}
+    assert Force(-expression, parameters=given).law.continuity == exponent
+
+
+def test_both_spellings_of_a_one_sided_dashpot_take_the_same_steps():
+    runs = []
+    for rate in (sp.Piecewise((RATE / 5, RATE < 0), (RATE, True)), sp.Max(RATE / 5, RATE)):
+        strut = Force(C * rate, "bonds", parameters={"c": 0.2})
+        chain = Chain(PowerLaw(1.0, 2.0), 6, ends=("free", "fixed"), forces=(strut,))
+        runs.append(simulate(chain, chain.at_rest({0: 0.5, 3: -0.3}), END, tol=1e-7))
+    assert runs[0].steps == runs[1].steps
+    np.testing.assert_array_equal(runs[0].u, runs[1].u)
+
+
+@pytest.mark.filterwarnings("error:a trial run")
+def test_a_long_run_at_a_kink_is_announced():
+    dry = Force(-C * sp.sign(V), parameters={"c": 1e-3})
+    chain = Chain(SPRING, SITES, MASS, forces=(dry,))
+    words = "a trial run of [0-9]+ steps follows: .* limit rk8 to order 1, and tol is 1e-10"
+
+    with pytest.raises(RuntimeWarning, match=words):
+        simulate(chain, chain.at_rest({0: 0.1}), END, tol=1e-10)
+
+
 def test_forces_in_bonds_keep_the_momentum():
     strut = Force(C * RATE**3 + R**2 * RATE, "bonds", parameters={"c": 2.0})
     chain = Chain(SPRING, SITES, MASS, forces=(strut,))

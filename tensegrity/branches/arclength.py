@@ -158,7 +158,8 @@ class ArclengthStepper:
         return ((g @ left)[some] / sizes[some]) @ right[:-1][some], right[-1]
 
     def steps(self, rows, count, control, p):
-        """Step on until a step contains an event, no step is accepted, or the rows are full.
+        """Take one step, or none if none is accepted; a compiled stepper steps on until a step
+        contains an event or the rows are full.
 
         Event functions that vanish in a row get the sign that they had in the row before.
 
@@ -178,21 +179,17 @@ class ArclengthStepper:
         int
             Number of rows filled.
         """
-        while count < len(rows):
-            good, here = False, rows[count - 1]
-            before = rows[count - 2] if count > 1 else self.before(here)
-            while not good:
-                if not control[0] >= control[5]:
-                    return count
-                result = self.advance(before, here, control, p)
-                good, control[0] = result[self.size :]
-            rows[count] = result[: self.size]
-            tests, signs = rows[count, self.tests :], here[self.tests :]
-            np.copyto(tests, ROOT_AT_START * signs, where=tests == 0)
-            count += 1
-            if (signs * tests < 0).any() or not here[self.side] * result[self.side] > 0:
-                break
-        return count
+        good, here = False, rows[count - 1]
+        before = rows[count - 2] if count > 1 else self.before(here)
+        while not good:
+            if not control[0] >= control[5]:
+                return count
+            result = self.advance(before, here, control, p)
+            good, control[0] = result[self.size :]
+        rows[count] = result[: self.size]
+        tests, signs = rows[count, self.tests :], here[self.tests :]
+        np.copyto(tests, ROOT_AT_START * signs, where=tests == 0)
+        return count + 1
 
     def locate_event(self, kind, before, here, part, ends, p):
         """Locate an event between two points by Newton's method on its extended system.

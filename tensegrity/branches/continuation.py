@@ -11,9 +11,8 @@ close to it.  Limit points (folds) are located on their extended system (Moore &
 of user functions on the equations extended by the function.
 
 A `Problem` states the equations, `Settings` the tolerances, and a `Branch` is the result.  Steps
-between two events take a single call if they are compiled (`follow.c`).  A sign change of an
-event function brackets the event; Newton's method on the extended system starts from the cubic
-between the two points, and bisection takes over where it fails.
+between two events are a single call if they are compiled (`follow.c`).  An event is bracketed where
+its function changes sign; Newton's method starts from the cubic, bisection follows where it fails.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.branches.compiled_stepper import CompiledStepper
-from tensegrity.branches.table import Event, Table
+from tensegrity.branches.table import INTERRUPTED, Event, Table
 from tensegrity.engine.disk_cache import cached, maker
 from tensegrity.errors import TensegrityError
 from tensegrity.once import once
@@ -246,9 +245,9 @@ def trace(
 
     Raises
     ------
-    ContinuationError
-        If the start is not near a solution, the step falls below the smallest one, or no end is
-        reached within `points` rows; its `branch` holds the rows so far.
+    ContinuationError, KeyboardInterrupt
+        If the start is not near a solution, the step falls below the smallest one, no end is
+        reached within `points` rows, or after Ctrl-C; its `branch` holds the rows so far.
     TensegrityError
         If start, parameters, direction or `stop` do not suit the problem.
     """
@@ -257,7 +256,8 @@ def trace(
     rows, events, end = _follow_branch(stepper, start, p, settings, direction, stop)
     branch = _branch(stepper, rows, events, end if end in stepper.kinds else "failed")
     if end not in stepper.kinds:
-        failure = ContinuationError(f"{end}; last good point {_formatted(stepper, rows[-1])}")
+        words = f"{end}; last good point {_formatted(stepper, rows[-1])}"
+        failure: Any = KeyboardInterrupt() if end == INTERRUPTED else ContinuationError(words)
         failure.branch = branch
         raise failure
     return branch
@@ -283,7 +283,10 @@ def _follow_branch(stepper, start, p, settings, direction, stop):
     while count < most:
         if count == len(rows):
             rows = np.concatenate([rows, np.empty_like(rows)])[:most]
-        last, count = count, stepper.steps(rows, count, control, p)
+        try:
+            last, count = count, stepper.steps(rows, count, control, p)
+        except KeyboardInterrupt:
+            return rows[:count], events, INTERRUPTED
         if count == last:
             return rows[:count], events, f"the step fell below {settings.smallest:g}"
         if folds:

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
 
+INTERRUPTED = "interrupted"  # why a curve ends after Ctrl-C
 FIRST = 6  # number of columns and events that a notebook shows
 ROUND_OFF = 1e-13  # of the largest value of a column: less is printed as 0
 

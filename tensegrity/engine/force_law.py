@@ -15,8 +15,8 @@ import numpy as np
 from tensegrity.engine.bonds import KINDS
 from tensegrity.engine.compiled import evaluated
 from tensegrity.engine.geometry import functions
-from tensegrity.engine.law import continuity, to_casadi
 from tensegrity.engine.law import functions as law_functions
+from tensegrity.engine.law import is_piecewise, to_casadi
 from tensegrity.once import once
 
 if TYPE_CHECKING:
@@ -101,7 +101,7 @@ class ForceLaw:
 
     @property
     def continuity(self) -> float:
-        """See `law.continuity`; of what the steps do not correct at the onset of contacts."""
+        """See `continuity`; of what the steps do not correct at the onset of contacts."""
         import sympy as sp
 
         left = self.expressions if self.onset is None else (self.onset.rest,)
@@ -355,3 +355,47 @@ def _relative(bonds: Bonds, at: Indices, u: Array, v: Array) -> Array:
             across = speed[chosen] - rate[:, None] * np.array(along).T
             found[:, chosen] = np.array(r)[0], rate, np.linalg.norm(across, axis=1)
     return found
+
+
+@once
+def continuity(expression: Any) -> float:
+    """Exponent with which an expression changes near the places where it is not smooth.
+
+    Returns
+    -------
+    float
+        A lower bound: 0 where it may jump, 1 at a kink, 1/2 for the root of a kink; inf if it is
+        smooth.
+    """
+    import sympy as sp
+
+    if not is_piecewise(expression):
+        return math.inf
+    if isinstance(expression, sp.Piecewise):
+        return min(float(_joins(expression)), *(continuity(one) for one, _ in expression.args))
+    if isinstance(expression, (sp.Heaviside, sp.sign)):
+        return 0.0
+    if isinstance(expression, sp.Pow):
+        power = expression.exp
+        return continuity(expression.base) * min(1.0, abs(float(power)) if power.is_number else 0.0)
+    of_parts = min(map(continuity, expression.args))
+    return min(1.0, of_parts) if isinstance(expression, (sp.Max, sp.Min, sp.Abs)) else of_parts
+
+
+def _joins(expression: Any) -> bool:
+    """Whether the pieces of an expression are known to agree, with finite slopes, where conditions
+    begin to hold."""
+    import sympy as sp
+
+    for number, (one, condition) in enumerate(expression.args[:-1], 1):
+        if not isinstance(condition, (sp.Gt, sp.Ge, sp.Lt, sp.Le)):
+            return False
+        left = condition.lhs - condition.rhs
+        x = next((x for x in sorted(left.free_symbols, key=str) if left.diff(x).is_nonzero), None)
+        if x is None or left.diff(x).has(x):  # not a linear equation
+            return False
+        here = {x: sp.expand(x - left / left.diff(x))}
+        gap = one - sp.Piecewise(*expression.args[number:])
+        if sp.simplify(gap.subs(here)) != 0 or gap.diff(x).subs(here).is_finite is False:
+            return False
+    return expression.args[-1].cond is sp.true

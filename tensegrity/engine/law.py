@@ -8,7 +8,6 @@ with a `name`, which identifies it in all processes, is cached: see `tensegrity.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
@@ -243,28 +242,6 @@ def is_piecewise(expression: Any) -> bool:
     import sympy as sp
 
     return expression.has(sp.Max, sp.Min, sp.Abs, sp.Heaviside, sp.Piecewise, sp.sign)
-
-
-def continuity(expression: Any) -> float:
-    """Exponent with which an expression changes near the places where it is not smooth.
-
-    Returns
-    -------
-    float
-        A lower bound: 0 where it may jump, 1 at a kink, 1/2 for the root of a kink; inf if it is
-        smooth.
-    """
-    import sympy as sp
-
-    if not is_piecewise(expression):
-        return math.inf
-    if isinstance(expression, (sp.Heaviside, sp.Piecewise, sp.sign)):
-        return 0.0
-    if isinstance(expression, sp.Pow):
-        power = expression.exp
-        return continuity(expression.base) * min(1.0, abs(float(power)) if power.is_number else 0.0)
-    of_parts = min(map(continuity, expression.args))
-    return min(1.0, of_parts) if isinstance(expression, (sp.Max, sp.Min, sp.Abs)) else of_parts
 
 
 @once

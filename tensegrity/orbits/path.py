@@ -16,7 +16,7 @@ import numpy as np
 from tensegrity import check
 from tensegrity.branches.continuation import Branch, ContinuationError, Settings, trace
 from tensegrity.branches.many import ManyProblem
-from tensegrity.branches.table import Event, Table
+from tensegrity.branches.table import INTERRUPTED, Event, Table
 from tensegrity.errors import TensegrityError
 from tensegrity.orbits.driven_orbit import WholePeriod
 from tensegrity.orbits.half_period import HalfPeriod
@@ -91,6 +91,7 @@ def orbit_path(orbit: Orbit, by: str, until: float) -> OrbitPath:
     Returns
     -------
     OrbitPath
+        After Ctrl-C with the rows so far, and "interrupted" as its `end`.
 
     Raises
     ------
@@ -132,11 +133,15 @@ def orbit_path(orbit: Orbit, by: str, until: float) -> OrbitPath:
         except ContinuationError as error:
             words = f"the path by {by} does not reach {until:g}"
             raise TensegrityError(f"{words}: {family.stopped(error)}") from None
+        except KeyboardInterrupt as error:
+            if (begun := getattr(error, "branch", None)) is None:
+                raise
+            return family.path(begun, INTERRUPTED)
         # errors at kinks hardly decrease with the step, and the first orbit has many steps
         if orbit.opens or family.resolved(_events_and_ends(family, branch)[1]):
             break
         steps *= FINER
-    return family.path(branch)
+    return family.path(branch, f"{by} {until:g}")
 
 
 def _events_and_ends(family: _Family, branch: Branch) -> tuple[list[Array], list[Array]]:
@@ -256,8 +261,8 @@ class _Family:
         why = "; ".join(found) or "the steps became too short, as they do near other branches"
         return f"its last orbit is that of {at}: {why}"
 
-    def path(self, branch: Branch) -> OrbitPath:
-        """The orbits of a branch, and its events in terms of the orbits."""
+    def path(self, branch: Branch, end: str) -> OrbitPath:
+        """The orbits of a branch, its events in terms of the orbits, and why it ends."""
         rows, events = [self.row(u) for u in branch.z], list[Event]()
         for event, u in zip(branch.events, _events_and_ends(self, branch)[0], strict=True):
             kind = "stability" if event.kind == "bifurcation" else event.kind.split()[0]
@@ -268,7 +273,7 @@ class _Family:
                        for x in events[-self._count :]):  # fmt: skip
                 events.append(new)
         columns = {name: np.array([row[name] for _, row in rows]) for name in rows[0][1]}
-        path = OrbitPath(columns, events, f"{self.by} {self.until:g}")
+        path = OrbitPath(columns, events, end)
         path.orbits = tuple(one for one, _ in rows)
         return path
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 import sys
+import warnings
 from functools import cached_property
 
 import numpy as np
@@ -50,6 +51,8 @@ CORRECTED = 0.3
 # another run follows, with at least the second fraction; where contacts are lost, only if the
 # tolerance is met but for the safety factor.
 COARSE_FRACTION, CLOSER_FRACTION = 0.4, 0.45
+# Order up to which kinks limit a method, and number of steps above which a warning is given then.
+KINKED, MANY = 2.0, 500_000
 
 
 class ErrorEstimator:
@@ -69,7 +72,7 @@ class ErrorEstimator:
     """
 
     def __init__(self, problem, elongation_range, tol):
-        self._problem, self._tol = problem, tol
+        self._problem, self._tol, self._most = problem, tol, MANY
         forces = problem.dynamics.further_forces
         rough = any(one.law.continuity < math.inf for one in forces)
         self._safety = SAFETY_FACTOR if rough else 1.0
@@ -104,6 +107,14 @@ class ErrorEstimator:
         if self.opens:
             return max(errors) * max(_safety_factor(1 / gaps[-1][0]), self._safety)
         return errors[-1]
+
+    def announce(self, steps):
+        """Warn, once, before a run of so many steps that is long because of kinks."""
+        if self.order <= KINKED and steps > self._most:
+            self._most = math.inf
+            words = f"forces that are not smooth limit {self._problem.method.name} to order"
+            words = f"a trial run of {steps:.0f} steps follows: {words} {self.order:g}"
+            warnings.warn(f"{words}, and tol is {self._tol:g}", RuntimeWarning, stacklevel=2)
 
     def round_off(self, run, gap):
         """Contribution of round-off: a random walk of the last digit over all stages of the run.

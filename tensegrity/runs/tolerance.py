@@ -384,6 +384,7 @@ def converged(problem, first, error, tol):
             )
         factor = estimator.factor(gaps)
         factor = min(factor, 2.0) if stagnant else factor
+        estimator.announce(factor * trials[-1].steps)
     return trials[-1].run()  # interrupted
 
 

@@ -278,6 +278,12 @@ class BatchDynamics(Dynamics):
         each = zip(self.members, stiffness.T, strict=True)
         return max(one.bond_frequency_bound(k) for one, k in each)
 
+    def where_fastest(self, ranges: Array) -> str:
+        """Name the scene with the largest bound on its frequency, over ranges of elongation [m]
+        (springs, 2)."""
+        each = [one.frequency(ranges[self.spring_numbers(k)]) for k, one in enumerate(self.members)]
+        return f" of scene {self._first + int(np.argmax(each))}"
+
     def where_extreme(self, spring: int, u: Array, side: int) -> str:
         """Describe the bond and the scene in which a spring has its extreme elongation.
 
