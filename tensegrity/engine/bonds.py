@@ -262,8 +262,21 @@ def parameters(bonds, runs, own, batch=1):
 
 
 def springs_of_places(bonds, runs, run, batch=1):
-    """The spring of each place of a run that has parameters of its own: of each bond in each scene
-    of a batch, or of a block where every scene has one spring in the run; (places,)."""
+    """The spring of each place of a run that has parameters of its own.
+
+    Parameters
+    ----------
+    bonds : Bonds
+    runs : Runs
+    run : int
+    batch : int, optional
+        Number of scenes.
+
+    Returns
+    -------
+    ndarray of int, (places,)
+        Of each bond in each scene, or of a block where every scene has one spring in the run.
+    """
     springs = bonds.group[runs.members(run)]
     if springs.ndim == 2 and BLOCK % batch == 0 and np.all(springs == springs[0]):
         return np.resize(springs[0], min(BLOCK, springs.size))

@@ -66,8 +66,20 @@ def address(array):
 
 
 def aligned(shape, dtype=float, first=0):
-    """Zeros of which number `first` begins a cache line: vectors of a loop that straddle two lines
-    take longer, above all to be loaded right after they were stored."""
+    """Zeros that begin a cache line: vectors of a loop that straddle two lines take longer, above
+    all to be loaded right after they were stored.
+
+    Parameters
+    ----------
+    shape : int or tuple of int
+    dtype : numpy.dtype, optional
+    first : int, optional
+        Number of the entry that begins the line.
+
+    Returns
+    -------
+    ndarray
+    """
     size = math.prod(shape) if isinstance(shape, tuple) else shape
     room = np.zeros(size + CACHE, dtype=dtype)
     return room[-(room.ctypes.data // room.itemsize + first) % CACHE :][:size].reshape(shape)
