@@ -429,6 +429,7 @@ def test_the_gradient_of_the_push_by_prestrain_is_that_of_neighbouring_chains():
     assert slopes[0] == pytest.approx((more - less) / (2 * step), rel=1e-4)
 
 
+@pytest.mark.slow
 def test_gradients_lower_the_push_by_prestrains_of_groups():
     from figures import transition_trap as picture
 

@@ -34,6 +34,7 @@ def test_the_edges_of_prism_chains_go_with_the_root_of_the_axial_stiffness():
     assert driven_tuning.edges(0.03, 0.02)[2] != pytest.approx(top, rel=1e-2)
 
 
+@pytest.mark.slow
 def test_ten_beads_pass_waves_one_way_beyond_their_torus_point():
     """What multipliers say of two orientations, runs from rest show."""
     near, far = driven_response.SIDES

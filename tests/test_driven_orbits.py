@@ -82,6 +82,7 @@ def test_folds_of_a_response_are_those_of_harmonic_balance(scene, until, folds):
         assert event.multiplier == pytest.approx(1, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_ten_beads_with_a_light_one_have_folds_and_torus_points():
     path = response(beads(), 2.75)
     assert np.allclose(values(path, "fold"), [2.754734771536, 2.79844666645761], rtol=0, atol=1e-10)

@@ -305,6 +305,7 @@ def test_a_front_is_neutral_to_its_shift_alone_and_the_rest_decays():
     assert np.sum(np.abs(values) > 0.8) == 1
 
 
+@pytest.mark.slow
 def test_a_slow_front_takes_the_steps_that_its_dashpots_require():
     """It passes a site in 364 s, in which perturbations of bonds decay at up to 9/s."""
     wells = Potential(R**4 / 4 - sp.Rational(1499, 3000) * R**3 + sp.Rational(499, 2000) * R**2, R)

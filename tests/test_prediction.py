@@ -251,6 +251,7 @@ def test_the_limit_is_passed_where_the_spring_gives_way_at_it():
     assert wave.speed > family.speeds[1] * (1 + 1e-4)
 
 
+@pytest.mark.slow
 def test_a_front_at_a_constant_force_is_not_told_to_give_way():
     """V'' is 0 there, not below."""
     (family,) = predict(OPENS).families

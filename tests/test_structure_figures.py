@@ -160,6 +160,7 @@ def test_a_beam_goes_where_its_spectrum_says(density):
         assert run.energy_error < 1e-12
 
 
+@pytest.mark.slow
 def test_a_beam_turns_where_the_prestress_changes_on_its_way():
     """A slow change keeps the action of each wave; a fast one excites the upper branch."""
     run, (before, after) = structures_beam.turned()
@@ -195,6 +196,7 @@ def test_slack_strings_lower_the_force_behind_a_blow():
     assert loose["energy error"] < 1e-9
 
 
+@pytest.mark.slow
 def test_energy_of_struck_octahedra_is_kept_where_slackening_is_corrected():
     """To the fourth order of the step, without corrections to the second; at most once 1e-8."""
     picture = structures_struck
