@@ -69,11 +69,12 @@ def chain(count):
 
 
 def pack(layers, side):
-    """A pack of steel beads, struck."""
+    """A pack of steel beads, struck, of which all move."""
 
     def build(layers=layers, side=side):
         scene = packs.pack(layers, side)
-        return scene, scene.start()
+        start = scene.start()
+        return scene, State(start.u, start.v + 1e-6 * np.sin(np.arange(scene.sites))[:, None])
 
     return measured(build(2, 2), build, packs.STEP)
 
