@@ -55,8 +55,8 @@ def threshold() -> sp.Expr:
     stretch = sp.sqrt(squared(x)) - natural
     second = sp.diff(stretch**2, x, 2)  # the other hand has the same at x = 0
     second = second.subs(natural, sp.sqrt(squared(x)) / (1 + prestrain))
-    (found,) = sp.solve(second, prestrain)
-    return sp.simplify(found)
+    (critical,) = sp.solve(second, prestrain)
+    return sp.simplify(critical)
 
 
 def threshold_of(length: sp.Expr, at: sp.Symbol) -> sp.Expr:
@@ -77,9 +77,9 @@ def twin_strings() -> sp.Expr:
 @cache
 def of_prism() -> sp.Expr:
     """The threshold of the prism in terms of its side."""
-    found = threshold_of(twin_strings(), twist).subs(radius, base / (2 * sp.sin(sp.pi / sides)))
+    critical = threshold_of(twin_strings(), twist).subs(radius, base / (2 * sp.sin(sp.pi / sides)))
     half = sp.Symbol("c", positive=True)  # cot(pi/n)
-    form = sp.simplify(sp.expand_trig(sp.expand(found).subs(sp.pi / sides, sp.acot(half))))
+    form = sp.simplify(sp.expand_trig(sp.expand(critical).subs(sp.pi / sides, sp.acot(half))))
     return sp.factor(form).subs(half, sp.cot(sp.pi / sides))
 
 
@@ -144,8 +144,8 @@ def limit(bias: sp.Symbol) -> list[tuple[sp.Expr, sp.Expr]]:
     form = taut().subs({one: EQUAL[one] for one in BIASES if one != bias})
     slopes = [sp.diff(form, x, order).subs(DERIVATIVES) for order in (1, 2)]
     (of_bias,) = sp.solve(slopes[0], bias)
-    found = sp.solve(sp.numer(sp.together(slopes[1].subs(bias, of_bias))), natural)
-    return [(one, of_bias.subs(natural, one)) for one in found]
+    solutions = sp.solve(sp.numer(sp.together(slopes[1].subs(bias, of_bias))), natural)
+    return [(one, of_bias.subs(natural, one)) for one in solutions]
 
 
 def limit_of(bias: sp.Symbol, length: sp.Expr, at: sp.Symbol) -> list[tuple[sp.Expr, sp.Expr]]:

@@ -44,12 +44,12 @@ def hertz() -> tuple[sp.Expr, sp.Expr]:
     rho^2/(2 R)."""
     depth = sp.Symbol("delta")
     mismatch = sinking() / effective_modulus - (depth - place**2 / (2 * effective_radius))
-    found = sp.solve(sp.Poly(sp.expand(mismatch), place).coeffs(), [depth, pressure], dict=True)[0]
+    form = sp.solve(sp.Poly(sp.expand(mismatch), place).coeffs(), [depth, pressure], dict=True)[0]
     load = sp.integrate(
         2 * sp.pi * place * pressure * sp.sqrt(1 - place**2 / contact_radius**2),
         (place, 0, contact_radius),
     )
-    return found[depth], sp.simplify(load.subs(pressure, found[pressure]))
+    return form[depth], sp.simplify(load.subs(pressure, form[pressure]))
 
 
 @cache
@@ -98,8 +98,8 @@ def long_wave() -> tuple[sp.Expr, dict[str, sp.Expr]]:
     for k in (3, 2, 1, 0):
         mismatch = mismatch.subs(u[k], v[k])
     equations = sp.Poly(sp.numer(sp.together(mismatch)), *v).coeffs()
-    (found,) = sp.solve(equations, sp.symbols("p q"), dict=True)
-    return sp.expand(odd[0] * u[0] / u[1] / n), {str(k): sp.factor(w) for k, w in found.items()}
+    (powers,) = sp.solve(equations, sp.symbols("p q"), dict=True)
+    return sp.expand(odd[0] * u[0] / u[1] / n), {str(k): sp.factor(w) for k, w in powers.items()}
 
 
 @cache

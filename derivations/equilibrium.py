@@ -72,12 +72,12 @@ def force_densities() -> tuple[sp.Expr, sp.Expr, sp.Expr]:
 def self_stress() -> dict[sp.Expr, tuple[sp.Expr, sp.Expr]]:
     """{twist: (x2/x1, x3/x1)} for the twists at which the unloaded prism can be prestressed."""
     singular = sp.solveset(determinant(), twist, sp.Interval.Lopen(-sp.pi, sp.pi))
-    found = {}
+    states = {}
     for value in singular:
         for state in matrix().subs(twist, value).nullspace():
             state = (state / state[0]).applyfunc(sp.radsimp)
-            found[value] = (state[1], state[2])
-    return found
+            states[value] = (state[1], state[2])
+    return states
 
 
 def tensegrity_twist() -> sp.Expr:

@@ -33,8 +33,8 @@ def balances() -> tuple[sp.Expr, sp.Expr]:
 def split() -> tuple[sp.Expr, sp.Expr]:
     """(I1, I2) for any half-angle and number of waves, from the solution with nonzero I2."""
     solutions = sp.solve(balances(), [reflected, transmitted], dict=True)
-    (found,) = [s for s in solutions if s[transmitted] != 0]
-    return tuple(sp.factor(found[x]) for x in (reflected, transmitted))
+    (solution,) = [s for s in solutions if s[transmitted] != 0]
+    return tuple(sp.factor(solution[x]) for x in (reflected, transmitted))
 
 
 def at_thirty_degrees() -> tuple[sp.Expr, sp.Expr]:

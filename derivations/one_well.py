@@ -51,13 +51,13 @@ def self_stress() -> dict[sp.Expr, tuple[sp.Expr, ...]]:
     """{twist: ratios of the force densities to that of the cross strings} above the flat state."""
     (of_bars,) = sp.solve(stationary()[0], q_bar)
     turning, spreading = (x.subs(q_bar, of_bars) for x in stationary()[1:])
-    found = {}
+    states = {}
     if sp.simplify(turning / sp.cos(twist - half_angle)).has(twist):
         raise ArithmeticError("self-stress exists at other twists")
     for at in (half_angle + sp.pi / 2, half_angle - sp.pi / 2):
         (of_base,) = sp.solve(sp.simplify(spreading.subs(twist, at)), q_base)
-        found[at] = tuple(sp.simplify(x / q_cross) for x in (q_cross, of_base, of_bars))
-    return found
+        states[at] = tuple(sp.simplify(x / q_cross) for x in (q_cross, of_base, of_bars))
+    return states
 
 
 @cache

@@ -56,13 +56,13 @@ def offsets(stages: int = 3) -> list[sp.Expr]:
     """Deviation of a splitting's positions at its kicks from the parabola of a constant
     acceleration a, over a h^2; they result from the kicks b_j before c_i."""
     kicks, drifts = (sp.symbols(f"{x}_0:{stages}") for x in "bd")
-    u, v, node, found = sp.Integer(0), sp.Integer(0), sp.Integer(0), []
+    u, v, node, terms = sp.Integer(0), sp.Integer(0), sp.Integer(0), []
     for kick, drift in zip(kicks, drifts, strict=True):
-        found.append(sp.expand(u - node**2 / 2))
+        terms.append(sp.expand(u - node**2 / 2))
         v += kick
         u += drift * v
         node += drift
-    return found
+    return terms
 
 
 @cache
@@ -129,8 +129,8 @@ def linear() -> tuple[sp.Expr, sp.Expr]:
     overlap times the remaining time; kappa is k h^2 over the reduced mass."""
     w = sp.Function("w")(since)
     motion = w.diff(since, 2) - force_now - force_slope * since + own * w
-    found = sp.dsolve(motion, w, ics={w.subs(since, 0): 0, w.diff(since).subs(since, 0): rate}).rhs
-    weighted = found, sp.expand(found * (far - since))
+    growth = sp.dsolve(motion, w, ics={w.subs(since, 0): 0, w.diff(since).subs(since, 0): rate}).rhs
+    weighted = growth, sp.expand(growth * (far - since))
     return tuple(sp.simplify(sp.integrate(x, (since, 0, far))) for x in weighted)
 
 

@@ -141,10 +141,10 @@ def formula(name: str) -> str:
     ValueError
         If no entry has this name, or the entry is a claim without formula.
     """
-    found = {entry.name: entry for entry in ledger.entries() if entry.derive}
-    if name not in found:
+    by_name = {entry.name: entry for entry in ledger.entries() if entry.derive}
+    if name not in by_name:
         raise ValueError(f"{name!r} is no formula of the ledger")
-    entry = found[name]
+    entry = by_name[name]
     form = ledger.derived(entry)
     return _equation(entry.left, form if _short(form) else entry.reading(entry.printed))
 
@@ -159,10 +159,10 @@ def _entry(check):
         "<p>As printed:</p>" if entry.printed is not None else "<p>As claimed:</p>",
         _equation(entry.left, entry.printed),
     ]
-    found = ledger.derived(entry) if entry.derive else None
-    if _short(found):
-        parts += ["<p>As derived:</p>", _equation(entry.left, found)]
-    elif isinstance(found, sp.Basic):
+    derived = ledger.derived(entry) if entry.derive else None
+    if _short(derived):
+        parts += ["<p>As derived:</p>", _equation(entry.left, derived)]
+    elif isinstance(derived, sp.Basic):
         parts.append("<p>As derived: see the argument above.</p>")
     verdict += f":</span> {prose(entry.note)}." if entry.note else ".</span>"
     parts.append(
@@ -225,14 +225,14 @@ def sections(
             arguments[name] = _argument(name)
         else:
             checks.append(ledger.check(entry))
-    found = []
+    parts = []
     for name in names:
         ledger_part = "\n".join(_entry(c) for c in checks if c.entry.derivation == name)
         body = f"{arguments[name]}\n<h3>Printed formulas</h3>\n{ledger_part}"
-        found.append(Section(name, derivation(name).TITLE, body))
-    found.append(Section("signs", "Sign conventions", _signs()))
-    found.append(Section("summary", "Summary of the ledger", _summary(checks)))
-    return found
+        parts.append(Section(name, derivation(name).TITLE, body))
+    parts.append(Section("signs", "Sign conventions", _signs()))
+    parts.append(Section("summary", "Summary of the ledger", _summary(checks)))
+    return parts
 
 
 def page(

@@ -68,8 +68,8 @@ def front() -> tuple[sp.Expr, sp.Expr]:
     force, stored, squared = sp.symbols("T V mu", real=True)  # mu = m c^2
     momentum = sp.Eq(squared * r, force)
     power_ = sp.Eq(squared * r**2 / 2 + stored, force * r)
-    (found,) = sp.solve([momentum, power_], [squared, stored], dict=True)
-    return found[squared], found[stored]
+    (solution,) = sp.solve([momentum, power_], [squared, stored], dict=True)
+    return solution[squared], solution[stored]
 
 
 @cache

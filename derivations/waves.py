@@ -170,5 +170,5 @@ def breather_extension() -> sp.Expr:
     """
     second, third, fourth = hardening.derivatives()
     condition = sp.together((second * fourth / 2 - third**2) / hardening.extension)
-    (found,) = sp.solve(sp.numer(condition), hardening.extension)
-    return found
+    (extension,) = sp.solve(sp.numer(condition), hardening.extension)
+    return extension

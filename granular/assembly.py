@@ -206,15 +206,15 @@ class SharedSprings:
         of_bonds = [self.contact(beads[i], beads[j]) for i, j in bonds.tolist()]
         of_walls = [self.contact(beads[i], solids[wall]) for i, wall in touched.tolist()]
         others = self.contacts if changing else []
-        found = forces_of(of_bonds, [0.0] * len(of_bonds), "bonds", others)
+        of_pairs = forces_of(of_bonds, [0.0] * len(of_bonds), "bonds", others)
         others = others if solids else []
-        return [*found, *forces_of(of_walls, [0.0] * len(of_walls), "walls", others)]
+        return [*of_pairs, *forces_of(of_walls, [0.0] * len(of_walls), "walls", others)]
 
     def between(self, beads: Repeated, others: Repeated) -> Repeated:
         """The springs of many pairs of partners, evaluated in the order of their first places."""
         count = len(others.different)
-        found, number = numbered(beads.number * np.int64(count) + others.number)
-        pairs = (divmod(key, count) for key in found.tolist())
+        distinct, number = numbered(beads.number * np.int64(count) + others.number)
+        pairs = (divmod(key, count) for key in distinct.tolist())
         return Repeated([self(beads.different[i], others.different[j]) for i, j in pairs], number)
 
     def __call__(self, bead: Bead, other: Bead | Material) -> PowerLaw:

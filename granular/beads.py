@@ -165,11 +165,11 @@ class Striker:
 
 def beads_of(given: Iterable[object], where: str = "") -> tuple[Bead, ...]:
     """The beads as a tuple, each checked to be a Bead; `where` names the design in the error."""
-    found = check.sequence(f"beads{where}", given, "Beads")
-    for number, bead in enumerate(found):
+    beads = check.sequence(f"beads{where}", given, "Beads")
+    for number, bead in enumerate(beads):
         if not isinstance(bead, Bead):
             raise TensegrityError(f"bead {number}{where} is {check.shown(bead)}, not a Bead")
-    return found
+    return beads
 
 
 def volume(diameter: float) -> float:

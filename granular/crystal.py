@@ -134,9 +134,9 @@ def rows(run: Run, sites: Iterable[int], name: str = "u") -> Array:
         raise TensegrityError(f"site {missing[0]} is needed and was not recorded")
     if run.sites == tuple(range(run.scene.sites)):
         return getattr(run, name)
-    found = np.zeros((len(run.t), run.scene.sites, *run.u.shape[2:]))
-    found[:, list(run.sites)] = getattr(run, name)
-    return found
+    table = np.zeros((len(run.t), run.scene.sites, *run.u.shape[2:]))
+    table[:, list(run.sites)] = getattr(run, name)
+    return table
 
 
 def whole(run: Run) -> tuple[Array, Array]:

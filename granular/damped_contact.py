@@ -146,9 +146,9 @@ def _solved(model: Dissipation, contact: Contact, mass: float, e: float, speed: 
                 f"restitution {e:g} at {speed:g} m/s is not attained by any constant of "
                 f"{model.model}: the range is {least:.3g} to 1"
             )
-    found = math.exp(brentq(excess, low, high, xtol=1e-13, rtol=1e-13))
+    constant = math.exp(brentq(excess, low, high, xtol=1e-13, rtol=1e-13))
     try:
-        return found / replace(model, constant=1.0).scaled(
+        return constant / replace(model, constant=1.0).scaled(
             contact.constant, contact.exponent, mass, speed
         )
     except (OverflowError, ZeroDivisionError):
@@ -180,8 +180,8 @@ def _law(
         mass = bead.mass
         if isinstance(other, Bead):
             mass = bead.mass * other.mass / (bead.mass + other.mass)
-        found = _solved(model, contact, mass, e, speed)
-        return replace(contact, dissipation=replace(model, constant=found))
+        solved = _solved(model, contact, mass, e, speed)
+        return replace(contact, dissipation=replace(model, constant=solved))
 
     return law
 

@@ -138,12 +138,12 @@ class Guide(Assembly):
             forces=(*self._losses, *rubbing, *self._arguments["forces"]),
         )
         self._contacts = springs.contacts
-        self.equilibrium = found = rest_of(
+        self.equilibrium = settled = rest_of(
             self, striker=None, law=springs.contact, friction=None, forces=()
         )
         rest = np.zeros(self.shape)
-        if found is not None:  # a striker is displaced with the bead that it touches
-            rest = found.u if striker is None else np.concatenate([found.u[:1], found.u])
+        if settled is not None:  # a striker is displaced with the bead that it touches
+            rest = settled.u if striker is None else np.concatenate([settled.u[:1], settled.u])
         self._rest = rest
 
     def _dynamics(self) -> _Dynamics:

@@ -265,8 +265,8 @@ def _law_of(scene: Any) -> Any:
     if isinstance(scene, BeadChain):
         pairs, contacts = list(pairwise(scene.bodies)), scene.contacts
     else:  # one contact for all equal pairs, in the order of the first of them
-        found = dict.fromkeys(_partners(scene))
-        pairs, contacts = list(found), scene._contacts
+        partners = dict.fromkeys(_partners(scene))
+        pairs, contacts = list(partners), scene._contacts
     known = dict(zip(pairs, contacts, strict=True))
     known = {pair[::-1]: contact for pair, contact in known.items()} | known
     return lambda one, other: known.get((one, other))
@@ -329,8 +329,8 @@ def _net(scene: Assembly) -> tuple[Array, Array, list[Plane]]:
 def _partners(scene: Assembly) -> list[tuple[Bead, Bead | Material]]:
     """The two partners of each contact of a guide or a pack."""
     beads, solids = scene.beads, scene._wall_materials
-    found: list[Any] = [(beads[i], beads[j]) for i, j in scene.bonds.tolist()]
-    return found + [(beads[s], solids[w]) for s, w in scene.wall_contacts.tolist()]
+    partners: list[Any] = [(beads[i], beads[j]) for i, j in scene.bonds.tolist()]
+    return partners + [(beads[s], solids[w]) for s, w in scene.wall_contacts.tolist()]
 
 
 def _refuse_other_law(constant: float, exponent: float, one: Any, other: Any) -> None:

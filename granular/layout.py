@@ -144,14 +144,14 @@ class Layout(ReadOnly):
 
     def wall_contacts(self) -> Indices:
         """(bead, wall) that touch, would without the gap, or may; (contacts, 2)."""
-        found = []
+        contacts = []
         for number, wall in enumerate(self.walls):
             room = NEAR if wall.is_bevel else TOUCH
             reach = self.diameter * (0.5 + room) + self.gap
             distance, along = wall.place(self.positions)
             beside = (along >= 0) & (along <= wall.length) & (abs(distance) <= reach)
-            found += [(int(bead), number) for bead in np.flatnonzero(beside)]
-        return np.array(sorted(found), dtype=int).reshape(-1, 2)
+            contacts += [(int(bead), number) for bead in np.flatnonzero(beside)]
+        return np.array(sorted(contacts), dtype=int).reshape(-1, 2)
 
     def wall_gaps(self) -> Array:
         """Gap of each wall contact at rest [m]; (contacts,)."""

@@ -61,7 +61,7 @@ def by_beads(
     check.kind("name", name, str)
     if name not in NAMES:
         raise TensegrityError(f"name {check.shown(name)} is not one of {', '.join(NAMES)}")
-    found, solids = np.zeros(by_mass.shape), []
+    by_bead, solids = np.zeros(by_mass.shape), []
     for k, (one, other) in enumerate(pairs):
         partner = other if isinstance(other, Material) else beads[other]
         if not _is(springs[k], hertz(beads[one], partner)):
@@ -77,15 +77,15 @@ def by_beads(
             if isinstance(end, Material):
                 continue
             if name == "modulus":
-                found[end] += by_constant[k] * slope
+                by_bead[end] += by_constant[k] * slope
             elif beads[end].contact_radius == beads[end].radius:
-                found[end] += by_constant[k] * slope / 2
+                by_bead[end] += by_constant[k] * slope / 2
             if name == "diameter" and by_gap is not None:
-                found[end] -= by_gap[k] / 2
+                by_bead[end] -= by_gap[k] / 2
     if name == "diameter":
         for site, bead in enumerate(beads):
-            found[site] += by_mass[site] * mass_slope(bead)
-    return found
+            by_bead[site] += by_mass[site] * mass_slope(bead)
+    return by_bead
 
 
 def _solid(body: Bead | Material) -> tuple[float, float, float]:

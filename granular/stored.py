@@ -35,8 +35,8 @@ def _fields(x: Any) -> dict[str, Any]:
 
 
 def _scene(x: Any) -> dict[str, Any]:
-    found = {**x._arguments, "contacts": x._contacts, **in_time(x)}
-    return found | {k: v for k, v in x._arguments.items() if k == "forces"}  # not of contacts
+    arguments = {**x._arguments, "contacts": x._contacts, **in_time(x)}
+    return arguments | {k: v for k, v in x._arguments.items() if k == "forces"}  # not of contacts
 
 
 def _pack(x: Any) -> dict[str, Any] | None:

@@ -51,9 +51,9 @@ class Check(NamedTuple):
 def stiffness() -> list[Check]:
     """Stiffness of a prism at rest: the compiled derived potential against the closed form."""
     prism = Prism(base=1.0, height=0.7, prestrain=0.01, k_cross=1.0)
-    found, known = float(prism.potential().stiffness(0.0)), prism.axial_stiffness()
-    words = f"axial stiffness {found:.12g} N/m against the closed form"
-    return [Check(words, abs(found / known - 1), 1e-13)]
+    computed, known = float(prism.potential().stiffness(0.0)), prism.axial_stiffness()
+    words = f"axial stiffness {computed:.12g} N/m against the closed form"
+    return [Check(words, abs(computed / known - 1), 1e-13)]
 
 
 def wave() -> list[Check]:
@@ -63,10 +63,10 @@ def wave() -> list[Check]:
     chain = Chain(spring, sites=80)
     record = Record(every=1, sites=[30, 31, 60, 61])
     run = simulate(chain, exact.launch(chain, at=15), 50 / exact.speed, tol=1e-9, record=record)
-    found = speed(run, (30, 60))
+    c = speed(run, (30, 60))
     return [
         Check(f"wave of residual {exact.residual:.1e}", exact.residual, 1e-12),
-        Check(f"its speed on a chain {found:.9g} sites/s", abs(found / exact.speed - 1), 1e-7),
+        Check(f"speed on a chain {c:.9g} sites/s", abs(c / exact.speed - 1), 1e-7),
         Check(f"energy over {run.steps} steps of {run.method}", run.energy_error, 1e-8),
     ]
 
@@ -95,10 +95,10 @@ CHECKS = (stiffness, wave, impact, path)
 
 def installed() -> str:
     """Versions, compiler, cache folder and threads, one line each."""
-    found = [f"tensegrity {tensegrity.__version__}"]
+    versions = [f"tensegrity {tensegrity.__version__}"]
     for name in PACKAGES:
         try:
-            found.append(f"{name} {version(name)}")
+            versions.append(f"{name} {version(name)}")
         except PackageNotFoundError:
             continue
     try:
@@ -108,7 +108,7 @@ def installed() -> str:
         compiler = f"none: {error}"
     kernels = sum(1 for entry in cache_folder().glob("*/kernel.so"))
     rows = {
-        "versions": ", ".join(found),
+        "versions": ", ".join(versions),
         "python": f"{platform.python_version()} on {platform.platform()}",
         "compiler": compiler,
         "cache": f"{cache_folder()}, {kernels} kernels",

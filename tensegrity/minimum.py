@@ -196,9 +196,9 @@ def lowest(matrix: Any, mass: Array, rigid: Array, count: int, bound: float) -> 
         skipped, (v, t) = rigid.shape[1], _reflections(root[:, None] * rigid)
         for _ in range(2):  # Q^T K Q
             of = (of - v @ (t.T @ (v.T @ of))).T
-        found = eigh(of[skipped:, skipped:], subset_by_index=(0, count - 1))
-        values, vectors = found[0], np.zeros((free, count))
-        vectors[skipped:] = found[1]
+        pairs = eigh(of[skipped:, skipped:], subset_by_index=(0, count - 1))
+        values, vectors = pairs[0], np.zeros((free, count))
+        vectors[skipped:] = pairs[1]
         vectors = (vectors - v @ (t @ (v.T @ vectors))) / root[:, None]
     else:
         start, weights = np.cos(np.arange(free) ** 1.5), diags_array(mass)

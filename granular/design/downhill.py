@@ -222,13 +222,13 @@ def downhill(one: Pass, space: Sizes, start: Array) -> Descent:
     x = space.projected(start) / high
     try:
         for p in NORMS:
-            found = minimize(
+            minimum = minimize(
                 norm, x, args=(p,), jac=True, method="SLSQP", bounds=[(low / high, 1.0)] * x.size,
                 options={"maxiter": ITERATIONS, "ftol": 1e-6},
                 constraints={"type": "eq", "fun": lambda x: x.sum() - space.length / high,
                              "jac": lambda x: np.ones(x.size)},
             )  # fmt: skip
-            x = space.projected(found.x * high) / high
+            x = space.projected(minimum.x * high) / high
         _pressed(one, space, rows[int(np.argmin(forces))], keep)
     except NotArrived:
         pass
@@ -259,16 +259,16 @@ def _pressed(one: Pass, space: Sizes, start: Array, keep: Callable[..., None]) -
         heights = np.log(values[some] / values[0])
         lines = np.column_stack([slopes[some] * high / values[some, None], -np.ones(some.sum())])
         least, most = (np.clip((x - sizes) / high, -reach, reach) for x in (low, high))
-        found = linprog(
+        program = linprog(
             cost, A_ub=lines, b_ub=-heights, A_eq=level, b_eq=[0.0],
             bounds=[*zip(least, most, strict=True), (None, None)],
         )  # fmt: skip
-        if found.x is None or found.x[-1] > -1e-7:
+        if program.x is None or program.x[-1] > -1e-7:
             return
-        trial = space.projected(sizes + high * found.x[:-1])
+        trial = space.projected(sizes + high * program.x[:-1])
         there = one.peaks(trial)
         keep(trial, there[0][0])
-        gain = np.log(there[0][0] / values[0]) / found.x[-1]  # 1: as predicted by the slopes
+        gain = np.log(there[0][0] / values[0]) / program.x[-1]  # 1: as predicted by the slopes
         if gain > 0:
             sizes, (values, slopes) = trial, there
         reach *= 2 if gain > 0.75 else 0.25 if gain < 0.1 else 1 if gain > 0.4 else 0.5

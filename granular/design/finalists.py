@@ -128,15 +128,15 @@ def chosen(
     """
     rejected, steps = 0, (fine, fine / 2)
     for first in range(0, len(top), FINALISTS):
-        rows, found = (x[first : first + FINALISTS] for x in (top, forces))
+        rows, coarse = (x[first : first + FINALISTS] for x in (top, forces))
         finer = np.array([force(t_end, step, rows) for step in steps])
         holds = np.abs(finer[0] / finer[-1] - 1) <= MOVED
         worth = np.where(holds, finer[-1], np.inf) if holds.any() else finer.max(axis=0)
         if not first or holds.any():
             k, longer = _lasting(force, WINDOW * t_end, fine, rows, worth)
-            row, known, values = rows[k], found[k], finer[:, k]
+            row, known, values = rows[k], coarse[k], finer[:, k]
             converged = bool(holds[k] and abs(longer / values[0] - 1) <= MOVED)
-        rejected += int(np.sum(~holds & (found < worth.min())))
+        rejected += int(np.sum(~holds & (coarse < worth.min())))
         if holds.any():
             break
     again = [Again(t_end, dt, float(known))]

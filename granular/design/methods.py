@@ -43,15 +43,15 @@ def genetic(space: Order | Choice, rng: np.random.Generator) -> Proposals:
     seen: set[bytes] = set()
 
     def new(make: Callable[[], Indices]) -> Indices:
-        found: list[Indices] = []
+        children: list[Indices] = []
         for _ in range(TRIES):
             for row in make():
-                if len(found) < POPULATION and (key := row.tobytes()) not in seen:
+                if len(children) < POPULATION and (key := row.tobytes()) not in seen:
                     seen.add(key)
-                    found.append(row)
-            if len(found) == POPULATION:
+                    children.append(row)
+            if len(children) == POPULATION:
                 break
-        return np.array(found)
+        return np.array(children)
 
     while len(first := new(lambda: space.random(rng, POPULATION))):
         rows, forces = yield first
@@ -117,8 +117,8 @@ def starting(space: Sizes, rng: np.random.Generator) -> Proposals:
             shaken = near + scale * rng.standard_normal(near.shape)
             other = rng.random((HOPS, 1)) < 0.5
             starts[:HOPS] = space.projected(np.where(other, shaken, moved(rng, near)))
-        found, values = yield starts
-        rows, forces = _ranked(np.concatenate([rows, found]), np.append(forces, values))
+        minima, values = yield starts
+        rows, forces = _ranked(np.concatenate([rows, minima]), np.append(forces, values))
         kept = _distinct(rows, LEAST_DISTANCE * (space.diameters[1] - space.diameters[0]))[:LOWEST]
         rows, forces = rows[kept], forces[kept]
 

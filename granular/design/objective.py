@@ -122,12 +122,12 @@ def peak_force(
     forces = np.empty(len(chains))
     for steps, members in _by_step_count(chains, striker, wall, t_end, dt):
         mine = [chains[k] for k in members]
-        found = largest(Designs.of(mine), striker, wall, t_end, steps)
-        if np.isinf(found.first).any():
-            number = int(np.argmax(found.first))
+        peaks = largest(Designs.of(mine), striker, wall, t_end, steps)
+        if np.isinf(peaks.first).any():
+            number = int(np.argmax(peaks.first))
             late = Designs.of([mine[number]])
             raise not_arrived(members[number], late, striker, wall, t_end)
-        forces[members] = found.force
+        forces[members] = peaks.force
     return float(forces[0]) if single else forces
 
 
@@ -237,7 +237,7 @@ def largest(
     Peaks
         Arrays (designs,).
     """
-    found, moving, count = [], None, len(designs)
+    peaks, moving, count = [], None, len(designs)
     gaps = np.broadcast_to(gaps, (count, designs.mass.shape[1] + 1))
     speed = np.broadcast_to(striker.speed if speed is None else speed, count)
     for done in range(0, count, BATCH):
@@ -247,8 +247,8 @@ def largest(
         contacts = np.ascontiguousarray(beads.contacts(wall).T)
         moving = moving or _Moving(len(contacts), BATCH, t_end / steps)
         moving.start(contacts, 1 / beads.mass.T, speed[some], gaps[some].T)
-        found.append(_peaks(moving, contacts[-1], steps))
-    return Peaks(*(np.concatenate(x)[: len(designs)] for x in zip(*found, strict=True)))
+        peaks.append(_peaks(moving, contacts[-1], steps))
+    return Peaks(*(np.concatenate(x)[: len(designs)] for x in zip(*peaks, strict=True)))
 
 
 def _peaks(moving: _Moving, wall_contact: Array, steps: int) -> Peaks:
@@ -353,9 +353,9 @@ def not_arrived(
     longer, when = t_end, ""
     while longer < PATIENCE * t_end and longer / unit < MOST / 1000:
         longer *= 2
-        found = largest(design, striker, wall, longer, math.ceil(longer / (STEP_FRACTION * unit)))
-        if np.isfinite(found.first[0]):
-            when = f": its first maximum at the wall comes at {found.first[0]:.4g} s"
+        peaks = largest(design, striker, wall, longer, math.ceil(longer / (STEP_FRACTION * unit)))
+        if np.isfinite(peaks.first[0]):
+            when = f": its first maximum at the wall comes at {peaks.first[0]:.4g} s"
             break
         when = f", nor before {longer:.3g} s"
     return TensegrityError(
@@ -427,8 +427,8 @@ class Problem:
             steps = step_count(self.dt, self.t_end, self.dt)
             designs, scatter = self.space.designs(genes), self.scatter or Scatter(draws=1)
             varied = scatter.varied(designs, self.striker.speed)
-            found = largest(varied[0], self.striker, self.wall, self.t_end, steps, *varied[1:])
-            forces = np.where(np.isfinite(found.first), found.force, np.inf)
+            peaks = largest(varied[0], self.striker, self.wall, self.t_end, steps, *varied[1:])
+            forces = np.where(np.isfinite(peaks.first), peaks.force, np.inf)
             return scatter.worth(forces.reshape(len(designs), -1))
         each = (wall_peak(self.build, self.space.beads(x), self.t_end, self.dt) for x in genes)
         return np.array([force for force, _ in each])

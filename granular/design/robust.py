@@ -120,10 +120,10 @@ def robustness(
     varied, separations, speeds = scatter.varied(Designs.of(chains), striker.speed)
     unit = float(varied.behind(striker.bead).unit(wall, speeds.max()).min())
     steps = objective.step_count(unit, t_end, None)
-    found = objective.largest(varied, striker, wall, t_end, steps, separations, speeds)
-    late = int(np.isinf(found.first).sum())
+    peaks = objective.largest(varied, striker, wall, t_end, steps, separations, speeds)
+    late = int(np.isinf(peaks.first).sum())
     if late:
         raise TensegrityError(
             f"t_end {t_end:g} s is before the wave arrives in {late} of {scatter.draws} draws"
         )
-    return Robustness(fixed(found.force))
+    return Robustness(fixed(peaks.force))

@@ -110,14 +110,14 @@ class Scatter:
     def worth(self, forces: Array) -> Array:
         """The quantile of forces (designs, draws) [N], inf where one of them is; (designs,)."""
         finite = np.isfinite(forces).all(axis=1)
-        found = np.full(len(forces), np.inf)
-        found[finite] = np.quantile(forces[finite], self.quantile, axis=1)
-        return np.where(np.isnan(forces).any(axis=1), np.nan, found)
+        worth = np.full(len(forces), np.inf)
+        worth[finite] = np.quantile(forces[finite], self.quantile, axis=1)
+        return np.where(np.isnan(forces).any(axis=1), np.nan, worth)
 
 
 def fraction(name: str, value: object) -> float:
     """A number from 0 to 1, both included; TensegrityError otherwise."""
-    found = check.number(name, value, least=0)
-    if found > 1:
-        raise TensegrityError(f"{name} {found:g} must be at most 1")
-    return found
+    number = check.number(name, value, least=0)
+    if number > 1:
+        raise TensegrityError(f"{name} {number:g} must be at most 1")
+    return number

@@ -210,12 +210,12 @@ class _SearchRecord:
         rows, idle = next(proposals, None), 0
         while rows is not None:
             before = len(self.forces)
-            found = self._values(rows)
+            forces = self._values(rows)
             idle = 0 if len(self.forces) > before else idle + 1
             if len(self.forces) >= self._budget or idle == IDLE:
                 return
             try:
-                rows = proposals.send(found)
+                rows = proposals.send(forces)
             except StopIteration:
                 return
 
@@ -225,19 +225,19 @@ class _SearchRecord:
         new = {key: k for k, key in reversed(list(enumerate(keys))) if key not in self._known}
         numbers = sorted(new.values())[: self._budget - len(self.forces)]
         is_first, waiting = not self.forces, iter(numbers)
-        for found in self._descents(rows[numbers]):
-            mine = [keys[next(waiting)] for _ in found]
-            for key, descent in zip(mine, found, strict=True):
+        for ends in self._descents(rows[numbers]):
+            mine = [keys[next(waiting)] for _ in ends]
+            for key, descent in zip(mine, ends, strict=True):
                 self._take(key, descent)
             self._rank([self._known[key] for key in mine if key in self._known])
             self._write()
             if len(self.forces) >= self._budget:
                 break
         best = [self._known.get(key, (row, np.inf)) for key, row in zip(keys, rows, strict=True)]
-        found, values = (np.array(x) for x in zip(*best, strict=True))
+        ends, values = (np.array(x) for x in zip(*best, strict=True))
         if is_first and not np.isfinite(values).any():
             self._refuse_early(rows)
-        return found, values
+        return ends, values
 
     def _descents(self, rows: Array) -> Iterator[list[Descent]]:
         """The designs of rows, from the file or computed, in lists that are obtained together."""
@@ -341,7 +341,7 @@ class _SearchRecord:
 
         def force(t_end: float, dt: float, rows: Array) -> Array:
             parts = self._computed(replace(problem, t_end=t_end, dt=dt), rows)
-            return np.concatenate([descent.forces for found in parts for descent in found])
+            return np.concatenate([descent.forces for ends in parts for descent in ends])
 
         row, again, converged, rejected = chosen(
             force,

@@ -231,9 +231,9 @@ class Choice(Kinds):
     __str__ = printed(diameter="m")
 
     def __init__(self, count: int, diameter: float, materials: Sequence[Material]) -> None:
-        found = _tuple("materials", materials, Material)
+        given = _tuple("materials", materials, Material)
         object.__setattr__(self, "count", check.whole("count of beads", count, least=1))
-        object.__setattr__(self, "materials", tuple(dict.fromkeys(found)))
+        object.__setattr__(self, "materials", tuple(dict.fromkeys(given)))
         object.__setattr__(self, "kinds", tuple(Bead(diameter, m) for m in self.materials))
         object.__setattr__(self, "diameter", self.kinds[0].diameter)
         if len(self.materials) < 2:

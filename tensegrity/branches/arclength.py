@@ -312,7 +312,7 @@ def control_function():
         import casadi as ca
 
         figures, control = ca.SX.sym("figures", 6), ca.SX.sym("control", 6)
-        found = ca.vertcat(*step_control(ca.vertsplit(figures), control))
-        return {"control": ca.Function("control", [figures, control], [found])}
+        controlled = ca.vertcat(*step_control(ca.vertsplit(figures), control))
+        return {"control": ca.Function("control", [figures, control], [controlled])}
 
     return Functions(("control",), build)

@@ -121,11 +121,11 @@ class CompiledStepper(ArclengthStepper):
 
     def _build_newton(self, kind):
         """One Newton step on the extended system of an event, and its machine address."""
-        found = Functions(
+        step = Functions(
             self._cache_key("newton", kind), lambda: {"newton": self._scaled().newton(kind)}
         )
-        at = found.library and ctypes.cast(found.library[f"{PREFIX}newton"], ctypes.c_void_p).value
-        return found, at
+        at = step.library and ctypes.cast(step.library[f"{PREFIX}newton"], ctypes.c_void_p).value
+        return step, at
 
     def advance(self, before, here, control, p):
         """One step beyond a point.
@@ -220,9 +220,9 @@ class CompiledStepper(ArclengthStepper):
         return self.functions("values", z, p)
 
     def least_norm(self, z, p):
-        found = np.empty((2, self.m))
-        full_rank = self.library and self.library.least_norm(*map(address, (p, z, found)))
-        return found if full_rank else super().least_norm(z, p)
+        solutions = np.empty((2, self.m))
+        full_rank = self.library and self.library.least_norm(*map(address, (p, z, solutions)))
+        return solutions if full_rank else super().least_norm(z, p)
 
     def linearised(self, z, p):
         """Residual (m - 1,) and Jacobian (m - 1, m) in scaled unknowns."""

@@ -376,20 +376,20 @@ def _events_between(stepper, before, here, p):
     def ordered(events):
         return sorted(events, key=place) if len(events) > 1 else events
 
-    found = [event(i, before, here) for i in crossed if i >= roots]
-    if not found:
-        found = [event(i, before, here) for i in crossed]
+    located = [event(i, before, here) for i in crossed if i >= roots]
+    if not located:
+        located = [event(i, before, here) for i in crossed]
     else:
         start = before
-        for end in (*(fold for _, fold in ordered(found)), here):
+        for end in (*(fold for _, fold in ordered(located)), here):
             tests = end[stepper.tests :].tolist()
             part = [i for i in range(roots) if signs[i] * tests[i] < 0]
-            found += [event(i, start, _with_length(stepper, start, end)) for i in part]
+            located += [event(i, start, _with_length(stepper, start, end)) for i in part]
             if end is not here:
                 start, signs = end, [new or old for new, old in zip(tests, signs, strict=True)]
     if before[stepper.side] * here[stepper.side] < 0:
-        found.append(("bifurcation", _bifurcation(stepper, before, here, p)))
-    return ordered(found)
+        located.append(("bifurcation", _bifurcation(stepper, before, here, p)))
+    return ordered(located)
 
 
 def _with_length(stepper, start, end):

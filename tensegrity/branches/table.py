@@ -236,8 +236,8 @@ class Table:
             part, color = np.where(near, self.columns[y], np.nan), line.get_color()
             drawn.plot(self.columns[x], part, "--", color=color, lw=1.5, label="unstable")
         for kind in dict.fromkeys(e.kind for e in self.events):
-            found = [e.at for e in self.events if e.kind == kind]
-            drawn.plot([e[x] for e in found], [e[y] for e in found], "o", ms=5, label=kind)
+            shown = [e.at for e in self.events if e.kind == kind]
+            drawn.plot([e[x] for e in shown], [e[y] for e in shown], "o", ms=5, label=kind)
         if self.events or unstable.any():
             drawn.legend(frameon=False)
         signs = {"load": ", compression > 0"}

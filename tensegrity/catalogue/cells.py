@@ -147,8 +147,8 @@ def column(
         That of `Prism.column`.
     """
     unit = prisms.Prism(base, height, prestrain, k_string, k_string, k_bar, sides)
-    found = unit.column(count, chirality, periodic=periodic)
-    return found.at_mass(mass)
+    column = unit.column(count, chirality, periodic=periodic)
+    return column.at_mass(mass)
 
 
 def plate(

@@ -308,13 +308,13 @@ def _density(prestrain: float, k: float) -> float:
 
 def _rotations() -> list[Array]:
     """The 24 rotations of the cube, flat."""
-    found = {tuple(np.eye(3, dtype=int).ravel())}
+    group = {tuple(np.eye(3, dtype=int).ravel())}
     while True:
         more = {tuple((turn @ np.reshape(g, (3, 3))).ravel())
-                for g in found for turn in TURNS.values()}  # fmt: skip
-        if more <= found:
-            return [np.array(g) for g in sorted(found)]
-        found |= more
+                for g in group for turn in TURNS.values()}  # fmt: skip
+        if more <= group:
+            return [np.array(g) for g in sorted(group)]
+        group |= more
 
 
 def _pairs(turns: Sequence[Array], turn: Array) -> list[tuple[int, int]]:

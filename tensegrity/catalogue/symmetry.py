@@ -39,10 +39,10 @@ def first_root(function: Callable[[float], float], grid: Array) -> float | None:
     from scipy.optimize import brentq
 
     values = np.array([function(float(x)) for x in grid])
-    found = np.flatnonzero(values[1:] * values[:-1] <= 0)
-    if not found.size:
+    changes = np.flatnonzero(values[1:] * values[:-1] <= 0)
+    if not changes.size:
         return None
-    return float(brentq(function, grid[found[0]], grid[found[0] + 1], xtol=1e-15))
+    return float(brentq(function, grid[changes[0]], grid[changes[0] + 1], xtol=1e-15))
 
 
 def prestressed(

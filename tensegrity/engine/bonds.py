@@ -66,8 +66,8 @@ class Bonds:
     @cached_property
     def runs(self):
         """The order of the bonds in the loop."""
-        found = line_runs(self) if self.contacts is None else net_runs(self)
-        return Runs(*(fixed(getattr(found, field.name)) for field in fields(Runs)))
+        runs = line_runs(self) if self.contacts is None else net_runs(self)
+        return Runs(*(fixed(getattr(runs, field.name)) for field in fields(Runs)))
 
     @cached_property
     def layouts(self):
@@ -78,13 +78,13 @@ class Bonds:
     def own(self):
         """For each law the indices of the parameters that differ within a run; None where no run
         has bonds with an elongation range of their own."""
-        found = [None] * len(self.laws)
+        differing = [None] * len(self.laws)
         for k in np.flatnonzero(self.runs.own):
             values = self.parameters[np.unique(self.group[self.runs.members(k)])]
             differ = np.flatnonzero(np.any(values != values[0], axis=0)).tolist()
             law = self.runs.law[k]
-            found[law] = tuple(sorted({*differ, *(found[law] or ())}))
-        return tuple(found)
+            differing[law] = tuple(sorted({*differ, *(differing[law] or ())}))
+        return tuple(differing)
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,13 +155,13 @@ class Contacts:
         ndarray, (dim + 2, some)
         """
         first, second, pair = self.first[some], self.second[some], self.kind[some] == PAIR
-        found = np.empty((self.load.shape[1] + 2, len(first)))
-        for row, place in zip(found[:-2], self.places.T, strict=True):
+        arguments = np.empty((self.load.shape[1] + 2, len(first)))
+        for row, place in zip(arguments[:-2], self.places.T, strict=True):
             row[:] = np.where(pair, place[second] - place[first], place[first])
-        if len(found) == 3:
-            found[0, pair] = np.sign(found[0, pair])
-        found[-2], found[-1] = self.gap[some], self.length[some]
-        return found
+        if len(arguments) == 3:
+            arguments[0, pair] = np.sign(arguments[0, pair])
+        arguments[-2], arguments[-1] = self.gap[some], self.length[some]
+        return arguments
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,10 +217,10 @@ def line_runs(bonds):
 def net_runs(bonds):
     """Contacts in runs of one kind and law."""
     number = bonds.law_of_bond * len(KINDS) + bonds.contacts.kind
-    found = np.unique(number)
-    members = [np.flatnonzero(number == one) for one in found]
+    numbers = np.unique(number)
+    members = [np.flatnonzero(number == one) for one in numbers]
     own = np.array([np.ptp(bonds.group[part]) > 0 for part in members], dtype=int)
-    law, kind = np.divmod(found, len(KINDS))
+    law, kind = np.divmod(numbers, len(KINDS))
     for one in np.unique(law[own > 0]):
         if is_long(bonds.laws[one]):
             own[law == one] = 1  # so that the law is compiled once
@@ -306,8 +306,8 @@ def by_spring(group, springs, low, high):
     """
     if springs == 1 and low.size:
         return np.array([[low.min(), high.max()]])
-    found = np.empty((springs, 2), dtype=low.dtype)
-    found[:, 0], found[:, 1] = np.inf, -np.inf
-    np.minimum.at(found[:, 0], group, low)
-    np.maximum.at(found[:, 1], group, high)
-    return found
+    ranges = np.empty((springs, 2), dtype=low.dtype)
+    ranges[:, 0], ranges[:, 1] = np.inf, -np.inf
+    np.minimum.at(ranges[:, 0], group, low)
+    np.maximum.at(ranges[:, 1], group, high)
+    return ranges

@@ -59,20 +59,22 @@ class Bound:
 
     def __init__(self, loop, u, v, bonds, method, dt, pieces=1, runs=None, seen=None):
         self._loop, self._bonds, self.u, self.v = loop, bonds, u, v
-        self._layout = found = layout.loop_layout(loop, bonds, pieces, runs)
+        self._layout = loop_layout = layout.loop_layout(loop, bonds, pieces, runs)
         self.sizes, self._travel = (u.size, 0), np.zeros(1, dtype=loop.dtype)
-        self._active = np.zeros(1 + (found.slices.tiles if loop.dim else 1), dtype=np.int64)
+        self._active = np.zeros(1 + (loop_layout.slices.tiles if loop.dim else 1), dtype=np.int64)
         self._may_all_move()
-        self._set_ranges(found.springs, found.fields["range_at"], seen)
-        fields = found.fields | stages(method, 1.0, loop.dtype)
+        self._set_ranges(loop_layout.springs, loop_layout.fields["range_at"], seen)
+        fields = loop_layout.fields | stages(method, 1.0, loop.dtype)
         fields |= {"u": u, "v": v, "low": self._low, "high": self._high}
         if loop.dim:
             sites = fields["sites"]
             self.sizes = loop.dim * sites, loop.dim * (fields["rows"] - 1 - sites)
             fields |= self._room(pieces) | {"travel": self._travel, "active": self._active}
-            cuts = enumerate(pairwise(found.slices.balanced_cuts(pieces)))
-            self._pieces = [SCENE(**fields, **_piece(found, *ends, k, pieces)) for k, ends in cuts]
-            fields |= _piece(found, 0, found.slices.tiles, 0, 1)
+            cuts = enumerate(pairwise(loop_layout.slices.balanced_cuts(pieces)))
+            self._pieces = [
+                SCENE(**fields, **_piece(loop_layout, *ends, k, pieces)) for k, ends in cuts
+            ]
+            fields |= _piece(loop_layout, 0, loop_layout.slices.tiles, 0, 1)
         else:  # fields of networks stay empty
             fields = dict.fromkeys(SCENE.kinds) | fields | {"active": self._active}
         self._bind(SCENE(**fields), method)

@@ -149,12 +149,12 @@ def reverse_text(laws, own, wanted, dim, exact):
             hooks.append(scalar(number, "slopes", function))
             hooks += [scalar(number, "tension", functions(law)["tension"])] * exact
             continue
-        found = [f"INTO({x} + g * WIDE)" for x in ("f", "k")]
-        found += [f"INTO(d + {m} * stride + g * WIDE)" for m in range(count)]
+        targets = [f"INTO({x} + g * WIDE)" for x in ("f", "k")]
+        targets += [f"INTO(d + {m} * stride + g * WIDE)" for m in range(count)]
         for _, kind in mine:
             p = _packs(law, own[number] if kind else (), "wide(shared[{}])")
             given, name = [["load(r + g * WIDE)"], p], f"slopes_{number}_{kind}"
-            packed.append(simd.text(function, name, arguments, given, [found]))
+            packed.append(simd.text(function, name, arguments, given, [targets]))
     parts = ["reverse.c", *["steps.c"] * exact, "reverse_nystrom.c"]
     lists = {"RUNS": runs, "SCALARS": scalars}
     return whole(laws, own, hooks, dim, packed, lists, {"EXACT": exact}, parts)
@@ -262,15 +262,15 @@ def _tensions(number, kind, law, own, change, dim):
     shared, one = ("pack", "p[{}]") if dim else ("real", "wide(p[{}])")
     arguments = f"const pack *r, const {shared} *p, const real *own, integer all, pack *f"
     p = _packs(law, own if kind else (), one, "GROUP" if dim else "WIDE")
-    function, found = functions(law)["tension"], [["f[g]"]]
+    function, targets = functions(law)["tension"], [["f[g]"]]
     if change and not dim:
         p = _packs(change, (), one)
-        function, found = change.both(), [["f[g]"], ["f[BLOCK / WIDE + g]"]]
+        function, targets = change.both(), [["f[g]"], ["f[BLOCK / WIDE + g]"]]
     name = f"tension_lanes_{number}_{kind}"
     given = [["r[g]"], p]
     if dim:
-        return 0, simd.text(function, name, arguments, given, found)
-    return simd.two_functions(function, name, "", arguments, given, found)
+        return 0, simd.text(function, name, arguments, given, targets)
+    return simd.two_functions(function, name, "", arguments, given, targets)
 
 
 def _energies(law):
@@ -301,9 +301,9 @@ def law_function(law, wanted):
     r, p, (_, tension, stiffness, _) = law.forms()
     slopes = ca.gradient(tension, p) if law.parameters else ca.SX(0, 1)
     forms = ca.cse(ca.vertcat(tension, stiffness, slopes[list(wanted)]))
-    values, found = _without_divisions(ca.Function("law", [r, p], [forms]), r, p)
-    q, inner = [x for x, _ in found], ca.vertcat(*(symbol for _, symbol in found))
-    for _ in found:  # a denominator may contain others
+    values, divisors = _without_divisions(ca.Function("law", [r, p], [forms]), r, p)
+    q, inner = [x for x, _ in divisors], ca.vertcat(*(symbol for _, symbol in divisors))
+    for _ in divisors:  # a denominator may contain others
         q = [ca.substitute(x, inner, 1 / ca.vertcat(*q)) for x in q]
     return ca.Function("law", [r, p], [ca.substitute(values, inner, 1 / ca.vertcat(*q))])
 

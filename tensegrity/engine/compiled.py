@@ -183,10 +183,10 @@ class Functions:
 
     def __init__(self, parts, make, more="", flags=()) -> None:
         self.made = once(make)
-        found = cached(parts, lambda: written(self.made()))
-        self._sizes = found["sizes"]
+        stored = cached(parts, lambda: written(self.made()))
+        self._sizes = stored["sizes"]
         try:
-            self.library = library(concatenated([found["text"], "map.c", more]), flags)
+            self.library = library(concatenated([stored["text"], "map.c", more]), flags)
         except CompilerError:
             self.library = None
 

@@ -69,10 +69,10 @@ def cached(parts, make):
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
         digest, _, content = path.read_bytes().partition(b"\n")
         if digest == hashlib.sha256(content).hexdigest().encode():
-            found = json.loads(content)
-            if found["of"] == key:
+            entry = json.loads(content)
+            if entry["of"] == key:
                 _touch(path)
-                return found["value"]
+                return entry["value"]
     value = make()
     content = json.dumps({"of": key, "value": value})
     if value is not None:
@@ -127,9 +127,9 @@ def trim(most, age=YOUNG):
     int
         Size of the removed entries [bytes].
     """
-    found = sorted(_found())
-    left, freed, now = sum(size for _, size, _ in found), 0, time.time()
-    for used, size, path in found:
+    files = sorted(_found())
+    left, freed, now = sum(size for _, size, _ in files), 0, time.time()
+    for used, size, path in files:
         unfinished = "-" in path.name
         if left - freed > most and now - used >= (YOUNG if unfinished else age) and _removed(path):
             freed += size

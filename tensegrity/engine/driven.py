@@ -179,17 +179,17 @@ class Schedule:
         dict of ndarray
         """
         forcing, at = self._forcing, self.times(first, steps, origin)
-        found = {}
+        table = {}
         if forcing.moved.size:
-            found["moved_u"] = forcing.motion(at[1:], 0)
-            found["moved_v"] = forcing.motion(at, 1)
+            table["moved_u"] = forcing.motion(at[1:], 0)
+            table["moved_v"] = forcing.motion(at, 1)
             if forcing.damped:
-                found |= self._between(at, steps)
+                table |= self._between(at, steps)
         if forcing.forced.size:
-            found["force"], found["force_rate"] = (forcing.force(at, k) for k in (0, 1))
+            table["force"], table["force_rate"] = (forcing.force(at, k) for k in (0, 1))
         if forcing.tuning is not None:
-            found["shared"], found["domain"] = forcing.tuning.numbers(at)
-        return {name: np.ascontiguousarray(rows, dtype=float) for name, rows in found.items()}
+            table["shared"], table["domain"] = forcing.tuning.numbers(at)
+        return {name: np.ascontiguousarray(rows, dtype=float) for name, rows in table.items()}
 
     def _between(self, at: Array, steps: int) -> dict[str, Array]:
         """Prescribed velocities within drifts as polynomials, or the loss in their dashpots."""
@@ -336,11 +336,11 @@ class BoundDriven(Bound):
         timed.fill(**self.schedule.rows(first, max(steps, 1), origin))
         timed.stage, self.output_sums[:] = 0, self.sums
         timed.step = 0
-        found = do()
-        if found == march.STOPPED:
+        status = do()
+        if status == march.STOPPED:
             times = self.schedule.times(first, steps, origin)
             raise Locked(float(times[timed.stage]), self.sums[2:].copy())
-        return found
+        return status
 
     def record_stages(self, path: Array) -> None:
         """Where a Runge-Kutta method writes u and v of all stages of the following steps, (stages

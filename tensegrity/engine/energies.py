@@ -46,8 +46,8 @@ def _elongations(dim: int, law: Any) -> list[int | None]:
     laws = (law,) * (law is not None)
     given: tuple[Any, ...] = laws, (None,) * len(laws), (), dim, (), {}, {}, ["elongations.c"]
     text = cached(named("elongations", laws, dim), lambda: codegen.whole(*given))
-    found = library(text, [f"-DDIM={dim}"])
-    return [pointer(found[f"{kind}_elongations"]) for kind in KINDS]
+    functions = library(text, [f"-DDIM={dim}"])
+    return [pointer(functions[f"{kind}_elongations"]) for kind in KINDS]
 
 
 class Energies:
@@ -90,11 +90,11 @@ class Energies:
             return None
         count = math.prod(states)
         room = np.empty(self._room + count)  # work space, and the results
-        found = room[self._room :]
-        pointers = address(u), address(v), address(room), found.ctypes.data
+        energies = room[self._room :]
+        pointers = address(u), address(v), address(room), energies.ctypes.data
         if not self._function(*self._given, count, *pointers):
             return None
-        return found.reshape(states).copy() if states else found[0]
+        return energies.reshape(states).copy() if states else energies[0]
 
 
 def _bond_set(
@@ -208,8 +208,8 @@ class Search:
         these include an end of its domain, (springs,)."""
         count = len(self._springs.filled["functions"])
         ranges, locks = np.empty((count, 2)), np.empty(count, dtype=bool)
-        found = address(ranges), address(locks)
-        self._library.reachable(self._address, energy, count, ways.address, *found)
+        outputs = address(ranges), address(locks)
+        self._library.reachable(self._address, energy, count, ways.address, *outputs)
         return ranges, locks
 
     def largest(
@@ -239,5 +239,5 @@ class Search:
             numbers = np.ascontiguousarray(numbers, dtype=np.int64)
             which = address(numbers)
         given = which, address(ranges), address(fractions), len(fractions), address(out)
-        found = self._library.largest(self._address, order, len(ranges), *given)
-        return (out, found == FINITE) if found else None
+        status = self._library.largest(self._address, order, len(ranges), *given)
+        return (out, status == FINITE) if status else None

@@ -151,8 +151,8 @@ class ForceLaw:
 
         function = self.function()
         given = function.sx_in()
-        found = ca.jacobian(function(*given), given[1])
-        return ca.Function("slopes", given, [ca.densify(ca.vec(found))])
+        jacobian = ca.jacobian(function(*given), given[1])
+        return ca.Function("slopes", given, [ca.densify(ca.vec(jacobian))])
 
     def between(self, dim: int, kind: str, own: Any = None) -> dict[str, Any]:
         """CasADi functions (t, w, s, parameters, geometry) of the force on the first of two ends,
@@ -178,20 +178,20 @@ class ForceLaw:
         sizes |= {"p": len(self.parameters), "x": dim + 2}
         w, s, p, x = given = [ca.SX.sym(name, size) for name, size in sizes.items()]
         if self.on == SITE:
-            found = -force(t, ca.vertcat(w, s, _norm(s)), p)
+            reaction = -force(t, ca.vertcat(w, s, _norm(s)), p)
         else:
             r, along = functions(dim, own)[kind](x[:-2], w, x[-2], x[-1])
             rate = ca.dot(along, s)
             across = s - rate * along
             slip, speed = ca.SX.sym("slip"), _norm(across)
             f = force(t, ca.vertcat(r, rate, slip), p)
-            found = f[0] * along
+            reaction = f[0] * along
             if len(self.expressions) > 1:
                 each = ca.substitute(ca.vertcat(f[1], ca.jacobian(f[1], slip)), slip, speed)
-                found -= ca.if_else(speed > 0, each[0] / speed, each[1]) * across
-            found = ca.substitute(found, slip, speed)
-        columns = [ca.vec(ca.jacobian(found, y)) for y in (w, s, p, x[-2])]
-        made = {"values": found, "slopes": ca.vertcat(*columns)}
+                reaction -= ca.if_else(speed > 0, each[0] / speed, each[1]) * across
+            reaction = ca.substitute(reaction, slip, speed)
+        columns = [ca.vec(ca.jacobian(reaction, y)) for y in (w, s, p, x[-2])]
+        made = {"values": reaction, "slopes": ca.vertcat(*columns)}
         return {name: ca.Function(name, [t, *given], [ca.densify(y)]) for name, y in made.items()}
 
 
@@ -268,8 +268,8 @@ class AppliedForce:
             return np.full(len(self.places), np.nan)
         p = ca.SX.sym("p", len(self.values))
         place = to_casadi(self.law.onset.place, self.law.parameters)(*ca.vertsplit(p))
-        found = np.array(ca.Function("place", [p], [ca.densify(ca.SX(place))])(self.values))
-        return np.broadcast_to(found.ravel(), len(self.places)).copy()
+        onsets = np.array(ca.Function("place", [p], [ca.densify(ca.SX(place))])(self.values))
+        return np.broadcast_to(onsets.ravel(), len(self.places)).copy()
 
     def stored(self, order: int, u: Array) -> Array:
         """Energies [J] of on-site springs, or derivatives of a given order, at displacements u
@@ -345,7 +345,7 @@ def _relative(bonds: Bonds, at: Indices, u: Array, v: Array) -> Array:
     wall = first >= len(u)
     ends = np.where(wall, 0, first)
     w, speed = (x[second] - np.where(wall[:, None], 0.0, x[ends]) for x in (u, v))
-    of, found = bonds.contacts.geometry_of(at), np.zeros((3, len(at)))
+    of, relative = bonds.contacts.geometry_of(at), np.zeros((3, len(at)))
     for kind, chosen in enumerate((~wall, wall)):
         if chosen.any():
             r, along = functions(bonds.dim)[KINDS[kind]](
@@ -353,8 +353,8 @@ def _relative(bonds: Bonds, at: Indices, u: Array, v: Array) -> Array:
             )
             rate = np.sum(np.array(along).T * speed[chosen], axis=1)
             across = speed[chosen] - rate[:, None] * np.array(along).T
-            found[:, chosen] = np.array(r)[0], rate, np.linalg.norm(across, axis=1)
-    return found
+            relative[:, chosen] = np.array(r)[0], rate, np.linalg.norm(across, axis=1)
+    return relative
 
 
 @once

@@ -53,8 +53,8 @@ def _evaluated(
         whole[:, :sites] = x.reshape(len(t), sites, dim)
         rows.append((whole[:, ends[1]] - whole[:, ends[0]]).reshape(-1, dim))
     rows += [np.tile(x, (len(t), 1)) for x in (one.values.T, of)]
-    found = _compiled(one.law, dim, kind, geometry.own(bonds.laws))(name, *rows)
-    return ends, found.reshape(len(t), len(at), -1, dim)
+    values = _compiled(one.law, dim, kind, geometry.own(bonds.laws))(name, *rows)
+    return ends, values.reshape(len(t), len(at), -1, dim)
 
 
 def tangent_springs(
@@ -141,9 +141,9 @@ def pull_back(
             pull = pull + weight[end, None] * of_end
             parts = np.einsum("topi,tpi->opi", of_end, values[:, :, 0])
             np.add.at(by_weight.swapaxes(0, 1), end, parts.swapaxes(0, 1))
-        found = np.einsum("topi,tpki->okp", pull, by)
-        by_parameters.append(found[:, :-1])
-        by_gap.append(found[:, -1])
+        products = np.einsum("topi,tpki->okp", pull, by)
+        by_parameters.append(products[:, :-1])
+        by_gap.append(products[:, -1])
     return by_parameters, by_gap, by_weight
 
 
@@ -203,13 +203,13 @@ class Stages:
         dict of ndarray
         """
         forcing, at = self._forcing, self.times(first, steps, origin)[:-1]
-        found = {"instants": at}
+        table = {"instants": at}
         if forcing.moved.size:
-            found["prescribed_u"], found["prescribed_v"] = (forcing.motion(at, k) for k in (0, 1))
-            found["after"] = forcing.motion(self._starts(first, steps, origin)[1:], 0)
+            table["prescribed_u"], table["prescribed_v"] = (forcing.motion(at, k) for k in (0, 1))
+            table["after"] = forcing.motion(self._starts(first, steps, origin)[1:], 0)
         if forcing.forced.size:
-            found["pull"], found["pull_rate"] = (forcing.force(at, k) for k in (0, 1))
-        return {name: np.ascontiguousarray(rows, dtype=float) for name, rows in found.items()}
+            table["pull"], table["pull_rate"] = (forcing.force(at, k) for k in (0, 1))
+        return {name: np.ascontiguousarray(rows, dtype=float) for name, rows in table.items()}
 
 
 def fields(forcing: Any, sums: Array, corrects: bool) -> Any:

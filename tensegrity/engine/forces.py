@@ -41,15 +41,15 @@ def bond_elongations(bonds, u):
     if bonds.contacts is None:
         return np.diff(u, axis=-1)
     contacts = bonds.contacts
-    found = np.empty((*u.shape[:-2], len(contacts.first)), dtype=u.dtype)
-    for k in range(0, found.shape[-1], PART):
+    elongations = np.empty((*u.shape[:-2], len(contacts.first)), dtype=u.dtype)
+    for k in range(0, elongations.shape[-1], PART):
         some = slice(k, k + PART)
         pair = contacts.kind[some] == PAIR
         w = _between(u, contacts.first[some], contacts.second[some], pair)
-        all_in_one = found.shape[-1] <= PART
+        all_in_one = elongations.shape[-1] <= PART
         geometry = contacts.geometry if all_in_one else contacts.geometry_of(some)
-        found[..., some] = _elongations_at(bonds, geometry, pair, w)
-    return found
+        elongations[..., some] = _elongations_at(bonds, geometry, pair, w)
+    return elongations
 
 
 def _between(u, first, second, pair):
@@ -65,8 +65,8 @@ def _own(bonds, kind, geometry, w):
         return None
     each = np.broadcast_to(geometry.T, (*states, len(geometry))).reshape(-1, len(geometry)).T
     given = each[:-2], w.reshape(-1, w.shape[-1]).T, each[-2:-1], each[-1:]
-    found = law.geometry()[kind].map(each.shape[1]).call(given)
-    parts = [np.array(x).reshape(x.shape[0], each.shape[1], -1) for x in found]
+    outputs = law.geometry()[kind].map(each.shape[1]).call(given)
+    parts = [np.array(x).reshape(x.shape[0], each.shape[1], -1) for x in outputs]
     return [x.swapaxes(0, 1).reshape(*states, len(x), -1) for x in parts]
 
 
@@ -143,11 +143,11 @@ def scattered(first, second, each, rows):
     -------
     ndarray, (..., rows, dim)
     """
-    found = np.zeros((*each.shape[:-2], rows, each.shape[-1]), dtype=each.dtype)
-    by_row, each = np.moveaxis(found, -2, 0), np.moveaxis(each, -2, 0)  # a view
+    sums = np.zeros((*each.shape[:-2], rows, each.shape[-1]), dtype=each.dtype)
+    by_row, each = np.moveaxis(sums, -2, 0), np.moveaxis(each, -2, 0)  # a view
     np.add.at(by_row, first, each)
     np.subtract.at(by_row, second, each)
-    return found
+    return sums
 
 
 def tangent(bonds, r, along, tension, stiffness, u=None):

@@ -32,11 +32,11 @@ def functions(dim, law=None):
     gap, normal = derived.wall_gap(dim)
     wall = [gap, *normal]
     pair = wall if dim == 1 else [derived.elongation(dim), *derived.direction(dim)]
-    found = {}
+    by_kind = {}
     for kind, form in {"pair": pair, "wall": wall}.items():
         r, *along = to_casadi(form, names)(*values)
-        found[kind] = ca.Function(f"geometry_{kind}", symbols, [r, ca.vertcat(*along)])
-    return found if law is None else found | {"pair": law.geometry()["pair"]}
+        by_kind[kind] = ca.Function(f"geometry_{kind}", symbols, [r, ca.vertcat(*along)])
+    return by_kind if law is None else by_kind | {"pair": law.geometry()["pair"]}
 
 
 def helpers(dim, law):
@@ -71,12 +71,12 @@ def side_by_side(dim, law):
         "const real *gap, integer each_gap, const real *length, integer each_length, pack *r, "
         "pack (*along)[ROOM]"
     )
-    found = [
+    texts = [
         simd.two_functions(
             function, kind, "const pack *d, const pack *w, ", arguments, [*axes, *each],
             [["r[g]"], along],
         )
         for kind, function in functions(dim, law).items()
     ]  # fmt: skip
-    stored = max(1, *(count for count, _ in found))
-    return [f"#define STORED {stored}", *(text for _, text in found)]
+    stored = max(1, *(count for count, _ in texts))
+    return [f"#define STORED {stored}", *(text for _, text in texts)]

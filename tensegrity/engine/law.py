@@ -401,7 +401,7 @@ def interpret(function, inputs, apply):
     """
     import casadi as ca
 
-    work, found = {}, {}
+    work, results = {}, {}
     for k in range(function.n_instructions()):
         operation = function.instruction_id(k)
         source, target = function.instruction_input(k), function.instruction_output(k)
@@ -410,10 +410,10 @@ def interpret(function, inputs, apply):
         elif operation == ca.OP_INPUT:
             work[target[0]] = inputs[source[0]][source[1]]
         elif operation == ca.OP_OUTPUT:
-            found[target[1]] = work[source[0]]
+            results[target[1]] = work[source[0]]
         else:
             work[target[0]] = apply(operation, *(work[i] for i in source))
-    return [found.get(k, ca.SX(0)) for k in range(function.nnz_out(0))]
+    return [results.get(k, ca.SX(0)) for k in range(function.nnz_out(0))]
 
 
 def applied(operation, value, *other):

@@ -108,10 +108,10 @@ def compilers():
             return (tuple(shlex.split(given)),)
         except ValueError as error:
             raise CompilerError(f"CC {given!r}: {error}") from None
-    found = tuple((path,) for name in ("cc", "gcc", "clang") if (path := shutil.which(name)))
-    if not found and _has_zig():
-        found = ((sys.executable, "-m", "ziglang", "cc"),)
-    return found
+    commands = tuple((path,) for name in ("cc", "gcc", "clang") if (path := shutil.which(name)))
+    if not commands and _has_zig():
+        commands = ((sys.executable, "-m", "ziglang", "cc"),)
+    return commands
 
 
 @cache
@@ -264,14 +264,14 @@ def concatenated(parts):
     )  # fmt: skip
 
 
-def _declared(found, text):
+def _declared(handle, text):
     """A library with argument and result types set from the declarations in its text."""
     for gives, name, takes in DECLARED.findall(text):
-        function = getattr(found, name, None)
+        function = getattr(handle, name, None)
         if function is not None:
             function.restype = ctypes.c_longlong if gives == "integer" else None
             function.argtypes = [_kind(one) for one in takes.split(",") if one not in ("", "void")]
-    return found
+    return handle
 
 
 def _kind(declared):
@@ -426,7 +426,7 @@ def structure(file: str, name: str) -> Any:
     kinds: dict[str, Any] = {}
     for kind, names in re.findall(r"(?:const )?(?:unsigned )?(\w+) ([^;]*);", body):
         for one in names.split(","):
-            found = ctypes.c_void_p if "*" in one else _NUMBERS.get(kind) or structure(file, kind)
-            kinds[one.strip(" *\n")] = found
+            field = ctypes.c_void_p if "*" in one else _NUMBERS.get(kind) or structure(file, kind)
+            kinds[one.strip(" *\n")] = field
     made = {"__slots__": (), "kinds": kinds, "_fields_": list(kinds.items())}
     return type(name, (Structure,), made)

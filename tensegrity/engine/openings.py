@@ -42,10 +42,10 @@ def zeta_powers(s):
     """Coefficients in t = 2 q - 1 of zeta(s, 1 + q), (DEGREE + 1,)."""
     from numpy.polynomial import chebyshev
 
-    t, found = chebyshev.chebpts1(DEGREE + 8), np.zeros(DEGREE + 1)
+    t, coefficients = chebyshev.chebpts1(DEGREE + 8), np.zeros(DEGREE + 1)
     powers = chebyshev.cheb2poly(chebyshev.chebfit(t, hurwitz(s, 1 + (1 + t) / 2), DEGREE))
-    found[: len(powers)] = powers  # NumPy drops highest coefficients that are 0
-    return found
+    coefficients[: len(powers)] = powers  # NumPy drops highest coefficients that are 0
+    return coefficients
 
 
 @once
@@ -86,8 +86,8 @@ def contacts(bonds, batch=1):
         springs = np.repeat(springs[:, None], batch, axis=1)
     exponents = np.unique(exponent[within])
     rows = np.searchsorted(exponents, np.where(within, exponent, 0.0))
-    found = {"place": place, "side": side, "strength": strength}
-    return {name: np.where(within, x, np.nan)[:, springs] for name, x in found.items()} | {
+    columns = {"place": place, "side": side, "strength": strength}
+    return {name: np.where(within, x, np.nan)[:, springs] for name, x in columns.items()} | {
         "row": np.where(within, rows, 0)[:, springs],
         "exponents": exponents,
         "betas": np.array([beta(x) for x in exponents.tolist()]),

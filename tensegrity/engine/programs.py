@@ -85,7 +85,7 @@ def run(program: dict[str, list[Any]], context: Any, values: Sequence[Any]) -> l
         An operation that is not listed here.
     """
     number = getattr(context, "mpf", float)
-    found: list[Any] = []
+    results: list[Any] = []
     for name, *numbers in program["steps"]:
         if name == "Given":
             value = values[numbers[0]]
@@ -94,17 +94,17 @@ def run(program: dict[str, list[Any]], context: Any, values: Sequence[Any]) -> l
         elif name in CONSTANTS:
             value = +getattr(context, CONSTANTS[name])
         elif name in SUMS:
-            value = reduce(SUMS[name], (found[i] for i in numbers))
+            value = reduce(SUMS[name], (results[i] for i in numbers))
         elif name == "Pow":
-            base, power = (found[i] for i in numbers)
+            base, power = (results[i] for i in numbers)
             power = int(power) if power == int(power) else power
             value = 1 / base if power == -1 else base**power  # a float's power may overflow
         elif name in FUNCTIONS or name in CHOICES:
-            value = getattr(context, CHOICES.get(name, name))(*(found[i] for i in numbers))
+            value = getattr(context, CHOICES.get(name, name))(*(results[i] for i in numbers))
         else:
             raise ValueError(f"{name} is no operation of a program")
-        found.append(value)
-    return [found[i] for i in program["results"]]
+        results.append(value)
+    return [results[i] for i in program["results"]]
 
 
 @once

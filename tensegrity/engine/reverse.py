@@ -114,12 +114,12 @@ class Layout:
             flat = np.ascontiguousarray(r[..., mine]).ravel()
             p = np.ascontiguousarray(self.bonds.parameters[group])
             room = flat.size + PACK
-            found, flat = np.empty((2 + count, room)), np.append(flat, np.zeros(PACK))
-            places = [x.ctypes.data for x in (p, flat, found[0], found[1])]
-            places.append(found.ctypes.data + 2 * found.strides[0])
+            outputs, flat = np.empty((2 + count, room)), np.append(flat, np.zeros(PACK))
+            places = [x.ctypes.data for x in (p, flat, outputs[0], outputs[1])]
+            places.append(outputs.ctypes.data + 2 * outputs.strides[0])
             self.library.evaluate(law, room - PACK, room, *places)
-            found = found[:, :-PACK].reshape(-1, *r.shape[:-1], len(mine))
-            f[..., mine], k[..., mine], d[:count, ..., mine] = found[0], found[1], found[2:]
+            outputs = outputs[:, :-PACK].reshape(-1, *r.shape[:-1], len(mine))
+            f[..., mine], k[..., mine], d[:count, ..., mine] = outputs[0], outputs[1], outputs[2:]
         return f, k, d
 
 

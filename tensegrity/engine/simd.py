@@ -103,8 +103,8 @@ def benefits_from_simd(function):
     import casadi as ca
 
     names = [[f"x[{k}]" for k in range(function.numel_in(j))] for j in range(function.n_in())]
-    found = "".join(_Body(ca, names, [["y"]]).of(function)[1])
-    return ("root" in found or "quotient(" in found) and "ONE_BY_ONE" not in found
+    body = "".join(_Body(ca, names, [["y"]]).of(function)[1])
+    return ("root" in body or "quotient(" in body) and "ONE_BY_ONE" not in body
 
 
 @dataclass
@@ -153,14 +153,14 @@ class _Body:
 
     def _denominators(self, function):
         """How often the result of each instruction is a divisor."""
-        made, found = {}, {}
+        made, uses = {}, {}
         for k in range(function.n_instructions()):
             operation, source = function.instruction_id(k), function.instruction_input(k)
             if operation in (self._ca.OP_DIV, self._ca.OP_INV):
-                found[made[source[-1]]] = found.get(made[source[-1]], 0) + 1
+                uses[made[source[-1]]] = uses.get(made[source[-1]], 0) + 1
             if operation != self._ca.OP_OUTPUT:
                 made[function.instruction_output(k)[0]] = k
-        return found
+        return uses
 
     def _value(self, operation, a, b, divides):
         ca = self._ca
@@ -190,19 +190,19 @@ class _Body:
 
     def _plain(self, operation, a, b):
         ca = self._ca
-        found = self._new(self._texts[operation].format(a=a, b=b), a, b)
+        name = self._new(self._texts[operation].format(a=a, b=b), a, b)
         if operation == ca.OP_NEG:
-            self._negated[found] = a
+            self._negated[name] = a
         if operation == ca.OP_FMAX and any(_number(x) > TINY for x in (a, b)):
-            self._positive.add(found)
-        return found
+            self._positive.add(name)
+        return name
 
     def _comparison(self, operation, a, b):
         if _number(a) == 0 and b in self._negated:
             a, b = self._negated[b], a
-        found = self._new(self._texts[operation].format(a=a, b=b), a, b)
-        self._less[found] = "if_less" if operation == self._ca.OP_LT else "if_at_most", a, b
-        return found
+        name = self._new(self._texts[operation].format(a=a, b=b), a, b)
+        self._less[name] = "if_less" if operation == self._ca.OP_LT else "if_at_most", a, b
+        return name
 
     def _root(self, a):
         kind = "root_of_positive" if a in self._positive else "root"

@@ -150,8 +150,8 @@ class Threaded(Bound):
         Exception
             The error of a worker thread.
         """
-        found = []
-        worker = Thread(target=lambda: found.append(super(Threaded, self).go(done, end, wanted)))
+        status = []
+        worker = Thread(target=lambda: status.append(super(Threaded, self).go(done, end, wanted)))
         worker.start()
         try:
             worker.join()
@@ -162,7 +162,7 @@ class Threaded(Bound):
         failure, self._failure = self._failure, None
         if failure is not None:
             raise failure
-        return found[0]
+        return status[0]
 
     def _called_by_march(self, scene, method, steps, opened):
         try:

@@ -276,8 +276,8 @@ class RepeatedRun:
         """Derivatives of objectives with respect to all the last run depends on, from those with
         respect to the displacements that `run` returned, (objectives, steps); valid until the next
         run."""
-        found = self._backward(objectives=len(by_rows))
-        found.retune(self._bonds)
+        backward = self._backward(objectives=len(by_rows))
+        backward.retune(self._bonds)
         states = {self._steps: (self._u, self._v)}
-        found.go(states, OutputCotangents(by_rows[..., None], self._places, 1, 1))
-        return found.totals
+        backward.go(states, OutputCotangents(by_rows[..., None], self._places, 1, 1))
+        return backward.totals

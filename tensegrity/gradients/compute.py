@@ -197,30 +197,30 @@ def gradient(
     native.require()
     task = _Task(objectives, t_end, dt, splitting, wanted, exact, checkpoints)
     with one_bar("step"):
-        found = (_of_batch if isinstance(scene, Ensemble) else _of_scene)(task, scene, state)
-    return found if many else found[0]
+        results = (_of_batch if isinstance(scene, Ensemble) else _of_scene)(task, scene, state)
+    return results if many else results[0]
 
 
 def _splitting(method: str | methods.Method) -> methods.Splitting:
-    found: Any = methods.find(method)
-    if type(found) is not methods.Splitting:
+    splitting: Any = methods.find(method)
+    if type(splitting) is not methods.Splitting:
         reason = "its stages cannot be inverted one by one"
-        if isinstance(found, (methods.Splitting, methods.Corrected)):
+        if isinstance(splitting, (methods.Splitting, methods.Corrected)):
             reason = "it has more than kicks and drifts, whose adjoint alone is derived here"
         raise TensegrityError(
-            f"method {found.name!r} has no gradient, because {reason}: take verlet or rkn6"
+            f"method {splitting.name!r} has no gradient, because {reason}: take verlet or rkn6"
         )
-    return found
+    return splitting
 
 
 def _with_rates(method: str | methods.Method) -> Any:
-    found: Any = methods.find(method)
-    if not getattr(found, "rates", ()):
+    nystrom: Any = methods.find(method)
+    if not getattr(nystrom, "rates", ()):
         raise TensegrityError(
-            f"method {found.name!r} has no gradient of a scene with drives, dashpots or further "
+            f"method {nystrom.name!r} has no gradient of a scene with drives, dashpots or further "
             "forces: take rk4 or rk8"
         )
-    return found
+    return nystrom
 
 
 def _of_batch(task: _Task, scene: Any, state: Any) -> Any:
@@ -235,7 +235,7 @@ def _of_batch(task: _Task, scene: Any, state: Any) -> Any:
     return [_stacked(scenes) for scenes in zip(*each, strict=True)]
 
 
-def _stacked(found: Sequence[Gradient]) -> BatchGradient:
+def _stacked(gradients: Sequence[Gradient]) -> BatchGradient:
     def batch_last(each: Sequence[Any]) -> Any:
         if isinstance(each[0], dict):
             return fixed({name: batch_last([x[name] for x in each]) for name in each[0]})
@@ -243,12 +243,12 @@ def _stacked(found: Sequence[Gradient]) -> BatchGradient:
 
     names = ("value", "u", "v", "mass", "parameters", "shift")
     return BatchGradient(
-        **{name: batch_last([getattr(one, name) for one in found]) for name in names},
-        run=tuple(one.run for one in found),  # type: ignore[arg-type]
-        reversal=max(one.reversal for one in found),
-        digits=min(one.digits for one in found),
-        _scene=tuple(found),
-        _names=found[0]._names,
+        **{name: batch_last([getattr(one, name) for one in gradients]) for name in names},
+        run=tuple(one.run for one in gradients),  # type: ignore[arg-type]
+        reversal=max(one.reversal for one in gradients),
+        digits=min(one.digits for one in gradients),
+        _scene=tuple(gradients),
+        _names=gradients[0]._names,
     )
 
 
@@ -339,7 +339,7 @@ def _valued(
     task: _Task, traces: Any, t: Array, y: Array, windows: Any, first: int
 ) -> tuple[list[float], list[Array]]:
     """The objectives of traces y at times t, from step `first` on, and their derivatives."""
-    values, found = [], []
+    values, each = [], []
     for one, (start, stop) in zip(task.objectives, windows, strict=True):
         inside, mine = slice(start - first, stop - first + 1), list(map(traces.index, one.traces))
         value, slope = one.rule(t[inside], y[mine, inside])
@@ -348,8 +348,8 @@ def _valued(
         slopes = np.zeros(y.shape)
         np.add.at(slopes[:, inside], mine, slope)
         values.append(float(value))
-        found.append(slopes)
-    return values, found
+        each.append(slopes)
+    return values, each
 
 
 def _steps(task: _Task) -> tuple[int, float]:
@@ -389,12 +389,12 @@ def _requested(
     moved = {*names, *(("stiffness", "preload") if of_beads.keys() & names else ())}
     slopes = [result.slopes(table, name) for name in moved & of_springs.keys()]
     depends = np.any(slopes, axis=0) if slopes else np.zeros(parameters.shape, dtype=bool)
-    symbols, found = {*names} - of_springs.keys(), []
+    symbols, requested = {*names} - of_springs.keys(), []
     for number, one in enumerate(laws):
         mine = set(np.flatnonzero(depends[law == number].any(axis=0)).tolist())
         mine |= {k for k, s in enumerate(one.parameters) if str(s) in symbols}
-        found.append(tuple(sorted(mine if stored else mine & depends_on(one))))
-    return names, tuple(found)
+        requested.append(tuple(sorted(mine if stored else mine & depends_on(one))))
+    return names, tuple(requested)
 
 
 def _checked(wanted: Any, known: Any, laws: Any) -> tuple[str, ...]:
@@ -440,11 +440,11 @@ def _by_name(layout: Layout, p: Array, forced: Any, of_forces: Any) -> Any:
     """Derivatives by name of a parameter, (bonds,), from those by index in each law and those by
     the parameters of forces, on sites (sites,)."""
     law = layout.bonds.law_of_bond
-    found: dict[str, Array] = {}
+    totals: dict[str, Array] = {}
     for number, one in enumerate(layout.bonds.laws):
         for row, place in enumerate(layout.wanted[number]):
-            column = found.setdefault(str(one.parameters[place]), np.zeros(len(law)))
+            column = totals.setdefault(str(one.parameters[place]), np.zeros(len(law)))
             column[law == number] = p[row, law == number]
     for name in of_forces:
-        found[name] = found[name] + forced[name] if name in found else forced[name]
-    return fixed(found)
+        totals[name] = totals[name] + forced[name] if name in totals else forced[name]
+    return fixed(totals)

@@ -106,11 +106,11 @@ class ForcedBackward:
         """Derivatives of prescribed motions or forces by the parameters of all drives, (times,
         entries, parameters)."""
         entries, signals = driven_entries(self._scene, prescribed)
-        found = np.zeros((len(t), len(entries), len(self._of_drives)))
+        columns = np.zeros((len(t), len(entries), len(self._of_drives)))
         for k, (site, name) in enumerate(self._of_drives):
             of_site = entries // self._scene.dim == site
-            found[..., k] = in_columns(signals, name)(t, order) * of_site
-        return found
+            columns[..., k] = in_columns(signals, name)(t, order) * of_site
+        return columns
 
     def go(self, states: dict[int, Pair], cotangents: OutputCotangents, objectives: int) -> None:
         """Propagate the derivatives to the start of the run.
@@ -145,8 +145,8 @@ class ForcedBackward:
                 self._method, self._dt, path, ends, b, cotangents, stiff=stiff, loss=loss,
                 slopes=slopes, pull_by=self._drives_by(False, t), **given,
             )  # fmt: skip
-            found, by_gap, by_weight = pull_back(*here, slopes)
-            for total, part in zip(self.by_parameters, found, strict=True):
+            by_parameter, by_gap, by_weight = pull_back(*here, slopes)
+            for total, part in zip(self.by_parameters, by_parameter, strict=True):
                 total += part
             if layout.dim:
                 for one, part in zip(applied, by_gap, strict=True):
@@ -175,14 +175,14 @@ class ForcedBackward:
     def named(self, k: int) -> dict[str, Array]:
         """Derivatives of objective k by each parameter of the forces and drives, (springs,) or
         (sites,)."""
-        found: dict[str, Array] = {}
+        totals: dict[str, Array] = {}
         counts = {SITE: self._shape[1], BOND: len(self.layout.bonds.group)}
         for one, by in zip(self._forcing.applied, self.by_parameters, strict=True):
             for name, values in zip(map(str, one.law.parameters), by[k], strict=True):
-                found.setdefault(name, np.zeros(counts[one.law.on]))[one.places] += values
+                totals.setdefault(name, np.zeros(counts[one.law.on]))[one.places] += values
         for (site, name), value in zip(self._of_drives, self.by_drives[k], strict=True):
-            found.setdefault(name, np.zeros(counts[SITE]))[site] += value
-        return found
+            totals.setdefault(name, np.zeros(counts[SITE]))[site] += value
+        return totals
 
 
 def check_forced(scene: Any, exact: bool, traces: Sequence[Any]) -> None:
@@ -231,8 +231,8 @@ def _bonds_of(scene: Any, trace: Any) -> Sequence[int]:
         return []
     if hasattr(scene, "wall_contacts"):
         first = place_counts(scene)["bonds"]
-        found: list[int] = np.flatnonzero(scene.wall_contacts[:, 1] == trace.where).tolist()
-        return [first + k for k in found]
+        contacts: list[int] = np.flatnonzero(scene.wall_contacts[:, 1] == trace.where).tolist()
+        return [first + k for k in contacts]
     return [0, scene.sites - 2]
 
 
@@ -253,9 +253,9 @@ def parameters_of(scene: Any) -> dict[str, str]:
         for name, values in zip(map(str, one.law.parameters), one.values, strict=True):
             shared = one.law.on == BOND and name in symbols
             given.append((name, one.law.on, (one.places, values) if shared else None))
-    found: dict[str, str] = {}
+    kinds: dict[str, str] = {}
     for name, on, shared in given:
-        clash = found.setdefault(name, on) != on or (name in symbols and shared is None)
+        clash = kinds.setdefault(name, on) != on or (name in symbols and shared is None)
         if shared is not None:
             at, values = shared
             differ = np.abs(_of_springs(of, name)[at] - values)
@@ -265,7 +265,7 @@ def parameters_of(scene: Any) -> dict[str, str]:
                 f"{name} names parameters of different things in the springs, forces and drives of "
                 "this scene: rename one"
             )
-    return found
+    return kinds
 
 
 def _of_springs(of: Any, name: str) -> Array:

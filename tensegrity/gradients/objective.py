@@ -136,10 +136,10 @@ def energy(sites: Sequence[int] | None = None) -> Trace:
     if sites is None:
         return Trace("energy", None)
     numbers = check.sequence("sites", sites, "site numbers")
-    found = tuple(check.whole("site", s, least=0) for s in numbers)
-    if not found or len(set(found)) < len(found):
-        raise TensegrityError(f"sites {check.shown(found)} must be different, and at least one")
-    return Trace("energy", found)
+    chosen = tuple(check.whole("site", s, least=0) for s in numbers)
+    if not chosen or len(set(chosen)) < len(chosen):
+        raise TensegrityError(f"sites {check.shown(chosen)} must be different, and at least one")
+    return Trace("energy", chosen)
 
 
 def peak(trace: Trace) -> Objective:

@@ -153,21 +153,21 @@ class Gradient:
             `ax` is not a Matplotlib axes, or this gradient has no such derivatives.
         """
         name = by if by is not None else (*self._names, "mass")[0]
-        found = self.mass if name == "mass" else self.by(name)
+        values = self.mass if name == "mass" else self.by(name)
         one = self._scene[0] if isinstance(self._scene, tuple) else self  # of an ensemble
         scene, unit = one._scene, UNITS.get(name, "")
         label = f"derivative by {name}" + (f" [value per {unit}]" if unit else "")
         of_sites = name == "mass" or name in dynamics(scene).arguments
-        if isinstance(scene, Network) and found.ndim == 2:
-            raise TensegrityError(f"a map shows one gradient, not {found.shape[1]}")
+        if isinstance(scene, Network) and values.ndim == 2:
+            raise TensegrityError(f"a map shows one gradient, not {values.shape[1]}")
         if isinstance(scene, Network):
             picture = Picture(scene, ax, facecolors=None if of_sites else "0.95")
-            image = picture.paint(found, of_sites)
+            image = picture.paint(values, of_sites)
             picture.scale(image, label)
             return picture.ax
         drawn: Axes = plotting.axes(ax)
         drawn.axhline(0.0, color="0.7", lw=0.8)
-        drawn.plot(found, "o-", ms=3)
+        drawn.plot(values, "o-", ms=3)
         drawn.set(xlabel="site" if of_sites else "bond", ylabel=label)
         return drawn
 
@@ -175,13 +175,13 @@ class Gradient:
         """Derivatives with respect to an argument of the springs."""
         table = dynamics(self._scene).springs
         laws, law, _ = table.table
-        found, each = np.zeros(len(table.group)), slopes(table, name)[table.group]
+        total, each = np.zeros(len(table.group)), slopes(table, name)[table.group]
         for number, one in enumerate(laws):
             mine = law[table.group] == number
             for k, symbol in enumerate(one.parameters):
                 if each[mine, k].any() and str(symbol) in self.parameters:
-                    found[mine] += self.parameters[str(symbol)][mine] * each[mine, k]
-        return found
+                    total[mine] += self.parameters[str(symbol)][mine] * each[mine, k]
+        return total
 
     def __str__(self) -> str:
         known = ", ".join(self._names) or "nothing"
@@ -257,7 +257,7 @@ def slopes(table: Springs, name: str) -> Array:
     ndarray, (springs, parameters)
         0 for springs without this argument.
     """
-    springs, found = table.different, np.zeros(table.table[2].shape)
+    springs, by_value = table.different, np.zeros(table.table[2].shape)
     alike: dict[Any, list[int]] = {}
     for k, spring in enumerate(springs):
         if name in names(spring):
@@ -271,20 +271,20 @@ def slopes(table: Springs, name: str) -> Array:
             rows = _of_power_laws(values, name, one.exponent)
         else:
             rows = np.eye(len(one.parameters))[list(one.parameters).index(name)]
-        found[mine, : values.shape[1]] = rows
-    return found
+        by_value[mine, : values.shape[1]] = rows
+    return by_value
 
 
 def _of_power_laws(values: Array, name: str, exponent: float) -> Array:
     """Derivatives of the parameters of power laws, of which the overlap at rest,
     (preload/stiffness)^(1/exponent), depends on the stiffness and on the preload."""
-    found = np.tile(np.eye(3)[POWER.index(name)], (len(values), 1))
+    by_value = np.tile(np.eye(3)[POWER.index(name)], (len(values), 1))
     loaded = (values[:, 1] > 0) | (name == "preload")
     stiffness, preload, _ = values[loaded].T
     ratio = preload / stiffness
     by_ratio = ratio ** (1 / exponent - 1) / exponent
-    found[loaded, 2] = by_ratio * (1 if name == "preload" else -ratio) / stiffness
-    return found
+    by_value[loaded, 2] = by_ratio * (1 if name == "preload" else -ratio) / stiffness
+    return by_value
 
 
 def _of_prisms(values: Array, name: str, any_sides: bool) -> Array:
@@ -304,7 +304,7 @@ def _of_prisms(values: Array, name: str, any_sides: bool) -> Array:
     arguments = np.maximum(prestrain, 0), loaded - known[derived.shift], known[derived.stiffness]
     base = 2 * sides[1] * np.sqrt(known[derived.area])
     given = np.array([*arguments, loaded, base, preload, *sides], dtype=complex)
-    found, steps = np.empty(values.shape), np.eye(len(given))[:, [PRISM.index(name), len(PRISM)]]
+    by_value, steps = np.empty(values.shape), np.eye(len(given))[:, [PRISM.index(name), len(PRISM)]]
     collapsed = known[derived.no_lock] != 0
     for kind in np.unique(collapsed).tolist():
         mine = collapsed == kind
@@ -313,8 +313,8 @@ def _of_prisms(values: Array, name: str, any_sides: bool) -> Array:
         slopes = [np.broadcast_to(x, numbers[0].shape).imag / TINY for x in forms]
         direct, by_loaded = np.array(slopes).swapaxes(0, 1)
         moved = np.where(preload[mine] > 0, -direct[-1] / by_loaded[-1], float(name == "height"))
-        found[mine] = (direct[:-1] + moved * by_loaded[:-1]).T
-    return found
+        by_value[mine] = (direct[:-1] + moved * by_loaded[:-1]).T
+    return by_value
 
 
 def _prism_forms(collapses: bool, any_sides: bool) -> tuple[list[Any], tuple[Any, ...]]:

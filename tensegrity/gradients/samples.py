@@ -93,10 +93,10 @@ class TraceSamples:
             return np.array([0 if ends[wall] == 0 else scene.sites - 2])
         if wall >= contacts.walls:
             raise TensegrityError(f"wall {wall} must be below {contacts.walls}")
-        found = np.flatnonzero((contacts.kind != PAIR) & (contacts.first == scene.sites + wall))
-        if not found.size:
+        places = np.flatnonzero((contacts.kind != PAIR) & (contacts.first == scene.sites + wall))
+        if not places.size:
             raise TensegrityError(f"wall {wall} has no contact in the scene's list")
-        return found
+        return places
 
     def values(self, rows: Array, closing: Array) -> Array:
         """All traces, (traces, steps).
@@ -218,14 +218,14 @@ class _Block:
         """Energy, tension, and derivatives of the energy with respect to the parameters;
         (.., steps, bonds)."""
         layout, r = self._of.layout, self._bond_forces(bonds).r
-        found = np.zeros((2 + layout.most, *r.shape))
+        stored = np.zeros((2 + layout.most, *r.shape))
         for column, group in enumerate(layout.bonds.group[bonds].tolist()):
             law = int(layout.bonds.law[group])
             function = energy_function(layout.bonds.laws[law], layout.wanted[law])
             p = layout.bonds.parameters[group][: function.size1_in(1)]
             answer = np.array(function(r[None, :, column], p))
-            found[: len(answer), :, column] = answer
-        return found
+            stored[: len(answer), :, column] = answer
+        return stored
 
     def _bond_forces(self, bonds: Indices) -> BondForces:
         key, layout = bonds.tobytes(), self._of.layout

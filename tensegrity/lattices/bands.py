@@ -58,10 +58,10 @@ class Bands:
         points, branches = self.frequencies.shape
         of = f"{branches} branches at {points} wavenumbers: frequencies "
         text = of + span(self.frequencies, "rad/s")
-        found = self.gaps if points > 1 else np.zeros((0, 2))
-        widest = found[np.argsort(found[:, 0] - found[:, 1])[:SHOWN]]
+        open_gaps = self.gaps if points > 1 else np.zeros((0, 2))
+        widest = open_gaps[np.argsort(open_gaps[:, 0] - open_gaps[:, 1])[:SHOWN]]
         gaps = ", ".join(span(gap, "rad/s") for gap in np.sort(widest, axis=0)) or "none"
-        more = f"{len(found)}, the widest " if len(found) > SHOWN else ""
+        more = f"{len(open_gaps)}, the widest " if len(open_gaps) > SHOWN else ""
         return filled(f"{text}\n  gaps: {more}{gaps}")
 
     __repr__ = __str__
@@ -158,14 +158,14 @@ def bands(
         if moved is not None:
             moved[of] = vectors.swapaxes(1, 2)
     w = _frequencies(lattice, squares, q, matrix.bound)
-    found = None
+    group = None
     if rates is not None:
         with np.errstate(divide="ignore", invalid="ignore"):
-            found = np.where(w > 0, 0.5 / w, np.nan)[..., None] * (rates @ lattice.vectors)
+            group = np.where(w > 0, 0.5 / w, np.nan)[..., None] * (rates @ lattice.vectors)
     if moved is not None:
         moved = moved.reshape(count, size, *lattice.positions.shape)
         moved = moved / np.sqrt(lattice.mass)[:, None]
-    return Bands(q, w, found, moved)
+    return Bands(q, w, group, moved)
 
 
 def _lowest(
@@ -254,12 +254,12 @@ def _rates(matrix: BlochMatrix, weights: Array, squares: Array, vectors: Array) 
     """
     slopes = matrix.at(1j * matrix.offsets.T * weights)
     turned = vectors.conj().T @ slopes @ vectors
-    found = np.einsum("aii->ia", turned.real).copy()
+    rates = np.einsum("aii->ia", turned.real).copy()
     equal = np.diff(squares) <= EQUAL * np.abs(squares).max()
     edges = np.flatnonzero(np.diff(np.concatenate([[False], equal, [False]]).astype(int)))
     for first, last in edges.reshape(-1, 2):
         group = slice(first, last + 1)
         inner = turned[:, group, group]
         mixed = np.linalg.eigh(np.tensordot(GENERIC[: len(inner)], inner, 1))[1]
-        found[group] = np.einsum("ji,ajk,ki->ia", mixed.conj(), inner, mixed).real
-    return found
+        rates[group] = np.einsum("ji,ajk,ki->ia", mixed.conj(), inner, mixed).real
+    return rates

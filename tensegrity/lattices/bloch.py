@@ -82,11 +82,11 @@ class BlochMatrix:
 
     def at(self, weights: Any) -> Any:
         """The sums of the parts with complex weights (..., offsets): (..., size, size)."""
-        found = np.empty((*weights.shape[:-1], *self.parts.shape[1:]), dtype=complex)
+        matrices = np.empty((*weights.shape[:-1], *self.parts.shape[1:]), dtype=complex)
         flat = self.parts.reshape(len(self.parts), -1)
-        found.real = (weights.real @ flat).reshape(found.shape)
-        found.imag = (weights.imag @ flat).reshape(found.shape)
-        return found
+        matrices.real = (weights.real @ flat).reshape(matrices.shape)
+        matrices.imag = (weights.imag @ flat).reshape(matrices.shape)
+        return matrices
 
     def weights(self, phases: Array) -> Any:
         """exp(i o.kappa) at phases (..., d): (..., offsets)."""
@@ -188,7 +188,7 @@ def singular_frequencies(
         [rad/s], ascending; frequencies beyond these are 0.
     """
     bonds, dim = roots.shape[:2]
-    found = np.empty((len(phases), dim * min(bonds, len(mass))))
+    frequencies = np.empty((len(phases), dim * min(bonds, len(mass))))
     each = np.arange(bonds)
     for of in chunks(len(phases)):
         moves = np.zeros((len(phases[of]), bonds, len(mass)), dtype=complex)
@@ -196,5 +196,5 @@ def singular_frequencies(
         moves[:, each, ends[:, 1]] += np.exp(1j * (phases[of] @ offsets.T))
         scaled = roots[:, :, None, :] * moves[:, :, None, :, None] / np.sqrt(mass)[:, None]
         whole = scaled.reshape(len(moves), bonds * dim, len(mass) * dim)
-        found[of] = np.linalg.svd(whole, compute_uv=False)[:, ::-1]
-    return found
+        frequencies[of] = np.linalg.svd(whole, compute_uv=False)[:, ::-1]
+    return frequencies

@@ -111,10 +111,10 @@ class Cell(Framework):
     @cached_property
     def incidence(self) -> Array:
         """Separations of the members per (x, a), (members, nodes + d)."""
-        found, each = np.zeros((len(self.ends), self.nodes)), np.arange(len(self.ends))
-        found[each, self.ends[:, 0]] -= 1
-        found[each, self.ends[:, 1]] += 1
-        return fixed(np.hstack([found, self.offsets]))
+        inside, each = np.zeros((len(self.ends), self.nodes)), np.arange(len(self.ends))
+        inside[each, self.ends[:, 0]] -= 1
+        inside[each, self.ends[:, 1]] += 1
+        return fixed(np.hstack([inside, self.offsets]))
 
     @property
     def stress(self) -> Array:
@@ -146,17 +146,17 @@ class Cell(Framework):
         prestrain: Mapping[int, float] | None = None,
     ) -> Self:
         """As `Structure.prestressed`; prestress may not buckle a bar."""
-        found = super().prestressed(force_densities, prestrain)
-        for n in np.flatnonzero(found.buckled):
+        prestressed = super().prestressed(force_densities, prestrain)
+        for n in np.flatnonzero(prestressed.buckled):
             q, load = (
-                found.stiffnesses * (1 - found.natural_lengths / found.lengths),
-                found.buckling,
+                prestressed.stiffnesses * (1 - prestressed.natural_lengths / prestressed.lengths),
+                prestressed.buckling,
             )
             raise EquilibriumError(
-                f"bar {n} would carry {-q[n] * found.lengths[n]:.6g} N, must be below its buckling "
-                f"load {0.0 if load is None else load[n]:.6g} N"
+                f"bar {n} would carry {-q[n] * prestressed.lengths[n]:.6g} N, must be below its "
+                f"buckling load {0.0 if load is None else load[n]:.6g} N"
             )
-        return found
+        return prestressed
 
     # the shape alone
 
@@ -225,8 +225,8 @@ class Cell(Framework):
         ndarray, (count, nodes, dim) or (count, nodes + d, dim)
         """
         rigid = self.rigid_motions(strain)
-        found = statics.free_motions(self._equilibrium_matrix(strain), rigid)
-        return found.reshape(len(found), len(rigid) // self.dim, self.dim)
+        motions = statics.free_motions(self._equilibrium_matrix(strain), rigid)
+        return motions.reshape(len(motions), len(rigid) // self.dim, self.dim)
 
     # the state
 

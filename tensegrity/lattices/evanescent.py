@@ -86,8 +86,8 @@ def decay(
     left, sizes, right = np.linalg.svd(next_one)
     rank = int(np.sum(sizes > RANK * sizes[0]))
     pair = left[:, :rank] * sizes[:rank], right[:rank].conj().T
-    found = [_phases(own - x**2 * np.eye(len(own)), pair, layers) for x in w]
-    return np.array(found).reshape(len(w), 2 * rank)
+    numbers = [_phases(own - x**2 * np.eye(len(own)), pair, layers) for x in w]
+    return np.array(numbers).reshape(len(w), 2 * rank)
 
 
 def _phases(own: Any, pair: Any, layers: int) -> Any:

@@ -106,14 +106,14 @@ class Lattice(Cell):
         if not unbalanced <= max(SETTLED * size, ROUND_OFF * self.stiffnesses.max() * self.span):
             words = f"{unbalanced:.3g} N of {size:.3g} N are unbalanced after {STEPS} iterations"
             raise EquilibriumError(f"no equilibrium found: {words}")
-        found = start.at(x[: self.nodes], x[self.nodes :] if free else None)
-        carry = np.abs(found.tensions) > STRESSED * self.stiffnesses * self.natural_lengths
-        if free and not carry.any() and found.strings:
+        relaxed = start.at(x[: self.nodes], x[self.nodes :] if free else None)
+        carry = np.abs(relaxed.tensions) > STRESSED * self.stiffnesses * self.natural_lengths
+        if free and not carry.any() and relaxed.strings:
             raise EquilibriumError(
                 "these natural lengths leave all members without stress, at free lattice vectors: "
                 "no prestress holds a shape"
             )
-        return found
+        return relaxed
 
     def stability(self) -> Stability:
         """Whether the lattice is stable about its own state, by three tests.

@@ -67,8 +67,8 @@ class Stability:
     def kind(self) -> str:
         """The tests that fail: "long wave", "wave", "strain", several joined by ", "; else
         "stable"."""
-        found = {"long wave": self.long, "wave": self.wave, "strain": self.strain}
-        return ", ".join(name for name, value in found.items() if value < 0) or "stable"
+        margins = {"long wave": self.long, "wave": self.wave, "strain": self.strain}
+        return ", ".join(name for name, value in margins.items() if value < 0) or "stable"
 
     def __str__(self) -> str:
         phases, along = (", ".join(f"{x:.4f}" for x in np.round(values, 4) + 0.0)
@@ -182,7 +182,7 @@ def _refined(
     for start in points[np.argsort(values, kind="stable")[:REFINED]]:
         corners = np.vstack([start, start + step / 2 * np.eye(len(start))])
         options = {"initial_simplex": corners, "xatol": 1e-9, "fatol": 0.0}
-        found = minimize(of, start, method="Nelder-Mead", options=options)
-        if found.fun < best[0]:
-            best = float(found.fun), found.x
+        lowest = minimize(of, start, method="Nelder-Mead", options=options)
+        if lowest.fun < best[0]:
+            best = float(lowest.fun), lowest.x
     return best

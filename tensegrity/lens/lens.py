@@ -174,15 +174,15 @@ class Lens:
     def _choose(self) -> None:
         """Choose prestrains by interpolated arrivals, corrected once by the peaks of their run."""
         low, high = self.prestrains
-        found = arrival_range(self._struck, low, high)
-        delays = self._attainable(found, self.delays)
-        first = found.prestrain(found.t[-1] + self._margin(found, delays) + delays)
+        reachable = arrival_range(self._struck, low, high)
+        delays = self._attainable(reachable, self.delays)
+        first = reachable.prestrain(reachable.t[-1] + self._margin(reachable, delays) + delays)
         arrivals = self._struck.arrivals(first)
         late = self._focus_peaks(first, arrivals) - arrivals.t  # travel times, of the whole faces
-        delays = self._attainable(found, late.max() - late)
-        leave = found.t[-1] + self._margin(found, delays) + delays
+        delays = self._attainable(reachable, late.max() - late)
+        leave = reachable.t[-1] + self._margin(reachable, delays) + delays
         missed = arrivals.t - leave
-        chosen = np.clip(first * np.exp(-found.slope(leave) * missed), low, high)
+        chosen = np.clip(first * np.exp(-reachable.slope(leave) * missed), low, high)
         arrivals = self._struck.arrivals(chosen)
         peaks, wanted = self._focus_peaks(chosen, arrivals), float(leave[0] + late[0])
         miss, pulse = np.abs(peaks - wanted).max(), arrivals.width.min()
@@ -198,9 +198,9 @@ class Lens:
         self._set("focus_arrivals", fixed(peaks))
         self._set("focus_time", wanted)
 
-    def _margin(self, found: ArrivalRange, delays: Array) -> float:
+    def _margin(self, reachable: ArrivalRange, delays: Array) -> float:
         """Delay of the first pulse after the earliest one of the range [s]."""
-        return min(MARGIN * self._unit, (found.span - float(delays.max())) / 2)
+        return min(MARGIN * self._unit, (reachable.span - float(delays.max())) / 2)
 
     def _focus_peaks(self, prestrains: Array, arrivals: Arrivals) -> Array:
         """Time at which the pressure of each end has its peak at the focus [s]; (chains,)."""
@@ -210,18 +210,18 @@ class Lens:
         rays = arrivals.t + self.distances / self.host_speed
         return ends.peaks(np.array(self.focus), rays, within)
 
-    def _attainable(self, found: ArrivalRange, delays: Array) -> Array:
+    def _attainable(self, reachable: ArrivalRange, delays: Array) -> Array:
         """The delays, the smallest shifted to 0, if the range of prestrains permits them."""
         (low, high), delays = self.prestrains, delays - delays.min()
         longest = float(delays.max())
-        if longest > (1 - SPARE) * found.span:
+        if longest > (1 - SPARE) * reachable.span:
             with np.errstate(over="ignore"):
                 suffices = sufficient_range(
                     self._struck, low, high, longest + 2 * MARGIN * self._unit
                 )
             raise TensegrityError(
                 f"focus {self.focus} m requires delays of up to {longest:.4g} s, prestrains "
-                f"{low:g} to {high:g} give {found.span:.4g} s at most; {suffices}"
+                f"{low:g} to {high:g} give {reachable.span:.4g} s at most; {suffices}"
             )
         return delays
 

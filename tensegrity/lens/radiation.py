@@ -162,7 +162,7 @@ class Ends:
         """
         from scipy.optimize import brentq
 
-        found = []
+        instants = []
         curves = zip(self.places, self._curves(), around, within, strict=True)
         for place, curve, middle, most in curves:
             t = np.linspace(max(middle - most, 0.0), middle + most, LOOKS)
@@ -177,8 +177,8 @@ class Ends:
                     f"the pressure of the end at x = {place:g} m has no peak at "
                     f"{tuple(point.tolist())} m within {most:.3g} s of {middle:.6g} s"
                 )
-            found.append(brentq(rising, t[k - 1], t[k + 1], xtol=1e-14 * t[k], rtol=1e-14))
-        return np.array(found)
+            instants.append(brentq(rising, t[k - 1], t[k + 1], xtol=1e-14 * t[k], rtol=1e-14))
+        return np.array(instants)
 
     def as_points(self, points: Array, t: Array) -> Iterator[Array]:
         """Iterate over the ends' pressures [Pa] as point sources, for ends much smaller than the
@@ -340,10 +340,10 @@ def _top(pressure: Callable[[Array], Array], middle: float, within: float, step:
     t = np.arange(middle - within, middle + within, step)
     best = float(t[np.argmax(pressure(t))])
     ends = (best - step, best + step)
-    found = minimize_scalar(
+    highest = minimize_scalar(
         lambda t: -float(pressure(t)), bounds=ends, method="bounded", options={"xatol": 1e-6 * step}
     )
-    return -float(found.fun)
+    return -float(highest.fun)
 
 
 def _largest(lens: Any, x: float, y: float, pulse: float) -> tuple[float, float]:
@@ -354,15 +354,15 @@ def _largest(lens: Any, x: float, y: float, pulse: float) -> tuple[float, float]
     places = np.linspace(low * y, high * y, PLACES)
     way = (high - low) * y / lens.host_speed
     t = lens.focus_time + np.arange(-way / 2 - 2 * pulse, way / 2 + 2 * pulse, COARSE * pulse)
-    found = lens.pressure(np.stack([np.full(PLACES, x), places], axis=-1), t)
-    i, k = np.unravel_index(np.argmax(found), found.shape)
+    pressures = lens.pressure(np.stack([np.full(PLACES, x), places], axis=-1), t)
+    i, k = np.unravel_index(np.argmax(pressures), pressures.shape)
     start, steps = np.array([places[k], t[i]]), np.array([places[1] - places[0], COARSE * pulse])
 
     def lower(moved: Array) -> float:
         place, instant = start + moved * steps
-        return -float(lens.pressure((x, place), instant)) / found[i, k]
+        return -float(lens.pressure((x, place), instant)) / pressures[i, k]
 
     ends = (places[[0, -1]] - start[0]) / steps[0]
     bounds, options = [tuple(ends), (-2.0, 2.0)], {"initial_simplex": SIMPLEX, "xatol": 1e-4}
     top = minimize(lower, [0.0, 0.0], method="Nelder-Mead", bounds=bounds, options=options)
-    return float(start[0] + top.x[0] * steps[0]), float(-top.fun * found[i, k])
+    return float(start[0] + top.x[0] * steps[0]), float(-top.fun * pressures[i, k])

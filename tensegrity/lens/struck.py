@@ -161,11 +161,11 @@ class Struck:
         t_end = 1.25 * travel.min()
         while True:
             run = self.run(prestrains, t_end, last)
-            found = [self._arrival(one) for one in run]
-            if all(found):
-                return Arrivals(*(np.array(x) for x in zip(*found, strict=True)))
+            arrivals = [self._arrival(one) for one in run]
+            if all(arrivals):
+                return Arrivals(*(np.array(x) for x in zip(*arrivals, strict=True)))
             if t_end > PATIENCE * travel.max():
-                missing = prestrains[found.index(None)]
+                missing = prestrains[arrivals.index(None)]
                 raise TensegrityError(
                     f"prestrain {missing:g}: no pulse reaches the end of the chain within "
                     f"{t_end:.4g} s, {t_end / travel.max():.2g} times the acoustic travel time"
@@ -252,12 +252,12 @@ def sufficient_range(struck: Struck, low: float, high: float, span: float) -> st
     str
     """
     for least, largest in ((low / SEARCH_RATIO, high), (low, high * SEARCH_RATIO)):
-        found = _monotone_range(struck, low, high, least, largest)
-        if found is None or found.span < span:
+        range_ = _monotone_range(struck, low, high, least, largest)
+        if range_ is None or range_.span < span:
             continue
         if least < low:
-            return f"{found.prestrain(found.t[-1] + span):.3g} to {high:.3g} can"
-        return f"{low:.3g} to {found.prestrain(found.t[0] - span):.3g} can"
+            return f"{range_.prestrain(range_.t[-1] + span):.3g} to {high:.3g} can"
+        return f"{low:.3g} to {range_.prestrain(range_.t[0] - span):.3g} can"
     return (
         f"neither smaller ones, to {low / SEARCH_RATIO:.3g}, nor larger ones, to "
         f"{high * SEARCH_RATIO:.3g}, can: longer chains can, or a focus farther away"

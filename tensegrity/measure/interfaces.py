@@ -113,9 +113,9 @@ class Transmission:
             f"transmitted, {100 * self.transmitted_energy:.6g} % of the energy": self.transmitted,
         }
         lines = [f"interface at site {self.site}"]
-        for name, found in groups.items():
-            lines.append(f"  {name}" + ("" if found else ": no pulse"))
-            lines += [f"    {' '.join(str(pulse).split())}" for pulse in found]
+        for name, pulses in groups.items():
+            lines.append(f"  {name}" + ("" if pulses else ": no pulse"))
+            lines += [f"    {' '.join(str(pulse).split())}" for pulse in pulses]
         return filled("\n".join(lines))
 
     __repr__ = __str__
@@ -198,16 +198,16 @@ def _site_of(chain: Chain) -> int:
     sites = (np.flatnonzero(np.diff(mass)) + 1).tolist()
     places = {*bonds, *sites}
     if len(places) != 1:
-        found = "without" if not places else f"with changes at the sites {sorted(places)}, not with"
-        raise TensegrityError(f"a chain {found} one interface: see `interface`")
+        words = "without" if not places else f"with changes at the sites {sorted(places)}, not with"
+        raise TensegrityError(f"a chain {words} one interface: see `interface`")
     return int(places.pop())
 
 
-def _incident(found: list[Pulse], site: int) -> Pulse:
+def _incident(pulses: list[Pulse], site: int) -> Pulse:
     """The one pulse of the first row, on its way to the interface."""
-    if len(found) != 1:
-        raise TensegrityError(f"{len(found)} pulses in the first row, must be 1")
-    (pulse,) = found
+    if len(pulses) != 1:
+        raise TensegrityError(f"{len(pulses)} pulses in the first row, must be 1")
+    (pulse,) = pulses
     if not (site - pulse.place) * pulse.direction > 0 or not pulse.speed > 0:
         raise TensegrityError(
             f"the pulse at {pulse.place:g} of the first row, direction {pulse.direction}, is not "

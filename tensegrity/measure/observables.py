@@ -284,11 +284,11 @@ def tail_front(chain: Chain, state: State, level: float = 0.5) -> float:
     check.kind("chain", chain, Chain)
     chain.energy(state)  # refuses what is no state of it
     r = chain.elongation(state.u)
-    found = peak_bonds(r, PEAK_FRACTION)
-    if not found:
+    peaks = peak_bonds(r, PEAK_FRACTION)
+    if not peaks:
         raise TensegrityError("no pulse: the chain is undeformed")
-    behind = np.abs(r[: sites_around(r, found[-1])[0]])
-    if behind.max(initial=0.0) <= ROUND_OFF * abs(r[found[-1]]):
+    behind = np.abs(r[: sites_around(r, peaks[-1])[0]])
+    if behind.max(initial=0.0) <= ROUND_OFF * abs(r[peaks[-1]]):
         raise TensegrityError("nothing follows the leading pulse")
     threshold = level * behind.max()
     j = int(np.flatnonzero(behind >= threshold)[-1])

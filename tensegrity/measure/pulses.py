@@ -185,13 +185,13 @@ def peak_bonds(r: Array, fraction: float, least: float = 0.0) -> list[int]:
     height = max(fraction * float(np.abs(r).max(initial=0.0)), least)
     if not height > 0:
         return []
-    found = []
+    bonds = []
     for sign in (-1, 1):
         padded = np.concatenate([[0.0], np.maximum(sign * r, 0.0), [0.0]])
         places, facts = find_peaks(padded, height=height, prominence=0)
         distinct = facts["prominences"] >= DISTINCT * facts["peak_heights"]
-        found += (places[distinct] - 1).tolist()
-    return sorted(found)
+        bonds += (places[distinct] - 1).tolist()
+    return sorted(bonds)
 
 
 def sites_around(r: Array, peak: int) -> tuple[int, int]:
@@ -294,11 +294,11 @@ class Instant:
         else:
             return peak + 0.5, float(self.r[peak])
         bounds = max(peak - 0.25, near.start + 0.5), min(peak + 1.25, self.chain.sites - 1.5)
-        found = minimize_scalar(
+        extreme = minimize_scalar(
             lambda x: -sign * elongation(x), bounds=bounds, method="bounded",
             options={"xatol": 1e-9},
         )  # fmt: skip
-        return float(found.x), float(-sign * found.fun)
+        return float(extreme.x), float(-sign * extreme.fun)
 
     def _fitted(self, peak: int, direction: int, energy: float) -> tuple[SolitaryWave, float]:
         """The exact wave that fits a pulse and the place of its peak; an error where none does."""
@@ -309,13 +309,13 @@ class Instant:
         name = side.holding("amplitude", abs(float(self.r[peak]))).name
         wave = solitary_wave(spring, mass, energy=energy, family=name)
         gaps = self._gaps(wave, peak, direction)
-        found = least_squares(
+        fit = least_squares(
             lambda place: gaps(place[0]), peak + 0.5, xtol=1e-14, ftol=1e-14, gtol=1e-14
         )
-        misfit = float(np.abs(found.fun).max())
+        misfit = float(np.abs(fit.fun).max())
         if misfit > MISFIT:
             raise TensegrityError(f"misfit {misfit:g} of the wave must be at most {MISFIT:g}")
-        return wave, float(found.x[0])
+        return wave, float(fit.x[0])
 
     def _gaps(self, wave: SolitaryWave, peak: int, direction: int) -> Callable[[float], Array]:
         """Differences from a wave with its peak at a place, over its largest values."""
@@ -396,10 +396,10 @@ def phase_shift(run: Run, left: SolitaryWave, right: SolitaryWave) -> tuple[floa
         )
     place = incident[0].place + velocities[0] * meeting
     outgoing = pulses(run, -1, fraction)
-    found = [_same(outgoing, pulse) for pulse in incident]
+    same = [_same(outgoing, pulse) for pulse in incident]
     shifts = [
         pulse.direction * (pulse.place - place) - pulse.speed * (duration - meeting)
-        for pulse in found
+        for pulse in same
     ]
     return shifts[0], shifts[1]
 

@@ -219,9 +219,9 @@ def peaks(t: ArrayLike, force: ArrayLike, level: float = LEVEL) -> tuple[Array, 
     t, force = _with_maxima(*_record(t, force))
     top = force.max()
     padded = np.concatenate([[0.0], force, [0.0]])
-    found, facts = find_peaks(padded, height=level * top, prominence=0)
+    peaks, facts = find_peaks(padded, height=level * top, prominence=0)
     distinct = facts["prominences"] >= facts["peak_heights"] / 4
-    return t[found[distinct] - 1], facts["peak_heights"][distinct]
+    return t[peaks[distinct] - 1], facts["peak_heights"][distinct]
 
 
 def _record(t: ArrayLike, force: ArrayLike) -> tuple[Array, Array]:

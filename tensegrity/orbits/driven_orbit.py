@@ -63,13 +63,13 @@ class WholePeriod(Shooting):
     def steps(self) -> int:
         """A first number of steps of the period."""
         start = self.state(self.guess)
-        found = self.flow.first_steps(start.u, start.v, self._period)
-        if found > FINEST:
+        steps = self.flow.first_steps(start.u, start.v, self._period)
+        if steps > FINEST:
             raise TensegrityError(
-                f"a period of {self._period:g} s takes {found} steps, must take at most {FINEST}: "
+                f"a period of {self._period:g} s takes {steps} steps, must take at most {FINEST}: "
                 "the scene is too stiff, or too strongly damped"
             )
-        return max(LEAST, found)
+        return max(LEAST, steps)
 
     def state(self, x: Array, values: Mapping[str, float] | None = None) -> State:
         """The state at t = 0 of given unknowns.

@@ -134,18 +134,21 @@ def _in_band(scene: Scene, period: float) -> str:
     free = np.flatnonzero(np.repeat(dynamics(scene).inverse_mass, scene.dim) > 0)
     roots = np.sqrt(np.repeat(scene.mass, scene.dim)[free])
     squares = np.linalg.eigvalsh(stiffness[np.ix_(free, free)] / np.outer(roots, roots))
-    found = np.sqrt(np.maximum(squares, 0)) / (2 * np.pi)
-    spacing = CROWDED * found[-1] / len(found)
+    frequencies = np.sqrt(np.maximum(squares, 0)) / (2 * np.pi)
+    spacing = CROWDED * frequencies[-1] / len(frequencies)
     for n in range(1, HARMONICS + 1):
-        above = int(np.searchsorted(found, n / period))
-        if 0 < above < len(found) and found[above] - found[above - 1] < spacing:
+        above = int(np.searchsorted(frequencies, n / period))
+        if 0 < above < len(frequencies) and frequencies[above] - frequencies[above - 1] < spacing:
             low, high = above - 1, above
-            while low and found[low] - found[low - 1] < spacing:
+            while low and frequencies[low] - frequencies[low - 1] < spacing:
                 low -= 1
-            while high + 1 < len(found) and found[high + 1] - found[high] < spacing:
+            while (
+                high + 1 < len(frequencies) and frequencies[high + 1] - frequencies[high] < spacing
+            ):
                 high += 1
             return (
                 f"; harmonic {n} of the period, {n / period:.6g} Hz, lies in the band "
-                f"{found[low]:.6g} to {found[high]:.6g} Hz, in which no localised orbit exists"
+                f"{frequencies[low]:.6g} to {frequencies[high]:.6g} Hz, in which no localised "
+                "orbit exists"
             )
     return ""

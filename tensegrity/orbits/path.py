@@ -152,14 +152,14 @@ def _events_and_ends(family: _Family, branch: Branch) -> tuple[list[Array], list
 
 def _names(scene: Scene) -> dict[str, float]:
     """The parameters of all drives, each with its value."""
-    found: dict[str, float] = {}
+    values: dict[str, float] = {}
     for drive in scene.drive.values():
         for name, value in drive.parameters.items():
-            if found.setdefault(name, value) != value:
+            if values.setdefault(name, value) != value:
                 raise TensegrityError(
-                    f"parameter {name} is {found[name]:g} in one drive and {value:g} in another"
+                    f"parameter {name} is {values[name]:g} in one drive and {value:g} in another"
                 )
-    return found
+    return values
 
 
 class _Family:
@@ -223,24 +223,24 @@ class _Family:
             row[: len(values)] = np.sort(values)[: self._count]
         return np.append(u[-1] - self.until, rows)
 
-    def distances(self, found: Multipliers) -> tuple[Array, ...]:
+    def distances(self, multipliers: Multipliers) -> tuple[Array, ...]:
         """For each kind of event, any number of values that change their sign there."""
-        return 1 + found.real, 1 - np.abs(found) ** 2
+        return 1 + multipliers.real, 1 - np.abs(multipliers) ** 2
 
-    def is_event(self, kind: str, found: Multipliers) -> bool:
+    def is_event(self, kind: str, multipliers: Multipliers) -> bool:
         """Whether multipliers are those of an event of this kind, where one of its numbers is 0."""
         if kind == "torus":
-            pairs = found[found.imag > 0]
+            pairs = multipliers[multipliers.imag > 0]
             return bool(np.abs(np.abs(pairs) - 1).min(initial=1.0) < ON_CIRCLE)
-        return kind != "doubling" or bool(np.abs(1 + found).min(initial=1.0) < ON_CIRCLE)
+        return kind != "doubling" or bool(np.abs(1 + multipliers).min(initial=1.0) < ON_CIRCLE)
 
     def resolved(self, points: list[Array]) -> bool:
         """Whether twice as many steps of the flow find the same orbits."""
         self.flow.steps *= 2
-        found = [float(np.abs(self._evaluated(u)[0]).max()) for u in points]
+        residuals = [float(np.abs(self._evaluated(u)[0]).max()) for u in points]
         self.flow.steps //= 2
         size = max(float(np.abs(u[:-1] / self.scale[:-1]).max()) for u in points)
-        return max(found) < self.settled * size
+        return max(residuals) < self.settled * size
 
     def stopped(self, error: ContinuationError) -> str:
         """Text on the last orbit before an error, and a possible reason why it is the last."""
@@ -256,9 +256,9 @@ class _Family:
             f"its residual is {orbit.residual:.1e}": orbit.residual > CLOSED,
             f"it has {POINTS} rows": len(error.branch.z) >= POINTS,
         }
-        found = [words for words, holds in reasons.items() if holds]
+        causes = [words for words, holds in reasons.items() if holds]
         at = ", ".join(f"{name} {row[name]:.6g}" for name in (self.by, "amplitude", "period"))
-        why = "; ".join(found) or "the steps became too short, as they do near other branches"
+        why = "; ".join(causes) or "the steps became too short, as they do near other branches"
         return f"its last orbit is that of {at}: {why}"
 
     def path(self, branch: Branch, end: str) -> OrbitPath:
@@ -339,9 +339,9 @@ class _Reversible(_Family):
 
     def _state(self, u: Array) -> tuple[Array, float]:
         """u(0) of all entries, and T/2."""
-        found = np.zeros(len(self._half.inverse_mass))
-        found[self._half.free] = u[: len(self._half.free)]
-        return found, float(u[len(self._half.free)]) / 2
+        displacements = np.zeros(len(self._half.inverse_mass))
+        displacements[self._half.free] = u[: len(self._half.free)]
+        return displacements, float(u[len(self._half.free)]) / 2
 
     def _evaluated(self, u: Array) -> tuple[Array, Array]:
         x, half = self._state(u)
@@ -361,19 +361,19 @@ class _Reversible(_Family):
         matrix[-1, -1] = -1 / energy
         return np.append(v / unit, missing), matrix
 
-    def distances(self, found: Multipliers) -> tuple[Array, ...]:
+    def distances(self, multipliers: Multipliers) -> tuple[Array, ...]:
         """The sum mu + 1/mu of a pair passes 2 and -2 linearly; where two pairs collide on the
         circle and leave it, the square of the difference of their sums changes its sign."""
-        sums = _sums(found)
+        sums = _sums(multipliers)
         on = np.abs(sums.imag) < MEET
         apart = np.diff(np.sort(sums.real[on])) ** 2
         off = -4 * sums.imag[~on & (sums.imag > 0)] ** 2
         meeting = np.append(off, apart) + 4 * MEET**2
         return (2 + sums.real, 2 - sums.real, meeting)[: len(self.kinds)]
 
-    def is_event(self, kind: str, found: Multipliers) -> bool:
+    def is_event(self, kind: str, multipliers: Multipliers) -> bool:
         """Whether multipliers are those of an event of this kind, where one of its numbers is 0."""
-        sums = _sums(found)
+        sums = _sums(multipliers)
         if kind == "torus":
             place = np.sort(sums[np.abs(sums.imag) < 2 * MEET].real)
             near = np.argmin(np.diff(place)) if len(place) > 1 else 0
@@ -393,9 +393,9 @@ class _Reversible(_Family):
         return float(np.abs(self._half.flow.end(u, 0 * u, orbit.period / 2)[0] - u).max() / 2)
 
 
-def _sums(found: Multipliers) -> Multipliers:
+def _sums(multipliers: Multipliers) -> Multipliers:
     """mu + 1/mu of each pair of multipliers, (pairs,)."""
-    real = found[found.imag == 0]
+    real = multipliers[multipliers.imag == 0]
     halves = [x[: len(x) // 2] for x in (real[real.real > 0], real[real.real < 0])]
-    one = np.concatenate([found[found.imag > 0], *halves])
+    one = np.concatenate([multipliers[multipliers.imag > 0], *halves])
     return np.asarray(one + 1 / one, dtype=complex)

@@ -131,15 +131,15 @@ def _angular_rates(signal: Any) -> list[tuple[Any, dict[str, float]]]:
 
 def _of_force(force: Any) -> list[tuple[Any, dict[str, float]]]:
     expressions = force.expression if isinstance(force.expression, tuple) else (force.expression,)
-    found: list[tuple[Any, dict[str, float]]] = []
+    terms: list[tuple[Any, dict[str, float]]] = []
     for expression in expressions:
         for rate in _rates_in(expression, force.parameters, str(expression)):
             names = {str(s) for s in rate.free_symbols}
             some = {k: np.atleast_1d(x) for k, x in force.parameters.items() if k in names}
             places = max((len(x) for x in some.values()), default=1)
             each = ({k: float(x[i % len(x)]) for k, x in some.items()} for i in range(places))
-            found += [(rate.subs(values), {}) for values in each]
-    return found
+            terms += [(rate.subs(values), {}) for values in each]
+    return terms
 
 
 def _rates_in(expression: Any, parameters: Any, words: str) -> list[Any]:
@@ -147,7 +147,7 @@ def _rates_in(expression: Any, parameters: Any, words: str) -> list[Any]:
     from sympy.functions.elementary.trigonometric import TrigonometricFunction
 
     (t,) = [s for s in expression.free_symbols if str(s) == "t"] or [sp.Symbol("t")]
-    found: list[Any] = []
+    rates: list[Any] = []
     while True:
         inner = [
             one for one in expression.atoms(TrigonometricFunction)
@@ -155,9 +155,9 @@ def _rates_in(expression: Any, parameters: Any, words: str) -> list[Any]:
         ]  # fmt: skip
         if not inner:
             break
-        found += [one.args[0].diff(t) for one in inner]
+        rates += [one.args[0].diff(t) for one in inner]
         expression = expression.xreplace({one: sp.Dummy() for one in inner})
-    other = {str(s) for one in found for s in one.free_symbols} - {*parameters}
+    other = {str(s) for one in rates for s in one.free_symbols} - {*parameters}
     if expression.has(t) or other:
         raise TensegrityError(f"drive {words} has no period: it is no function of sines of t")
-    return sorted(set(found), key=str)
+    return sorted(set(rates), key=str)

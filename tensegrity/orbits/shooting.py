@@ -221,5 +221,5 @@ def symmetries(scene: Scene, u: Array) -> Array:
             rows.append(np.hstack([np.zeros((len(turned), dim)), turned]))
     _, sizes, right = np.linalg.svd(np.concatenate(rows))
     rank = int(np.sum(sizes > FIXED * max(1.0, sizes.max(initial=0.0)))) if sizes.size else 0
-    found = motions @ right[rank:].T
-    return orthonormal(found) if found.size else found
+    generators = motions @ right[rank:].T
+    return orthonormal(generators) if generators.size else generators

@@ -165,19 +165,19 @@ def floquet(of: SolitaryWave | TransitionWave | Orbit) -> Floquet:
         flow.steps = min(math.ceil(finer), MOST)
     pair = np.ix_(inner, inner)
     other = _deflated(tangent[pair], motions[inner], place[inner])[0]
-    found, second = (_multipliers(matrix) for matrix in (rest, other))
-    near = np.abs(found[:, None] - second).min(axis=1)
-    uncertain = found[(np.abs(found) > 1 + STABLE) & (near > AGREE)]
+    first, second = (_multipliers(matrix) for matrix in (rest, other))
+    near = np.abs(first[:, None] - second).min(axis=1)
+    uncertain = first[(np.abs(first) > 1 + STABLE) & (near > AGREE)]
     if uncertain.size:
         raise ResolutionError(f"multiplier {uncertain[0]:.9g} of the wave depends on the window")
-    return _verdict(found[(near <= AGREE) & (np.abs(found) > AGREE)], neutral, of.speed)
+    return _verdict(first[(near <= AGREE) & (np.abs(first) > AGREE)], neutral, of.speed)
 
 
 def _of_orbit(orbit: Orbit) -> Floquet:
     """The multipliers of one period, without those of the neutral motions."""
     if not is_reversible(orbit.scene):  # nothing is neutral
-        found = _descending(whole_multipliers(orbit))
-        return _verdict(found, found[:0], 1 / orbit.period)
+        multipliers = _descending(whole_multipliers(orbit))
+        return _verdict(multipliers, multipliers[:0], 1 / orbit.period)
     u = orbit.state.u.ravel()
     half = HalfPeriod(orbit.scene, u)
     half.flow.steps = orbit.steps
@@ -262,8 +262,8 @@ def _multipliers(matrix: Array) -> Multipliers:
     return _descending(np.linalg.eigvals(matrix).astype(complex))
 
 
-def _descending(found: Multipliers) -> Multipliers:
-    return found[np.argsort(-np.abs(found), kind="stable")]
+def _descending(multipliers: Multipliers) -> Multipliers:
+    return multipliers[np.argsort(-np.abs(multipliers), kind="stable")]
 
 
 def _verdict(multipliers: Multipliers, neutral: Multipliers, rate: float) -> Floquet:

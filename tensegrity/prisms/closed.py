@@ -94,11 +94,11 @@ def _of_fields(name: str, any_sides: bool) -> tuple[list[Any], tuple[Any, ...]]:
         "axial stiffness": elastic.axial_stiffness_of_prism,  # at the reference state [N/m]
         "parameters": rigid_parameters.parameter_expressions,  # of `rigid_law`
     }
-    found = forms[name](polygon(any_sides))
-    found = found.values() if isinstance(found, dict) else found
+    form = forms[name](polygon(any_sides))
+    form = form.values() if isinstance(form, dict) else form
     fields = (p.base, p.reference_height, p.prestrain, p.k_cross, p.k_base, p.k_bar)
     symbols = (*fields, r.loaded_height, r.preload, *regular.SIDES)
-    return list(found) if isinstance(found, Iterable) else [found], symbols
+    return list(form) if isinstance(form, Iterable) else [form], symbols
 
 
 def polygon(any_sides: bool) -> Any:

@@ -149,12 +149,12 @@ def functions(rigid_base: bool, any_sides: bool = False) -> Functions:
 
         step, values = inner(rigid_base, any_sides)
         r, p, guess, _ = ElasticLaw(rigid_base, 0, any_sides).guess()
-        found = {"step": step, "guess": ca.Function("guess", [r, p], [guess])}
-        found |= {f"value_{order}": value for order, value in enumerate(values)}
+        made = {"step": step, "guess": ca.Function("guess", [r, p], [guess])}
+        made |= {f"value_{order}": value for order, value in enumerate(values)}
         matrix = tangent(rigid_base, any_sides)
         symbols = matrix.sx_in()
         by_rows = ca.vec(matrix(*symbols).T)
-        return found | {"tangent": ca.Function("tangent", symbols, [by_rows])}
+        return made | {"tangent": ca.Function("tangent", symbols, [by_rows])}
 
     return Functions(("condensed", bool(rigid_base), bool(any_sides)), make, flags=EXACT)
 
@@ -268,12 +268,12 @@ class ElasticPotential(Potential):
 
     def _widest(self, ends):
         """The result of `_compiled_on` on the largest part of the domain where there is one."""
-        found, good, bad = None, 0.0, 1.0
+        widest, good, bad = None, 0.0, 1.0
         for _ in range(HALVINGS):
             part = (good + bad) / 2
             shorter = self._compiled_on(*ends(part))
-            found, good, bad = (shorter, part, bad) if shorter else (found, good, part)
-        return found
+            widest, good, bad = (shorter, part, bad) if shorter else (widest, good, part)
+        return widest
 
     def _compiled_on(self, low, high):
         """Law, parameters and range for elongations in an interval; None if the iterations do not

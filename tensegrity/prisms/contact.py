@@ -69,7 +69,7 @@ def bar_contact(path: EquilibriumPath | StructurePath, diameter: float) -> BarCo
         raise TensegrityError(
             f"path {check.shown(path)} must be a path of equilibria: equilibrium_path(prism)"
         )
-    found = None
+    first = None
     for numbers, ends in pairs:
         gaps = distances(x, ends) - diameter
         touching = np.flatnonzero(gaps <= 0)
@@ -79,13 +79,13 @@ def bar_contact(path: EquilibriumPath | StructurePath, diameter: float) -> BarCo
         place = float(row)
         if row:
             place = row - 1 + float(gaps[row - 1] / (gaps[row - 1] - gaps[row]))
-        if found is None or place < found[0]:
-            found = place, numbers, float(gaps[0] + diameter)
-    if found is None:
+        if first is None or place < first[0]:
+            first = place, numbers, float(gaps[0] + diameter)
+    if first is None:
         return None
     rows = np.arange(len(along))
-    at = float(np.interp(found[0], rows, along)), float(np.interp(found[0], rows, load))
-    return BarContact(found[1], *at, found[2])
+    at = float(np.interp(first[0], rows, along)), float(np.interp(first[0], rows, load))
+    return BarContact(first[1], *at, first[2])
 
 
 def distances(x: Array, ends: tuple[int, int, int, int]) -> Array:
@@ -94,15 +94,15 @@ def distances(x: Array, ends: tuple[int, int, int, int]) -> Array:
     u, v, w = b - a, d - c, a - c
     uu, uv, vv = (np.sum(p * q, axis=1) for p, q in ((u, u), (u, v), (v, v)))
     uw, vw = np.sum(u * w, axis=1), np.sum(v * w, axis=1)
-    found = np.full(len(x), np.inf)
+    shortest = np.full(len(x), np.inf)
     det = uu * vv - uv**2
     s = np.where(det > 1e-12 * uu * vv, (uv * vw - vv * uw) / np.where(det > 0, det, 1), 0.0)
     for part in (np.clip(s, 0, 1), np.ones(len(x))):  # the other end, for parallel bars
         t = np.clip((uv * part + vw) / vv, 0, 1)
         s = np.clip((uv * t - uw) / uu, 0, 1)
         gap = w + s[:, None] * u - t[:, None] * v
-        found = np.minimum(found, np.sqrt(np.sum(gap**2, axis=1)))
-    return found
+        shortest = np.minimum(shortest, np.sqrt(np.sum(gap**2, axis=1)))
+    return shortest
 
 
 def _free_pairs(

@@ -97,13 +97,13 @@ class Curve:
         if np.abs(theta[:-1]).max() > FARTHEST:
             raise TensegrityError(f"parameters change by more than a factor e^{FARTHEST:g}")
         inner = self._inner + np.einsum("ijk,k->ij", self._rates, theta - self._at)
-        found = self._solved(theta, inner)
-        if found is None:
+        solved = self._solved(theta, inner)
+        if solved is None:
             self._at, self._inner, self._rates = self._traced(theta)
-            found = self._solved(theta, self._inner)
-        if found is None:
+            solved = self._solved(theta, self._inner)
+        if solved is None:
             raise TensegrityError("the curve of this prism was not found")
-        self._at, (self._inner, load, slopes, self._rates) = theta.copy(), found
+        self._at, (self._inner, load, slopes, self._rates) = theta.copy(), solved
         return load, slopes
 
     def _traced(self, theta: Array) -> tuple[Array, Array, Array]:
@@ -196,11 +196,11 @@ class Misfit:
             try:
                 computed, slopes = self.curve(self.theta(z))
             except TensegrityError:
-                found = np.full(len(self.y), NO_CURVE), np.zeros((len(self.y), len(z)))
+                result = np.full(len(self.y), NO_CURVE), np.zeros((len(self.y), len(z)))
             else:
                 slopes = slopes[:, self.places] * self.weights / self.size
-                found = (computed - self.y) / self.size, slopes
-            self._last = key, found
+                result = (computed - self.y) / self.size, slopes
+            self._last = key, result
         return self._last[1]
 
 
@@ -252,15 +252,15 @@ def intervals(
     width = max(quantile * noise, FINEST * float(np.linalg.norm(r)))
     shift = at.theta(_kept_sensitive(at, FAINT * noise))
     centre, offset = at.curve.prism_at(shift), offset + float(shift[-1])
-    at, found = Misfit(centre, x + offset, y, names), {}
+    at, ends = Misfit(centre, x + offset, y, names), {}
     for k, name in enumerate(names):
         low, high = (_interval_end(at, k, side, width) for side in (-1, 1))
         if name == "offset":
-            found[name] = offset + at.weights[k] * low, offset + at.weights[k] * high
+            ends[name] = offset + at.weights[k] * low, offset + at.weights[k] * high
         else:
             value = getattr(centre, name)
-            found[name] = value * math.exp(low), value * math.exp(high)
-    return found
+            ends[name] = value * math.exp(low), value * math.exp(high)
+    return ends
 
 
 def _kept_sensitive(at: Misfit, change: float) -> Array:

@@ -45,8 +45,8 @@ def _forms(rigid_base: bool, any_sides: bool) -> Any:
     forms |= dict(zip(("cross_length", "width", "bar_length"), derived.lengths(of), strict=True))
     given = [p[i] for i in range(p.numel()) if i not in (4, 5)]  # without the bounds of a branch
     values = to_casadi(list(forms.values()), symbols)(*unknowns, *given)
-    found = {name: ca.SX(value) for name, value in zip(forms, values, strict=True)}
-    return z, p, found | {"half_turn": unknowns[2], "rise": unknowns[3]}
+    constants = {name: ca.SX(value) for name, value in zip(forms, values, strict=True)}
+    return z, p, constants | {"half_turn": unknowns[2], "rise": unknowns[3]}
 
 
 @once

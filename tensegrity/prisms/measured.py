@@ -146,13 +146,13 @@ def _rows(lines: list[str], wanted: Sequence[int | str]) -> Iterator[list[float]
             value = float(text.replace(",", ".")) if NUMBER.fullmatch(text) else np.nan
             if not np.isfinite(value):
                 raise TensegrityError(f"line {number}: {check.shown(text)} is no finite number")
-            found = "".join(MARKS.keys() & set(text))
-            if mark and found and found != mark:
+            used = "".join(MARKS.keys() & set(text))
+            if mark and used and used != mark:
                 raise TensegrityError(
-                    f"line {number}: {text} has a decimal {MARKS[found]}, values before it a "
+                    f"line {number}: {text} has a decimal {MARKS[used]}, values before it a "
                     f"decimal {MARKS[mark]}"
                 )
-            mark = mark or found
+            mark = mark or used
             row.append(value)
         yield row
 

@@ -313,13 +313,13 @@ def equilibrium_paths(
     bounds = [_bounds(x, min_height, max_load, max_height, past_contact) for x in given]
     if executor is not None:
         check.kind("executor", executor, Executor)
-    found = [_followed(*one) for one in bounds[:1]]  # compiles what all of them need
+    paths = [_followed(*one) for one in bounds[:1]]  # compiles what all of them need
     parts = [bounds[k : k + PART] for k in range(1, len(bounds), PART)]
     with progress(len(given), "path") as bar:
         for part in (map if executor is None else executor.map)(_all_followed, parts):
-            found += part
+            paths += part
             bar.update(len(part))
-    return found
+    return paths
 
 
 def _all_followed(bounds: list[Any]) -> list[EquilibriumPath]:
@@ -355,10 +355,10 @@ def _followed(
     prism: Prism, min_height: float, max_load: float, max_height: float | None, past_contact: bool
 ) -> EquilibriumPath:
     if prism.is_rigid:
-        found = rigid_path(prism, min_height, max_load, max_height)
+        parts = rigid_path(prism, min_height, max_load, max_height)
     else:
-        found = elastic_path(prism, min_height, max_load, max_height, past_contact)
-    return _path(prism, *found, past_contact)
+        parts = elastic_path(prism, min_height, max_load, max_height, past_contact)
+    return _path(prism, *parts, past_contact)
 
 
 def _path(

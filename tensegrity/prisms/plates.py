@@ -86,16 +86,16 @@ def _geometry(law: Any) -> dict[str, Any]:
     energy = base * ca.SX(to_casadi(derived.energy_at_twist(of), list(known))(*known.values()))
     slope, across = ca.gradient(energy, y), ca.gradient(energy, w)
     curvature, mixed = ca.gradient(slope, y), ca.gradient(slope, w)
-    whole, found = ca.jacobian(across, w), ca.SX(0)
+    whole, root = ca.jacobian(across, w), ca.SX(0)
     if law.base_compliance:
         step = ca.Function("step", [y, d, w], [y - slope / curvature])
         for _ in range(ITERATIONS):
-            found = step(found, d, w)
+            root = step(root, d, w)
         whole = whole - mixed @ mixed.T / curvature
     forms = {"pair": [energy, across], "tangent": [whole]}
     return {
         kind: ca.Function(f"geometry_{kind}", [d, w, *more],
-                          [ca.substitute(form, y, found) for form in several])
+                          [ca.substitute(form, y, root) for form in several])
         for kind, several in forms.items()
     }  # fmt: skip
 
@@ -138,8 +138,8 @@ class PlateSpring(Potential):
         -------
         ndarray, (states, 2, 2)
         """
-        found = _geometry(self.law)["tangent"].map(w.shape[1])(apart, w, 0, 0)
-        return self.values[0] * np.array(found).reshape(2, -1, 2).swapaxes(0, 1)
+        tangents = _geometry(self.law)["tangent"].map(w.shape[1])(apart, w, 0, 0)
+        return self.values[0] * np.array(tangents).reshape(2, -1, 2).swapaxes(0, 1)
 
     def largest_stiffness(self, apart: Array, elongation: float) -> float:
         """Bound on the stiffness up to an elongation [N/m], for plates apart at rest by (2,) [m]:

@@ -147,8 +147,8 @@ class Prism:
             for name, k in (("k_base", k_base), ("k_bar", k_bar))
         ]
         sides = check.whole("sides", sides, least=3)
-        found = assembled(lengths, [k_cross, *stiff], sides)
-        return cls(found[0], found[1], found[2], k_cross, stiff[0], stiff[1], sides)
+        fields = assembled(lengths, [k_cross, *stiff], sides)
+        return cls(fields[0], fields[1], fields[2], k_cross, stiff[0], stiff[1], sides)
 
     def structure(self, mass: ArrayLike = 1.0) -> Structure:
         """The prism as a structure, with all coordinates of its nodes free.

@@ -354,12 +354,12 @@ def _member(x):
 
 def in_time(x: Any) -> dict[str, Any]:
     """Drives, damping and tuning of a scene; expressions of time are stored in printed form."""
-    found = {"drive": dict(x.drive), "damping": x.damping}
-    found["tune"] = x.tune
+    parts = {"drive": dict(x.drive), "damping": x.damping}
+    parts["tune"] = x.tune
     if not callable(x.tune):
-        found["tune"] = {name: signal.expression for name, signal in x.tune.items()}
-    found["forces"] = dynamics(x).further_forces
-    return {name: value for name, value in found.items() if value}
+        parts["tune"] = {name: signal.expression for name, signal in x.tune.items()}
+    parts["forces"] = dynamics(x).further_forces
+    return {name: value for name, value in parts.items() if value}
 
 
 def _drive(x):

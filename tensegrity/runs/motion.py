@@ -209,8 +209,8 @@ class Motion:
                 self._monitor.accept(u, travel)
             elif steps > 1:
                 self._monitor.update(u)
-            share = self._monitor.fraction_used(travel)
-            clear = SAFETY_FACTOR * steps / share if share else math.inf
+            fraction = self._monitor.fraction_used(travel)
+            clear = SAFETY_FACTOR * steps / fraction if fraction else math.inf
             self._most = max(1, int(min(clear, MOST_STEPS)))
         return min(self._most, self._at_once)
 
@@ -243,29 +243,29 @@ class Motion:
     def _is_clear(self, steps: int, end: int, wanted: Any) -> bool:
         """Whether no contact outside the list can have formed, by the distance travelled, or by the
         states sampled, or by those after every step."""
-        share = self._monitor.fraction_used(self._bound.travel)
-        if share < 1:
+        fraction = self._monitor.fraction_used(self._bound.travel)
+        if fraction < 1:
             return True
         if steps == 1:
             self._monitor.verify(self._bound.u[: self._sites], end * self.dt)
             return True
         if self._samples_do and (self._samples_clear(end, wanted) or self._each_step_clear(end)):
             return True
-        self._most = max(1, min(steps // 2, int(SAFETY_FACTOR * steps / share)))
+        self._most = max(1, min(steps // 2, int(SAFETY_FACTOR * steps / fraction)))
         return False
 
     def _samples_clear(self, end: int, wanted: Any, each: bool = False) -> bool:
         """Whether the longest list of sampled states excludes contacts outside the list."""
-        found = max(
+        longest = max(
             (one for one in wanted if one.travel is not None),
             key=lambda one: len(one.at),
             default=None,
         )
-        if found is None or not len(found.at):
+        if longest is None or not len(longest.at):
             return False
         first, last = (x.output[0][None, : self._sites] for x in (self.point, self._bound))
-        rows, travel = [first, found.u], found.travel
-        if found.at[-1] < end:
+        rows, travel = [first, longest.u], longest.travel
+        if longest.at[-1] < end:
             rows, travel = [*rows, last], np.append(travel, self._bound.travel)
         return self._monitor.excludes_contact(
             np.concatenate(rows), np.diff(travel, prepend=0.0), each
@@ -440,7 +440,7 @@ class Motion:
 
 def union_of(ranges: Array, others: Array) -> Array:
     """The smallest ranges, (springs, 2), that contain both."""
-    found = np.empty(ranges.shape)
-    np.minimum(ranges[:, 0], others[:, 0], out=found[:, 0])
-    np.maximum(ranges[:, 1], others[:, 1], out=found[:, 1])
-    return found
+    union = np.empty(ranges.shape)
+    np.minimum(ranges[:, 0], others[:, 0], out=union[:, 0])
+    np.maximum(ranges[:, 1], others[:, 1], out=union[:, 1])
+    return union

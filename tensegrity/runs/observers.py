@@ -81,7 +81,7 @@ def user_observers(observe: Any, record: Record, scene: Any, t_end: float) -> li
     one = callable(observe) or (
         isinstance(observe, tuple) and len(observe) == 2 and isinstance(observe[1], Record)
     )
-    found = []
+    pairs = []
     for given in [observe] if one else check.sequence("observe", observe, "functions"):
         function, when = given if isinstance(given, tuple) and len(given) == 2 else (given, None)
         if not callable(function):
@@ -96,5 +96,5 @@ def user_observers(observe: Any, record: Record, scene: Any, t_end: float) -> li
                         f"{name} in an observer's record: it gives instants only, of all sites"
                     )
             when.check(scene.sites, t_end)
-        found.append((function, record.instants if when is None else when))
-    return found
+        pairs.append((function, record.instants if when is None else when))
+    return pairs

@@ -46,9 +46,9 @@ class AprioriBounds:
     def nearest(self) -> tuple[Dynamics, float]:
         """The dynamics with contacts that may form, and the energy a spring can receive [J]."""
         if self._known is None:
-            found = self._dynamics.nearest(self._state.u)
-            given = self._given if found is self._dynamics else None
-            self._known = found, found.available_energy(self._state, given)
+            nearest = self._dynamics.nearest(self._state.u)
+            given = self._given if nearest is self._dynamics else None
+            self._known = nearest, nearest.available_energy(self._state, given)
         return self._known
 
     @cached_property
@@ -59,8 +59,8 @@ class AprioriBounds:
     @cached_property
     def first_frequency(self) -> float:
         """Bound on the angular frequency [rad/s] if one bond receives half of the energy."""
-        found, energy = self.nearest
-        return bounds_at_energy(found, rounded(ENERGY_FRACTION * energy)).frequency
+        nearest, energy = self.nearest
+        return bounds_at_energy(nearest, rounded(ENERGY_FRACTION * energy)).frequency
 
 
 class StiffnessBounds(NamedTuple):
@@ -82,15 +82,15 @@ def rounded(energy: float) -> float:
 def bounds_at_energy(dyn: Dynamics, energy: float) -> StiffnessBounds:
     """Bounds if each spring receives an energy [J]; cached with the dynamics."""
     known = dyn.reached
-    found = known.get(energy)
-    if found is None:
+    bounds = known.get(energy)
+    if bounds is None:
         ranges = reachable_ranges(dyn, energy)
         stiffness = dyn.stiffness_bounds(ranges)
-        found = StiffnessBounds(ranges, stiffness, dyn.spring_frequency_bound(stiffness))
+        bounds = StiffnessBounds(ranges, stiffness, dyn.spring_frequency_bound(stiffness))
         if len(known) * len(ranges) > CACHED:
             known.clear()
-        known[energy] = found
-    return found
+        known[energy] = bounds
+    return bounds
 
 
 def reachable_ranges(dyn: Dynamics, energy: float) -> Array:

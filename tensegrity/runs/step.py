@@ -268,12 +268,12 @@ def default_step(problem):
     """
     fraction = _fraction(problem, problem.dynamics.ranges_at(problem.state.u))
     alone = unchecked_replace(problem, observe=(), rows=not problem.observe)
-    found = with_adequate_step(
+    result = with_adequate_step(
         alone, refined(alone, expected_steps(problem, fraction), MARGIN * fraction)
     )
-    if problem.observe and found.complete:
-        return march(problem, found.steps).run()
-    return found.run()
+    if problem.observe and result.complete:
+        return march(problem, result.steps).run()
+    return result.run()
 
 
 def _fraction(problem, elongation_range):
@@ -281,17 +281,17 @@ def _fraction(problem, elongation_range):
     return problem.method.fraction(exponents_within(problem.dynamics, elongation_range))
 
 
-def with_adequate_step(problem, found):
+def with_adequate_step(problem, result):
     """Result of a march with the expected step, or of a finer one if it turned out too large."""
     dyn = problem.dynamics
-    if not (found.complete and found.steps):
-        return found
-    if not (dyn.is_loaded or exponents_within(dyn, found.elongation_range)):
-        return found
-    fraction = _fraction(problem, found.elongation_range)
-    omega = found.fastest if dyn.follows else dyn.frequency(found.elongation_range)
+    if not (result.complete and result.steps):
+        return result
+    if not (dyn.is_loaded or exponents_within(dyn, result.elongation_range)):
+        return result
+    fraction = _fraction(problem, result.elongation_range)
+    omega = result.fastest if dyn.follows else dyn.frequency(result.elongation_range)
     steps = step_count(problem, fraction * problem.natural_step(omega))
-    return found if steps <= found.steps else refined(problem, steps, MARGIN * fraction)
+    return result if steps <= result.steps else refined(problem, steps, MARGIN * fraction)
 
 
 def expected_steps(problem, fraction):
@@ -341,8 +341,8 @@ def resumed(problem, steps, allowed, start):
     """
     if problem.choice == "dt":
         return march(problem, steps, allowed, start=start).run()
-    found = refined(problem, steps, allowed, start=start)
-    return (with_adequate_step(problem, found) if problem.choice == "default" else found).run()
+    result = refined(problem, steps, allowed, start=start)
+    return (with_adequate_step(problem, result) if problem.choice == "default" else result).run()
 
 
 def refined(problem, steps, allowed, instants=0, start=None):

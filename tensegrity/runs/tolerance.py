@@ -112,12 +112,12 @@ def trial_of(problem: Problem, rows: bool = False) -> Problem:
 def _largest(samples: Array, others: Array | None = None) -> Array:
     """Largest absolute values of u and of v, or of their differences from others, some instants at
     a time: of a large scene, their copies are as large as all else."""
-    found, count = np.zeros(2), max(1, AT_ONCE // samples[:, :1].size)
+    largest, count = np.zeros(2), max(1, AT_ONCE // samples[:, :1].size)
     for k in range(0, samples.shape[1], count):
         some = samples[:, k : k + count]
         some = some if others is None else some - others[:, k : k + count]
-        np.maximum(found, np.abs(some).reshape(2, -1).max(axis=1), out=found)
-    return found
+        np.maximum(largest, np.abs(some).reshape(2, -1).max(axis=1), out=largest)
+    return largest
 
 
 AT_ONCE = 50_000  # most numbers of samples that are compared at once, within a cache
@@ -167,17 +167,17 @@ def ranges_of_fits(problem: Problem, tol: float) -> list[Array]:
     dyn, energy = problem.a_priori.nearest
     if dyn is not problem.dynamics:
         return []
-    found = []
+    candidates = []
     for k in range(RANGES):
         ranges = bounds_at_energy(dyn, rounded(energy * NARROWER**k)).ranges
         fitted = _fitted(problem, ranges, [_first_error(tol)] * len(ranges))
         if fitted is None:
-            found.clear()
+            candidates.clear()
             continue
-        found.append(ranges)
+        candidates.append(ranges)
         if max(fit.degree for fit in _fits(fitted)) <= MODEST:
             break
-    return found[::-1]
+    return candidates[::-1]
 
 
 def _first_error(tol: float) -> float:
@@ -362,14 +362,14 @@ def converged(problem, first, error, tol):
     trials, stagnant = [first], 0
     factor, smallest = estimator.first, math.inf
     while trials[-1].complete:
-        found = next_trial(problem, trials, factor, tol)
-        if not found.complete:
-            return found.run()
-        estimator.update(found.elongation_range)
-        if found.refinement in [r.refinement for r in trials]:  # stability required a finer step
+        trial = next_trial(problem, trials, factor, tol)
+        if not trial.complete:
+            return trial.run()
+        estimator.update(trial.elongation_range)
+        if trial.refinement in [r.refinement for r in trials]:  # stability required a finer step
             factor = estimator.first
             continue
-        *trials, finest = sorted([*trials, found], key=lambda r: r.refinement)[-COMPARED:]
+        *trials, finest = sorted([*trials, trial], key=lambda r: r.refinement)[-COMPARED:]
         trials = [*(r.without_state() for r in trials), finest]
         gaps = [(r.refinement / trials[-1].refinement, r.gap(trials[-1])) for r in trials[:-1]]
         estimate = estimator.estimate(gaps) + estimator.round_off(trials[-1], gaps[-1][1])
@@ -424,7 +424,7 @@ def accepted_run(problem, trial, estimate):
     -------
     Run
     """
-    found = trial.march
-    if problem.observe or not found.has_rows:
-        found = march(problem, trial.steps)
-    return unchecked_replace(found.run(), error_estimate=estimate if found.complete else None)
+    result = trial.march
+    if problem.observe or not result.has_rows:
+        result = march(problem, trial.steps)
+    return unchecked_replace(result.run(), error_estimate=estimate if result.complete else None)

@@ -89,17 +89,17 @@ def _prisms(scene: Chain, u: Array) -> dict[str, Any]:
     """Heights, twists and bases of the prisms of a chain."""
     different, group = dynamics(scene).springs.different, dynamics(scene).springs.group
     elongation = scene.elongation(u)
-    found = {name: np.empty_like(elongation) for name in ("height", "twist", "base")}
+    columns = {name: np.empty_like(elongation) for name in ("height", "twist", "base")}
     for k, spring in enumerate(different):
         which = group == k
         height: Array = spring.length + elongation[:, which]
         path = _path(provenance(spring)[1][0], float(height.max()))
         order = np.argsort(path["height"])
-        found["height"][:, which] = height
+        columns["height"][:, which] = height
         for name in ("twist", "base"):
-            found[name][:, which] = np.interp(height, path["height"][order], path[name][order])
+            columns[name][:, which] = np.interp(height, path["height"][order], path[name][order])
     strain = elongation / np.array([spring.length for spring in different])[group]
-    packed = {name: _packed(values) for name, values in found.items()}
+    packed = {name: _packed(values) for name, values in columns.items()}
     return packed | {"strain": _packed(strain), "first": float(different[group[0]].length or 0.0)}
 
 

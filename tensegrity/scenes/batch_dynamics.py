@@ -128,11 +128,11 @@ class BatchDynamics(Dynamics):
         """Elongation [m] at which the ends of a bond of each distinct spring meet."""
         if self._same:
             return self.members[0].zero_length_elongation
-        found = np.full(len(self.springs), -np.inf)
+        elongations = np.full(len(self.springs), -np.inf)
         for number, one in enumerate(self.members):
             mine = np.broadcast_to(one.zero_length_elongation, len(one.springs))
-            np.maximum.at(found, self._group[:, number], mine[one.springs.group])
-        return found
+            np.maximum.at(elongations, self._group[:, number], mine[one.springs.group])
+        return elongations
 
     @property
     def is_loaded(self) -> bool:
@@ -160,13 +160,13 @@ class BatchDynamics(Dynamics):
 
     def _split(self, most: int) -> list[Part]:
         numbers = {kind: k for k, kind in enumerate(self.springs.kinds)}
-        found = []
+        parts = []
         for first in range(0, len(self.scenes), most):
             count = min(len(self.scenes) - first, most)
             scene = self._part(first, count) if count > 1 else self.scenes[first]
             places = np.array([numbers[kind] for kind in dynamics(scene).springs.kinds])
-            found.append(Part(first + np.arange(count), scene, places))
-        return found
+            parts.append(Part(first + np.arange(count), scene, places))
+        return parts
 
     def _part(self, first: int, count: int) -> Any:
         """Consecutive scenes, padded with copies of the last one to the size of a batch."""
@@ -176,9 +176,9 @@ class BatchDynamics(Dynamics):
             if count == width:
                 return self.scene
         kind, more = type(self.scene), scenes[-1:] * (width - count)
-        found = kind(scenes[0], width) if self._same else kind([*scenes, *more])
-        dynamics(found)._first = first
-        return found
+        joined = kind(scenes[0], width) if self._same else kind([*scenes, *more])
+        dynamics(joined)._first = first
+        return joined
 
     # the engine's view
 
@@ -321,11 +321,11 @@ class BatchDynamics(Dynamics):
 def _scenes_first(states: Array) -> Array:
     """States (count, *shape, scenes) as a contiguous array (scenes, count, *shape), copied by
     pieces that fit into the cache."""
-    found = np.empty((states.shape[-1], *states.shape[:-1]))
+    reordered = np.empty((states.shape[-1], *states.shape[:-1]))
     rows = max(1, AT_ONCE // max(1, math.prod(states.shape[1:-1])))
     for k in range(0, len(states), rows):
-        found[:, k : k + rows] = np.moveaxis(states[k : k + rows], -1, 0)
-    return found
+        reordered[:, k : k + rows] = np.moveaxis(states[k : k + rows], -1, 0)
+    return reordered
 
 
 def batch_size(count: int) -> int:

@@ -268,9 +268,9 @@ class ChainDynamics(Dynamics):
         """Total energy of each state [J], (...); u and v (..., sites)."""
         stored: Any = np.sum(on_site(self.scene, 0, u), axis=-1) if self.has_forces else 0.0
         compiled = self.energies_in_one_call
-        found = None if compiled is None else compiled(u, v)
-        if found is not None:
-            return found + stored
+        energies = None if compiled is None else compiled(u, v)
+        if energies is not None:
+            return energies + stored
         with np.errstate(over="ignore"):  # overflow gives inf, which `checked` refuses
             kinetic = 0.5 * np.sum(self.scene.mass * v**2, axis=-1)
         return kinetic + np.sum(self.scene.bond_energy(u), axis=-1) + stored
@@ -315,9 +315,9 @@ class ChainDynamics(Dynamics):
     @cached_property
     def _largest_mobilities(self) -> Array:
         """Largest mobility among the bonds of each distinct spring [1/kg]; (springs,)."""
-        found = np.zeros(len(self.springs))
-        np.maximum.at(found, self.springs.group, self._mobilities)
-        return fixed(found)
+        largest = np.zeros(len(self.springs))
+        np.maximum.at(largest, self.springs.group, self._mobilities)
+        return fixed(largest)
 
     def where_extreme(self, spring: int, u: Array, side: int) -> str:
         """Describe the bond in which a spring has its extreme elongation.

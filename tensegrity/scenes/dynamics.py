@@ -150,12 +150,12 @@ class Dynamics:
 
     def surrogate(self, springs: tuple[Potential, ...]) -> Any:
         """The scene of `with_springs`; the last few are cached with what is derived from them."""
-        found = self._surrogates.get(springs)
-        if found is None:
+        surrogate = self._surrogates.get(springs)
+        if surrogate is None:
             while len(self._surrogates) >= SURROGATES:
                 self._surrogates.pop(next(iter(self._surrogates)), None)
-            found = self._surrogates[springs] = self.with_springs(springs)
-        return found
+            surrogate = self._surrogates[springs] = self.with_springs(springs)
+        return surrogate
 
     # the scene's data in the form of the compiled loop
 

@@ -113,11 +113,11 @@ class Force:
 
     def placed(self, at: Sequence[int], parameters: Mapping[str, ArrayLike]) -> Force:
         """The same force on other places, with values of each; unchecked."""
-        found = copy(self)
+        placed = copy(self)
         values = {name: fixed(np.asarray(x, dtype=float)) for name, x in parameters.items()}
         for name, value in (("at", tuple(at)), ("parameters", FixedDict(values))):
-            object.__setattr__(found, name, value)
-        return found
+            object.__setattr__(placed, name, value)
+        return placed
 
     def refuse_open(self, skin: float) -> None:
         """Refuse what cannot act in all contacts of a list that changes: values of each contact,
@@ -131,13 +131,13 @@ class Force:
                     "come and go: give `at`, or one value"
                 )
         p = [float(x) for x in self.parameters.values()]
-        for t, share, rate in itertools.product((0.0, 0.7), (1e-6, 0.1, 1.0), (-0.1, 0.1)):
-            force = np.array(self.law.function()(t, [share * skin, rate, abs(rate)], p))
+        for t, fraction, rate in itertools.product((0.0, 0.7), (1e-6, 0.1, 1.0), (-0.1, 0.1)):
+            force = np.array(self.law.function()(t, [fraction * skin, rate, abs(rate)], p))
             if force.any():
                 raise TensegrityError(
                     f"force {self.expression} on all {self.on} of a scene whose contacts come and "
                     f"go must be 0 where they are open: it is {np.abs(force).max():.3g} N at a gap "
-                    f"of {share * skin:.3g} m"
+                    f"of {fraction * skin:.3g} m"
                 )
 
     @property
@@ -237,19 +237,19 @@ class Force:
         """Refuse an expression that cannot be translated, or is complex or infinite at rest."""
         if self.stores:
             return
-        names, found = self._state, []
+        names, samples = self._state, []
         count = len(names) // 2
         try:
             function = self.law.function()
             p = [float(np.ravel(x)[0]) for x in self.parameters.values()]
             for t, x, v in PROBES:
                 state = [x] * count + [v] * (len(names) - count - 1) + [abs(v)]
-                found.append((t, state, np.array(function(t, state, p)).ravel()))
+                samples.append((t, state, np.array(function(t, state, p)).ravel()))
         except Exception as error:  # SymPy's printer and CasADi raise many kinds of errors
             raise TensegrityError(
                 f"force {self.expression} cannot be translated: {error}"
             ) from error
-        for t, state, value in found:
+        for t, state, value in samples:
             if not np.isfinite(value).all():
                 where = ", ".join(
                     f"{name} = {x:g} {'m' if k < count else 'm/s'}"
@@ -294,9 +294,9 @@ class Force:
         columns = [one.ravel() for one in values]
         p = np.reshape(columns, (len(columns), x.size))
         last = np.abs(rate) if self.on == "sites" else np.zeros(x.shape)
-        found = self.law.function()(t, np.stack([y.ravel() for y in (x, rate, last)]), p)
+        force = self.law.function()(t, np.stack([y.ravel() for y in (x, rate, last)]), p)
         sign = -1 if self.on == "walls" else 1
-        return check.finite("force", sign * np.array(found).reshape(x.shape))
+        return check.finite("force", sign * np.array(force).reshape(x.shape))
 
     def _applied(self, scene: Any) -> AppliedForce:
         """The force on all places of a scene.
@@ -382,17 +382,19 @@ def dashpots(scene: Any) -> list[Force]:
 
     ground, bond, rate = sp.symbols("ground bond rate")
     damping, counts = scene.damping, place_counts(scene)
-    found: list[Force] = []
+    forces: list[Force] = []
     if damping is None:
-        return found
+        return forces
     if damping.ground.any():
         along = [-ground * sp.Symbol(f"v_{k}") for k in AXES[: scene.dim]]
         values = {"ground": damping.each("ground", counts["sites"])}
-        found.append(Force(along if scene.dim > 1 else -ground * sp.Symbol("v"), parameters=values))
+        forces.append(
+            Force(along if scene.dim > 1 else -ground * sp.Symbol("v"), parameters=values)
+        )
     if damping.bond.any():
         values = {"bond": damping.each("bond", counts["bonds"])}
-        found.append(Force(bond * rate, "bonds", parameters=values))
-    return found
+        forces.append(Force(bond * rate, "bonds", parameters=values))
+    return forces
 
 
 def no_force(scene: Any) -> Force:
@@ -408,5 +410,5 @@ def applied_forces(scene: Any, as_forces: bool = False) -> tuple[Any, ...]:
     least one force."""
     if not (scene._forces or as_forces):
         return ()
-    found = [*scene._forces, *dashpots(scene)]
-    return tuple(one._applied(scene) for one in found or [no_force(scene)])
+    forces = [*scene._forces, *dashpots(scene)]
+    return tuple(one._applied(scene) for one in forces or [no_force(scene)])

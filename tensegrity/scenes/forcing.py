@@ -241,15 +241,15 @@ def checked_forcing(
         damping.each("ground", scene.sites)
         if not (damping.bond.any() or damping.ground.any()):
             damping = None
-    found = {
+    forcing = {
         "drive": FixedDict(drive),
         "damping": damping,
         "_forces": checked_forces(scene, forces),
     }
-    found["tune"] = _checked_tune(scene, {} if tune is None else tune)
-    if found["tune"] and found["_forces"]:
+    forcing["tune"] = _checked_tune(scene, {} if tune is None else tune)
+    if forcing["tune"] and forcing["_forces"]:
         raise TensegrityError("tune and forces exclude each other")
-    return found
+    return forcing
 
 
 def _checked_tune(scene: Any, tune: Any) -> Any:
@@ -343,20 +343,20 @@ def driven_entries(scene: Any, prescribed: bool) -> tuple[Any, Any]:
     signals: list[Any] = []
     for site, drive in scene.drive.items():
         if drive.prescribes == prescribed:
-            found, _, here = driven_components(scene, site, drive)
+            of_site, _, here = driven_components(scene, site, drive)
             numbers += here
-            signals += found
+            signals += of_site
     return np.array(numbers, dtype=int), tuple(signals)
 
 
 def time_signals(scene: Any) -> list[Any]:
     """All functions of time that drive or tune a scene, or the scenes of an ensemble."""
-    found: list[Any] = []
+    signals: list[Any] = []
     for one in getattr(scene, "scenes", (scene,)):
-        found += () if callable(one.tune) else one.tune.values()
+        signals += () if callable(one.tune) else one.tune.values()
         for drive in one.drive.values():
-            found += [signal for signal in drive.signals if signal is not None]
-    return found
+            signals += [signal for signal in drive.signals if signal is not None]
+    return signals
 
 
 def check_start(scene: Any, u: Array) -> None:
@@ -366,11 +366,12 @@ def check_start(scene: Any, u: Array) -> None:
             continue
         signals, axes, here = driven_components(scene, site, drive)
         for signal, axis, entry in zip(signals, axes, here, strict=True):
-            wanted, found = float(signal(np.array(0.0))), float(u.reshape(-1)[entry])
-            if abs(found - wanted) > ATOL + RTOL * abs(wanted):
+            prescribed, actual = float(signal(np.array(0.0))), float(u.reshape(-1)[entry])
+            if abs(actual - prescribed) > ATOL + RTOL * abs(prescribed):
                 raise TensegrityError(
-                    f"site {site} is at {found:.9g} m, its drive {signal} begins at {wanted:.9g} m "
-                    f"(axis {axis}): start from `at_rest`, or let the drive begin there"
+                    f"site {site} is at {actual:.9g} m, its drive {signal} begins at "
+                    f"{prescribed:.9g} m (axis {axis}): start from `at_rest`, or let the drive "
+                    "begin there"
                 )
 
 

@@ -73,7 +73,7 @@ def on_site(scene: Any, order: int, u: Array) -> Array:
     LockingError
         A displacement outside the domain of its spring.
     """
-    found = np.zeros(u.shape)
+    values = np.zeros(u.shape)
     for one in scene._forces:
         if one.stores:
             applied, (low, high) = one._applied(scene), one.expression.domain
@@ -81,5 +81,5 @@ def on_site(scene: Any, order: int, u: Array) -> Array:
             if ((at <= low) | (at >= high)).any():
                 outside = at[(at <= low) | (at >= high)]
                 raise range_error(one.expression, float(outside.flat[0]))
-            found[..., applied.places] += applied.stored(order, u)
-    return found
+            values[..., applied.places] += applied.stored(order, u)
+    return values

@@ -214,13 +214,13 @@ class Scene(HasDynamics):
         u, r, along = self._elongated(u)
         of = dynamics(self)
         tension, stiffness = (of.springs.evaluate(x, r) for x in ("tension", "stiffness"))
-        found = forces.tangent(of.contact_bonds, r, along, tension, stiffness, u)
+        tangent = forces.tangent(of.contact_bonds, r, along, tension, stiffness, u)
         free = np.ones(u.shape, dtype=bool)
         free[list(self.held)] = False
         ground = on_site(self, 2, u) * free
-        free = np.append(free.ravel(), np.zeros(found.shape[0] - u.size, dtype=bool))
-        both = free[found.row] & free[found.col]
-        entries = found.data[both], (found.row[both], found.col[both])
+        free = np.append(free.ravel(), np.zeros(tangent.shape[0] - u.size, dtype=bool))
+        both = free[tangent.row] & free[tangent.col]
+        entries = tangent.data[both], (tangent.row[both], tangent.col[both])
         bonds = csr_array(entries, shape=(u.size, u.size))
         return bonds + diags_array(ground.ravel(), format="csr") if ground.any() else bonds
 

@@ -42,15 +42,15 @@ class Expression:
         of t."""
         made = _functions(self.expression, tuple(self.parameters), by)[order]
         with np.errstate(all="ignore"):
-            found = np.broadcast_to(made(t, *self.parameters.values()), np.shape(t))
-        bad = ~np.isfinite(found)
-        if np.iscomplexobj(found) or bad.any():
+            values = np.broadcast_to(made(t, *self.parameters.values()), np.shape(t))
+        bad = ~np.isfinite(values)
+        if np.iscomplexobj(values) or bad.any():
             where = np.atleast_1d(t)[np.atleast_1d(bad)]
-            value = found[bad].flat[0] if where.size else "complex"
+            value = values[bad].flat[0] if where.size else "complex"
             at = f" at t = {where[0]:.6g} s" if where.size else ""
             words = ("", "rate of the ")[order]
             raise TensegrityError(f"{words}{self.name} {self.expression} is {value}{at}")
-        return found
+        return values
 
     @property
     def key(self) -> Any:
@@ -203,14 +203,14 @@ def _functions(expression: Any, names: tuple[str, ...] = (), by: str | None = No
             expression = sp.diff(expression, symbols[by])
         rate = sp.diff(expression, symbols["t"]).replace(sp.DiracDelta, lambda *_: sp.Integer(0))
         made = (expression, rate)
-        found = [sp.lambdify([*symbols.values()], x, "numpy", cse=True) for x in made]
+        functions = [sp.lambdify([*symbols.values()], x, "numpy", cse=True) for x in made]
         with np.errstate(all="ignore"):
-            for one in found:
+            for one in functions:
                 values = one(np.array([0.3, 0.7]), *np.linspace(0.4, 0.6, len(names)))
                 np.broadcast_to(values, (2,)).astype(float)
     except Exception as error:  # SymPy's printers and NumPy raise many types here
         raise TensegrityError(f"expression {expression} cannot be translated: {error}") from error
-    return found
+    return functions
 
 
 def check_signals(signals: Sequence[Any], t_end: float) -> None:

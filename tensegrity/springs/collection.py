@@ -62,8 +62,8 @@ class Springs:
     ) -> None:
         shared, (sizes, size) = Repeated.of(springs), _length_classes(lengths)
         kind = np.min_scalar_type(len(shared.different) * len(sizes))
-        found, same = numbered(np.multiply(shared.number, len(sizes), dtype=kind) + size)
-        keys = [divmod(key, len(sizes)) for key in found.tolist()]
+        distinct, same = numbered(np.multiply(shared.number, len(sizes), dtype=kind) + size)
+        keys = [divmod(key, len(sizes)) for key in distinct.tolist()]
         keys = [(shared.different[spring], sizes[length]) for spring, length in keys]
         numbers: dict[tuple, int] = {}
         equal = np.array([numbers.setdefault(key, len(numbers)) for key in keys], dtype=same.dtype)
@@ -92,11 +92,11 @@ class Springs:
         """Place, strength, exponent and side of the kinks of each spring; (kinks, springs, 4),
         padded with NaN."""
         most = max((len(spring.kinks) for spring in self.different), default=0)
-        found = np.full((max(most, 1), len(self), 4), np.nan)
+        table = np.full((max(most, 1), len(self), 4), np.nan)
         for k, spring in enumerate(self.different):
-            for row, opening in zip(found, spring.kinks, strict=False):
+            for row, opening in zip(table, spring.kinks, strict=False):
                 row[k] = opening
-        return fixed(found)
+        return fixed(table)
 
     @cached_property
     def _kinks(self):
@@ -153,11 +153,11 @@ class Springs:
     def _group_numbers(self):
         """Index of the set of each spring: springs of one law, evaluated in one call, or one."""
         sets: dict[object, int] = {}
-        found = np.zeros(len(self), dtype=int)
+        numbers = np.zeros(len(self), dtype=int)
         for k, spring in enumerate(self.different):
             plain = type(spring).derivative is Potential.derivative
-            found[k] = sets.setdefault(spring.law if plain else k, len(sets))
-        return fixed(found)
+            numbers[k] = sets.setdefault(spring.law if plain else k, len(sets))
+        return fixed(numbers)
 
     def _grouped(self, numbers):
         """Bonds of the springs with these indices, grouped by set, and their positions."""
@@ -204,7 +204,7 @@ class Springs:
         Energies or None
             None if some law has no compiled energy.
         """
-        found = []
+        groups = []
         for one, columns in self._grouped(self.group.ravel()):
             loop = loop_of_law(one.law)
             if loop is None or "energy" not in one.law.compiled:
@@ -212,8 +212,8 @@ class Springs:
             used, number = numbered(one.rows)
             parameters = np.array([self.different[k].values for k in used]).T
             number = np.broadcast_to(number, columns.shape)
-            found.append((loop, parameters, self.computable_domain[used].T, number, columns))
-        return Energies(mass, found, contacts)
+            groups.append((loop, parameters, self.computable_domain[used].T, number, columns))
+        return Energies(mass, groups, contacts)
 
     def _evaluate_springs(self, name, r, numbers):
         """Values of the springs with these indices at elongations r (points, numbers) [m]."""
@@ -242,9 +242,9 @@ class Springs:
         """
         ranges = ranges if numbers is None else ranges[numbers]
         search = self._searches.get(name)
-        found = search and search.largest(ORDERS.index(name), ranges, numbers, SEARCH_FRACTIONS)
-        if found:
-            largest, is_finite = found
+        result = search and search.largest(ORDERS.index(name), ranges, numbers, SEARCH_FRACTIONS)
+        if result:
+            largest, is_finite = result
         else:
             numbers = np.arange(len(self)) if numbers is None else numbers
             points = np.concatenate([end * SEARCH_FRACTIONS[:, None] for end in ranges.T])
@@ -276,8 +276,8 @@ class Springs:
         held, free = np.flatnonzero(np.isfinite(ends)), np.flatnonzero(np.isinf(ends))
         last, locks = np.empty(len(ends)), np.zeros(len(ends), dtype=bool)
         if held.size:
-            last[held], found = self._first_above(energy, ends[held], numbers[held], WAYS.to_end)
-            locks[held] = ~found
+            last[held], reached = self._first_above(energy, ends[held], numbers[held], WAYS.to_end)
+            locks[held] = ~reached
         if free.size:
             sizes = self._size(energy, np.sign(ends[free]), numbers[free])
             last[free], _ = self._first_above(energy, sizes, numbers[free], WAYS.to_size)
@@ -286,16 +286,16 @@ class Springs:
     def _first_above(self, energy, ends, numbers, levels):
         """First elongations at which the energy is exceeded, for any springs, compiled or not;
         the counterpart of `first` in energies.c."""
-        before, beyond, every, found = np.zeros(len(ends)), ends, np.arange(len(ends)), []
+        before, beyond, every, reached = np.zeros(len(ends)), ends, np.arange(len(ends)), []
         for fractions in levels:
             r = before + fractions[:, None] * (beyond - before)
             r[fractions == 1] = beyond
             outside = ~(self._evaluate_springs("energy", r, numbers) <= energy)
-            found.append(outside.any(axis=0))
-            first = np.where(found[-1], np.argmax(outside, axis=0), len(r))
+            reached.append(outside.any(axis=0))
+            first = np.where(reached[-1], np.argmax(outside, axis=0), len(r))
             before = np.where(first > 0, r[first - 1, every], before)
-            beyond = np.where(found[-1], r[np.minimum(first, len(r) - 1), every], before)
-        return beyond, found[0]
+            beyond = np.where(reached[-1], r[np.minimum(first, len(r) - 1), every], before)
+        return beyond, reached[0]
 
     def _size(self, energy, signs, numbers):
         """Elongations [m] beyond which the energy is exceeded or the law overflows, on unbounded
@@ -389,8 +389,8 @@ def _length_classes(lengths):
         some = lengths[k : k + PART]
         bonds = some > 0
         classes[k : k + PART][bonds] = np.round(np.log(some[bonds] / shortest) / 0.01)
-    found, size = numbered(classes)
-    return found.tolist(), size
+    numbers, size = numbered(classes)
+    return numbers.tolist(), size
 
 
 def numbered(keys):
@@ -398,9 +398,9 @@ def numbered(keys):
     these; few of them, or of a small range, are found without sorting."""
     low, high = (keys.min(), keys.max()) if len(keys) else (0, -1)
     if int(high) - int(low) >= max(len(keys), PART):
-        found, first, index = np.unique(keys, return_index=True, return_inverse=True)
+        distinct, first, index = np.unique(keys, return_index=True, return_inverse=True)
         order = np.argsort(first)
-        return found[order], np.argsort(order)[index]
+        return distinct[order], np.argsort(order)[index]
     first = np.full(int(high) - int(low) + 1, len(keys))
     for k in reversed(range(0, len(keys), PART)):
         part = keys[k : k + PART] - low

@@ -64,17 +64,17 @@ def kinks(
         return ()
     import mpmath
 
-    found: list[Kink] = []
+    located: list[Kink] = []
     with mpmath.workdps(DIGITS):
         law = _Law(symbols, [mpmath.mpf(value) for value in values])
         try:
             pieces = law.pieces(energy, *map(mpmath.mpf, domain))
             for (_, left), (place, right) in pairwise(pieces):
                 if left != right:
-                    found += _kinks_at(law, place, left, right)
+                    located += _kinks_at(law, place, left, right)
         except (_AmbiguousError, ArithmeticError, ValueError, TypeError, NotImplementedError):
             return (UNKNOWN,)
-    return tuple(found)
+    return tuple(located)
 
 
 class _AmbiguousError(Exception):
@@ -132,7 +132,7 @@ class _Law:
         if inner is None:
             return [(low, energy)]
         zeros = {x for g in _switching_functions(inner) for x in self.zeros(g, low, high)}
-        borders, found = [low, *sorted(zeros), high], []
+        borders, pieces = [low, *sorted(zeros), high], []
         if len(borders) > MOST_BORDERS:
             raise _AmbiguousError
         for start, end in pairwise(borders):
@@ -140,10 +140,10 @@ class _Law:
                 inside = end - abs(end) - 1 if mpmath.isfinite(end) else mpmath.mpf(1) / 3
             else:
                 inside = (start + end) / 2 if mpmath.isfinite(end) else start + abs(start) + 1
-            found += self.pieces(
+            pieces += self.pieces(
                 energy.xreplace({inner: self._branch_at(inner, inside)}), start, end
             )
-        return found
+        return pieces
 
     def _branch_at(self, part: Any, at: Any) -> Any:
         """The branch of a piecewise part that applies at an elongation."""
@@ -168,12 +168,12 @@ class _Law:
         r = self._symbols[0]
         if not g.has(r):
             return []
-        found = (
+        roots = (
             self._roots(_coefficients(g, r))
             if g.is_polynomial(r)
             else self._bracketed_zeros(g, low, high)
         )
-        return [x for x in found if low < x < high]
+        return [x for x in roots if low < x < high]
 
     def _roots(self, coefficients: Sequence[Any]) -> list[Any]:
         """Real roots of a polynomial, the coefficient of the highest power first."""
@@ -200,12 +200,12 @@ class _Law:
         points = sorted(x for x in points if low <= x <= high)
         with mpmath.workdps(15):
             signs = [_sign(self(g, x)) for x in points]
-        found = [x for x, sign in zip(points, signs, strict=True) if sign == 0]
+        roots = [x for x, sign in zip(points, signs, strict=True) if sign == 0]
         for a, b, one, other in zip(points, points[1:], signs, signs[1:], strict=False):
             if one * other < 0:
                 value = lambda x: self(g, x)  # noqa: E731
-                found.append(mpmath.findroot(value, (a, b), solver="anderson", verify=False))
-        return found
+                roots.append(mpmath.findroot(value, (a, b), solver="anderson", verify=False))
+        return roots
 
 
 def _innermost(energy: Any) -> Any:
@@ -256,32 +256,32 @@ def _sign(value: Any) -> float:
 
 def _kinks_at(law: _Law, place: Any, left: Any, right: Any) -> list[Kink]:
     """Kinks at a border between two smooth energies."""
-    found, regular = [], []
+    kinks, regular = [], []
     for side, energy in ((-1, left), (1, right)):
         powers, values = _one_sided_terms(law, energy, place, side)
         regular.append(values)
         for factor, exponent in powers:  # the energy has the part factor x^exponent
-            found.append((float(place), float(factor * exponent), float(exponent - 1), float(side)))
+            kinks.append((float(place), float(factor * exponent), float(exponent - 1), float(side)))
     jumps = _jumps(*regular)
     if jumps:
         first = min(jumps)
         side = -1 if abs(regular[0][first]) > abs(regular[1][first]) else 1
         for k, jump in jumps.items():
             strength = jump * side ** abs(k - 1) / math.factorial(max(k - 1, 0))
-            found.append((float(place), float(strength), float(k - 1), float(side)))
-    return found
+            kinks.append((float(place), float(strength), float(k - 1), float(side)))
+    return kinks
 
 
 def _jumps(left: list[Any], right: list[Any]) -> dict[int, Any]:
     """Jumps of the derivatives across a border, by the order of the derivative."""
     import mpmath
 
-    found, far = {}, 100 * mpmath.mpf(OFFSET)
+    jumps, far = {}, 100 * mpmath.mpf(OFFSET)
     size = [max(abs(a), abs(b)) for a, b in zip(left, right, strict=False)]
     for k, (a, b, next_size) in enumerate(zip(left, right, size[1:], strict=False)):
         if abs(b - a) > max(LEAST * size[k], far * next_size):
-            found[k] = b - a
-    return found
+            jumps[k] = b - a
+    return jumps
 
 
 def _one_sided_terms(law: _Law, energy: Any, place: Any, side: int) -> tuple[list[Any], list[Any]]:
@@ -302,10 +302,10 @@ def _one_sided_terms(law: _Law, energy: Any, place: Any, side: int) -> tuple[lis
     powers = exponent, exponent + 1, mpmath.mpf(order)
     rows = [[mpmath.ff(p, order) * x ** (p - order) for p in powers] for x in distance]
     one, next_one, _ = mpmath.lu_solve(mpmath.matrix(rows), mpmath.matrix(steep)) * side**order
-    found = [(one, exponent)]
+    terms = [(one, exponent)]
     if abs(next_one) > PURE * abs(one):
-        found.append((next_one, exponent + 1))
-    return found, [*values, steep[0]][: math.ceil(exponent) + 1]
+        terms.append((next_one, exponent + 1))
+    return terms, [*values, steep[0]][: math.ceil(exponent) + 1]
 
 
 def _recognised(exponent: Any) -> Any:

@@ -236,11 +236,11 @@ class Potential:
 
     def _finite_derivative(self, order: int, r: ArrayLike, closed: bool = False) -> Array:
         """A derivative of the energy, refused if it is nan."""
-        found = self.derivative(order, r, closed)
-        if np.isnan(found).any():
-            at = float(np.asarray(r, dtype=float)[np.isnan(found)].flat[0])
+        values = self.derivative(order, r, closed)
+        if np.isnan(values).any():
+            at = float(np.asarray(r, dtype=float)[np.isnan(values)].flat[0])
             raise TensegrityError(f"{ORDERS[order]} at elongation {at:g} m is not a number")
-        return found
+        return values
 
     def derivative(self, order: int, r: ArrayLike, closed: bool = False) -> Array:
         """A derivative of the energy.

@@ -132,8 +132,8 @@ class Tuned:
         """Energies at elongations r (t.size, bonds) [m], each row at an instant; of its shape."""
         loop, r = loop_of_law(self.law), np.ascontiguousarray(r)
         out, parameters = np.empty_like(r), np.ascontiguousarray(self.at(t))
-        for p, row, found in zip(parameters, r, out, strict=True):
-            loop.library.values(0, r.shape[-1], *(x.ctypes.data for x in (p, row, found)))
+        for p, row, energies in zip(parameters, r, out, strict=True):
+            loop.library.values(0, r.shape[-1], *(x.ctypes.data for x in (p, row, energies)))
         return out
 
     def evaluate(self, order: int, p: Array, r: Array) -> Array:
@@ -235,14 +235,14 @@ class Tuned:
             series = np.ascontiguousarray(series)
             flat = series.reshape(-1, series.shape[-1])  # a view
             flat[1:, np.abs(flat[1:]).max(axis=0, initial=0.0) <= CONSTANT * np.abs(flat[0])] = 0.0
-            found = max(
+            error = max(
                 self._misfit(law, series, middle, half, np.where(moves, place, 0.0))
                 for place in self._test_points(size)
             )
-            if found <= GOOD:
+            if error <= GOOD:
                 return law, series
-            if found < worst:
-                worst, best = found, (law, series)
+            if error < worst:
+                worst, best = error, (law, series)
         if worst <= MISFIT:
             return best
         raise ResolutionError(
@@ -297,13 +297,13 @@ class Tuned:
     def _values(self, t: Array) -> tuple[Array, Array]:
         """Parameters and ends of the domain, and their rates; (t.size, parameters + 2) each."""
         x = np.clip((self._arguments(t, 0) - self._low) / self._half, -1.0, 1.0)
-        found = np.split(_value(self._all, x), 1 + x.shape[1], axis=1)
+        parts = np.split(_value(self._all, x), 1 + x.shape[1], axis=1)
         count = len(self._moves)
         values = np.tile(self.series.reshape(-1, count)[0], (len(t), 1))
         rates = np.zeros_like(values)
-        values[:, self._moves] = found[0]
+        values[:, self._moves] = parts[0]
         each = self._arguments(t, 1) / self._half
-        rates[:, self._moves] = sum(one * each[:, [k]] for k, one in enumerate(found[1:]))
+        rates[:, self._moves] = sum(one * each[:, [k]] for k, one in enumerate(parts[1:]))
         return values, rates
 
     def at(self, t: Array) -> Array:
@@ -349,14 +349,14 @@ def _clock(t: Array, order: int) -> Array:
 
 def _with_rates(series: Array) -> Array:
     """A tensor series, followed along the last axis by its derivatives in each argument."""
-    found = [series]
+    rows = [series]
     for axis in range(series.ndim - 1):
         rate = np.zeros_like(series)
         if series.shape[axis] > 1:
             shorter = chebyshev.chebder(series, axis=axis)
             np.moveaxis(rate, axis, 0)[:-1] = np.moveaxis(shorter, axis, 0)
-        found.append(rate)
-    return np.concatenate(found, axis=-1)
+        rows.append(rate)
+    return np.concatenate(rows, axis=-1)
 
 
 def _value(series: Any, x: Any) -> Any:

@@ -40,8 +40,8 @@ def by_speed(wave: Any) -> tuple[float, Series | Integrals]:
     """
     if wave._shape.rate(0.0).ndim:
         raise TensegrityError("dH/dc of waves with several components is not computed")
-    found = _on_mesh if isinstance(wave._shape, Integrals) else _on_grid
-    return found(wave, wave.mass * wave.speed**2)
+    derivative = _on_mesh if isinstance(wave._shape, Integrals) else _on_grid
+    return derivative(wave, wave.mass * wave.speed**2)
 
 
 def _on_grid(wave: Any, squared: float) -> tuple[float, Series]:

@@ -119,8 +119,8 @@ def _with_energy(family, target, mass):
 def _start(family, enough):
     """The smallest tabulated size at which a wave can exist and `enough` holds, or the last one."""
     inside = (family.sizes > family.rising_part.start) & (family.sizes < family.rising_part.top)
-    found = np.flatnonzero(enough & inside & (family.long_wave > family.rising_part.floor))
-    return family.sizes[found[0]] if found.size else _last(family)
+    rows = np.flatnonzero(enough & inside & (family.long_wave > family.rising_part.floor))
+    return family.sizes[rows[0]] if rows.size else _last(family)
 
 
 def _last(family):

@@ -196,11 +196,11 @@ def coupled_profile(law: CoupledLaw, above: float) -> tuple[Profile, float]:
         guess = profile.on(Grid(FIRST_POINTS, half_length(law, nu)))
         guess = replace(guess, rho=guess.rho * (nu / profile.nu) ** power, nu=nu)
         try:
-            found = newton(guess, speed_is(nu), ROUGHLY)
-            if found.rho[0, 0] < REMAINS * profile.rho[0, 0]:
+            next_profile = newton(guess, speed_is(nu), ROUGHLY)
+            if next_profile.rho[0, 0] < REMAINS * profile.rho[0, 0]:
                 raise NoWaveError("no wave found: Newton's method goes to the state of rest")
-            power = math.log(found.rho[0, 0] / profile.rho[0, 0]) / math.log(nu / profile.nu)
-            profile = found
+            power = math.log(next_profile.rho[0, 0] / profile.rho[0, 0]) / math.log(nu / profile.nu)
+            profile = next_profile
         except TensegrityError:
             factor = math.sqrt(factor)
             if factor < FASTER ** (0.5**SHORTER):

@@ -160,14 +160,14 @@ def along(
     values = check.floats(name, wanted)
     if values.ndim != 1 or not values.size:
         raise TensegrityError(f"{name} has shape {values.shape}, must be (n,), n > 0")
-    found = []
+    waves = []
     for value in values.tolist():
         try:
-            found.append(solitary_wave(potential, mass, family=family, **{name: value}))
+            waves.append(solitary_wave(potential, mass, family=family, **{name: value}))
         except TensegrityError:
             if not whole:
                 raise
-    return _table(tuple(found))
+    return _table(tuple(waves))
 
 
 def falling(
@@ -224,12 +224,12 @@ def stability_in_words(unstable: Callable[[int], tuple[tuple[float, float], ...]
     str
     """
     try:
-        found = unstable(FEW)
+        intervals = unstable(FEW)
     except TensegrityError as error:
         return f"stability is not known: {error}"
-    if not found:
+    if not intervals:
         return "no unstable wave was found: the energy increases with the speed"
-    ranges = " and ".join(f"from {low:.6g} to {high:.6g} sites/s" for low, high in found)
+    ranges = " and ".join(f"from {low:.6g} to {high:.6g} sites/s" for low, high in intervals)
     return f"unstable {ranges}, where the energy decreases with the speed"
 
 

@@ -241,8 +241,8 @@ class Family:
 
     def stiffness_from_top(self, part):
         """V'' [N/m] at `part` times the size at which 2V/r^2 is largest; 0 if it is round-off."""
-        found = float(self.potential.stiffness(self.sign * part * self.rising_part.top))
-        return found if abs(found) > NO_STIFFNESS * (self.rest + self.rising_part.ceiling) else 0.0
+        k = float(self.potential.stiffness(self.sign * part * self.rising_part.top))
+        return k if abs(k) > NO_STIFFNESS * (self.rest + self.rising_part.ceiling) else 0.0
 
     @cached_property
     def _with_plateau(self):

@@ -136,8 +136,8 @@ class FrontSeries:
     def _sum(self, even, odd, x):
         inside, k = np.abs(x) <= self.line.half_length, self.line.wave_numbers
         at = np.where(inside, x, 0.0)
-        found = cosine_sum(even, k, at) + cosine_sum(odd, k, at, np.sin)
-        return np.where(inside, found, 0.0)
+        total = cosine_sum(even, k, at) + cosine_sum(odd, k, at, np.sin)
+        return np.where(inside, total, 0.0)
 
     @property
     def shift(self):
@@ -241,15 +241,15 @@ class Front:
         line, drag = self.line, self.bond * self.speed
         slope = self.spring.stiffness(self.elongation[0])
         if self.ground is None:
-            found = line.matrix(drag * line.box**2 * line.rate)
-            found -= line.matrix(line.box**2) * slope
-            found.flat[:: line.points + 1] += self.stiffness
-            return found
+            tangent = line.matrix(drag * line.box**2 * line.rate)
+            tangent -= line.matrix(line.box**2) * slope
+            tangent.flat[:: line.points + 1] += self.stiffness
+            return tangent
         linear = self.stiffness * line.rate + drag * line.difference**2 - self.site * self.speed
         move = line.matrix(line.difference)
-        found = line.matrix(linear * line.rate) - move @ (slope[:, None] * move)
-        found.flat[:: line.points + 1] += self.ground.stiffness(self.state[0])
-        return found
+        tangent = line.matrix(linear * line.rate) - move @ (slope[:, None] * move)
+        tangent.flat[:: line.points + 1] += self.ground.stiffness(self.state[0])
+        return tangent
 
     def scale(self):
         """The largest force [N], by which residuals are divided."""

@@ -175,10 +175,10 @@ class Integrals:
 
 def _integrated_to_infinity(series):
     """Series of the integrals from a point of each cell to infinity."""
-    found = -legendre.legint(series, lbnd=1, axis=1) / 2
-    whole = legendre.legval(-1.0, found.T)
-    found[:, 0] += np.cumsum(whole[::-1])[::-1] - whole
-    return found
+    integrals = -legendre.legint(series, lbnd=1, axis=1) / 2
+    whole = legendre.legval(-1.0, integrals.T)
+    integrals[:, 0] += np.cumsum(whole[::-1])[::-1] - whole
+    return integrals
 
 
 def _newton(side, mesh, size, squared):
@@ -284,9 +284,9 @@ def multidomain_wave(side, name, value):
             before = place, gap
             place += max(-place / 2, min(step, FARTHEST))
         fine = Mesh(place, length, nodes + FINER)
-        found = size(fine.x)
-        tension = side.force(found)
-        residual = float(np.abs(squared * found - fine.mean @ tension).max() / tension.max())
+        elongation = size(fine.x)
+        tension = side.force(elongation)
+        residual = float(np.abs(squared * elongation - fine.mean @ tension).max() / tension.max())
         peak = side.sign * float(mesh.at_peak @ sizes)
         if residual <= (TARGET if nodes < NODES[-1] else LARGEST) and abs(gap) < LARGEST:
             gain = (squared - side.rest) / side.rest if side.rest else math.inf

@@ -273,7 +273,7 @@ def rising_parts(nonlinear, sign, sizes) -> list[RisingPart]:
         sizes, flat = sizes[sizes > NEAR * nonlinear.scale], ROUGH
     level = level_at(sizes)
     unit = nonlinear.rest + np.abs(level)
-    found: list[RisingPart] = []
+    parts: list[RisingPart] = []
     floor, place = 0.0, 0
     if nonlinear.rest == 0 and level[1] - level[0] <= flat * unit[0]:  # not steeper than linear
         floor = float(level[0])
@@ -288,15 +288,15 @@ def rising_parts(nonlinear, sign, sizes) -> list[RisingPart]:
         highest = np.maximum.accumulate(level[first:])
         falls = np.flatnonzero(highest - level[first:] > flat * unit[first:])
         if not falls.size:
-            found.append(RisingPart(start, floor, math.inf, math.inf))
+            parts.append(RisingPart(start, floor, math.inf, math.inf))
             break
         last = first + int(np.argmax(level[first : first + falls[0]]))
         ends = sizes[max(last - 1, 0) : last + 2]
         top = root(slope, ends[0], ends[-1], relative=1e-14)
         ceiling = float(nonlinear.tension(sign * top)) / (sign * top)
-        found.append(RisingPart(start, floor, top, ceiling))
+        parts.append(RisingPart(start, floor, top, ceiling))
         floor, place = max(floor, ceiling), first + int(falls[0])
-    return found
+    return parts
 
 
 def grows_from_rest(nonlinear, sign) -> bool:

@@ -393,11 +393,11 @@ def solitary_wave(
         try:
             solution = _characteristics(*refined(profile, condition))
         except NoWaveError:
-            found = _wave(side, mass, sound, *_characteristics(profile, profile.residual()))
+            last = _wave(side, mass, sound, *_characteristics(profile, profile.residual()))
             raise TensegrityError(
                 f"no solitary wave of {side.name} with {label}: the nearest one, at which the "
-                f"family ends, has a peak of {found.amplitude:.6g} m, speed "
-                f"{found.speed:.6g} sites/s and energy {found.energy:.6g} J"
+                f"family ends, has a peak of {last.amplitude:.6g} m, speed "
+                f"{last.speed:.6g} sites/s and energy {last.energy:.6g} J"
             ) from None
     except TensegrityError:
         if not may_cross_kink(side, name, value):
@@ -419,8 +419,8 @@ def _of_line(line, mass, family, name, value):
     profile, residual = coupled_profile(law, above / law.secant)
     stiffness, gain, _, energy, _, shape = _characteristics(profile, residual)
     shape, peak = Series(shape.grid, law.basis @ shape.rates), law.physical(profile.rho)[0, 0]
-    found = _wave(law, mass, sound, stiffness, gain, float(peak), energy, residual, shape)
-    return replace(found, momentum=float(found.momentum[0]))
+    wave = _wave(law, mass, sound, stiffness, gain, float(peak), energy, residual, shape)
+    return replace(wave, momentum=float(wave.momentum[0]))
 
 
 def _characteristics(profile, residual):

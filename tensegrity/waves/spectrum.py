@@ -270,13 +270,13 @@ def _stiffnesses(name: str, given: Any) -> Array:
     springs = _cell(name, given)
     for number, spring in enumerate(springs):
         check.kind(f"spring {number} of {name}", spring, Potential)
-    found = np.array([float(spring.stiffness(0.0)) for spring in springs])
-    bad = np.flatnonzero(~(np.isfinite(found) & (found >= 0)))
+    stiffnesses = np.array([float(spring.stiffness(0.0)) for spring in springs])
+    bad = np.flatnonzero(~(np.isfinite(stiffnesses) & (stiffnesses >= 0)))
     if bad.size:
         raise TensegrityError(
-            f"stiffness {found[bad[0]]:g} N/m of spring {bad[0]} at rest must be at least 0"
+            f"stiffness {stiffnesses[bad[0]]:g} N/m of spring {bad[0]} at rest must be at least 0"
         )
-    return found
+    return stiffnesses
 
 
 def _cell(name: str, given: Any) -> tuple[Any, ...]:
@@ -284,7 +284,7 @@ def _cell(name: str, given: Any) -> tuple[Any, ...]:
     if isinstance(given, (str, bytes, dict)):
         raise TensegrityError(f"{name} {check.shown(given)} must be a sequence")
     many = given.ndim if isinstance(given, np.ndarray) else isinstance(given, Sequence)
-    found = tuple(given) if many else (given,)
-    if not found:
+    cell = tuple(given) if many else (given,)
+    if not cell:
         raise TensegrityError(f"{name} of a cell is empty, must have one or more")
-    return found
+    return cell

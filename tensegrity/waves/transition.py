@@ -143,12 +143,12 @@ class TransitionWave(TravellingWave):
         return f"{self.family} transition wave"
 
     def _texts(self):
-        found = super()._texts()
-        found.pop("peak")
+        texts = super()._texts()
+        texts.pop("peak")
         states = {"ahead": f"{self.ahead:.6g} m", "behind": f"{self.behind:.6g} m"}
         states["released"] = f"{self.released:.6g} J/site"
         width = {"width": f"{self.width():.4g} sites from 5 % to 95 %"}
-        return {"speed": found.pop("speed")} | states | found | width
+        return {"speed": texts.pop("speed")} | states | texts | width
 
 
 def transition_wave(
@@ -375,10 +375,10 @@ def standing_forces(
             rows.append(held(middle, u))
             u = rows[-1][0]
     rows = below[::-1] + above
-    found = np.array([force for _, force in rows])
+    forces = np.array([force for _, force in rows])
     inner, extremes = np.arange(1, PLACES - 1), []
     for sign in (1, -1):
-        of = sign * found
+        of = sign * forces
         least = inner[(of[1:-1] < of[:-2]) & (of[1:-1] < of[2:])]
         if not len(least):
             raise NoWaveError("no standing front was found")
