@@ -207,8 +207,7 @@ class NetworkDynamics(Dynamics):
     @cached_property
     def energies_in_one_call(self) -> Energies | None:
         """Compiled energies of many states in one call; None if some law has no compiled form."""
-        mass = np.repeat(self.scene.mass[:, None], self.dim, axis=1)
-        return self.springs.energies(mass, self.contact_bonds.contacts)
+        return self.springs.energies(self.scene.mass, self.contact_bonds.contacts)
 
     # bounds, and descriptions of places for messages
 
