@@ -178,11 +178,11 @@ def _net(loop, bonds, pieces):
 def of_contacts(loop, bonds):
     """Fields of a network that only some methods need: geometry and ends of all contacts, and a
     group of zeros."""
-    contacts, source, none = bonds.contacts, bonds.runs.source, np.zeros(GROUP)
+    contacts, source, none = bonds.contacts, bonds.runs.source, np.zeros(GROUP, np.int32)
     return {
         "geometry": loop.numbers(np.append(contacts.geometry_of(source), none)),
-        "from": integers(np.append(bonds.dim * contacts.first[source].astype(np.int64), none)),
-        "to": integers(np.append(bonds.dim * contacts.second[source].astype(np.int64), none)),
+        "from": np.append(contacts.first[source] * bonds.dim, none),
+        "to": np.append(contacts.second[source] * bonds.dim, none),
     }
 
 
