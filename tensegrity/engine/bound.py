@@ -190,16 +190,19 @@ class Bound:
             self._scene.fill(**layout.of_contacts(loop, self._bonds))
         numbers = openings.contacts(self._bonds, loop.batch)
         numbers |= dict(zip(("nodes", "weights", "offsets"), method.rule, strict=True))
-        row = integers(numbers.pop("row"))
-        numbers["dt"] = [1.0]
-        sizes = dict.fromkeys(("before", "rate_before", "after", "rate_after"), row.size)
+        row, spring = integers(numbers.pop("row")), numbers.pop("spring")
+        bonds = row[0].size if spring is None else len(spring)
+        count, numbers["dt"] = len(row) * bonds, [1.0]
+        sizes = dict.fromkeys(("before", "rate_before", "after", "rate_after"), count)
         sizes |= dict.fromkeys(("u", "v", "end_u", "end_v", "end_a"), u.size)
         self._alone = steps = OPENINGS(
             **{name: loop.numbers(x) for name, x in numbers.items()},
             **{name: np.zeros(size, dtype=loop.dtype) for name, size in sizes.items()},
             row=row,
-            count=row.size,
-            bonds=row.size // len(row),
+            spring=spring,
+            springs=row[0].size,
+            count=count,
+            bonds=bonds,
             entries=u.size,
             kicks=len(method.rule[0]),
             degree=openings.DEGREE,

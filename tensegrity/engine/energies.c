@@ -21,7 +21,7 @@ typedef struct {
     const int *spring;          /* (count) the spring of each bond; 0 where there is one */
     const integer *members;     /* (count) numbers of the bonds; 0 where they are consecutive */
     const void *places;         /* argument of `elongations` */
-    integer different, own;     /* numbers of springs, and of parameters where there are several */
+    integer different, own;     /* numbers of springs, and of parameters of each bond, or 0 */
     integer most, count, start; /* start: place of the first */
 } bond_set;
 
@@ -77,19 +77,21 @@ static integer elongations(const bond_set *s, integer begin, integer end, const 
    springs. */
 static const double *parameters(const bond_set *s, integer begin, integer end, double *restrict p)
 {
-    if (s->different == 1) return s->parameters;
+    if (!s->own) return s->parameters;
     for (integer k = 0; k < s->own; k++)
         for (integer i = begin; i < end; i++)
-            p[k * (end - begin) + i - begin] = s->parameters[k * s->different + s->spring[i]];
+            p[k * (end - begin) + i - begin] =
+                s->parameters[k * s->different + (s->spring ? s->spring[i] : 0)];
     return p;
 }
 
 /* Total energy of each of `rows` states with so many `entries`; returns 0 where an elongation is
-   outside its domain.  `mass` is that of each entry; `loads` is 0 without loads.  `scratch` has one
+   outside its domain.  `mass` is that of so many entries `each`; `loads` is 0 without loads.
+   `scratch` has one
    number for each of `all` bonds, then the larger of `entries` and the bonds of a call, then the
    parameters of these. */
 integer energies(const bond_set *sets, integer count, integer all, const double *mass,
-                 const double *loads, integer entries, integer rows, const double *u,
+                 integer each, const double *loads, integer entries, integer rows, const double *u,
                  const double *v, double *scratch, double *total)
 {
     FLUSH
@@ -108,7 +110,9 @@ integer energies(const bond_set *sets, integer count, integer all, const double 
                     for (integer i = b; i < end; i++) stored[set->members[i]] = part[i - b];
             }
         }
-        for (integer i = 0; i < entries; i++) part[i] = mass[i] * (v[i] * v[i]);
+        for (integer k = 0; k < each; k++)
+            for (integer q = 0, i = k; i < entries; q++, i += each)
+                part[i] = mass[q] * (v[i] * v[i]);
         total[k] = 0.5 * pairwise_sum(part, entries) + pairwise_sum(stored, all);
         if (!loads) continue;
         for (integer i = 0; i < entries; i++) part[i] = loads[i] * u[i];

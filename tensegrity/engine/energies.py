@@ -55,7 +55,7 @@ class Energies:
 
     Parameters
     ----------
-    mass : ndarray, shape of a state
+    mass : ndarray, shape of a state, or of a network (sites,)
         [kg]
     sets : sequence of (Compiled, ndarray, ndarray, ndarray, ndarray)
         Loop of a law; parameters, (parameters, springs), and domain [m], (2, springs), of different
@@ -66,7 +66,8 @@ class Energies:
     """
 
     def __init__(self, mass: Array, sets: Sequence[Set], contacts: Contacts | None = None) -> None:
-        self._shape, self._function = mass.shape, _compiled().energies
+        self._shape = mass.shape if contacts is None else contacts.load.shape
+        self._function, size = _compiled().energies, math.prod(self._shape)
         parts = sets if contacts is None else _of_contacts(sets, contacts)
         rows = [_bond_set(*part, contacts) for part in parts]
         each, bonds = (BOND_SET * len(rows))(*rows), sum(len(columns) for *_, columns in sets)
@@ -75,10 +76,10 @@ class Energies:
         if contacts is not None and contacts.load.any():
             loads = np.ascontiguousarray(contacts.load)
         self._held = rows, each, mass, loads  # referenced as long as C may read them
-        given = ctypes.addressof(each), len(rows), bonds, address(mass)
-        self._given = *given, None if loads is None else address(loads), mass.size
+        given = ctypes.addressof(each), len(rows), bonds, address(mass), size // max(mass.size, 1)
+        self._given = *given, None if loads is None else address(loads), size
         own = max((row.own for row in rows), default=0)  # parameters of each bond
-        self._room = bonds + max(mass.size, most) + own * most
+        self._room = bonds + max(size, most) + own * most
 
     def __call__(self, u: Array, v: Array) -> Array | None:
         """Total energies [J] of states u and v, (..., *shape of a state), the potential of loads
@@ -102,7 +103,11 @@ def _bond_set(
     contacts: Contacts | None,
 ) -> Any:  # fmt: skip
     """The structure `bond_set` of C for a set."""
-    (own, different), (low, high) = parameters.shape, np.ascontiguousarray(domain)
+    own, different = parameters.shape
+    several, (low, high) = different > 1, np.ascontiguousarray(domain)
+    if several and np.all(springs == springs[0]):  # of several springs, only one occurs here
+        low, high, different = low[springs[:1]], high[springs[:1]], 1
+        parameters = parameters[:, springs[:1]]
     first, last = (columns[0], columns[-1] + 1) if len(columns) else (0, 0)
     in_a_row = last - first == len(columns)
     elongations = places = None
@@ -112,7 +117,7 @@ def _bond_set(
         ]
         places = _places(contacts, slice(first, last) if in_a_row else columns)
     return BOND_SET(
-        function=pointer(loop.library.values_own if different > 1 else loop.library.values),
+        function=pointer(loop.library.values_own if several else loop.library.values),
         elongations=elongations,
         parameters=loop.numbers(parameters),
         low=low,
@@ -121,7 +126,7 @@ def _bond_set(
         places=places,
         spring=np.ascontiguousarray(springs, dtype=np.int32) if different > 1 else None,
         different=different,
-        own=own if different > 1 else 0,
+        own=own if several else 0,
         most=len(columns) if contacts is None else min(PART, len(columns)),
         count=len(columns),
         start=first,

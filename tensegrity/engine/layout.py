@@ -33,7 +33,8 @@ from tensegrity.engine.bonds import (
 from tensegrity.engine.native import aligned_copy
 
 TILE = 256  # sites, as in scene.h
-TILES = 256  # whose layout is computed at once
+TILES = 64  # whose layout is computed at once
+PART = 2**16  # contacts whose tiles are found at once
 GUESSES = 3
 
 
@@ -139,14 +140,13 @@ def _net(loop, bonds, pieces):
     listed = runs.source[found.contact]
     entries = replace(runs, source=listed.astype(np.int32), first=found.first)
     dim, sites = bonds.dim, len(contacts.load)
-    w, load = np.zeros((2, contacts.rows + 1, dim))
+    w = np.zeros((contacts.rows + 1, dim))
     w[:sites] = bonds.inverse_mass[:, None]
     w[sites : contacts.rows - 1] = 1  # velocities of walls: impulses
-    if contacts.load.any():
-        load[:sites] = contacts.load
+    loaded = bool(contacts.load.any())
     fields = {
         "w": w,
-        "load": load,
+        "load": contacts.load if loaded else np.zeros(0),
         "places": contacts.places,
         "first": runs.first,
         "law": 4 * runs.law + 2 * runs.kind + runs.own,
@@ -167,7 +167,7 @@ def _net(loop, bonds, pieces):
         "sites": sites,
         "rows": contacts.rows,
         "tiles": found.tiles,
-        "loaded": bool(contacts.load.any()),
+        "loaded": loaded,
         **dict.fromkeys(("geometry", "from", "to")),  # see `of_contacts`
     }
     found = replace(found, contact=None, other=None, counts=None)
@@ -178,11 +178,11 @@ def _net(loop, bonds, pieces):
 def of_contacts(loop, bonds):
     """Fields of a network that only some methods need: geometry and ends of all contacts, and a
     group of zeros."""
-    contacts, source, none = bonds.contacts, bonds.runs.source, np.zeros(GROUP)
+    contacts, source, none = bonds.contacts, bonds.runs.source, np.zeros(GROUP, np.int32)
     return {
         "geometry": loop.numbers(np.append(contacts.geometry_of(source), none)),
-        "from": integers(np.append(bonds.dim * contacts.first[source].astype(np.int64), none)),
-        "to": integers(np.append(bonds.dim * contacts.second[source].astype(np.int64), none)),
+        "from": np.append(contacts.first[source] * bonds.dim, none),
+        "to": np.append(contacts.second[source] * bonds.dim, none),
     }
 
 
@@ -404,15 +404,17 @@ def _offsets_by_key(key):
 
 def _ends(contacts, tiles):
     """The tiles before and after each tile to which it has contacts; see `Slices`."""
-    pairs = contacts.kind == PAIR
-    ends = contacts.first[pairs] // TILE, contacts.second[pairs] // TILE
-    low, high = np.minimum(*ends), np.maximum(*ends)
+    found = [np.arange(tiles) * (tiles + 1)]
+    for k in range(0, len(contacts.kind), PART):
+        pairs = np.flatnonzero(contacts.kind[k : k + PART] == PAIR) + k
+        one, other = contacts.first[pairs] // TILE, contacts.second[pairs] // TILE
+        found.append(np.unique(np.minimum(one, other) * np.int64(tiles) + np.maximum(one, other)))
+    low, high = np.divmod(np.unique(np.concatenate(found)), tiles)
     lowest, highest = np.arange(tiles + 1), np.arange(tiles + 1)
     np.minimum.at(lowest, high, low)
     np.maximum.at(highest[1:], low, high + 1)
-    each = np.arange(tiles)
-    both = [low * tiles + high, high * tiles + low, each * (tiles + 1)]
-    tile, beside = np.divmod(np.unique(np.concatenate(both)), tiles)
+    both = np.concatenate([low * tiles + high, high * tiles + low])
+    tile, beside = np.divmod(np.unique(both), tiles)
     return {
         "needed": np.minimum.accumulate(lowest[::-1])[::-1],
         "reach": np.maximum.accumulate(highest),

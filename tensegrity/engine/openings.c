@@ -77,9 +77,9 @@ static crossing crossing_at(const scene *c, const openings *o, integer b, const 
 static real exterior_error(const openings *o, integer b, crossing at, real x, int opens,
                            real *moment)
 {
-    const real alpha = o->exponents[o->row[b]], size = raised(at.rate, alpha - 1);
+    const real alpha = o->exponents[o->row[KINK(b)]], size = raised(at.rate, alpha - 1);
     real sums[3] = {0};
-    zetas(o, o->row[b], x, opens, sums);
+    zetas(o, o->row[KINK(b)], x, opens, sums);
     *moment = (opens ? -1 : 1) * size * at.rate * sums[1];
     return -size * (at.rate * sums[0] + alpha * (at.curvature * sums[1] / 2 + at.pull * sums[2]));
 }
@@ -90,7 +90,7 @@ static real exterior_error(const openings *o, integer b, crossing at, real x, in
 static real between(const openings *o, integer b, crossing at, real x, int opens, real start,
                     real *moment)
 {
-    const real alpha = o->exponents[o->row[b]], size = at.rate * raised(at.rate, alpha - 1);
+    const real alpha = o->exponents[o->row[KINK(b)]], size = at.rate * raised(at.rate, alpha - 1);
     const real bend = alpha * at.curvature / (2 * at.rate), lead = alpha * at.pull / at.rate;
     const real far = opens ? x - start : 1 + start - x, ends[2] = {far, far > 1 ? far - 1 : 0};
     real sum = 0, first = 0;
@@ -122,7 +122,7 @@ static void event(const scene *c, const openings *o, integer b, real w, const re
         total += between(o, b, at, x, opens, -1, &before);
         moment -= before;
     }
-    const real strength = o->strength[b];
+    const real strength = o->strength[KINK(b)];
     apply_impulse(c, o, b, w, x, strength * total, strength * moment, -strength * moment);
 }
 
@@ -130,10 +130,10 @@ static void event(const scene *c, const openings *o, integer b, real w, const re
 static void touch(const scene *c, const openings *o, integer b, real w, const real *p, real one,
                   real other)
 {
-    const real alpha = o->exponents[o->row[b]], middle = (one + other) / 2;
+    const real alpha = o->exponents[o->row[KINK(b)]], middle = (one + other) / 2;
     const real curvature = 2 * p[2] + 6 * p[3] * middle, pull = curvature - swing(c, o, b, middle);
     real total = pow(fabs(curvature / 2), alpha) * pow(other - one, 2 * alpha + 1)
-                 * o->betas[o->row[b]], moment = 0;
+                 * o->betas[o->row[KINK(b)]], moment = 0;
     for (integer i = 0; i < o->kicks; i++) {
         const real node = o->nodes[i], inside = cubic(p, node) + pull * o->offsets[i];
         if (!(inside > 0 && node > 0 && node < 1)) continue;
@@ -141,7 +141,8 @@ static void touch(const scene *c, const openings *o, integer b, real w, const re
         total -= force;
         moment += (node - middle) * force;
     }
-    apply_impulse(c, o, b, w, middle, o->strength[b] * total, o->strength[b] * moment, 0);
+    const real strength = o->strength[KINK(b)];
+    apply_impulse(c, o, b, w, middle, strength * total, strength * moment, 0);
 }
 
 /* Whether an overlap that returned to its side passed zero, and had the other sign at a kick;
@@ -212,7 +213,8 @@ static void linear(const scene *c, const openings *o, integer b, const real *p)
     const real w0 = o->before[b], w1 = o->after[b], d0 = p[1], d1 = o->rate_after[b];
     const int opens = w0 > 0;
     real x = root_between(p, 0, 1), path[4], kicks[2] = {0, 0}, motion[2], g = 0, slope = 0;
-    const real turn = swing(c, o, b, x), own = *o->dt * *o->dt * o->strength[b] * mobility(c, o, b, x);
+    const real turn = swing(c, o, b, x), strength = o->strength[KINK(b)];
+    const real own = *o->dt * *o->dt * strength * mobility(c, o, b, x);
     for (int k = 0; k < ROUNDS; k++) {
         const real way = w1 - w0 - d0 - turn / 2 + own * kicks[1];
         const real change = d1 - d0 - turn + own * kicks[0];
@@ -233,8 +235,8 @@ static void linear(const scene *c, const openings *o, integer b, const real *p)
         end += w + rate, end_rate += rate;
     }
     if (opens) x = 1 - x, motion[1] = motion[0] - motion[1];
-    const real total = o->strength[b] * (motion[0] - kicks[0]);
-    const real moment = o->strength[b] * (motion[1] - kicks[1]) - (1 - x) * total;
+    const real total = strength * (motion[0] - kicks[0]);
+    const real moment = strength * (motion[1] - kicks[1]) - (1 - x) * total;
     apply_impulse(c, o, b, w1, x, total, moment, -moment);
 }
 
@@ -245,7 +247,7 @@ static void pass(const scene *c, const openings *o, integer b)
     real p[4];
     path_of(o, b, p);
     if ((w0 > 0) != (w1 > 0)) {
-        if (o->exponents[o->row[b]] == 1) linear(c, o, b, p);
+        if (o->exponents[o->row[KINK(b)]] == 1) linear(c, o, b, p);
         else event(c, o, b, w1, p, root_between(p, 0, 1), w0 > 0);
         return;
     }
@@ -343,7 +345,7 @@ static void postprocess_event(const scene *c, const openings *o, integer b)
     real moment;
     const real all = exterior_error(o, b, at, x, opens, &moment);
     const real total = all + between(o, b, at, x, opens, opens, &moment);
-    apply_impulse(c, o, b, w1, 1, (opens ? 1 : -1) * o->strength[b] * total, 0, 0);
+    apply_impulse(c, o, b, w1, 1, (opens ? 1 : -1) * o->strength[KINK(b)] * total, 0, 0);
 }
 
 /* Whether a contact is closed, and has just closed or opens soon. */

@@ -66,12 +66,13 @@ def is_treated(exponent):
 
 
 def contacts(bonds, batch=1):
-    """Contacts that can be lost, at the places of a loop.
+    """Contacts that can be lost, at the places of a loop, or those of each spring of a network.
 
     Returns
     -------
     dict of ndarray
-        "place", "side", "strength", (kinks, places[, batch]): a contact is closed where its
+        "place", "side", "strength", (kinks, places[, batch]), of a network (kinks, springs), with
+        "spring", int32, (places,), the spring at each place: a contact is closed where its
         overlap, side (elongation - place), is positive [m]; it adds side strength
         overlap^exponent [N] to the tension.  A force with several kinks is that of several
         contacts; entries after the last kink of a bond are NaN.  "row", of the same shape, is the
@@ -79,9 +80,9 @@ def contacts(bonds, batch=1):
         DEGREE + 1).
     """
     place, strength, exponent, side = np.moveaxis(bonds.kinks, -1, 0)
-    within, springs = is_treated(exponent), bonds.group
+    within, springs, spring = is_treated(exponent), bonds.group, None
     if bonds.contacts is not None:
-        springs = springs[bonds.runs.source]
+        springs, spring = slice(None), springs[bonds.runs.source].astype(np.int32)
     elif batch > 1 and springs.ndim == 1:
         springs = np.repeat(springs[:, None], batch, axis=1)
     exponents = np.unique(exponent[within])
@@ -89,6 +90,7 @@ def contacts(bonds, batch=1):
     columns = {"place": place, "side": side, "strength": strength}
     return {name: np.where(within, x, np.nan)[:, springs] for name, x in columns.items()} | {
         "row": np.where(within, rows, 0)[:, springs],
+        "spring": spring,
         "exponents": exponents,
         "betas": np.array([beta(x) for x in exponents.tolist()]),
         "tables": np.array([zetas(x) for x in exponents.tolist()]),

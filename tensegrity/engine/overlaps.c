@@ -2,9 +2,10 @@
 
    A contact is closed where w = side (elongation - place) > 0; it adds side strength w^exponent
    to the tension.  A bond whose force has several kinks counts as several contacts, contact k
-   bonds + b for kink k of bond b; NaN where a bond has fewer. */
+   bonds + b for kink k of bond b; NaN where a bond has fewer.  KINK(b) is the entry of contact b
+   among the kinks: of a chain one for each contact, of a network one for each spring. */
 typedef struct {
-    const real *place, *side, *strength; /* (contacts) */
+    const real *place, *side, *strength; /* (kinks) */
     const real *exponents, *betas;       /* (rows), integral of (y (1 - y))^exponent */
     const real *tables;                  /* (rows, 3, degree + 1), `openings.zetas` */
     const real *nodes, *weights, *offsets; /* (kicks) of a step, over dt, dt and dt^2 */
@@ -12,8 +13,10 @@ typedef struct {
     real *before, *rate_before, *after, *rate_after; /* (contacts) overlap, and rate times dt */
     real *u, *v;                         /* (entries) at the beginning of a step */
     real *end_u, *end_v, *end_a;         /* (entries) at its end, before it is corrected */
-    const integer *row;                  /* (contacts) of its exponent */
+    const integer *row;                  /* (kinks) of its exponent */
+    const int *spring;                   /* (bonds) of a network */
     integer count, bonds, entries, kicks, degree; /* contacts, and those of one kink per bond */
+    integer springs;
     integer known; /* of the last step: 0 nothing, 1 its beginning in u and v, 2 its overlaps */
     integer begins; /* whether the next step is the first of a run */
     integer alone; /* whether steps are single ones, which end in their output state */
@@ -24,6 +27,7 @@ typedef struct {
 #define AXES(k) for (int k = 0; k < DIM; k++)
 #define FROM(b) ((b) % o->bonds)
 #define TO(b) ((b) % o->bonds + BATCH)
+#define KINK(b) (b)
 
 /* Of n entries of a chain, those that may move. */
 static integer moving(const scene *c, integer n)
@@ -80,7 +84,7 @@ static void apply_impulse(const scene *c, const openings *o, integer b, real w, 
                  real moment, real turning)
 {
     const integer from = FROM(b), to = TO(b);
-    const real dt = *o->dt, side = o->side[b], left = c->w[from], right = c->w[to];
+    const real dt = *o->dt, side = o->side[KINK(b)], left = c->w[from], right = c->w[to];
     const real impulse = dt * side * total;
     real shift = dt * (dt * side * moment + (1 - x) * impulse);
     if (fabs(shift) * (left + right) >= fabs(w)) shift = 0; /* w would change sign */
@@ -92,6 +96,7 @@ static void apply_impulse(const scene *c, const openings *o, integer b, real w, 
 #else
 #define FROM(b) c->from[(b) % o->bonds]
 #define TO(b) c->to[(b) % o->bonds]
+#define KINK(b) (o->spring[(b) % o->bonds] + (b) / o->bonds * o->springs)
 
 #define AT_ONCE (ROOM * WIDE) /* contacts */
 
@@ -101,7 +106,7 @@ static integer next_stage(const scene *c) { return c->active ? *c->active : 0; }
 
 /* Whether the tiles of n sites, and so the other ends of their contacts, have not moved from a
    stage on. */
-static int at_rest(const scene *c, const integer *sites, integer n, integer since)
+static int at_rest(const scene *c, const int *sites, integer n, integer since)
 {
     if (!c->active) return 0;
     for (integer i = 0; i < n; i++)
@@ -117,7 +122,7 @@ static void run_of(const scene *c, const openings *o, integer s, const real *res
     const real *restrict geometry = c->geometry, dt = *o->dt;
     for (integer b = c->first[s], some; b < last; b += some) {
         some = last - b < AT_ONCE ? last - b : AT_ONCE;
-        const integer *from = c->from + b, *to = c->to + b;
+        const int *from = c->from + b, *to = c->to + b, *spring = o->spring + b;
         if (same_w && at_rest(c, wall ? to : from, some, since)) {
             for (integer j = b; j < o->count; j += o->bonds)
                 EACH(some) w[j + i] = same_w[j + i], rate[j + i] = same_rate[j + i];
@@ -147,10 +152,11 @@ static void run_of(const scene *c, const openings *o, integer s, const real *res
             for (int k = 1; k < DIM; k++) sum += along[k][g] * speed[k][g];
             store(elongation + g * WIDE, r[g]), store(change + g * WIDE, sum);
         }
-        for (integer j = b; j < o->count; j += o->bonds)
+        const real *restrict side = o->side, *restrict place = o->place;
+        for (integer j = b; j < o->count; j += o->bonds, side += o->springs, place += o->springs)
             EACH(some) {
-                w[j + i] = o->side[j + i] * (elongation[i] - o->place[j + i]);
-                rate[j + i] = o->side[j + i] * dt * change[i];
+                w[j + i] = side[spring[i]] * (elongation[i] - place[spring[i]]);
+                rate[j + i] = side[spring[i]] * dt * change[i];
             }
     }
 }
@@ -185,8 +191,10 @@ static int may_pass(const scene *c, const openings *o)
         const integer met = c->range_at[s + 1] - c->range_at[s];
         real least = low[0], most = high[0];
         EACH(met) least = smaller(low[i], least), most = larger(high[i], most);
-        for (integer k = start; k < o->count; k += o->bonds)
-            EACH(count) any |= (least <= o->place[k + i]) & (most >= o->place[k + i]);
+        const int *spring = o->spring + start;
+        const real *place = o->place;
+        for (integer k = start; k < o->count; k += o->bonds, place += o->springs)
+            EACH(count) any |= (least <= place[spring[i]]) & (most >= place[spring[i]]);
     }
     return any != 0;
 }
@@ -239,12 +247,12 @@ static void apply_impulse(const scene *c, const openings *o, integer b, real w, 
                  real moment, real turning)
 {
     const integer from = FROM(b), to = TO(b);
-    const real dt = *o->dt, back = (1 - x) * dt;
+    const real dt = *o->dt, side = o->side[KINK(b)], back = (1 - x) * dt;
     real line[DIM], turn[DIM], impulse[DIM], shift[DIM], size = 0, mobility = 0;
     line_at(c, o, b, x, line, turn);
     AXES(k) {
-        impulse[k] = dt * o->side[b] * (total * line[k] + dt * turning * turn[k]);
-        shift[k] = dt * dt * o->side[b] * moment * line[k] + back * impulse[k];
+        impulse[k] = dt * side * (total * line[k] + dt * turning * turn[k]);
+        shift[k] = dt * dt * side * moment * line[k] + back * impulse[k];
         size += fabs(shift[k]);
         mobility = larger(mobility, c->w[from + k] + c->w[to + k]);
     }
@@ -276,5 +284,5 @@ static real swing(const scene *c, const openings *o, integer b, real x)
     real line[DIM], turn[DIM], square = 0;
     const real length = line_at(c, o, b, x, line, turn), dt = *o->dt;
     AXES(k) square += turn[k] * turn[k];
-    return o->side[b] * dt * dt * length * square;
+    return o->side[KINK(b)] * dt * dt * length * square;
 }

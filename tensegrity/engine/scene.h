@@ -50,7 +50,7 @@ typedef struct {
     const real *load;                   /* (rows, DIM) constant forces */
     const real *geometry;               /* (DIM + 2, contacts) D, g, L */
     real *travel;                       /* bound on how far any coordinate of a site moved */
-    const integer *from, *to;           /* (contacts) where their rows begin; a wall is `from` */
+    const int *from, *to;               /* (contacts) where their rows begin; a wall is `from` */
     const real *places;                 /* (rows + 1, DIM) reference positions */
     real *near;                         /* (2, rows, DIM) displacements shared by threads */
     const integer *slice;               /* (runs, tiles + 1) first slice of a run in each tile */

@@ -129,6 +129,12 @@ class BatchMotion:
             motion.point = point
             motion.restore()
 
+    def keep(self) -> None:
+        """Copy the accepted states; see `Motion.keep`."""
+        for motion in self._parts:
+            motion.keep()
+        self._points = [motion.point for motion in self._parts]
+
     def accept(self) -> None:
         """Accept the result of the last attempt."""
         self._points = [motion.reached for motion in self._parts]

@@ -223,6 +223,7 @@ def _go(reached: MarchResult, steps: int, users: Any, others: Any) -> None:
 def _attempt(motion: Any, steps: int, observers: Any, is_given: bool) -> None:
     """Do at most so many steps that are accepted; `is_given`: the user gave the step length."""
     steps = min(steps, motion.most)
+    motion.keep()
     while True:
         end = motion.done + steps
         wanted = [one for observer in observers for one in observer.wanted(end)]

@@ -29,7 +29,7 @@ LARGEST = 200_000  # most numbers in u of a scene whose loops are cached
 
 
 class MotionState(NamedTuple):
-    """A state that a motion has reached, in arrays that never change; a batch is the last axis.
+    """A state that a motion has reached; a batch is the last axis.
 
     Attributes
     ----------
@@ -69,7 +69,7 @@ class Motion:
     Attributes
     ----------
     point : MotionState
-        The accepted state.
+        The accepted state; in the arrays of the loop until `keep`.
     reached : MotionState
         The result of the last attempt, to be accepted.
     """
@@ -125,6 +125,7 @@ class Motion:
         bound, self._bound = self._bound, None
         if bound is None or self.problem.bind is not None or bound.u.size > LARGEST:
             return
+        self.point = _apart(self.point, bound)
         spare = self._listed.prepared.setdefault(self.problem.method, [])
         if len(spare) < SPARE:
             spare.append(bound)
@@ -156,6 +157,10 @@ class Motion:
         return 0.0 if self._guard.is_known(present) else self._listed.frequency(present)
 
     # attempts
+
+    def keep(self) -> None:
+        """Copy the accepted state from the arrays of the loop, before an attempt changes these."""
+        self.point = _apart(self.point, self._bound)
 
     def attempt(self, end: int, wanted: Any) -> bool:
         """Advance to step `end` and store the requested states.
@@ -221,13 +226,7 @@ class Motion:
 
     def _point(self, end: int, elongation_range: Array) -> MotionState:
         bound = self._bound
-        return MotionState(
-            end,
-            bound.u.copy(),
-            bound.v.copy(),
-            tuple(x.copy() for x in bound.output),
-            elongation_range,
-        )
+        return MotionState(end, bound.u, bound.v, bound.output, elongation_range)
 
     def _range(self, elongation_range: Array, finite: bool) -> Array:
         """Range to be checked; methods that evaluate forces elsewhere add that of the end state."""
@@ -436,6 +435,14 @@ class Motion:
             f"{self.problem.method.name} at the stiffness reached at t = {t:.6g} s "
             f"{self._listed.where_stiffest(u, elongation_range)}"
         )
+
+
+def _apart(point: MotionState, bound: Any) -> MotionState:
+    """A state, copied if it is in the arrays of a loop."""
+    if point.u is not bound.u:
+        return point
+    output = *(x.copy() for x in point.output[:2]), *point.output[2:]
+    return point._replace(u=point.u.copy(), v=point.v.copy(), output=output)
 
 
 def union_of(ranges: Array, others: Array) -> Array:

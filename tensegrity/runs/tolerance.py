@@ -39,7 +39,8 @@ class Trial:
 
     Attributes
     ----------
-    march : MarchResult
+    march : MarchResult or None
+        None where the run is complete and has no rows, which leaves the samples.
     instants : int
         Number of evenly spaced instants after the first; the same for all trial runs.
     steps : int
@@ -55,8 +56,7 @@ class Trial:
     """
 
     def __init__(self, march: MarchResult, instants: int) -> None:
-        self.march: Any = march
-        self.run: Any = march.run
+        self.march: Any = march if march.has_rows or not march.complete else None
         self.instants = instants
         self.steps, self.complete, self.elongation_range = (
             march.steps,
@@ -85,11 +85,6 @@ class Trial:
     @cached_property
     def _sizes(self) -> Array:
         return _largest(self.samples)
-
-    def without_state(self) -> Trial:
-        """This run as far as finer ones are compared with it, without rows and last state."""
-        self.march = self.run = None
-        return self
 
     def gap(self, finer: Trial) -> float:
         """Largest difference from a finer trial run in u and in v, over the largest value there."""
@@ -362,18 +357,21 @@ def converged(problem, first, error, tol):
     trials, stagnant = [first], 0
     factor, smallest = estimator.first, math.inf
     while trials[-1].complete:
-        trial = next_trial(problem, trials, factor, tol)
-        if not trial.complete:
-            return trial.run()
-        estimator.update(trial.elongation_range)
-        if trial.refinement in [r.refinement for r in trials]:  # stability required a finer step
+        found = next_trial(problem, trials, factor, tol)
+        if not found.complete:
+            return found.march.run()
+        estimator.update(found.elongation_range)
+        if found.refinement in [r.refinement for r in trials]:  # stability required a finer step
             factor = estimator.first
             continue
-        *trials, finest = sorted([*trials, trial], key=lambda r: r.refinement)[-COMPARED:]
-        trials = [*(r.without_state() for r in trials), finest]
+        trials = sorted([*trials, found], key=lambda r: r.refinement)[-COMPARED:]
+        for coarser in trials[:-1]:
+            coarser.march = None
         gaps = [(r.refinement / trials[-1].refinement, r.gap(trials[-1])) for r in trials[:-1]]
         estimate = estimator.estimate(gaps) + estimator.round_off(trials[-1], gaps[-1][1])
         if estimate <= estimator.accept * tol or gaps[-1][1] < ROUND_OFF:
+            for trial in (first, *trials):
+                trial.samples = None
             return accepted_run(problem, trials[-1], estimate + error)
         stagnant = stagnant + 1 if gaps[-1][1] > smallest / 2 else 0
         smallest = min(smallest, gaps[-1][1])
@@ -385,7 +383,7 @@ def converged(problem, first, error, tol):
         factor = estimator.factor(gaps)
         factor = min(factor, 2.0) if stagnant else factor
         estimator.announce(factor * trials[-1].steps)
-    return trials[-1].run()  # interrupted
+    return trials[-1].march.run()  # interrupted
 
 
 def next_trial(problem, trials, factor, tol):
@@ -425,6 +423,6 @@ def accepted_run(problem, trial, estimate):
     Run
     """
     result = trial.march
-    if problem.observe or not result.has_rows:
+    if problem.observe or result is None:
         result = march(problem, trial.steps)
     return unchecked_replace(result.run(), error_estimate=estimate if result.complete else None)

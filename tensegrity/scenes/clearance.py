@@ -139,6 +139,11 @@ class Clearance:
             known = self._last_near = fixed(u), (self.pairs(x), self.wall_pairs(x))
         return known[1]
 
+    @property
+    def searched_at(self) -> Array:
+        """Displacements of the last `near_contacts` [m], (sites, dim)."""
+        return self._last_near[0]
+
     def free_travel(self, x: Array, moved: Array | float, pairs: Indices, walls: Indices) -> Array:
         """Distance that every site may move before an unlisted contact or a violation is possible.
 
@@ -243,8 +248,8 @@ class ClearanceMonitor:
         self._remaining = self._free_travel = clearance.free_travel_at(u, self._near)
 
     def _list(self, u: Array) -> None:
-        self._listed_at = fixed(u)
-        self._near = self._pairs, self._walls = self._clearance.near_contacts(self._listed_at)
+        self._near = self._pairs, self._walls = self._clearance.near_contacts(u)
+        self._listed_at = self._clearance.searched_at
 
     def update(self, u: Array) -> None:
         """Recompute the distance that every site may move before a violation is possible."""

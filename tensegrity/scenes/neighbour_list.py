@@ -51,7 +51,7 @@ class NeighbourList(Clearance):
         at, found = self._last
         if at is None or not np.array_equal(at, u):
             found = self._find(u)
-            self._last = u.copy(), found
+            self._last = fixed(u), found
         return found
 
     def _find(self, u):
@@ -69,6 +69,11 @@ class NeighbourList(Clearance):
         that it does not face, and the listed pairs of a site and a wall."""
         _, listed, ends = self._near(u)
         return ends, listed
+
+    @property
+    def searched_at(self):
+        """Displacements of the last `near_contacts` [m], (sites, dim)."""
+        return self._last[0]
 
     def free_travel(self, x, moved, ends, listed):
         """Distance that every site may move before a contact could be missed.

@@ -245,7 +245,7 @@ class Network(Scene):
         TensegrityError
             A site that does not exist or is held, or a velocity that is not finite.
         """
-        u, v = np.zeros((2, *self.shape))
+        u, v = np.zeros(self.shape), np.zeros(self.shape)
         for site, value in velocities(velocity):
             site = site_number("site", site, self.sites)
             v[site] = numbers(f"velocity of site {site}", value, (self.dim,))

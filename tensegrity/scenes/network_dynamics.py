@@ -3,7 +3,7 @@ energies, and bounds on its stiffness and frequencies; see `tensegrity.scenes.dy
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any, Self
@@ -18,6 +18,7 @@ from tensegrity.engine.energies import Energies
 from tensegrity.readonly import Repeated, fixed
 from tensegrity.scenes.clearance import Clearance, neighbour_counts
 from tensegrity.scenes.dynamics import Dynamics
+from tensegrity.scenes.near_pairs import blocks
 from tensegrity.scenes.neighbour_list import NeighbourList, contacts_with
 from tensegrity.scenes.scene import State, varied
 from tensegrity.springs.potential import Potential
@@ -206,8 +207,7 @@ class NetworkDynamics(Dynamics):
     @cached_property
     def energies_in_one_call(self) -> Energies | None:
         """Compiled energies of many states in one call; None if some law has no compiled form."""
-        mass = np.repeat(self.scene.mass[:, None], self.dim, axis=1)
-        return self.springs.energies(mass, self.contact_bonds.contacts)
+        return self.springs.energies(self.scene.mass, self.contact_bonds.contacts)
 
     # bounds, and descriptions of places for messages
 
@@ -234,12 +234,22 @@ class NetworkDynamics(Dynamics):
         Gershgorin's theorem for M^-1 K: the block of a bond appears twice in the rows of a site,
         that of a wall contact once.
         """
+        return self._frequency_bound(lambda some: stiffness[some])
+
+    def spring_frequency_bound(self, stiffness: Array) -> float:
+        """The same, given the stiffness of each distinct spring, (springs,)."""
+        if np.isinf(stiffness).any():
+            return np.inf  # the two sites of a bond coincide
+        return self._frequency_bound(lambda some: stiffness[self.springs.group[some]])
+
+    def _frequency_bound(self, stiffness_of: Callable[[slice], Array]) -> float:
+        """The same, given a function of some contacts, whose stiffnesses it returns [N/m]."""
         contacts: Any = self.contact_bonds.contacts
-        k = stiffness.copy()
-        k[: len(self.scene.bonds)] *= 2
-        total = np.zeros(contacts.rows)
-        np.add.at(total, contacts.first, k)
-        np.add.at(total, contacts.second, k)
+        total, pairs = np.zeros(contacts.rows), len(self.scene.bonds)
+        for ends in (contacts.first, contacts.second):
+            for some in blocks(len(ends)):
+                twice = 1 + (np.arange(some.start, some.start + len(ends[some])) < pairs)
+                np.add.at(total, ends[some], twice * stiffness_of(some))
         return float(np.sqrt(np.max(total[: self.sites] * self.inverse_mass)))
 
     def where_extreme(self, spring: int, u: Array, side: int) -> str:

@@ -194,8 +194,8 @@ class Springs:
 
         Parameters
         ----------
-        mass : ndarray, shape of a state
-            Mass of each coordinate [kg].
+        mass : ndarray, shape of a state, or of a network (sites,)
+            [kg]
         contacts : Contacts, optional
             Geometry of the bonds of a network.
 
