@@ -357,14 +357,14 @@ def converged(problem, first, error, tol):
     trials, stagnant = [first], 0
     factor, smallest = estimator.first, math.inf
     while trials[-1].complete:
-        found = next_trial(problem, trials, factor, tol)
-        if not found.complete:
-            return found.march.run()
-        estimator.update(found.elongation_range)
-        if found.refinement in [r.refinement for r in trials]:  # stability required a finer step
+        latest = next_trial(problem, trials, factor, tol)
+        if not latest.complete:
+            return latest.march.run()
+        estimator.update(latest.elongation_range)
+        if latest.refinement in [r.refinement for r in trials]:  # stability required a finer step
             factor = estimator.first
             continue
-        trials = sorted([*trials, found], key=lambda r: r.refinement)[-COMPARED:]
+        trials = sorted([*trials, latest], key=lambda r: r.refinement)[-COMPARED:]
         for coarser in trials[:-1]:
             coarser.march = None
         gaps = [(r.refinement / trials[-1].refinement, r.gap(trials[-1])) for r in trials[:-1]]
