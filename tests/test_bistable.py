@@ -390,6 +390,7 @@ def test_the_picture_of_units_counts_wells_where_the_derivation_has_them():
     assert at[0] < folds[0] < 0 < folds[1] < at[-1]
 
 
+@pytest.mark.slow
 def test_two_rows_that_meet_compute_and_or_or_by_one_torque():
     from figures import transition_logic as picture
 

@@ -90,7 +90,9 @@ def test_members_too_stiff_for_the_loop_limit_its_reach_and_a_run_beyond_says_so
 
 
 @pytest.mark.parametrize("arguments", [
-    (1.0, 0.3, 0.01, 1.0, 0.01), (1.0, 0.3, 0.0, 1.0, 0.03), (1.0, 0.3, 0.01, 1.0, 0.1, 0.05),
+    pytest.param((1.0, 0.3, 0.01, 1.0, 0.01), marks=pytest.mark.slow),
+    pytest.param((1.0, 0.3, 0.0, 1.0, 0.03), marks=pytest.mark.slow),
+    (1.0, 0.3, 0.01, 1.0, 0.1, 0.05),
 ])  # fmt: skip
 def test_members_far_softer_than_the_cross_strings_move_as_the_equilibria_say(arguments):
     from scipy.integrate import solve_ivp

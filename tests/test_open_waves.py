@@ -31,6 +31,7 @@ def test_waves_whose_contacts_open_are_found_up_to_the_predicted_peak(peak):
     assert low < wave.speed < high * (1 + 1e-13)
 
 
+@pytest.mark.slow
 def test_a_wave_whose_contacts_open_obeys_its_equation():
     """By SciPy's quadrature of the convolution, between the places where it is not smooth."""
     wave = solitary_wave(OPENS, amplitude=1.2)

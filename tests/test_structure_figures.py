@@ -187,6 +187,7 @@ def test_a_shaken_lattice_of_resonators_transmits_by_its_decay(frequency):
     assert rate == pytest.approx(computed, rel=2e-3)
 
 
+@pytest.mark.slow
 def test_slack_strings_lower_the_force_behind_a_blow():
     loose, rigid = (structures_struck.struck(kind, 0.03) for kind in structures_struck.KINDS)
     assert loose["slack"] > 0.05
@@ -235,6 +236,7 @@ def test_optic_waves_run_ahead_of_the_sound_that_moves_struck_octahedra():
     assert (head > fastest).all()
 
 
+@pytest.mark.slow
 def test_a_run_of_struck_octahedra_is_the_sum_of_their_waves_and_harder_blows_are_no_faster():
     picture, when, off = structures_front, [], []
     for speed in picture.BLOWS:

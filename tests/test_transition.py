@@ -166,6 +166,7 @@ def pulled(pull, dashpot, sites, bond, level):
     return bond / 2 / (passed[1] - passed[0]), rows[-1]
 
 
+@pytest.mark.slow
 def test_a_slower_pull_makes_a_front_as_fast_as_sound_ahead_of_it():
     """The elongation ahead, at the end of a rarefaction, is that whose sound speed the front has;
     such a front decays as slowly as the rarefaction spreads, and is not one of permanent form."""
@@ -332,6 +333,7 @@ def test_the_picture_of_speeds_agrees_with_runs_and_ends_where_fronts_are_pinned
     assert picture.threshold(0.2) == pytest.approx(0.494331052706, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_struck_row_of_discs_switches_from_its_upper_wells_and_stops_at_a_defect():
     from figures import transition_switch as picture
 

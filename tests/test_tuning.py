@@ -217,6 +217,7 @@ def test_the_stability_limit_is_watched_at_every_step():
     assert texts[0] == texts[1]
 
 
+@pytest.mark.slow
 def test_a_short_change_between_the_nodes_of_a_series_is_not_lost():
     def pulse(width):
         def spring_at(t):
