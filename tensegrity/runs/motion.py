@@ -122,12 +122,13 @@ class Motion:
 
     def release(self) -> None:
         """Return the loop to the cache for the next run."""
-        bound, self._bound = self._bound, None
-        if bound is None or self.problem.bind is not None or bound.u.size > LARGEST:
-            return
-        self.point = _apart(self.point, bound)
+        bound = self._bound
+        cached = bound is not None and self.problem.bind is None and bound.u.size <= LARGEST
+        if cached:
+            self.keep()
+        self._bound = None
         spare = self._listed.prepared.setdefault(self.problem.method, [])
-        if len(spare) < SPARE:
+        if cached and len(spare) < SPARE:
             spare.append(bound)
 
     def _initial_state(self) -> MotionState:
@@ -160,7 +161,10 @@ class Motion:
 
     def keep(self) -> None:
         """Copy the accepted state from the arrays of the loop, before an attempt changes these."""
-        self.point = _apart(self.point, self._bound)
+        point = self.point
+        if point.u is self._bound.u:
+            output = *(x.copy() for x in point.output[:2]), *point.output[2:]
+            self.point = point._replace(u=point.u.copy(), v=point.v.copy(), output=output)
 
     def attempt(self, end: int, wanted: Any) -> bool:
         """Advance to step `end` and store the requested states.
@@ -435,14 +439,6 @@ class Motion:
             f"{self.problem.method.name} at the stiffness reached at t = {t:.6g} s "
             f"{self._listed.where_stiffest(u, elongation_range)}"
         )
-
-
-def _apart(point: MotionState, bound: Any) -> MotionState:
-    """A state, copied if it is in the arrays of a loop."""
-    if point.u is not bound.u:
-        return point
-    output = *(x.copy() for x in point.output[:2]), *point.output[2:]
-    return point._replace(u=point.u.copy(), v=point.v.copy(), output=output)
 
 
 def union_of(ranges: Array, others: Array) -> Array:

@@ -140,9 +140,9 @@ class Clearance:
         return known[1]
 
     @property
-    def searched_at(self) -> Array:
+    def searched_at(self) -> Any:
         """Displacements of the last `near_contacts` [m], (sites, dim)."""
-        return self._last_near[0]
+        return self._last_near and self._last_near[0]
 
     def free_travel(self, x: Array, moved: Array | float, pairs: Indices, walls: Indices) -> Array:
         """Distance that every site may move before an unlisted contact or a violation is possible.
