@@ -334,5 +334,5 @@ def initial_gaps(
 def _beads(beads: Sequence[Bead]) -> tuple[Bead, ...]:
     """A sequence of beads as a tuple."""
     if isinstance(beads, Sequence):
-        check.room(f"a chain of {len(beads)} beads", PER_BEAD * len(beads))
+        check.memory(f"a chain of {len(beads)} beads", PER_BEAD * len(beads))
     return beads_of(beads)

@@ -117,13 +117,13 @@ class ChainContacts:
         constants = np.array([contact.constant for contact in self.scene.contacts])
         powers = np.array([contact.exponent + 1 for contact in self.scene.contacts])
         energy = constants / powers * np.maximum(self.scene.overlaps(u), 0.0) ** powers
-        found = np.zeros(u.shape)
-        found[..., :-1] += energy / 2
-        found[..., 1:] += energy / 2
+        by_bead = np.zeros(u.shape)
+        by_bead[..., :-1] += energy / 2
+        by_bead[..., 1:] += energy / 2
         for wall, bead in self.wall_sites.values():
-            found[..., bead] += found[..., wall]
-            found[..., wall] = 0
-        return found
+            by_bead[..., bead] += by_bead[..., wall]
+            by_bead[..., wall] = 0
+        return by_bead
 
     def of_wall(self, name: str) -> list[int]:
         """Sites on which the force on a wall depends: its own and the bead's before it."""
@@ -146,9 +146,9 @@ class ChainContacts:
         """
         bead = self.of_wall(name)[-1]
         forces = self.scene.contact_forces(u, v)
-        found = np.zeros((*forces.shape[:-1], self.scene.sites))
-        found[..., bead] = forces[..., 0 if name == "start" else -1]
-        return found
+        by_site = np.zeros((*forces.shape[:-1], self.scene.sites))
+        by_site[..., bead] = forces[..., 0 if name == "start" else -1]
+        return by_site
 
 
 class AssemblyContacts:
@@ -160,8 +160,8 @@ class AssemblyContacts:
     def of_site(self, site: int) -> list[int]:
         """Numbers of the contacts of a bead, those with walls last."""
         bonds, walls = self.scene.bonds, self.scene.wall_contacts
-        found = np.flatnonzero((bonds == site).any(axis=1)).tolist()
-        return [*found, *(len(bonds) + np.flatnonzero(walls[:, 0] == site)).tolist()]
+        pairs = np.flatnonzero((bonds == site).any(axis=1)).tolist()
+        return [*pairs, *(len(bonds) + np.flatnonzero(walls[:, 0] == site)).tolist()]
 
     def within(self, part: str | None) -> list[int]:
         """Numbers of the contacts between beads of a part, or between any."""
@@ -281,16 +281,16 @@ class AssemblyContacts:
             function(listed.scene, flat[rows], *(one[rows] for one in others))
             for rows, listed in listings
         ]
-        found = np.concatenate(parts) if parts else np.zeros((0, *shape[:1]))
-        return found.reshape((*u.shape[:-2], *found.shape[1:]))
+        values = np.concatenate(parts) if parts else np.zeros((0, *shape[:1]))
+        return values.reshape((*u.shape[:-2], *values.shape[1:]))
 
 
 def _by_beads(scene: Any, u: Array) -> Array:
     """Half the energy of each bead's listed contacts with others [J]; (..., sites)."""
-    half, found = scene.bond_energy(u) / 2, np.zeros(u.shape[:-1])
+    half, by_bead = scene.bond_energy(u) / 2, np.zeros(u.shape[:-1])
     for end in scene.bonds.T:
-        _added(found, end, half)
-    return found
+        _added(by_bead, end, half)
+    return by_bead
 
 
 def _wall_energies(scene: Any, u: Array) -> Array:

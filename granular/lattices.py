@@ -110,7 +110,7 @@ def fcc_pack(
     """
     layers, side = check.whole("layers", layers, least=1), check.whole("side", side, least=1)
     refuse_too_many(layers * side**2)
-    check.room(f"a pack of {layers} layers of {side} x {side} beads", PER_BEAD * layers * side**2)
+    check.memory(f"a pack of {layers} layers of {side} x {side} beads", PER_BEAD * layers * side**2)
     beads, d = _equal(bead, layers * side**2, lambda k: f"bead {k % side**2 + 1} of layer "
                       f"{k // side**2 + 1}")  # fmt: skip
     layer, along = np.arange(layers)[:, None, None], np.arange(side) * d
@@ -221,7 +221,7 @@ def hexagonal_pack(
     if rows > 1 and columns < 2:
         raise TensegrityError(f"columns {columns} must be at least 2: row 2 has one bead fewer")
     refuse_too_many(rows * columns)
-    check.room(f"a pack of {rows} rows of {columns} beads", PER_BEAD * rows * columns)
+    check.memory(f"a pack of {rows} rows of {columns} beads", PER_BEAD * rows * columns)
     counts = [columns - k % 2 for k in range(rows)]
     first = np.cumsum([0, *counts]).tolist()
     parts = {f"row {k + 1}": range(first[k], first[k + 1]) for k in range(rows)}

@@ -345,7 +345,9 @@ def _checked(
     half_angle = check.number("half angle", half_angle, above=0, below=math.pi / 2, unit="rad")
     stem, branch = check.whole("stem", stem, least=2), check.whole("branch", branch, least=2)
     beads = stem + 2 * branch
-    check.room(f"a guide with a stem of {stem} and branches of {branch} beads", PER_PAIR * beads**2)
+    check.memory(
+        f"a guide with a stem of {stem} and branches of {branch} beads", PER_PAIR * beads**2
+    )
     return (
         stem,
         branch,

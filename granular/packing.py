@@ -412,12 +412,12 @@ def per_place(beads: Bead | Sequence[Bead], count: int) -> Repeated:
     if not isinstance(beads, Iterable) or isinstance(beads, (str, bytes, Mapping)):
         raise TensegrityError(f"beads {check.shown(beads)} are not a Bead or a sequence of Beads")
     of_each = beads if isinstance(beads, Repeated) else check.sequence("beads", beads, "Beads")
-    found = Repeated.of(of_each)
-    if not all(isinstance(bead, Bead) for bead in found.different):
-        beads_of(found)  # refuses the first that is none
-    if len(found) != count:
-        raise TensegrityError(f"{len(found)} beads for {count} places: give one for each")
-    return found
+    repeated = Repeated.of(of_each)
+    if not all(isinstance(bead, Bead) for bead in repeated.different):
+        beads_of(repeated)  # refuses the first that is none
+    if len(repeated) != count:
+        raise TensegrityError(f"{len(repeated)} beads for {count} places: give one for each")
+    return repeated
 
 
 def _named_walls(walls: Walls | None) -> dict[str, tuple[Wall, Material]]:
@@ -426,7 +426,7 @@ def _named_walls(walls: Walls | None) -> dict[str, tuple[Wall, Material]]:
         return {}
     if not isinstance(walls, Mapping):
         raise TensegrityError(f"walls {check.shown(walls)} must be a dict of names and pairs")
-    found = {}
+    named = {}
     for name, pair in walls.items():
         check.kind("name of a wall", name, str)
         if not isinstance(pair, (tuple, list)) or len(pair) != 2:
@@ -436,5 +436,5 @@ def _named_walls(walls: Walls | None) -> dict[str, tuple[Wall, Material]]:
         check.kind(f"wall {name!r}", pair[0], Wall)
         known = "; take one of granular.materials"
         check.kind(f"material of the wall {name!r}", pair[1], Material, known)
-        found[name] = (pair[0], pair[1])
-    return found
+        named[name] = (pair[0], pair[1])
+    return named

@@ -344,7 +344,7 @@ def replacing(path: Path) -> Iterator[Path]:
         raise
 
 
-def room(what: str, size: float) -> None:
+def memory(what: str, size: float) -> None:
     """Refuse an operation that needs more than the free memory; `size` in bytes."""
     free = free_memory()
     if size > free:

@@ -187,7 +187,7 @@ def plate(
     for the Future.
     """
     rows, columns = check.whole("rows", rows, least=1), check.whole("columns", columns, least=1)
-    check.room(f"a plate of {rows} times {columns} prisms", 32 * (16.0 * rows * columns) ** 2)
+    check.memory(f"a plate of {rows} times {columns} prisms", 32 * (16.0 * rows * columns) ** 2)
     across, up = sizes(side=side, height=height)
     numbers: dict[tuple[int, int, int], int] = {}  # of nodes, by halves of a side and layer
 

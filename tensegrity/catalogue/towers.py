@@ -67,7 +67,7 @@ def tower(
     overlap 0.2405 m 1 True
     """
     stages = check.whole("stages", stages, least=2)
-    check.room(f"a tower of {stages} stages", 32 * (18.0 * stages) ** 2)
+    check.memory(f"a tower of {stages} stages", 32 * (18.0 * stages) ** 2)
     across, up = sizes(radius=radius, height=height)
     twist = check.number("twist", twist, above=5 * np.pi / 6, below=np.pi, unit="rad")
     turns = [t for k in range(stages) for t in ((0, twist), (twist + np.pi / 3, np.pi / 3))[k % 2]]
@@ -160,7 +160,7 @@ def dome(
     Structure(52 nodes in 3 dimensions, 31 bars, 120 strings, 0 of them slack) True
     """
     sides, hoops = check.whole("sides", sides, least=3), check.whole("hoops", hoops, least=0)
-    check.room(f"a dome of {hoops} hoops", 32 * (9.0 * sides * (hoops + 1)) ** 2)
+    check.memory(f"a dome of {hoops} hoops", 32 * (9.0 * sides * (hoops + 1)) ** 2)
     radius, rise, post = sizes(radius=radius, rise=rise, post=post)
     out = 1 - np.arange(hoops + 1) / (hoops + 1)
     bases, turns = 2 * radius * np.sin(np.pi / sides) * out, np.pi / sides * np.arange(hoops + 1)

@@ -137,7 +137,7 @@ def twin_prism(
     Structure(6 nodes in 3 dimensions, 9 bars, 6 strings, 0 of them slack) True
     """
     sides = check.whole("sides", sides, least=3)
-    check.room(f"a prism of {sides} sides", 8 * (6.0 * sides) ** 2)
+    check.memory(f"a prism of {sides} sides", 8 * (6.0 * sides) ** 2)
     base, height = sizes(base=base, height=height)
     k_bar = check.number("k_bar", k_bar, above=0, unit="N/m")
     k_string = check.number("k_string", k_string, above=0, unit="N/m")

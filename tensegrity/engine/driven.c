@@ -227,11 +227,11 @@ static void drift_damped_network(const scene *c, const drive *d, integer s, real
         }
         EACH(all) now[i] = (old[i] + now[i] + h * rate[i]) / 2;
         for (integer k = 0; k < l; k++) { /* Neville's scheme, in place */
-            const real finer = (real)(l + 1) / (l - k), share = 1 / (finer * finer - 1);
+            const real finer = (real)(l + 1) / (l - k), factor = 1 / (finer * finer - 1);
             real *restrict row = rows + k * all;
             EACH(all) {
                 const real last = row[i];
-                row[i] = now[i], now[i] += share * (now[i] - last);
+                row[i] = now[i], now[i] += factor * (now[i] - last);
             }
         }
         EACH(all) rows[l * all + i] = now[i];

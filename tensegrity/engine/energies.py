@@ -90,9 +90,9 @@ class Energies:
         if not (fit and all(x.dtype == np.float64 and x.flags.c_contiguous for x in (u, v))):
             return None
         count = math.prod(states)
-        room = np.empty(self._room + count)  # work space, and the results
-        energies = room[self._room :]
-        pointers = address(u), address(v), address(room), energies.ctypes.data
+        scratch = np.empty(self._room + count)  # work space, and the results
+        energies = scratch[self._room :]
+        pointers = address(u), address(v), address(scratch), energies.ctypes.data
         if not self._function(*self._given, count, *pointers):
             return None
         return energies.reshape(states).copy() if states else energies[0]

@@ -196,10 +196,10 @@ static real lacking(const forcing *d, integer e, real x, real q, real dt, intege
     if (!zeta) return 0;
     for (integer s = 0; s < stages; s++) {
         const real node = nodes[s] / dt, far = (node > 1 ? 1 : node) - x; /* 1 but for round-off */
-        const real share = far + 1 - ceil(far), t = 2 * share - 1;
+        const real fraction = far + 1 - ceil(far), t = 2 * fraction - 1;
         real value = 0;
         for (integer m = d->degree; m >= 0; m--) value = value * t + zeta[m];
-        sum += weights[s] / dt * (value + pow(share, alpha));
+        sum += weights[s] / dt * (value + pow(fraction, alpha));
     }
     return -strength * pow(q * dt, alpha) * sum;
 }

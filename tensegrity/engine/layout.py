@@ -78,8 +78,8 @@ def loop_layout(loop, bonds, pieces=1, runs=None):
     if runs is not None:
         return _line(loop, bonds, runs)
     if (loop, pieces) not in bonds.layouts:
-        found = _net(loop, bonds, pieces) if loop.dim else _line(loop, bonds, bonds.runs)
-        bonds.layouts[loop, pieces] = found
+        prepared = _net(loop, bonds, pieces) if loop.dim else _line(loop, bonds, bonds.runs)
+        bonds.layouts[loop, pieces] = prepared
     return bonds.layouts[loop, pieces]
 
 
@@ -136,9 +136,9 @@ def elongations(bonds, runs, batch=1, pieces=1):
 
 
 def _net(loop, bonds, pieces):
-    runs, contacts, found = bonds.runs, bonds.contacts, slices(bonds)
-    listed = runs.source[found.contact]
-    entries = replace(runs, source=listed.astype(np.int32), first=found.first)
+    runs, contacts, sliced = bonds.runs, bonds.contacts, slices(bonds)
+    listed = runs.source[sliced.contact]
+    entries = replace(runs, source=listed.astype(np.int32), first=sliced.first)
     dim, sites = bonds.dim, len(contacts.load)
     w = np.zeros((contacts.rows + 1, dim))
     w[:sites] = bonds.inverse_mass[:, None]
@@ -150,28 +150,28 @@ def _net(loop, bonds, pieces):
         "places": contacts.places,
         "first": runs.first,
         "law": 4 * runs.law + 2 * runs.kind + runs.own,
-        "slice": found.slice,
-        "begin": found.begin,
-        "entry": found.first,
-        "beside": found.beside,
-        "beside_at": found.beside_at,
+        "slice": sliced.slice,
+        "begin": sliced.begin,
+        "entry": sliced.first,
+        "beside": sliced.beside,
+        "beside_at": sliced.beside_at,
     }
-    fields |= _varying("gap", contacts.gap[listed], found.first)
-    fields |= _varying("length", contacts.length[listed], found.first)
-    fields |= _by_wall(bonds, found)
+    fields |= _varying("gap", contacts.gap[listed], sliced.first)
+    fields |= _varying("length", contacts.length[listed], sliced.first)
+    fields |= _by_wall(bonds, sliced)
     more = {
-        "site": found.site.astype(np.int32),
-        "other": found.other.astype(np.int32),
-        "counts": np.packbits(found.counts, bitorder="little"),
+        "site": sliced.site.astype(np.int32),
+        "other": sliced.other.astype(np.int32),
+        "counts": np.packbits(sliced.counts, bitorder="little"),
         "contacts": len(runs.source),
         "sites": sites,
         "rows": contacts.rows,
-        "tiles": found.tiles,
+        "tiles": sliced.tiles,
         "loaded": loaded,
         **dict.fromkeys(("geometry", "from", "to")),  # see `of_contacts`
     }
-    found = replace(found, contact=None, other=None, counts=None)
-    made = _with_parameters(loop, bonds, entries, fields, pieces, found, **more)
+    sliced = replace(sliced, contact=None, other=None, counts=None)
+    made = _with_parameters(loop, bonds, entries, fields, pieces, sliced, **more)
     return made._replace(runs=runs)
 
 
@@ -186,7 +186,7 @@ def of_contacts(loop, bonds):
     }
 
 
-def _by_wall(bonds, found):
+def _by_wall(bonds, sliced):
     """Fields for contacts with walls.
 
     Normals of the groups of each run with walls, and where these begin; the place of each contact
@@ -197,14 +197,14 @@ def _by_wall(bonds, found):
     for k, kind in enumerate(runs.kind):
         at.append(sum(map(len, blocks)))
         if kind == WALL:
-            part = slice(*found.first[k : k + 2])
-            entries, counting = found.contact[part], np.flatnonzero(found.counts[part])
+            part = slice(*sliced.first[k : k + 2])
+            entries, counting = sliced.contact[part], np.flatnonzero(sliced.counts[part])
             normal = contacts.places[contacts.first[runs.source[entries]]].T
             groups = normal.reshape(dim, -1, GROUP)
             blocks.append(groups.swapaxes(0, 1).ravel())
             order = counting[np.argsort(entries[counting])]
             places.append(at[-1] + order // GROUP * GROUP * dim + order % GROUP)
-            walls.append(found.other[part][order])
+            walls.append(sliced.other[part][order])
     places, walls = (np.concatenate([np.zeros(0, dtype=int), *x]) for x in (places, walls))
     order = np.argsort(walls, kind="stable")
     begin = np.searchsorted(walls[order], np.arange(len(contacts.load), contacts.rows + 1))
@@ -221,8 +221,8 @@ def _varying(name, values, first):
         each.append(bool(np.any(part != part[0])))
         at.append(sum(map(len, blocks)))
         blocks.append(part if each[-1] else part[:GROUP])
-    found = {"": np.concatenate(blocks), "_at": np.array(at, int), "_each": np.array(each, int)}
-    return {name + ending: x for ending, x in found.items()}
+    arrays = {"": np.concatenate(blocks), "_at": np.array(at, int), "_each": np.array(each, int)}
+    return {name + ending: x for ending, x in arrays.items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -273,8 +273,8 @@ class Slices:
         cuts = np.zeros(pieces, dtype=int)
         for _ in range(GUESSES):  # of the work that two parts do
             twice = np.cumsum(groups[cuts] - groups[self.needed[cuts]])
-            share = (done[-1] + twice[-1]) * np.arange(pieces) / pieces
-            wanted = np.maximum.accumulate(share[1:] - twice[:-1])
+            even = (done[-1] + twice[-1]) * np.arange(pieces) / pieces
+            wanted = np.maximum.accumulate(even[1:] - twice[:-1])
             cuts[1:] = np.searchsorted(done[:-1], wanted)
         return np.append(cuts, self.tiles)
 

@@ -256,12 +256,12 @@ static void apply_impulse(const scene *c, const openings *o, integer b, real w, 
         size += fabs(shift[k]);
         mobility = larger(mobility, c->w[from + k] + c->w[to + k]);
     }
-    const real share = size * mobility >= fabs(w) ? 0 : 1; /* w would change sign */
+    const real kept = size * mobility >= fabs(w) ? 0 : 1; /* w would change sign */
     AXES(k) {
         add(c->v + from + k, c->w[from + k] * impulse[k]);
         add(c->v + to + k, -c->w[to + k] * impulse[k]);
-        add(c->u + from + k, c->w[from + k] * share * shift[k]);
-        add(c->u + to + k, -c->w[to + k] * share * shift[k]);
+        add(c->u + from + k, c->w[from + k] * kept * shift[k]);
+        add(c->u + to + k, -c->w[to + k] * kept * shift[k]);
     }
     if (c->active) {
         rouse(c, to / (TILE * DIM));

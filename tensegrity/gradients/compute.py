@@ -277,7 +277,7 @@ def _of_scene(task: _Task, scene: Any, state: Any) -> list[Gradient]:
     samples = TraceSamples(scene, layout, traces)
     windows = [_window(one, steps, dt) for one in task.objectives]
     first, last = min(w[0] for w in windows), max(w[1] for w in windows)
-    check.room(
+    check.memory(
         f"traces of {steps} steps at {len(samples.places)} places",
         8.0 * (last - first + 1) * (len(samples.places) * (1 + len(windows)) + len(traces)),
     )

@@ -155,7 +155,7 @@ class Lattice(Cell):
         if len(many) != d:
             raise TensegrityError(f"counts {check.shown(counts)} must be {d} whole numbers")
         shape = tuple(check.whole("count", n, least=1) for n in many)
-        check.room(f"{check.shown(shape)} cells", 1e3 * len(self.ends) * float(math.prod(shape)))
+        check.memory(f"{check.shown(shape)} cells", 1e3 * len(self.ends) * float(math.prod(shape)))
         cells = np.stack(np.unravel_index(np.arange(np.prod(shape)), shape), axis=1)
         return shape, cells, cells[None] + self.offsets[:, None], np.array(shape)
 

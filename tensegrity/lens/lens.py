@@ -123,7 +123,7 @@ class Lens:
         check.kind("prism", self.prism, Prism)
         for name, least in (("sites", 3), ("chains", 1)):
             self._set(name, check.whole(name, getattr(self, name), least=least))
-        check.room(
+        check.memory(
             f"a run of {self.sites} sites in {self.chains} chains",
             BYTES_PER_SITE * self.sites * self.chains,
         )
@@ -392,7 +392,7 @@ class Lens:
             raise TensegrityError(
                 f"points: y {places[..., 1].min():g} m lies behind the ends, must be at least 0"
             )
-        check.room("pressures", 8.0 * max(instants.size, 1) * (places.size // 2) * 4)
+        check.memory("pressures", 8.0 * max(instants.size, 1) * (places.size // 2) * 4)
         until, enough = float(instants.max(initial=0.0)), AFTERWARDS * float(self.arrivals.max())
         while enough < until:
             enough *= 2

@@ -71,7 +71,7 @@ def interface(
     if len(counts) != 2 or len(masses) != 2:
         raise TensegrityError(f"{len(counts)} numbers of sites and {len(masses)} masses: give two")
     before, after = counts
-    check.room(f"a chain of {before + after} sites", 16.0 * (before + after))
+    check.memory(f"a chain of {before + after} sites", 16.0 * (before + after))
     springs = [near] * before + [far] * (after - 1)
     return Chain(springs, before + after, np.repeat(masses, counts))
 

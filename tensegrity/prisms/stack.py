@@ -89,7 +89,7 @@ def _checked(prism: Any, count: int | None, chirality: str, plates: Any, periodi
         raise TensegrityError(f"chirality {check.shown(chirality)} must be 'alternate' or 'same'")
     repeat = 2 if chirality == "alternate" else 1 if heavy else 4 // math.gcd(4, prism.sides + 2)
     count = check.whole("count", (repeat if periodic else 5) if count is None else count, least=1)
-    check.room(f"a column of {count} prisms", PER_SIDE * prism.sides * count)
+    check.memory(f"a column of {count} prisms", PER_SIDE * prism.sides * count)
     if not heavy and (math.isinf(prism.k_base) or math.isinf(prism.k_bar)):
         raise TensegrityError(
             f"k_base {prism.k_base:g} N/m and k_bar {prism.k_bar:g} N/m must be finite: rigid "

@@ -107,7 +107,7 @@ class Chain(Scene):
         ground: Potential | Sequence[Potential] | None = None,
     ) -> None:
         self.sites = check.whole("sites", sites, least=2)
-        check.room(f"a run of {self.sites} sites", BYTES_PER_SITE * self.sites)
+        check.memory(f"a run of {self.sites} sites", BYTES_PER_SITE * self.sites)
         self.springs = self._springs(spring)
         self.mass = self._masses(mass)
         if (

@@ -75,11 +75,11 @@ class Clearance:
             numbers = np.arange(k, min(k + some, len(self.walls)))
             gaps = self._wall_arrays.distance(x[:, None], numbers) - self.radius[:, None]
             near.append(np.argwhere(gaps < self.skin) + np.array([0, k]))
-        found = np.concatenate(near)
+        close = np.concatenate(near)
         if not len(self.wall_contacts):
-            return found
-        listed, new = (pairs @ (len(self.walls), 1) for pairs in (self.wall_contacts, found))
-        return found[~np.isin(new, listed)]
+            return close
+        listed, new = (pairs @ (len(self.walls), 1) for pairs in (self.wall_contacts, close))
+        return close[~np.isin(new, listed)]
 
     def pair_gaps(self, x: Array, pairs: Indices) -> Array:
         """Gap of each pair [m] at positions x (..., sites, dim), < 0 for an overlap; (..., n)."""
@@ -161,10 +161,10 @@ class Clearance:
         ndarray, (...)
             [m].
         """
-        found = np.asarray(self.skin / 2 - moved)  # pairs that are in no list
+        travel = np.asarray(self.skin / 2 - moved)  # pairs that are in no list
         for ways in (self.pair_gaps(x, pairs) / 2, self.wall_gaps(x, walls), self.law_margin(x)):
-            found = np.asarray(np.minimum(found, np.min(ways, axis=-1, initial=math.inf)))
-        return found
+            travel = np.asarray(np.minimum(travel, np.min(ways, axis=-1, initial=math.inf)))
+        return travel
 
     def free_travel_at(self, u: Array, near: tuple[Indices, Indices]) -> float:
         """`free_travel` [m] at displacements u with these `near_contacts`; the last is cached."""

@@ -66,7 +66,7 @@ class Ensemble(HasDynamics):
     def __init__(self, scenes: Scene | Sequence[Scene], count: int | None = None) -> None:
         if isinstance(scenes, Scene) and count is not None:
             count = check.whole("count", count, least=1)
-            check.room(
+            check.memory(
                 f"a run of {scenes.sites} sites in {count} scenes",
                 BYTES_PER_SITE * scenes.sites * count,
             )

@@ -93,13 +93,13 @@ def strides(cells: int) -> Indices:
 
 def _compared(x: Array, radius: Array, skin: float, listed: Indices) -> NearPairs:
     """`near_pairs` without a compiler."""
-    found = []
+    parts = []
     for i in range(len(x)):
         j = np.arange(i + 1, len(x))
         gap = distances(x, np.array([i]), j) - radius[i] - radius[j]
         near = gap < skin
-        found.append((np.full(near.sum(), i), j[near], gap[near]))
-    low, high, gap = map(np.concatenate, zip(*found, strict=True))
+        parts.append((np.full(near.sum(), i), j[near], gap[near]))
+    low, high, gap = map(np.concatenate, zip(*parts, strict=True))
     ends = np.stack([low, high], axis=1)
     new = ~np.isin(keys(ends, len(x)), keys(listed, len(x)))
     return NearPairs(ends[new], gap[new])

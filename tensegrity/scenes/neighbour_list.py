@@ -42,17 +42,17 @@ class NeighbourList(Clearance):
         displacements u (..., sites, dim) [m], in any of their rows; two sorted arrays (n, 2)."""
         if u.ndim == 2:
             return self._near(u)[:2]
-        found = zip(*map(self.near, u.reshape(-1, *u.shape[-2:])), strict=True)
-        return tuple(np.unique(np.concatenate(pairs), axis=0) for pairs in found)
+        lists = zip(*map(self.near, u.reshape(-1, *u.shape[-2:])), strict=True)
+        return tuple(np.unique(np.concatenate(pairs), axis=0) for pairs in lists)
 
     def _near(self, u):
         """The pairs of `near`, and the pairs of a site and a wall that it is near but does not
         face; cached, because the energies, the list and the monitor of a run all use them."""
-        at, found = self._last
+        at, near = self._last
         if at is None or not np.array_equal(at, u):
-            found = self._find(u)
-            self._last = fixed(u), found
-        return found
+            near = self._find(u)
+            self._last = fixed(u), near
+        return near
 
     def _find(self, u):
         x = self.positions + u
@@ -92,11 +92,11 @@ class NeighbourList(Clearance):
         ndarray, (...)
             [m].
         """
-        found = np.asarray(self.skin / 2 - moved)  # pairs that are in no list
+        travel = np.asarray(self.skin / 2 - moved)  # pairs that are in no list
         inside = -self._by_wall("overhang", x, listed)
         for ways in (self.wall_gaps(x, ends), self.law_margin(x), inside):
-            found = np.asarray(np.minimum(found, np.min(ways, axis=-1, initial=math.inf)))
-        return found
+            travel = np.asarray(np.minimum(travel, np.min(ways, axis=-1, initial=math.inf)))
+        return travel
 
     def rows_valid(self, u):
         """Number of leading rows of displacements (rows, sites, dim) for which the list built at

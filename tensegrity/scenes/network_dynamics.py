@@ -110,12 +110,12 @@ class NetworkDynamics(Dynamics):
         if not self.follows:
             return self
         near = self.clearance.near(np.asarray(u, dtype=float))
-        for of, found in self._lists:
+        for of, dynamics in self._lists:
             if all(map(np.array_equal, of, near)):
-                return found
-        found = self._with_contacts(*near)
-        self._lists = ((near, found), *self._lists)[: LISTS if self.sites <= FEW else 1]
-        return found
+                return dynamics
+        dynamics = self._with_contacts(*near)
+        self._lists = ((near, dynamics), *self._lists)[: LISTS if self.sites <= FEW else 1]
+        return dynamics
 
     def nearest(self, u: Array) -> Self:
         """Dynamics with contacts between each site and its nearest ones, and with all walls."""
@@ -150,16 +150,16 @@ class NetworkDynamics(Dynamics):
     def _varied(self, **changed: Any) -> Self:
         """Dynamics of the changed scene with a fixed list of contacts and no detector."""
         scene = varied(self.scene, _law=None, **changed)
-        found = type(self)(scene)
-        found.__dict__.update(clearance=None, neighbour_counts=self.neighbour_counts)
-        scene._in_thread.dynamics = found
-        return found
+        dynamics = type(self)(scene)
+        dynamics.__dict__.update(clearance=None, neighbour_counts=self.neighbour_counts)
+        scene._in_thread.dynamics = dynamics
+        return dynamics
 
     def with_springs(self, springs: Sequence[Potential]) -> Any:
         """The same network with one new spring for each distinct spring in `springs`."""
         scene = varied(self.scene, springs=Repeated(springs, self.springs.group))
-        scene._in_thread.dynamics = found = type(self)(scene)
-        found.__dict__["neighbour_counts"] = self.neighbour_counts
+        scene._in_thread.dynamics = dynamics = type(self)(scene)
+        dynamics.__dict__["neighbour_counts"] = self.neighbour_counts
         return scene
 
     # the engine's view
@@ -192,9 +192,9 @@ class NetworkDynamics(Dynamics):
             parts = [listed.energies(u[rows], v[rows]) for rows, listed in self.listings(u)]
             return np.concatenate(parts) if parts else np.zeros(0)
         compiled = self.energies_in_one_call
-        found = None if compiled is None else compiled(u, v)
-        if found is not None:
-            return found
+        energies = None if compiled is None else compiled(u, v)
+        if energies is not None:
+            return energies
         scene, rows = self.scene, (len(u), -1)
         with np.errstate(over="ignore"):  # overflow gives inf, which `checked` refuses
             kinetic = 0.5 * np.sum((scene.mass[:, None] * v**2).reshape(rows), axis=-1)
@@ -214,9 +214,9 @@ class NetworkDynamics(Dynamics):
     @cached_property
     def zero_length_elongation(self) -> Array:
         """Elongation [m] at which the ends of each different spring's shortest bond meet."""
-        found, pairs = np.full(len(self.springs), np.inf), len(self.scene.bonds)
-        np.minimum.at(found, self.springs.group[:pairs], self.scene.lengths)
-        return fixed(-found)
+        shortest, pairs = np.full(len(self.springs), np.inf), len(self.scene.bonds)
+        np.minimum.at(shortest, self.springs.group[:pairs], self.scene.lengths)
+        return fixed(-shortest)
 
     def stiffness_bounds(self, ranges: Array, numbers: Indices | None = None) -> Array:
         """Bound on the stiffness of the bonds of each distinct spring; see `Dynamics`.  That of a

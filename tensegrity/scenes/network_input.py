@@ -59,7 +59,7 @@ def contact_geometry(
         Two joined sites that coincide, a length <= 0, or a gap far from that of the positions.
     """
     count, (site, wall) = len(bonds), wall_contacts.T
-    found, gaps = np.zeros((2, count + len(site)))
+    spans, gaps = np.zeros((2, count + len(site)))
     given = None if lengths is None else _given_lengths(lengths, count)
     x = exact(positions)
     for some in blocks(count):
@@ -68,7 +68,7 @@ def contact_geometry(
             number = some.start + int(np.argmin(distance))
             i, j = bonds[number]
             raise TensegrityError(f"bond {number} joins sites {i} and {j} at the same place")
-        found[:count][some] = distance if given is None else given[some]
+        spans[:count][some] = distance if given is None else given[some]
         if given is not None:
             gaps[:count][some] = distance - given[some]
     heights = WallArrays(walls, positions.shape[1]).height(x[site], wall)
@@ -76,7 +76,7 @@ def contact_geometry(
     gaps[count:] = heights - radii
     if wall_gaps is not None:
         gaps[count:] = checked_wall_gaps(wall_gaps, gaps[count:], radii)
-    return found, gaps if gaps.any() else np.broadcast_to(0.0, gaps.shape)
+    return spans, gaps if gaps.any() else np.broadcast_to(0.0, gaps.shape)
 
 
 def exact(values: Array) -> Any:
@@ -270,7 +270,7 @@ def checked_wall_contacts(contacts: Indices, walls: Sequence[Wall], positions: A
     return contacts
 
 
-def checked_wall_gaps(gaps: ArrayLike, found: Array, radius: Array) -> Array:
+def checked_wall_gaps(gaps: ArrayLike, distances: Array, radius: Array) -> Array:
     """Gaps of wall contacts, each close to that of the positions.
 
     Parameters
@@ -291,14 +291,14 @@ def checked_wall_gaps(gaps: ArrayLike, found: Array, radius: Array) -> Array:
     TensegrityError
         Another shape, or a difference above a tenth of the radius.
     """
-    gaps = numbers("wall_gaps", gaps, found.shape)
-    far = np.flatnonzero(np.abs(gaps - found) > GAP_TOLERANCE * radius)
+    gaps = numbers("wall_gaps", gaps, distances.shape)
+    far = np.flatnonzero(np.abs(gaps - distances) > GAP_TOLERANCE * radius)
     if far.size:
         k = int(far[0])
         raise TensegrityError(
             f"gap {gaps[k]:.6g} m of wall contact {k} must be within "
             f"{GAP_TOLERANCE * radius[k]:.3g} m, {GAP_TOLERANCE:g} of the radius, of "
-            f"{found[k]:.6g} m, which the positions give"
+            f"{distances[k]:.6g} m, which the positions give"
         )
     return gaps
 
@@ -341,10 +341,10 @@ def _refuse_duplicates(name: str, keys: Indices) -> None:
     """Refuse contacts of which two have the same key."""
     if np.all(keys[1:] > keys[:-1]):
         return
-    found = np.sort(keys)
-    same = np.flatnonzero(found[1:] == found[:-1])
+    ordered = np.sort(keys)
+    same = np.flatnonzero(ordered[1:] == ordered[:-1])
     if same.size:
-        twins = np.flatnonzero(keys == found[same[0]])
+        twins = np.flatnonzero(keys == ordered[same[0]])
         raise TensegrityError(f"{name}s {twins[0]} and {twins[1]} are the same")
 
 
