@@ -163,11 +163,11 @@ class Loading:
         s = np.einsum("ij,ij->i", _cross(separations, second), normal) / size
         t = np.einsum("ij,ij->i", _cross(separations, first), normal) / size
         within = (s > INSIDE) & (s < 1 - INSIDE) & (t > INSIDE) & (t < 1 - INSIDE)
-        return self._volumes(first, second, separations, normal), within
+        squares = np.einsum("ij,ij->i", first, first) * np.einsum("ij,ij->i", second, second)
+        return self._volumes(separations, normal, np.sqrt(squares)), within
 
-    def _volumes(self, first: Array, second: Array, separations: Array, normal: Array) -> Array:
-        products = np.einsum("ij,ij->i", first, first) * np.einsum("ij,ij->i", second, second)
-        return np.einsum("ij,ij->i", separations, normal) / (np.sqrt(products) * self.span)
+    def _volumes(self, separations: Array, normal: Array, products: Array) -> Array:
+        return np.einsum("ij,ij->i", separations, normal) / (products * self.span)
 
     @cached_property
     def strings(self) -> Indices:
@@ -186,12 +186,13 @@ class Loading:
         """Volumes of `crossing` at the start."""
         return self.crossing(self.positions)[0]
 
-    def volumes(self, u: Array, d: Array) -> Array:
-        """Volumes of `crossing` at unknowns u, where separations of members are d; (pairs,)."""
+    def volumes(self, u: Array, d: Array, lengths: Array) -> Array:
+        """Volumes of `crossing` at unknowns u and separations d of members; (pairs,)."""
         if not len(self.pairs):
             return np.zeros(0)
-        (start, change), (first, second) = self.between, d[self.pairs.T]
-        return self._volumes(first, second, start + change @ u, _cross(first, second))
+        (start, change), (one, other) = self.between, self.pairs.T
+        products = lengths[one] * lengths[other]
+        return self._volumes(start + change @ u, _cross(d[one], d[other]), products)
 
     @cached_property
     def at_plates(self) -> tuple[list[str], Array, Array]:
@@ -345,7 +346,7 @@ class SmoothPiece:
         strains = lengths / self.natural(u) - 1
         _, start, rows = loading.at_plates
         plates = start + rows @ u
-        parts = [(strains - self.offset)[self.strings], loading.volumes(u, d), plates]
+        parts = [(strains - self.offset)[self.strings], loading.volumes(u, d, lengths), plates]
         most, farthest = loading.limits
         ends = [(u[-2] - most) / loading.force] if np.isfinite(most) else []
         ends += [(u[-1] / farthest) ** 2 - 1] if np.isfinite(farthest) else []

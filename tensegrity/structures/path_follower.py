@@ -83,12 +83,8 @@ class PathFollower:
     def __init__(
         self, structure: Structure, supports: Supports | None, loading: Loading, branch: str
     ) -> None:
-        self.structure, self.supports, self.loading, self.branch = (
-            structure,
-            supports,
-            loading,
-            branch,
-        )
+        self.structure, self.supports = structure, supports
+        self.loading, self.branch = loading, branch
         self.limit_kind = "fold" if loading.pattern is None else "turn"  # of the last unknown
         self.parts: list[_TracedPiece] = []
         self.events: list[
@@ -311,14 +307,15 @@ class PathFollower:
         if len(u) > some:
             halves = np.array_split(u, 2)
             return np.concatenate([self._negative(piece, half) for half in halves])
-        whole = inner = piece.tangent(u)
+        whole, bound = piece.tangent(u), -ROUND_OFF * float(self.loading.members.stiffness.max())
+        if self.loading.pattern is not None:  # the last motion is of 1 m of shortening:
+            scale = np.append(np.ones(self.loading.free - 1), np.linalg.norm(self.loading.along))
+            whole = whole * scale[:, None] * scale  # as the others
+        counts = np.sum(np.linalg.eigvalsh(whole) < bound, axis=-1)[:, None].repeat(2, axis=1)
+        some = counts[:, 0] > 0  # of fewer motions not more are negative
         if self.loading.pattern is not None:
-            scale = np.ones(self.loading.free)  # the last motion is of 1 m of shortening:
-            scale[-1] = np.sqrt(self.loading.along @ self.loading.along)  # as the others
-            whole, inner = whole * scale[:, None] * scale, inner[:, :-1, :-1]
-        bound = -ROUND_OFF * float(self.loading.members.stiffness.max())
-        counts = [np.sum(np.linalg.eigvalsh(k) < bound, axis=-1) for k in (whole, inner)]
-        return np.stack(counts, axis=-1)
+            counts[some, 1] = np.sum(np.linalg.eigvalsh(whole[some, :-1, :-1]) < bound, axis=-1)
+        return counts
 
     def _bifurcations(
         self, piece: SmoothPiece, traced: Branch, negative: Array, events: list[_Located]
