@@ -183,6 +183,11 @@ def lowest(matrix: Any, mass: Array, rigid: Array, count: int, bound: float) -> 
     tuple of two ndarrays, (count,), (free, count)
         Eigenvalues in ascending order, 0 where they are round-off; eigenvectors of unit modal mass
         as columns.
+
+    Raises
+    ------
+    TensegrityError
+        If a number is not finite, or the iteration does not converge.
     """
     from scipy.linalg import lapack
 

@@ -187,7 +187,19 @@ class Loading:
         return self.crossing(self.positions)[0]
 
     def volumes(self, u: Array, d: Array, lengths: Array) -> Array:
-        """Volumes of `crossing` at unknowns u and separations d of members; (pairs,)."""
+        """Volumes of `crossing`.
+
+        Parameters
+        ----------
+        u : ndarray, (free + 1,)
+            Unknowns.
+        d, lengths : ndarray, (members, dim) and (members,)
+            Separations and lengths of the members there [m].
+
+        Returns
+        -------
+        ndarray, (pairs,)
+        """
         if not len(self.pairs):
             return np.zeros(0)
         (start, change), (one, other) = self.between, self.pairs.T

@@ -119,8 +119,20 @@ class Members:
         return np.asarray(forces.tangents(d / lengths[:, None], stiffness, density))
 
     def tangent(self, positions: Array, within: float = TAUT) -> Any:
-        """Hessian of the energy [N/m], (nodes dim, nodes dim), an array of up to `DENSE` rows or
-        else sparse; `within` as for `taut`."""
+        """Hessian of the energy.
+
+        Parameters
+        ----------
+        positions : ndarray, (nodes, dim)
+            [m]
+        within : float, optional
+            As for `taut`.
+
+        Returns
+        -------
+        ndarray, or sparse array of more than `DENSE` rows, (nodes dim, nodes dim)
+            [N/m]
+        """
         (sign, row, column), size = self._entries, positions.size
         values = (sign * self.blocks(positions, within).ravel()).ravel()
         if size <= DENSE:
