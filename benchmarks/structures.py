@@ -96,17 +96,21 @@ def towers():
 
 def small_towers():
     """Six modes of towers of up to 99 nodes, from the members on, beside the eigenvalues alone of
-    the full matrix that `numpy.linalg.eigvalsh` is given."""
+    the full matrix that `numpy.linalg.eigvalsh` is given.  A structure knows from its first call on
+    which motions are rigid, and where in the matrix each member goes."""
     for stages in SMALL:
         s = PRISM.column(stages)
         full = s.stiffness().toarray()
+        others = iter([s.at(s.positions) for _ in range(OFTEN)])
+        first, _ = least_time(lambda others=others: next(others).modes(6), OFTEN)
         seconds, modes = least_time(lambda s=s: s.modes(6), OFTEN)
         other, values = least_time(lambda full=full: np.linalg.eigvalsh(full), OFTEN)
         record("modes", f"{s.nodes} nodes", "over eigvalsh", seconds, other)
         gap = np.abs(values[6:12] - modes.eigenvalues).max() / values[-1]
         print(
             f"{s.nodes} nodes: 6 modes {1e3 * seconds:.3g} ms, eigvalsh {1e3 * other:.3g} ms, "
-            f"ratio {seconds / other:.3g}, largest difference {gap:.2g} of the largest eigenvalue"
+            f"ratio {seconds / other:.3g}, at the first call {first / other:.3g}, "
+            f"largest difference {gap:.2g} of the largest eigenvalue"
         )
 
 

@@ -100,7 +100,7 @@ def downhill(matrix: Any, rigid: Array, f: Array) -> Array | None:
 
     Parameters
     ----------
-    matrix : sparse, (free, free)
+    matrix : ndarray or sparse, (free, free)
         Symmetric tangent stiffness [N/m].
     rigid : ndarray, (free, count)
         Orthonormal rigid motions.
@@ -121,7 +121,7 @@ def downhill(matrix: Any, rigid: Array, f: Array) -> Array | None:
     if free <= DENSE:
         inner = complement(rigid)
         try:
-            factor = cho_factor(inner.T @ matrix.toarray() @ inner)
+            factor = cho_factor(inner.T @ _dense(matrix) @ inner)
         except LinAlgError:
             return None
         pivots = np.diag(factor[0]) ** 2
@@ -139,6 +139,10 @@ def downhill(matrix: Any, rigid: Array, f: Array) -> Array | None:
         return None
     move: Array = factors.solve(np.concatenate([f, np.zeros(count)]))[:free]
     return move if np.isfinite(move).all() and move @ f > 0 else None
+
+
+def _dense(matrix: Any) -> Array:
+    return matrix if isinstance(matrix, np.ndarray) else np.asarray(matrix.toarray())
 
 
 def complement(rigid: Array) -> Array:
@@ -179,10 +183,13 @@ def lowest(matrix: Any, mass: Array, rigid: Array, count: int, bound: float) -> 
     tuple of two ndarrays, (count,), (free, count)
         Eigenvalues in ascending order, 0 where they are round-off; eigenvectors of unit modal mass
         as columns.
+
+    Raises
+    ------
+    TensegrityError
+        If a number is not finite, or the iteration does not converge.
     """
-    from scipy.linalg import eigh
-    from scipy.sparse import diags_array
-    from scipy.sparse.linalg import LinearOperator, eigsh
+    from scipy.linalg import lapack
 
     free = matrix.shape[0]
     count = min(count, free - rigid.shape[1])
@@ -191,16 +198,24 @@ def lowest(matrix: Any, mass: Array, rigid: Array, count: int, bound: float) -> 
     least = round_off(matrix, mass)
     if free <= DENSE or count >= free // 4:
         root = np.sqrt(mass)
-        whole = matrix if isinstance(matrix, np.ndarray) else matrix.toarray()
-        of = whole / (root * root[:, None])
-        skipped, (v, t) = rigid.shape[1], _reflections(root[:, None] * rigid)
-        for _ in range(2):  # Q^T K Q
-            of = (of - v @ (t.T @ (v.T @ of))).T
-        pairs = eigh(of[skipped:, skipped:], subset_by_index=(0, count - 1))
-        values, vectors = pairs[0], np.zeros((free, count))
-        vectors[skipped:] = pairs[1]
-        vectors = (vectors - v @ (t @ (v.T @ vectors))) / root[:, None]
+        of, skipped = _dense(matrix) / (root * root[:, None]), rigid.shape[1]
+        q, tau, *_ = lapack.dgeqrf(root[:, None] * rigid)
+
+        def turned(side: str, trans: str, x: Array) -> Any:
+            """By Q, a product of Householder's reflections; rigid motions are its first columns."""
+            return lapack.dormqr(side, trans, q, tau, x, free)[0] if skipped else x
+
+        inner = turned("R", "N", turned("L", "T", of))[skipped:, skipped:]
+        values, own, _, _, failed = lapack.dsyevr(inner, range="I", iu=count)
+        if failed:
+            raise TensegrityError(f"{count} modes of {free} unknowns do not converge")
+        values, vectors = values[:count], np.zeros((free, count))
+        vectors[skipped:] = own
+        vectors = turned("L", "N", vectors) / root[:, None]
     else:
+        from scipy.sparse import diags_array
+        from scipy.sparse.linalg import LinearOperator, eigsh
+
         start, weights = np.cos(np.arange(free) ** 1.5), diags_array(mass)
         rigid = np.linalg.qr(mass[:, None] * rigid)[0]
 
@@ -216,15 +231,6 @@ def lowest(matrix: Any, mass: Array, rigid: Array, count: int, bound: float) -> 
         order = np.argsort(values)
         values, vectors = values[order], vectors[:, order]
     return np.where(np.abs(values) <= least, 0.0, values), vectors
-
-
-def _reflections(columns: Array) -> tuple[Array, Array]:
-    """V and T of Q = I - V T V^T, whose first columns span `columns`, (free, count) and
-    (count, count): the compact form of Householder's reflections (Schreiber & Van Loan 1989)."""
-    raw, tau = np.linalg.qr(columns, mode="raw")
-    v = np.tril(raw.T, -1)
-    np.fill_diagonal(v, 1.0)
-    return v, np.linalg.solve(np.eye(len(tau)) + tau[:, None] * np.triu(v.T @ v, 1), np.diag(tau))
 
 
 def round_off(matrix: Any, mass: Array) -> float:

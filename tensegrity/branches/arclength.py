@@ -9,11 +9,10 @@ sign at a simple bifurcation, and between a branch and another one close to it.
 from __future__ import annotations
 
 import math
+from operator import and_, or_
+from types import SimpleNamespace
 
 import numpy as np
-
-from tensegrity.engine.compiled import Functions
-from tensegrity.once import once
 
 ITERATIONS = 3  # Newton iterations in a step
 POLISH = 20  # largest number of iterations that locate an event
@@ -281,16 +280,29 @@ def error_and_arc(missed, chord, cosine, step, length):
     return error, chord * (1 + (1 - cosine) / 12)  # chord to arc of a circle, order 4
 
 
-def step_control(figures, control):
-    """Whether a step is accepted (1 or 0), and the next step, as CasADi expressions."""
-    import casadi as ca
+def step_control(of, figures, control):
+    """Whether a step is accepted (1 or 0), and the next step.
 
+    Parameters
+    ----------
+    of : module
+        CasADi for expressions, `NUMBERS` for numbers.
+    figures : sequence, (6,)
+        Error, distance from the predictor, last correction, cosine of the turn, residual, and the
+        product of the sides.
+    control : sequence, (6,)
+        As for `ArclengthStepper.steps`.
+
+    Returns
+    -------
+    tuple of two
+    """
     error, moved, last, cosine, residual, sides = figures
-    step, tolerance, most, turn, largest, _ = ca.vertsplit(control)
-    turned = ca.if_else(cosine > 0, ca.acos(ca.fmin(cosine, 1)), math.inf)
+    step, tolerance, most, turn, largest, _ = control
+    turned = of.if_else(cosine > 0, of.acos(of.fmin(of.fmax(cosine, -1), 1)), math.inf)
     wanted, by_turn = 0.9 * (tolerance / (error + TINY)) ** 0.25, 0.8 * turn / (turned + TINY)
-    wanted = ca.if_else(by_turn < wanted, by_turn, wanted)
-    good = ca.logic_or(sides > 0, step <= TWINS)
+    wanted = of.if_else(by_turn < wanted, by_turn, wanted)
+    good = of.logic_or(sides > 0, step <= TWINS)
     for bounded in (
         residual <= most,
         last <= SETTLED,
@@ -298,21 +310,13 @@ def step_control(figures, control):
         turned <= turn,
         error <= tolerance,
     ):
-        good = ca.logic_and(good, bounded)
-    longer = ca.fmin(step * ca.fmin(ca.fmax(wanted, 0.3), 2), largest)
-    shorter = ca.if_else(wanted < math.inf, ca.fmin(ca.fmax(wanted, 0.1), 0.5), 0.5)
-    return good, ca.if_else(good, longer, step * shorter)
+        good = of.logic_and(good, bounded)
+    longer = of.fmin(step * of.fmin(of.fmax(wanted, 0.3), 2), largest)
+    shorter = of.if_else(wanted < math.inf, of.fmin(of.fmax(wanted, 0.1), 0.5), 0.5)
+    return good, of.if_else(good, longer, step * shorter)
 
 
-@once
-def control_function():
-    """`step_control` as a compiled function of the step's figures and the control."""
-
-    def build():
-        import casadi as ca
-
-        figures, control = ca.SX.sym("figures", 6), ca.SX.sym("control", 6)
-        controlled = ca.vertcat(*step_control(ca.vertsplit(figures), control))
-        return {"control": ca.Function("control", [figures, control], [controlled])}
-
-    return Functions(("control",), build)
+NUMBERS = SimpleNamespace(
+    acos=math.acos, fmin=min, fmax=max, logic_and=and_, logic_or=or_,
+    if_else=lambda condition, one, other: one if condition else other,
+)  # fmt: skip

@@ -107,7 +107,8 @@ class CompiledStepper(ArclengthStepper):
         residual = ca.norm_inf(scaled)
         tests = [roots, *(ca.dot(s, new) for s in slopes)]
         figures = (error, moved, moves[-1], cosine, residual, side * row[self.side])
-        result = [z, new, values, residual, arc, side, *tests, *step_control(figures, control)]
+        following = step_control(ca, figures, ca.vertsplit(control))
+        result = [z, new, values, residual, arc, side, *tests, *following]
         return ca.Function("advance", [before, row, control, p], [ca.vertcat(*result)])
 
     def _loop_source(self):

@@ -14,10 +14,11 @@ import numpy as np
 
 from tensegrity.branches.arclength import (
     ITERATIONS,
+    NUMBERS,
     ArclengthStepper,
-    control_function,
     converged,
     error_and_arc,
+    step_control,
 )
 from tensegrity.typing import Array, Indices
 
@@ -96,7 +97,7 @@ class ManyProblem(ArclengthStepper):
         """
         from scipy.linalg import lapack
 
-        m, step = self.m, control[0]
+        m, step = self.m, float(control[0])
         tangent = here[m : 2 * m]
         z = guess = self.predicted(before, here, step)
         last, matrix, right = math.inf, np.empty((m, m), order="F"), np.zeros(m)
@@ -125,19 +126,15 @@ class ManyProblem(ArclengthStepper):
         odd = np.count_nonzero(pivots != self._unmoved) + np.count_nonzero(factors.diagonal() < 0)
         side, missed, moved = (-1.0) ** odd, z - guess, z - here[:m]
         chord, cosine = math.sqrt(moved @ moved), float(new @ tangent)
-        error, arc = error_and_arc(np.abs(missed).max(), chord, cosine, step, here[self.length])
+        error = float(np.abs(missed).max())
+        error, arc = error_and_arc(error, chord, cosine, step, float(here[self.length]))
         parts = new[self._stationary]
         parts[np.abs(parts) <= CONSTANT] = 0.0
-        figures = [
-            error,
-            math.sqrt(missed @ missed),
-            last,
-            cosine,
-            residual,
-            side * here[self.side],
-        ]
-        row = [z, new, [residual, arc, side], self.equations.tests(u), parts]
-        return np.concatenate([*row, control_function()("control", figures, control)])
+        sides = side * float(here[self.side])
+        figures = error, math.sqrt(missed @ missed), last, cosine, residual, sides
+        following = step_control(NUMBERS, figures, control.tolist())
+        tests = self.equations.tests(u)
+        return np.concatenate([z, new, [residual, arc, side], tests, parts, following])
 
     def _rejected_row(self, z: Array, control: Array) -> Array:
         row = self.row(z, np.zeros(self.m), 0.0)

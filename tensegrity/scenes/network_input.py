@@ -277,7 +277,7 @@ def checked_wall_gaps(gaps: ArrayLike, distances: Array, radius: Array) -> Array
     ----------
     gaps : array_like, (contacts,)
         [m].
-    found : ndarray, (contacts,)
+    distances : ndarray, (contacts,)
         Gaps of the positions [m].
     radius : ndarray, (contacts,)
         Radius of the site of each contact [m].

@@ -92,25 +92,27 @@ def outgoing(
         The branches on which the last unknown continues in that sense; if there are none, those
         on which it reverses, except the incoming one.
     """
-    found: list[OutgoingBranch] = []
+    branches: list[OutgoingBranch] = []
     for sense in (-1, 1) if incoming < 0 else (1, -1):
         for choice in taut_sets(loading, u, taut, critical, sense):
             if sense == -incoming and (choice == taut).all():
                 continue
             leaving = _outgoing_branch(loading, u, choice, critical, sense)
             if leaving is not None:
-                found.append(leaving[0])
-        if found:
+                branches.append(leaving[0])
+        if branches:
             break
-    return found
+    return branches
 
 
-def selected(found: list[OutgoingBranch], branch: str, critical: Indices) -> OutgoingBranch | None:
+def selected(
+    branches: list[OutgoingBranch], branch: str, critical: Indices
+) -> OutgoingBranch | None:
     """The branch that a path follows.
 
     Parameters
     ----------
-    found : list of OutgoingBranch
+    branches : list of OutgoingBranch
     branch : {"stable", "symmetric"}
     critical : ndarray of int
         Strings at their natural length.
@@ -121,14 +123,14 @@ def selected(found: list[OutgoingBranch], branch: str, critical: Indices) -> Out
         "symmetric": one on which all critical strings are in the same state, if there is one.
         Otherwise the stable one of least energy; None if no branch leaves.
     """
-    if not found:
+    if not branches:
         return None
     if branch == "symmetric":
         for state in (False, True):
-            for leaving in found:
+            for leaving in branches:
                 if (leaving.taut[critical] == state).all():
                     return leaving
-    lowest = [r for r in found if r.stable] or found
+    lowest = [r for r in branches if r.stable] or branches
     least = min(r.slope for r in lowest)
     return next(r for r in lowest if r.slope <= least + SAME * max(abs(least), 1e-300))
 
@@ -271,7 +273,7 @@ def stable_branch_beyond(piece: SmoothPiece, u: Array, critical: Indices = NONE)
 
 def _soft_directions(piece: SmoothPiece, u: Array, critical: Indices, count: int) -> Array:
     """Zero, then the unit directions without stiffness in both senses, (starts, count)."""
-    rng, found = np.random.default_rng(0), [np.zeros(count)]
+    rng, directions = np.random.default_rng(0), [np.zeros(count)]
     for taut in taut_sets(piece.loading, u, piece.taut, critical, 1):
         tangent = SmoothPiece(piece.loading, taut, NONE, np.zeros(0)).tangent(u)[:count, :count]
         values, modes = np.linalg.eigh(tangent)
@@ -279,9 +281,9 @@ def _soft_directions(piece: SmoothPiece, u: Array, critical: Indices, count: int
         number = max(number, int((taut == piece.taut).all()))
         parts = rng.standard_normal((DIRECTIONS * number, number)) if number > 1 else np.eye(number)
         for one in parts / np.linalg.norm(parts, axis=1, keepdims=True) @ modes[:, :number].T:
-            if np.abs(found @ one).max() < 1 - ALIKE:
-                found += [one, -one]
-    return np.array(found)
+            if np.abs(directions @ one).max() < 1 - ALIKE:
+                directions += [one, -one]
+    return np.array(directions)
 
 
 def _branch_along_mode(piece: SmoothPiece, u: Array, start: Array) -> Array | None:
@@ -311,18 +313,18 @@ def _lowest_minimum(
     members = replace(
         loading.members, natural=loading.members.natural + beyond[-1] * loading.change
     )
-    begin, found = loading.positions_at(beyond), []
+    begin, minima = loading.positions_at(beyond), []
     for amplitude in AMPLITUDES:
         for start in starts:
             moved = across @ (amplitude * np.sqrt(part) * loading.span * start)
             from_here = begin + moved.reshape(begin.shape)
             settled = _minimum_from(loading, members, across, begin, from_here, least)
-            found += [(np.linalg.norm(settled[0] - begin), *settled)] if settled else []
-    if not found:
+            minima += [(np.linalg.norm(settled[0] - begin), *settled)] if settled else []
+    if not minima:
         return None
-    nearest = min(one[0] for one in found)
+    nearest = min(one[0] for one in minima)
     away, x, _, softest = min(
-        (one for one in found if one[0] <= OTHER * nearest), key=itemgetter(2)
+        (one for one in minima if one[0] <= OTHER * nearest), key=itemgetter(2)
     )
     for moved in (away / 4 * softest, -away / 4 * softest):
         from_here = x + (across @ moved).reshape(x.shape)

@@ -103,9 +103,9 @@ class Loading:
     @cached_property
     def by_node(self) -> Array:
         """Displacement of each node with each unknown, (nodes, dim, free + 1)."""
-        found = np.zeros((*self.positions.shape, self.free + 1))
-        found[..., self.moves] = (self.motions @ self.basis).reshape(*self.positions.shape, -1)
-        return found
+        by_node = np.zeros((*self.positions.shape, self.free + 1))
+        by_node[..., self.moves] = (self.motions @ self.basis).reshape(*self.positions.shape, -1)
+        return by_node
 
     @cached_property
     def gain(self) -> Array:
@@ -134,14 +134,14 @@ class Loading:
         coplanar at the start; none if the structure is planar."""
         bars = np.flatnonzero(~self.members.tension_only)
         ends = self.members.ends
-        found = [
+        touching = [
             (a, b)
             for a, b in combinations(bars.tolist(), 2)
             if not {*ends[a].tolist()} & {*ends[b].tolist()}
         ]
         if self.positions.shape[1] == 2:
-            found = []
-        pairs = np.array(found, dtype=np.int64).reshape(-1, 2)
+            touching = []
+        pairs = np.array(touching, dtype=np.int64).reshape(-1, 2)
         return pairs[np.abs(self.crossing(self.positions, pairs)[0]) > PLANE]
 
     def positions_at(self, u: Array) -> Array:
@@ -163,11 +163,11 @@ class Loading:
         s = np.einsum("ij,ij->i", _cross(separations, second), normal) / size
         t = np.einsum("ij,ij->i", _cross(separations, first), normal) / size
         within = (s > INSIDE) & (s < 1 - INSIDE) & (t > INSIDE) & (t < 1 - INSIDE)
-        return self._volumes(first, second, separations, normal), within
+        squares = np.einsum("ij,ij->i", first, first) * np.einsum("ij,ij->i", second, second)
+        return self._volumes(separations, normal, np.sqrt(squares)), within
 
-    def _volumes(self, first: Array, second: Array, separations: Array, normal: Array) -> Array:
-        products = np.einsum("ij,ij->i", first, first) * np.einsum("ij,ij->i", second, second)
-        return np.einsum("ij,ij->i", separations, normal) / (np.sqrt(products) * self.span)
+    def _volumes(self, separations: Array, normal: Array, products: Array) -> Array:
+        return np.einsum("ij,ij->i", separations, normal) / (products * self.span)
 
     @cached_property
     def strings(self) -> Indices:
@@ -186,12 +186,25 @@ class Loading:
         """Volumes of `crossing` at the start."""
         return self.crossing(self.positions)[0]
 
-    def volumes(self, u: Array, d: Array) -> Array:
-        """Volumes of `crossing` at unknowns u, where separations of members are d; (pairs,)."""
+    def volumes(self, u: Array, d: Array, lengths: Array) -> Array:
+        """Volumes of `crossing`.
+
+        Parameters
+        ----------
+        u : ndarray, (free + 1,)
+            Unknowns.
+        d, lengths : ndarray, (members, dim) and (members,)
+            Separations and lengths of the members there [m].
+
+        Returns
+        -------
+        ndarray, (pairs,)
+        """
         if not len(self.pairs):
             return np.zeros(0)
-        (start, change), (first, second) = self.between, d[self.pairs.T]
-        return self._volumes(first, second, start + change @ u, _cross(first, second))
+        (start, change), (one, other) = self.between, self.pairs.T
+        products = lengths[one] * lengths[other]
+        return self._volumes(start + change @ u, _cross(d[one], d[other]), products)
 
     @cached_property
     def at_plates(self) -> tuple[list[str], Array, Array]:
@@ -204,23 +217,23 @@ class Loading:
         heights = self.positions @ normal, np.einsum("i,nif->nf", normal, self.by_node)
         bottom = [x[low[0]] for x in heights] if low else [-np.inf, 0.0]
         names = [f"plate {node} lower" for node in others]
-        found = [[x[others] - below for x, below in zip(heights, bottom, strict=True)]]
+        overlaps = [[x[others] - below for x, below in zip(heights, bottom, strict=True)]]
         if up:
             names += [*(f"plate {node} upper" for node in others), "flat"]
-            found.append([x[up[0]] - x[others] for x in heights])
-            found.append([x[up[:1],] - below for x, below in zip(heights, bottom, strict=True)])
-        start, rows = (np.concatenate(x) / self.span for x in zip(*found, strict=True))
+            overlaps.append([x[up[0]] - x[others] for x in heights])
+            overlaps.append([x[up[:1],] - below for x, below in zip(heights, bottom, strict=True)])
+        start, rows = (np.concatenate(x) / self.span for x in zip(*overlaps, strict=True))
         return names, start, rows
 
     @cached_property
     def roots(self) -> tuple[str, ...]:
         """Names of the event functions of all pieces."""
-        found = [f"string {s}" for s in self.strings.tolist()]
-        found += [f"contact {a} {b}" for a, b in self.pairs.tolist()]
-        found += self.at_plates[0]
-        found += [name for name, end in zip(("load", "height"), self.limits, strict=True)
+        names = [f"string {s}" for s in self.strings.tolist()]
+        names += [f"contact {a} {b}" for a, b in self.pairs.tolist()]
+        names += self.at_plates[0]
+        names += [name for name, end in zip(("load", "height"), self.limits, strict=True)
                   if np.isfinite(end)]  # fmt: skip
-        return (*found, *(["back"] if self.pattern is None else []))
+        return (*names, *(["back"] if self.pattern is None else []))
 
 
 def _cross(a: Array, b: Array) -> Array:
@@ -345,7 +358,7 @@ class SmoothPiece:
         strains = lengths / self.natural(u) - 1
         _, start, rows = loading.at_plates
         plates = start + rows @ u
-        parts = [(strains - self.offset)[self.strings], loading.volumes(u, d), plates]
+        parts = [(strains - self.offset)[self.strings], loading.volumes(u, d, lengths), plates]
         most, farthest = loading.limits
         ends = [(u[-2] - most) / loading.force] if np.isfinite(most) else []
         ends += [(u[-1] / farthest) ** 2 - 1] if np.isfinite(farthest) else []

@@ -119,7 +119,7 @@ class Framework(ReadOnly):
     def members(self) -> Members:
         """The members as arrays, which compute forces and energy."""
         own = self.ends, self.stiffnesses, self.natural_lengths, self.is_string
-        return Members(*own, self.shift)
+        return Members(self.positions.shape, *own, self.shift)
 
     @cached_property
     def lengths(self) -> Array:

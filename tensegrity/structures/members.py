@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from numpy.typing import ArrayLike
 from tensegrity import check
 from tensegrity.engine import forces
 from tensegrity.errors import EquilibriumError, TensegrityError
-from tensegrity.minimum import ROUND_OFF, STEPS, downhill
+from tensegrity.minimum import DENSE, ROUND_OFF, STEPS, downhill
 from tensegrity.minimum import settle as minimised
 from tensegrity.springs.kinks import TAUT
 from tensegrity.structures.supports import Freedom
@@ -34,6 +35,8 @@ class Members:
 
     Attributes
     ----------
+    shape : tuple of int
+        (nodes, dim).
     ends : ndarray of int, (members, 2)
     stiffness, natural : ndarray, (members,)
         Spring constants [N/m] and natural lengths [m].
@@ -48,6 +51,7 @@ class Members:
         Stiffness beyond, over that before; 0 for strings.
     """
 
+    shape: tuple[int, ...]
     ends: Indices
     stiffness: Array
     natural: Array
@@ -58,7 +62,8 @@ class Members:
 
     def separations(self, positions: Array) -> tuple[Array, Array]:
         """Vectors (members, dim) from first to second ends, and their lengths."""
-        d = positions[self.ends[:, 1]] - positions[self.ends[:, 0]] + self.shift
+        first, second = positions.take(self.ends.T, axis=0)
+        d = second - first + self.shift
         return d, np.sqrt(np.einsum("ij,ij->i", d, d))
 
     def taut(self, lengths: Array, within: float = TAUT) -> Flags:
@@ -75,7 +80,12 @@ class Members:
         if self.least is not None:
             elongations = lengths - self.natural
             return np.maximum(elongations, self.least + self.plateau * (elongations - self.least))
-        return np.maximum(lengths - self.natural, np.where(self.tension_only, 0.0, -np.inf))
+        return np.maximum(lengths - self.natural, self._smallest)
+
+    @cached_property
+    def _smallest(self) -> Array:
+        """Of members that cannot buckle, the smallest elongations with tension, (members,)."""
+        return np.where(self.tension_only, 0.0, -np.inf)
 
     def tensions(self, positions: Array) -> Array:
         """Tensions [N], (members,); 0 for slack strings."""
@@ -109,10 +119,37 @@ class Members:
         return np.asarray(forces.tangents(d / lengths[:, None], stiffness, density))
 
     def tangent(self, positions: Array, within: float = TAUT) -> Any:
-        """Hessian of the energy [N/m], sparse (nodes dim, nodes dim); `within` as for `taut`."""
+        """Hessian of the energy.
+
+        Parameters
+        ----------
+        positions : ndarray, (nodes, dim)
+            [m]
+        within : float, optional
+            As for `taut`.
+
+        Returns
+        -------
+        ndarray, or sparse array of more than `DENSE` rows, (nodes dim, nodes dim)
+            [N/m]
+        """
+        (sign, row, column), size = self._entries, positions.size
+        values = (sign * self.blocks(positions, within).ravel()).ravel()
+        if size <= DENSE:
+            return np.bincount(row * size + column, values, size**2).reshape(size, size)
+        from scipy.sparse import coo_array
+
+        return coo_array((values, (row, column)), shape=(size, size)).tocsr()
+
+    @cached_property
+    def _entries(self) -> tuple[Array, Indices, Indices]:
+        """Signs (4, 1), rows and columns of the numbers that the tangent sums; each quarter of
+        them are the numbers of the blocks."""
+        nodes, dim = self.shape
+        ones = np.ones((len(self.ends), dim, dim))
         first, second = self.ends.T
-        blocks = self.blocks(positions, within)
-        return forces.assembled(first, second, blocks, len(positions)).tocsr()
+        all_of = forces.assembled(first, second, ones, nodes)
+        return all_of.data.reshape(4, -1)[:, :1], *all_of.coords
 
 
 @dataclass(frozen=True)

@@ -83,12 +83,8 @@ class PathFollower:
     def __init__(
         self, structure: Structure, supports: Supports | None, loading: Loading, branch: str
     ) -> None:
-        self.structure, self.supports, self.loading, self.branch = (
-            structure,
-            supports,
-            loading,
-            branch,
-        )
+        self.structure, self.supports = structure, supports
+        self.loading, self.branch = loading, branch
         self.limit_kind = "fold" if loading.pattern is None else "turn"  # of the last unknown
         self.parts: list[_TracedPiece] = []
         self.events: list[
@@ -126,10 +122,10 @@ class PathFollower:
         self._refuse_undetermined(SmoothPiece(self.loading, taut, critical, strains), u)
         for _ in range(PIECES):
             piece = SmoothPiece(self.loading, taut, critical, strains)
-            found = self._follow_piece(piece, u, sense)
-            if found is None:
+            departure = self._follow_piece(piece, u, sense)
+            if departure is None:
                 break
-            u, taut, critical, sense = found
+            u, taut, critical, sense = departure
             strains = strains_at(self.loading, u, taut)
         else:
             self.end = ENDS["pieces"]
@@ -198,23 +194,23 @@ class PathFollower:
             for e in traced.events
             if e.kind != "bifurcation"
         ]
-        found = self._bifurcations(piece, traced, negative, events)
-        found += self._bifurcations_at_limit_points(piece, traced, negative, events)
-        return events + sorted(found, key=itemgetter(1))
+        bifurcations = self._bifurcations(piece, traced, negative, events)
+        bifurcations += self._bifurcations_at_limit_points(piece, traced, negative, events)
+        return events + sorted(bifurcations, key=itemgetter(1))
 
     def _departure(self, events: list[_Located], negative: Array) -> _Located | None:
         """The event at which the path leaves a piece early: a bifurcation, or contact of bars."""
-        pairs, found = [tuple(pair) for pair in self.loading.pairs.tolist()], []
+        pairs, departures = [tuple(pair) for pair in self.loading.pairs.tolist()], []
         for event in events:
             kind, row, u = event
             word, *numbers = kind.split()
             if word == "bifurcation" and self.branch == "stable" and negative[row, 1] == 0:
-                found.append((row, 0, event))
+                departures.append((row, 0, event))
             if word == "contact" and row > 0:
                 within = self.loading.crossing(self.loading.positions_at(u))[1]
                 if within[pairs.index(tuple(map(int, numbers)))]:
-                    found.append((row, 1, event))
-        return min(found, key=itemgetter(0, 1))[2] if found else None
+                    departures.append((row, 1, event))
+        return min(departures, key=itemgetter(0, 1))[2] if departures else None
 
     def _trace_piece(
         self, piece: SmoothPiece, u: Array, sense: int, points: int
@@ -259,8 +255,8 @@ class PathFollower:
             self.events.append(("contact", row, u, piece, "bars meet"))
             self.end = ENDS["contact"]
             return None
-        found = outgoing(self.loading, u, piece.taut, critical, incoming)
-        chosen = selected(found, self.branch, critical)
+        branches = outgoing(self.loading, u, piece.taut, critical, incoming)
+        chosen = selected(branches, self.branch, critical)
         lost = chosen is None or (chosen.sense == incoming and not chosen.stable)
         if (
             lost
@@ -288,19 +284,19 @@ class PathFollower:
 
     def _switch_branch(self, piece: SmoothPiece, u: Array) -> Any:
         """The stable branch that leaves a bifurcation."""
-        found = stable_branch_beyond(piece, u)
-        if found is None:
+        beyond = stable_branch_beyond(piece, u)
+        if beyond is None:
             self.end = ENDS["snap"].format("bifurcation")
             return None
-        return self._start_beyond(piece, u, found)
+        return self._start_beyond(piece, u, beyond)
 
-    def _start_beyond(self, piece: SmoothPiece, u: Array, found: Array) -> Any:
+    def _start_beyond(self, piece: SmoothPiece, u: Array, beyond: Array) -> Any:
         """The piece that begins at a point of a branch a little beyond u."""
-        strains = strains_at(self.loading, found, piece.taut)
+        strains = strains_at(self.loading, beyond, piece.taut)
         taut = ~self.loading.members.tension_only | (strains >= 0)
         if (taut != piece.taut).any():
             self.events.append(("slack", self.rows - 1, u, piece, _changed(piece.taut, taut)))
-        return found, taut, NONE, 1
+        return beyond, taut, NONE, 1
 
     # stability
 
@@ -311,14 +307,15 @@ class PathFollower:
         if len(u) > some:
             halves = np.array_split(u, 2)
             return np.concatenate([self._negative(piece, half) for half in halves])
-        whole = inner = piece.tangent(u)
+        whole, bound = piece.tangent(u), -ROUND_OFF * float(self.loading.members.stiffness.max())
+        if self.loading.pattern is not None:  # the last motion is of 1 m of shortening:
+            scale = np.append(np.ones(self.loading.free - 1), np.linalg.norm(self.loading.along))
+            whole = whole * scale[:, None] * scale  # as the others
+        counts = np.sum(np.linalg.eigvalsh(whole) < bound, axis=-1)[:, None].repeat(2, axis=1)
+        some = counts[:, 0] > 0  # of fewer motions not more are negative
         if self.loading.pattern is not None:
-            scale = np.ones(self.loading.free)  # the last motion is of 1 m of shortening:
-            scale[-1] = np.sqrt(self.loading.along @ self.loading.along)  # as the others
-            whole, inner = whole * scale[:, None] * scale, inner[:, :-1, :-1]
-        bound = -ROUND_OFF * float(self.loading.members.stiffness.max())
-        counts = [np.sum(np.linalg.eigvalsh(k) < bound, axis=-1) for k in (whole, inner)]
-        return np.stack(counts, axis=-1)
+            counts[some, 1] = np.sum(np.linalg.eigvalsh(whole[some, :-1, :-1]) < bound, axis=-1)
+        return counts
 
     def _bifurcations(
         self, piece: SmoothPiece, traced: Branch, negative: Array, events: list[_Located]
@@ -328,7 +325,7 @@ class PathFollower:
             [row for kind, row, _ in events if kind == self.limit_kind],
             ManyProblem(piece),
         )
-        found, scaled = [], np.arcsinh(traced.z / piece.scale)
+        bifurcations, scaled = [], np.arcsinh(traced.z / piece.scale)
         for row in np.flatnonzero(np.diff(negative[:, 1])).tolist():
             count = abs(int(negative[row + 1, 1] - negative[row, 1]))
             count -= sum(t in (row, row + 1) for t in limit_rows) if row in limit_rows else 0
@@ -337,8 +334,8 @@ class PathFollower:
             length = traced.arc[row + 1] - traced.arc[row]
             ends = [stepper.row(scaled[i], traced.tangent[i], length) for i in (row, row + 1)]
             point = self._locate_bifurcation(stepper, ends, int(negative[row, 1]))
-            found.append((f"bifurcation {count}", row, point))
-        return found
+            bifurcations.append((f"bifurcation {count}", row, point))
+        return bifurcations
 
     def _bifurcations_at_limit_points(
         self, piece: SmoothPiece, traced: Branch, negative: Array, events: list[_Located]
@@ -390,9 +387,9 @@ class PathFollower:
             if not real.size:
                 return np.asarray(us[int(np.argmin(np.abs(values)))])
             fit = chebyshev.chebfit(place, np.column_stack([us, parts]), DEGREE)
-            *found, middle = chebyshev.chebval(real[np.argmin(np.abs(real))], fit)
+            *point, middle = chebyshev.chebval(real[np.argmin(np.abs(real))], fit)
             half *= NEARER
-        return np.array(found)
+        return np.array(point)
 
     # the result
 

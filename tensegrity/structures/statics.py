@@ -200,8 +200,10 @@ def free_motions(matrix: Array, rigid: Array) -> Array:
 def mechanisms(positions: Array, ends: Indices) -> Array:
     """Inextensional mechanisms, (count, nodes, dim); see `Structure.mechanisms`."""
     nodes, dim = positions.shape
-    found = free_motions(equilibrium_matrix(positions, ends), orthonormal(rigid_motions(positions)))
-    return found.reshape(-1, nodes, dim)
+    motions = free_motions(
+        equilibrium_matrix(positions, ends), orthonormal(rigid_motions(positions))
+    )
+    return motions.reshape(-1, nodes, dim)
 
 
 def nearest_form(positions: Array, ends: Indices) -> Array:

@@ -8,7 +8,7 @@ Pellegrino & Calladine 1986 for self-stress and mechanisms.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import cached_property
+from functools import cached_property, lru_cache, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from tensegrity.scenes.force import Force
     from tensegrity.scenes.forcing import Damping, Drive
 
+KEPT = 4  # supports of a structure whose permitted motions are kept
 SOFT = 1e-12  # eigenvalues below this fraction of the largest stiffness are round-off
 
 
@@ -172,22 +173,24 @@ class Structure(Framework):
         """
         loads = np.zeros_like(self.positions)
         x = equilibrium_positions(self.members, self.freedom(None), self.positions, loads)
-        found = self.at(x)
-        if not (np.abs(found.tensions) > 1e-12 * self.stiffnesses * self.natural_lengths).any():
+        relaxed = self.at(x)
+        if not (np.abs(relaxed.tensions) > 1e-12 * self.stiffnesses * self.natural_lengths).any():
             longest = np.max(self.lengths / self.natural_lengths)
-            most = f"largest tension {np.abs(found.tensions).max():.3g} N"
+            most = f"largest tension {np.abs(relaxed.tensions).max():.3g} N"
             raise EquilibriumError(
                 "these natural lengths leave all members without stress: no prestress holds a "
                 f"shape ({most}; before, lengths were up to {longest:.6g} of natural ones)"
             )
-        return found
+        return relaxed
 
     # stiffness
 
     def stiffness(self) -> Any:
         """Tangent stiffness [N/m] at the positions, a SciPy sparse array (nodes dim, nodes dim);
         slack strings contribute nothing, strings at their natural length count as taut."""
-        return self.members.tangent(self.positions)
+        from scipy.sparse import csr_array
+
+        return csr_array(self.members.tangent(self.positions))
 
     def modes(self, count: int = 6, supports: Supports | None = None) -> StructureModes:
         """The softest modes that the supports permit, without rigid motions.
@@ -205,14 +208,14 @@ class Structure(Framework):
         """
         count = check.whole("count", count, least=1)
         freedom = self.freedom(supports)
-        tangent, mass = self.stiffness(), np.repeat(self.mass, self.dim)
+        tangent, mass = self.members.tangent(self.positions), np.repeat(self.mass, self.dim)
         squares, vectors = freedom.lowest(tangent, mass, count)
-        if np.ptp(mass) == 0:
+        if (mass == mass[0]).all():
             values = squares * mass[0]
         else:
             values = freedom.lowest(tangent, np.ones(len(mass)), count)[0]
         shapes = vectors.T.reshape(-1, *self.positions.shape)
-        largest = np.sqrt(np.sum(shapes**2, axis=2)).max(axis=1)
+        largest = np.sqrt(np.einsum("kni,kni->kn", shapes, shapes).max(axis=1))
         frequencies = np.sign(squares) * np.sqrt(np.abs(squares))
         total = freedom.motions.shape[1] - freedom.rigid.shape[1]
         return StructureModes(values, frequencies, shapes / largest[:, None, None], self, total)
@@ -223,14 +226,20 @@ class Structure(Framework):
         freedom = self.freedom(supports)
         if freedom.motions.shape[1] == freedom.rigid.shape[1]:
             return True  # nothing can move
-        values = freedom.lowest(self.stiffness(), np.ones(self.positions.size), 1)[0]
+        tangent = self.members.tangent(self.positions)
+        values = freedom.lowest(tangent, np.ones(self.positions.size), 1)[0]
         return bool(values[0] > SOFT * self.stiffnesses.max())
 
     def freedom(self, supports: Supports | None) -> Freedom:
         """The motions that supports and platforms permit."""
         if supports is not None:
             check.kind("supports", supports, Supports, ": made by held(...) or plates(...)")
-        return Freedom.of(supports, self.positions, self.platforms, self.parts)
+        return self._freedom(supports)
+
+    @cached_property
+    def _freedom(self) -> Any:
+        at, platforms, parts = self.positions, self.platforms, self.parts
+        return lru_cache(KEPT)(partial(Freedom.of, positions=at, platforms=platforms, parts=parts))
 
     @cached_property
     def parts(self) -> tuple[Any, ...]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import EquilibriumError, TensegrityError
-from tensegrity.minimum import DENSE, complement, lowest
+from tensegrity.minimum import complement, lowest
 from tensegrity.printing import concise
 from tensegrity.typing import Array, Flags
 
@@ -55,7 +55,8 @@ class Supports:
         return normal / np.linalg.norm(normal)
 
     def motions(self, nodes: int, dim: int, platforms: Any = ()) -> Any:
-        """Orthonormal basis of the permitted motions; that of the upper plate comes last.
+        """Orthonormal basis of the permitted motions; that of the upper plate comes last.  Where
+        every motion is permitted, it is the identity.
 
         Parameters
         ----------
@@ -73,7 +74,7 @@ class Supports:
         TensegrityError
             If a node or an axis does not exist, or a node is supported twice.
         """
-        from scipy.sparse import csc_array
+        from scipy.sparse import csc_array, eye_array
 
         held, on_platforms = self._fixed_coordinates(nodes, dim), self._platform_nodes(platforms)
         own = {node: self._in_plane_directions(node, held[node])
@@ -84,13 +85,15 @@ class Supports:
         for node, along in own.items():
             free[node], count[node] = False, len(along)
         first, total = np.cumsum(count) - count, int(count.sum())
+        groups = (*platforms, *([self.upper] if self.upper else []))
+        if total + len(groups) == nodes * dim:
+            return eye_array(nodes * dim, format="csc")
         node, axis = np.nonzero(free)
         rows = [dim * node + axis]
         columns = [first[node] + np.cumsum(free, axis=1)[node, axis] - 1]
         values = [np.ones(len(node))]
         moving = [((node,), one, first[node] + k)
                   for node, along in own.items() for k, one in enumerate(along)]  # fmt: skip
-        groups = (*platforms, *([self.upper] if self.upper else []))
         moving += [
             (group, normal / np.sqrt(len(group)), total + k) for k, group in enumerate(groups)
         ]
@@ -110,25 +113,25 @@ class Supports:
         for node in (*(n for n, _ in self.holds), *self.lower, *self.upper):
             if node >= nodes:
                 raise TensegrityError(f"node {node} must be below {nodes}, the number of nodes")
-        found = np.zeros((nodes, dim), dtype=bool)
+        coordinates = np.zeros((nodes, dim), dtype=bool)
         for node, axes in self.holds:
             for axis in range(dim) if axes is None else axes:
                 if axis >= dim:
                     raise TensegrityError(f"axis {axis} must be below {dim}, the dimension")
-                found[node, axis] = True
-        return found
+                coordinates[node, axis] = True
+        return coordinates
 
     def _platform_nodes(self, platforms: Any) -> set[int]:
         """Nodes on platforms; refuses those that are supported as well."""
-        found = {node for group in platforms for node in group}
-        both = sorted(found & {*self.lower, *self.upper, *(node for node, _ in self.holds)})
+        nodes = {node for group in platforms for node in group}
+        both = sorted(nodes & {*self.lower, *self.upper, *(node for node, _ in self.holds)})
         if both:
             raise TensegrityError(f"node {both[0]} is on a platform and supported as well")
-        if found and self.normal is not None:
+        if nodes and self.normal is not None:
             raise TensegrityError(
                 "platforms move along the last axis, which must be the normal of the plates too"
             )
-        return found
+        return nodes
 
     def _in_plane_directions(self, node: int, held: Flags) -> list[Array]:
         """Directions in the plane of the plates along which a node is free."""
@@ -268,6 +271,8 @@ def remaining_rigid_motions(motions: Any, positions: Array, parts: Any) -> Array
         whole[nodes] = own.reshape(len(nodes), positions.shape[1], -1)
         columns.append(whole.reshape(positions.size, -1))
     rigid = np.concatenate(columns, axis=1)
+    if motions.shape[1] == positions.size:
+        return rigid
     inside = motions.T @ rigid
     _, sizes, right = np.linalg.svd(rigid - motions @ inside, full_matrices=False)
     return np.asarray(inside @ right[sizes < REMAINING].T)
@@ -326,7 +331,7 @@ class Freedom:
 
     def reduced(self, tangent: Any) -> Any:
         """A tangent stiffness projected onto the permitted motions, (free, free)."""
-        return self.motions.T @ tangent @ self.motions
+        return self.motions.T @ (self.motions.T @ tangent).T
 
     def complement(self) -> Array:
         """Orthonormal basis of the motions orthogonal to the rigid ones, (free, free - count)."""
@@ -337,7 +342,7 @@ class Freedom:
 
         Parameters
         ----------
-        tangent : sparse array, (nodes dim, nodes dim)
+        tangent : ndarray or sparse array, (nodes dim, nodes dim)
             Tangent stiffness K [N/m].
         mass : ndarray, (nodes dim,)
             Diagonal of M, of each node the same in all directions [kg].
@@ -349,14 +354,12 @@ class Freedom:
             Eigenvalues in ascending order [1/s^2], and vectors of unit modal mass.
         """
         motions = self.motions
-        if tangent.shape[0] <= DENSE:
-            stiffness = motions.T @ (motions.T @ tangent.toarray()).T
-        else:
-            stiffness = self.reduced(tangent)
+        if motions.shape[1] == len(mass):  # the identity
+            return lowest(tangent, mass, self.rigid, count, NEGLIGIBLE)
         # as a node has the same mass in all directions, M stays diagonal
         own = np.add.reduceat(motions.data**2 * mass[motions.indices], motions.indptr[:-1])
-        values, vectors = lowest(stiffness, own, self.rigid, count, NEGLIGIBLE)
-        return values, self.motions @ vectors
+        values, vectors = lowest(self.reduced(tangent), own, self.rigid, count, NEGLIGIBLE)
+        return values, motions @ vectors
 
     def refuse_unbalanced(self, positions: Array, loads: Array) -> None:
         """Refuse loads that do work on rigid motions that the supports permit."""
