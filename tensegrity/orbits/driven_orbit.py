@@ -67,7 +67,7 @@ class WholePeriod(Shooting):
         if found > FINEST:
             raise TensegrityError(
                 f"a period of {self._period:g} s takes {found} steps, must take at most {FINEST}: "
-                "the scene is too stiff, or too strongly damped"
+                f"the scene's frequencies or decay rates are {found / FINEST:.3g} times too large"
             )
         return max(LEAST, found)
 
