@@ -50,7 +50,7 @@ def root(
     at_a, at_b = f(a), f(b)
     if at_a == 0:
         return a
-    if not at_a * at_b <= 0 and not (at_a < 0 < at_b or at_b < 0 < at_a):
+    if not (at_a <= 0 <= at_b or at_b <= 0 <= at_a):
         raise ValueError(f"no change of sign: {at_a:g} at {a:g} and {at_b:g} at {b:g}")
     c, at_c, part = a, at_a, 0.5
     for _ in range(STEPS):

@@ -189,6 +189,12 @@ def test_a_step_beyond_the_decay_is_refused():
         simulate(harder, state, 4.0, dt=0.01)
 
 
+def test_a_force_that_becomes_nan_is_named_besides_the_step():
+    chain = Chain(SPRING, SITES, MASS, forces=(Force(C * sp.sqrt(U), parameters={"c": 1.0}),))
+    with pytest.raises(StabilityError, match=r"no longer finite at .*, or a force not finite"):
+        simulate(chain, chain.at_rest({0: -0.1}), 1.0, dt=0.01)
+
+
 def test_runs_are_stored_read_and_resumed(tmp_path):
     state, path = scene().at_rest({0: 0.1}), tmp_path / "stored.npz"
     run = simulate(scene(), state, END, dt=0.01)

@@ -154,6 +154,12 @@ def test_oscilloscope_reads_the_curve_at_its_clock():
     assert height == pytest.approx(1, rel=1e-9)
 
 
+def test_a_clock_may_read_every_row_up_to_round_off():
+    t = np.linspace(0, 1, 201)
+    assert np.diff(t).max() > 0.005
+    np.testing.assert_allclose(sampled(t, t**3, 0.005)[1], t[:-1] ** 3, atol=1e-12)
+
+
 def test_oscilloscope_s_peak_is_its_largest_sample_off_by_half_an_interval_at_most():
     t = np.linspace(0, 1e-4, 1001)
     force = np.exp(-(((t - 47.3e-6) / 1e-5) ** 2))

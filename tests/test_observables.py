@@ -15,8 +15,10 @@ from tensegrity import (
     solitary_wave,
     speed,
     tail_front,
+    width,
 )
 from tensegrity.measure.observables import passage
+from tensegrity.root import root
 
 SPRING = Prism(1.0, 0.7, 0.01, 1.0).potential()
 
@@ -81,3 +83,16 @@ def test_nothing_to_measure_is_an_error(waves):
     alone = waves[0].launch(chain, at=150.5)
     with pytest.raises(TensegrityError, match="follows"):
         tail_front(chain, alone)
+
+
+def test_a_width_needs_increasing_positions():
+    x = np.linspace(-3, 3, 61)
+    with pytest.raises(TensegrityError, match=r"x must increase, not by -0\.1"):
+        width(x[::-1], np.exp(-(x**2)))
+
+
+def test_signs_are_told_apart_where_their_product_overflows_or_vanishes():
+    for size in (1e-200, 1e200):
+        assert root(lambda x, size=size: size * (x - 0.25), 0.0, 1.0) == 0.25
+        with pytest.raises(ValueError, match="no change of sign"):
+            root(lambda x, size=size: size * (x + 1), 0.0, 1.0)

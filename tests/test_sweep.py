@@ -4,6 +4,7 @@ import ast
 import subprocess
 import sys
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from functools import partial
 
 import numpy as np
 import pytest
@@ -85,8 +86,42 @@ def test_a_sweep_goes_on_from_its_checkpoint(tmp_path):
 
 
 def test_what_a_checkpoint_cannot_hold_is_refused(tmp_path):
-    with pytest.raises(TensegrityError, match=r"result of case 0 is .*cannot store: return num"):
-        sweep(lambda x: object(), [1], checkpoint=tmp_path / "x.npz")
+    def returned(x):
+        return x
+
+    masked = np.ma.masked_array([1, 2], [0, 1])
+    words = r"(?s)result of case 0 is .*cannot store: return num"
+    for result in (object(), np.array([None]), masked, {(1, 2): object()}):
+        with pytest.raises(TensegrityError, match=words):
+            sweep(returned, [result], checkpoint=tmp_path / "x.npz")
+
+
+def test_results_by_pairs_are_read_back_from_a_checkpoint(tmp_path):
+    expected = [{(1, x): {np.int64(x): "a", 2.5: None}} for x in range(3)]
+    for _ in range(2):
+        assert sweep(by_pairs, range(3), checkpoint=tmp_path / "x.npz") == expected
+
+
+def test_a_checkpoint_tells_functions_with_other_arguments_apart(tmp_path):
+    path = tmp_path / "x.npz"
+    for _ in range(2):
+        assert sweep(partial(round, ndigits=1), [0.26], checkpoint=path) == [0.3]
+    with pytest.raises(TensegrityError, match=r"its function is 'builtins[.]round with argum"):
+        sweep(partial(round, ndigits=2), [0.26], checkpoint=path)
+    with pytest.raises(TensegrityError, match=r"a function by its name, not .*<lambda>: use def"):
+        sweep(lambda x: x, [1], checkpoint=tmp_path / "y.npz")
+    assert sorted(tmp_path.iterdir()) == [path]
+
+
+def by_pairs(x):
+    return {(1, x): {np.int64(x): "a", 2.5: None}}
+
+
+def test_a_checkpoint_without_a_folder_is_refused_before_any_work(tmp_path):
+    seen = []
+    with pytest.raises(TensegrityError, match="there is no folder"):
+        sweep(seen.append, [1], checkpoint=tmp_path / "none" / "x.npz")
+    assert not seen
 
 
 @pytest.mark.slow

@@ -282,6 +282,14 @@ HELD = Chain(linear(1.0), 200, ends=("free", "fixed"), ground=two_wells(0.35))
         ("no equilibrium of the ground: the next one is near 1.0", lambda: on_ground(behind=0.99)),
         ("at the state behind, 0.35 m, must be above 0", lambda: on_ground(behind=0.35)),
         ("it stands where each site is pushed with -0.0107473", lambda: on_ground(0.48, k=0.1)),
+        (
+            r"of 1e-09 N s/m to the ground .* at most [^ ]+e-06 J/site .* least the 0.025 J/site",
+            lambda: on_ground(damping=Damping(ground=1e-9)),
+        ),
+        (
+            r"of 0.001 N s/m to the ground .* Newton step, .*, must be below 1e-09",
+            lambda: on_ground(damping=Damping(ground=1e-3)),
+        ),
         ("one coefficient", lambda: on_ground(damping=Damping(ground=[0.1, 0.2]))),
         ("must differ", lambda: on_ground(behind=0.0)),
         (

@@ -31,7 +31,14 @@ from tensegrity import TensegrityError, check
 from tensegrity.engine import native
 from tensegrity.notebook import one_bar, progress
 from tensegrity.runs import archive
-from tensegrity.runs.sweep import Failed, WorkerPool, require_same, write_checkpoint
+from tensegrity.runs.sweep import (
+    Failed,
+    WorkerPool,
+    checkpoint_file,
+    name_of,
+    require_same,
+    write_checkpoint,
+)
 from tensegrity.typing import Array
 
 COARSE = 4.0  # steps of a search of chains over the default ones: they rank designs alike
@@ -182,11 +189,10 @@ class _SearchRecord:
         self._best, self._best_forces = np.empty((0, problem.space.count)), np.empty(0)
         self._whole: list[tuple[Any, int]] = []  # best design of a descent, and count
         self._written, self._digest = 0, hashlib.sha256()
-        self._path: Path | None = None if path is None else check.path("checkpoint", path)
+        self._path: Path | None = None if path is None else checkpoint_file(path)
         self._old: list[tuple[Any, Array]] = []
         self._old_digest = ""
-        build = problem.build
-        named = "" if build is None else f"{build.__module__}.{getattr(build, '__qualname__', '')}"
+        named = "" if problem.build is None or path is None else name_of(problem.build)
         self._of = {
             "space": repr(problem.space), "striker": repr(problem.striker),
             "wall": repr(problem.wall), "t_end": problem.t_end, "dt": problem.dt, "build": named,

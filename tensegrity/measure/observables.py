@@ -353,6 +353,8 @@ def width(x: Array, profile: ArrayLike, level: float = 0.05) -> float:
     """
     level = check.number("level", level, above=0, below=1)
     x, profile = _columns(x=x, profile=profile)
+    if not np.all(np.diff(x) > 0):
+        raise TensegrityError(f"x must increase, not by {np.diff(x).min():g}")
     size = np.abs(profile)
     top = int(np.argmax(size))
     left = np.flatnonzero(size[: top + 1] < level * size[top])

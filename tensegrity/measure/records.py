@@ -21,6 +21,7 @@ from tensegrity.typing import Array, Flags
 CLOCK = 3e-6  # s: sampling interval of the paper's density plots
 LEVEL = 0.05  # of the largest peak: smaller ones do not count
 AROUND = 7  # rows by which the first peak is located
+ROUND_OFF = 1e-9  # of the clock, by which rows may be farther apart
 NOISE = 1e-9  # of the largest force: maxima below it are round-off
 
 
@@ -168,7 +169,7 @@ def sampled(
         raise TensegrityError(
             f"phase {phase:g} s must be below the length of the record, {t[-1] - t[0]:g} s"
         )
-    if np.diff(t).max() > interval:
+    if np.diff(t).max() > interval * (1 + ROUND_OFF):
         raise TensegrityError(
             f"rows at intervals of up to {np.diff(t).max():.3g} s, must be at most {interval:.3g} s"
         )

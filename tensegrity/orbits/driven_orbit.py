@@ -67,7 +67,7 @@ class WholePeriod(Shooting):
         if steps > FINEST:
             raise TensegrityError(
                 f"a period of {self._period:g} s takes {steps} steps, must take at most {FINEST}: "
-                "the scene is too stiff, or too strongly damped"
+                f"the scene's frequencies or decay rates are {steps / FINEST:.3g} times too large"
             )
         return max(LEAST, steps)
 

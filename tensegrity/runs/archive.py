@@ -229,14 +229,15 @@ class _Writer:
             return x
         if isinstance(x, np.generic):
             return x.item()
-        if isinstance(x, np.ndarray):
+        is_masked = isinstance(x, np.ma.MaskedArray)  # a file would lose the mask
+        if isinstance(x, np.ndarray) and not (is_masked or x.dtype.hasobject):
             name = f"a{len(self.arrays)}"
             self.arrays[name] = np.ascontiguousarray(x)
             return {"array": name}
         if isinstance(x, (tuple, list, range)):
             return [self.value(one) for one in x]
         if isinstance(x, dict):
-            return {"dict": [[key, self.value(one)] for key, one in x.items()]}
+            return {"dict": [[self.value(key), self.value(one)] for key, one in x.items()]}
         if isinstance(x, Path):
             return str(x)
         return {"object": self._object(x)}
@@ -267,7 +268,7 @@ class _Reader:
         if "array" in x:
             return self._arrays[x["array"]]
         if "dict" in x:
-            return {key: self.value(one) for key, one in x["dict"]}
+            return {self.value(key): self.value(one) for key, one in x["dict"]}
         if "printed" in x:
             for text in (x["printed"], x["fingerprint"]):
                 check.kind("printed form", text, str)

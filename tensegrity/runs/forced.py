@@ -308,7 +308,9 @@ class ForcedMotion(Motion):
             on_site(scene, 0, (u + 2 * self.dt * v).reshape(scene.shape))
         except LockingError as error:
             return LockingError(f"{error}: a spring to the ground got there at t = {t:.6g} s")
-        return StabilityError(f"the motion is no longer finite at t = {t:.6g} s: dt too large")
+        return StabilityError(
+            f"the motion is no longer finite at t = {t:.6g} s: dt too large, or a force not finite"
+        )
 
     def _barrier(self, spring: Any, side: int) -> None:
         """None: the energy does not bound the elongations of a driven scene."""

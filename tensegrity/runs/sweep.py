@@ -15,6 +15,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -72,8 +73,8 @@ def sweep(
     checkpoint : str or path, optional
         File to which results are saved as they are obtained, replaced as a whole each time.  The
         same call with this file continues an interrupted sweep, also with cases appended to the
-        list or removed from its end.  Results must be numbers, text, None, arrays, or sequences
-        and dicts of these; sequences are returned as tuples.
+        list or removed from its end; the function is known by its name.  Results must be numbers,
+        text, None, arrays, or sequences and dicts of these; sequences are returned as tuples.
 
     Returns
     -------
@@ -120,13 +121,12 @@ class _Checkpoint:
     """Results obtained so far, in memory and in a file."""
 
     def __init__(self, path: Any, function: Any, cases: Sequence[Any]) -> None:
-        self._path = None if path is None else check.path("checkpoint", path)
+        self._path = None if path is None else checkpoint_file(path)
         self.results: dict[int, Any] = {}
         self._fresh, self._due, self._took = False, 0.0, 0.0
         if self._path is None:
             return
-        name = f"{getattr(function, '__module__', '')}.{getattr(function, '__qualname__', '')}"
-        self._of = {"function": name}
+        self._of = {"function": name_of(function)}
         try:
             self._cases = [(archive.fingerprint(x), check.text(x)[:NAMED]) for x in cases]
         except TypeError as error:  # such as complex numbers
@@ -181,6 +181,25 @@ def _is_storable(result: Any) -> bool:
     except TypeError:  # such as complex numbers
         return False
     return not trial.opaque
+
+
+def checkpoint_file(path: Any) -> Path:
+    """A path as that of a checkpoint, if it lies in a folder."""
+    path = check.path("checkpoint", path)
+    if not path.parent.is_dir():
+        raise TensegrityError(f"checkpoint {path}: there is no folder {path.parent}")
+    return path
+
+
+def name_of(function: Any) -> str:
+    """What a checkpoint knows a function by: its name and the arguments held by a `partial`."""
+    if isinstance(function, partial):
+        held = archive.fingerprint((function.args, function.keywords))
+        return f"{name_of(function.func)} with arguments {held}"
+    name = f"{getattr(function, '__module__', '')}.{getattr(function, '__qualname__', '')}"
+    if name.endswith("<lambda>"):  # all of a module have the same
+        raise TensegrityError(f"a checkpoint knows a function by its name, not {name}: use def")
+    return name
 
 
 def write_checkpoint(path: Path, kind: str, data: dict[str, Any]) -> None:

@@ -323,7 +323,9 @@ def newton(front):
         front = _moved(front, moves, np.max(np.abs(gap)))
         if size < CONVERGED:
             return front
-    raise NoWaveError(f"no front found: the last relative Newton step is {size:.1e}")
+    raise NoWaveError(
+        f"no front found: the last relative Newton step, {size:.1e}, must be below {CONVERGED:g}"
+    )
 
 
 def _moved(front, moves, gap):

@@ -270,10 +270,16 @@ def _on_ground(front):
         rate = front.site / (3 * length) + front.bond * 4 / (15 * length**3)
         return speed * rate * jump**2 - _released(front)
 
-    try:
-        speed = root(missed, 0.0, top * (1 - 1e-9))
-    except ValueError as error:
-        raise NoWaveError(f"no front slower than sound, {top:g} sites/s, found: {error}") from None
+    damped = f"dashpots of {front.site:g} N s/m to the ground and {front.bond:g} N s/m in the bonds"
+    missing = -missed(fastest := top * (1 - 1e-9))
+    if missing > 0:
+        released = _released(front)
+        raise NoWaveError(
+            f"{damped} dissipate at most {released - missing:.3g} J/site in a front slower than "
+            f"sound, {top:g} sites/s, by the continuum; must be at least the {released:.3g} J/site "
+            "released"
+        )
+    speed = root(missed, 0.0, fastest)
     x, failed = front.line.x, None
     profiles = [jump * (step(x * WIDTH / (part * length)) - step(x)) for part in WIDTHS]
     try:
@@ -286,7 +292,7 @@ def _on_ground(front):
             f"the front is pinned: it stands where each site is pushed with {low:.9g} N to "
             f"{high:.9g} N; no moving one was found"
         )
-    raise failed
+    raise type(failed)(f"{damped}: {failed}")
 
 
 def _of_bonds(front):
