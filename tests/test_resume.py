@@ -26,6 +26,7 @@ from tensegrity import (
     Prism,
     Record,
     RecordError,
+    State,
     TensegrityError,
     resume,
     simulate,
@@ -398,3 +399,16 @@ def test_a_state_whose_parts_do_not_fit_is_refused(tmp_path, make):
         with pytest.raises(TensegrityError, match=r"holds no state, or is damaged|record path"):
             print(part, value, resume(path))
     assert resume(path).complete
+
+
+@pytest.mark.parametrize("every", [1, 3])
+def test_rows_of_another_run_are_refused(tmp_path, every):
+    scene, state = blow()
+    paths = [tmp_path / "one.npy", tmp_path / "other.npy"]
+    for path, part in zip(paths, (1.0, 1.1), strict=True):
+        record = Record(every=every, path=path, checkpoint=0)
+        simulate(scene, State(state.u, part * state.v), 5e-5, dt=1e-6, record=record)
+    paths[0].write_bytes(paths[1].read_bytes())
+    with pytest.raises(TensegrityError, match=r"row \d+ is not that of the checkpoint"):
+        print(resume(paths[0]))
+    assert resume(paths[1]).complete

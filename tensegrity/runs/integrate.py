@@ -257,6 +257,7 @@ class CheckpointData(NamedTuple):
     v: Any
     seen: Any
     count: Any
+    last_row: Any
     elongation_range: Any
 
     def start(self, scene: Any) -> Start:
@@ -279,6 +280,7 @@ class CheckpointData(NamedTuple):
         check.number("allowed", self.allowed, above=0)
         check.whole("done", self.done, least=0, below=self.steps + 1)
         check.whole("count", self.count, least=0)
+        check.whole("last_row", self.last_row, least=0)
         shape = dyn.arrays(self.state)[0].shape
         count, springs = 4 if dyn.is_driven else 2, None
         if dyn.is_driven and not dyn.follows:
@@ -294,7 +296,9 @@ class CheckpointData(NamedTuple):
         archive.array("elongation_range", self.elongation_range, (springs, 2))
         seen, sums = (self.seen[:3], self.seen[3]) if dyn.is_driven else (self.seen, None)
         return Start(
-            MotionState(self.done, self.u, self.v, seen, self.elongation_range, sums), self.count
+            MotionState(self.done, self.u, self.v, seen, self.elongation_range, sums),
+            self.count,
+            self.last_row,
         )
 
 

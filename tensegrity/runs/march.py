@@ -34,10 +34,12 @@ FEWEST = 100  # least steps of an attempt: copies of the state before and after 
 
 
 class Start(NamedTuple):
-    """Where an interrupted run continues: the state it had reached, and its number of rows."""
+    """Where an interrupted run continues: the state it had reached, its number of rows, and the
+    checksum of the last one."""
 
     point: MotionState
     count: int  # type: ignore[assignment]
+    last_row: int
 
 
 class Stop(NamedTuple):
@@ -168,7 +170,8 @@ def march(
     motion = motion_of(problem, dt, allowed, start and start.point)
     if start is None and steps and problem.choice == "dt" and problem.record.path is not None:
         motion.refuse_start()  # before there is a file
-    recorder = Recorder(problem, motion, steps, start and start.count) if problem.rows else None
+    rows = () if start is None else start[1:]
+    recorder = Recorder(problem, motion, steps, *rows) if problem.rows else None
     samples = ComparisonSamples(problem.scene.shape, steps, instants)
     users = [UserObserver(*pair, problem, motion, steps) for pair in problem.observe]
     reached = MarchResult(problem, motion, recorder, samples)

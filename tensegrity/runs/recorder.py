@@ -15,6 +15,7 @@ import shutil
 from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any
+from zlib import crc32
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -69,6 +70,8 @@ class FileRows:
     count : int, optional
         Number of rows in the file after which to continue; further rows stay readable until they
         are overwritten.  By default a new file is made.
+    last_row : int, optional
+        Checksum of the last of these rows.
     checkpoint_path : Path, optional
         Checkpoint of an earlier trial run, which is deleted when a new file is made.
 
@@ -84,6 +87,7 @@ class FileRows:
         instants: int,
         kind: np.dtype[Any],
         count: int | None = None,
+        last_row: int | None = None,
         checkpoint_path: Any = None,
     ) -> None:
         self._path, self._kind, self.count = path, kind, count or 0
@@ -91,7 +95,13 @@ class FileRows:
         refuse_oversize(missing * kind.itemsize, shutil.disk_usage(path.parent).free, "disk space")
         self._row, self._visible = np.zeros(1, dtype=kind), 0
         if count is not None:
-            self._visible = len(_mapped(path, kind, count))
+            rows = _mapped(path, kind, count)
+            self._visible, self._row[:] = len(rows), rows[count - 1 : count] if count else 0
+            if self.last_row != last_row:
+                raise TensegrityError(
+                    f"record path {path}: row {count - 1} is not that of the checkpoint, but of "
+                    "another run"
+                )
         self._size = len(self._header(0))
         try:
             if count is None:
@@ -188,6 +198,11 @@ class FileRows:
         for row in zip(*columns, strict=True):
             self.add(*row)
 
+    @property
+    def last_row(self) -> int:
+        """Checksum of the last row that was added."""
+        return crc32(self._row.tobytes())
+
     def _set_visible(self, count):
         try:
             _write(self._file, self._header(count), 0)
@@ -253,11 +268,13 @@ class Recorder(OutputStates):
     motion : Motion
     steps : int
         Number of steps of the whole run.
-    count : int, optional
-        Number of rows that the file of an interrupted run has.
+    count, last_row : int, optional
+        Number of rows that the file of an interrupted run has, and checksum of the last one.
     """
 
-    def __init__(self, problem: Any, motion: Any, steps: int, count: int | None = None) -> None:
+    def __init__(
+        self, problem: Any, motion: Any, steps: int, count: Any = None, last_row: Any = None
+    ) -> None:
         record, dyn = problem.record, problem.dynamics
         self._problem, self._motion, self._steps = problem, motion, steps
         self._columns, rest = record.columns(dyn.sites), dyn.shape[1:]
@@ -277,7 +294,8 @@ class Recorder(OutputStates):
             self._rows = Rows(instants, shapes)
         else:
             kind = np.dtype([(name, float, shape) for name, shape in shapes.items()])
-            self._rows = FileRows(record.path, instants, kind, count, record.checkpoint_path)
+            of = count, last_row, record.checkpoint_path
+            self._rows = FileRows(record.path, instants, kind, *of)
 
     @property
     def count(self) -> int:
@@ -355,7 +373,7 @@ class Recorder(OutputStates):
                 "method": problem.method, "record": problem.record, "choice": problem.choice,
                 "steps": self._steps, "allowed": motion.allowed, "done": point.done,
                 "u": point.u, "v": point.v, "seen": (*point.output, *sums), "count": self.count,
-                "elongation_range": point.elongation_range,
+                "last_row": self._rows.last_row, "elongation_range": point.elongation_range,
             })  # fmt: skip
         except OSError as error:
             raise RecordError(f"state path {path}: {error.strerror}") from error
