@@ -66,7 +66,7 @@ MADE_BY_OTHERS = {
 INNER = {  # what runs, paths and searches ask of their objects, and nobody else
     "Best", "Budget", "Corrected", "Floquet", "Method", "Midpoint", "Modes", "Nystrom", "Objective",
     "Orbit", "Prediction", "Pulse", "Splitting", "StructureModes", "Trace", "arrays", "at",
-    "available_energy", "beyond", "bind", "by_beads", "check", "check_memory", "children",
+    "available_energy", "beyond", "bind", "by_beads", "check", "check_room", "children",
     "columns", "contacts_at", "contacts_within", "cosines", "default", "derivative", "designs",
     "each", "energies", "extreme", "fastest", "finer_share", "freedom", "frequency",
     "frequency_of", "is_alike", "listed", "listings",

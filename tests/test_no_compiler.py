@@ -132,14 +132,18 @@ def refused(folder):
     bead = Bead(5e-3, steel)
     blow = {"striker": Striker(bead, 0.5), "wall": steel, "t_end": 1e-3}
     sizes, file = Sizes(4, (4e-3, 6e-3), 0.02, steel), folder / "new.json"
+
+    def run(t):
+        return simulate(chain, start, t)
+
     calls = {
         "simulate": lambda: simulate(chain, start, 1.0, tol=1e-6, record=kept),
         "driven": lambda: simulate(driven, driven.at_rest(), 1.0, dt=0.1, record=kept),
         "resume": lambda: resume(folder / "old.npy"),
         "gradient": lambda: gradient(objective.displacement(2), chain, start, 1.0, dt=0.1),
         "tuned": lambda: simulate(tuned, start, 1.0, dt=0.1),
-        "sweep": lambda: sweep(lambda t: simulate(chain, start, t), [1, 2], None, file),
-        "threads": lambda: sweep(lambda t: simulate(chain, start, t), [1, 2], pool, file),
+        "sweep": lambda: sweep(run, [1, 2], None, file),
+        "threads": lambda: sweep(run, [1, 2], pool, file),
         "search": lambda: search(sizes, **blow, method="cma", checkpoint=file),
         "downhill": lambda: search(sizes, **blow, method="gradient", checkpoint=file),
         "peak_force": lambda: peak_force([bead] * 4, **blow),

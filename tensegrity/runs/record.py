@@ -152,7 +152,7 @@ class Record:
             raise TensegrityError(f"recorded site {max(self.sites)} must be below {sites}")
         return list(self.sites)
 
-    def check_memory(self, total: int, t_end: float, shape: tuple[int, ...]) -> None:
+    def check_room(self, total: int, t_end: float, shape: tuple[int, ...]) -> None:
         """Refuse a record that does not fit into memory.
 
         Parameters

@@ -313,7 +313,7 @@ def to_tolerance(problem, tol):
         math.ceil(least / steps_per_instant), max(FEWEST, MOST_COMPARED // problem.state.u.size)
     )
     refinement = math.ceil(least / instants)
-    problem.record.check_memory(refinement * instants, problem.t_end, problem.scene.shape)
+    problem.record.check_room(refinement * instants, problem.t_end, problem.scene.shape)
     if may_fit(problem, refinement * instants, tol):
         for ranges in ranges_of_fits(problem, tol):
             try:

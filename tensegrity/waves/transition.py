@@ -260,9 +260,9 @@ def _on_ground(front):
         raise TensegrityError("a front over springs to the ground radiates without damping")
     bond, length = float(spring.stiffness(0.0)), 0.0
     top = spring.sound_speed(front.mass)
-
-    if not top:
-        raise TensegrityError("bonds without stiffness at rest carry no front between wells")
+    if not 0 < top < math.inf:
+        words = "must be finite and above 0: bonds without stiffness carry no front between wells"
+        raise TensegrityError(f"the speed of sound is {top:g} sites/s, {words}")
 
     def missed(speed):  # power less dissipation of a profile of hyperbolic tangents
         nonlocal length
