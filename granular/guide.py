@@ -131,7 +131,7 @@ class Guide(Assembly):
             wall_contacts=touched,
             wall_spring=at_walls,
             wall_gaps=wall_gaps,
-            radius=None if layout.blind else [bead.radius for bead in self.beads],
+            radius=[bead.radius for bead in self.beads],
             loads=_loads(self.beads, first, gravity, preload),
             drive=drive,
             damping=damping,

@@ -109,8 +109,6 @@ class Layout(ReadOnly):
     gap : float
         Of all beads to their side walls at rest [m].
     walls : tuple of Piece
-    blind : bool
-        Beads of different branches pass through each other: an idealisation, to be compared.
     """
 
     diameter: float
@@ -118,7 +116,6 @@ class Layout(ReadOnly):
     parts: dict[str, tuple[int, ...]]
     gap: float = 0.0
     walls: tuple[Piece, ...] = ()
-    blind: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "positions", fixed(self.positions))
@@ -130,16 +127,9 @@ class Layout(ReadOnly):
         return pairs[distance <= self.diameter * (1 + TOUCH)]
 
     def _pairs(self) -> tuple[Indices, Array]:
-        """Pairs of beads that can meet, and their distances."""
+        """All pairs of beads, and their distances."""
         x = self.positions
         i, j = np.triu_indices(len(x), 1)
-        if self.blind:
-            branch = np.zeros(len(x), dtype=int)
-            for name, beads in self.parts.items():
-                if name.startswith("branch"):
-                    branch[list(beads)] = int(name[-1])
-            seen = branch[i] * branch[j] != 2
-            i, j = i[seen], j[seen]
         return np.stack([i, j], axis=1), np.linalg.norm(x[i] - x[j], axis=1)
 
     def wall_contacts(self) -> Indices:
@@ -251,25 +241,6 @@ def y_layout(
     line = [_mirror(far), *(_mirror(knee) for knee in knees), origin, *knees, far]
     walls += [Piece.between(a, b, "inner wall") for a, b in _offset(line, width)]
     return Layout(diameter, positions, parts, gap, tuple(walls))
-
-
-def crossed_layout(stem: int, branch: int, half_angle: float, diameter: float) -> Layout:
-    """An idealised guide without walls, whose branches do not interact with each other.
-
-    At any angle all beads of the branches are centred on the axes of these.
-
-    Parameters
-    ----------
-    stem, branch, half_angle, diameter
-        As for `y_layout`.
-
-    Returns
-    -------
-    Layout
-    """
-    stem, branch, half_angle, diameter, _, _ = _checked(stem, branch, half_angle, diameter, 0, 0)
-    positions, parts = _y_positions(stem, branch, half_angle, half_angle, diameter)
-    return Layout(diameter, positions, parts, blind=True)
 
 
 def diamond_layout(

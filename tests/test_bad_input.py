@@ -24,7 +24,7 @@ import granular
 import tensegrity as ts
 from granular import contact_network, design
 from granular.lammps import run_lammps, to_lammps
-from granular.layout import crossed_layout, diamond_layout, y_layout
+from granular.layout import diamond_layout, y_layout
 from tensegrity import objective
 from tensegrity.engine import methods
 from tensegrity.measure import observables
@@ -332,7 +332,6 @@ CALLS = [  # where other arguments are needed, or several in one call
                       "gravity": 9.81, "preload": 0.1}),
     (y_layout, LAYOUT | {"gap": 0.0, "through": 0.0}),
     (diamond_layout, LAYOUT | {"gap": 0.0, "through": 0.0}),
-    (crossed_layout, LAYOUT),
 ]  # fmt: skip
 
 

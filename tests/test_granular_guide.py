@@ -24,7 +24,7 @@ from granular import (
 from granular.contact_network import contacts_of
 from granular.crystal import rows
 from granular.guide import Guide
-from granular.layout import crossed_layout, y_layout
+from granular.layout import y_layout
 from tensegrity import (
     ContactError,
     Record,
@@ -224,15 +224,6 @@ def test_end_walls_hold_the_last_beads():
     run = simulate(guide, guide.start(), 3e-4)
     assert energies(run).parts["walls"].max() > 0.1 * run.energy[0]
     assert run.energy_error < 1e-8
-
-
-def test_crossed_branches_pass_through_each_other():
-    layout = crossed_layout(6, 6, np.radians(15), STEEL.diameter)
-    beads = {part: STEEL for part in layout.parts}
-    guide = Guide(layout, beads, materials["ptfe"], light(0.3))
-    run = simulate(guide, guide.start(), 1.5e-4, dt=0.2e-6, method="rkn6")
-    assert run.energy_error < 1e-7
-    assert len(guide.walls) == 0
 
 
 def test_gap_of_the_walls_is_in_the_contact_law():

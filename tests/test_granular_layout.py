@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from granular.layout import crossed_layout, diamond_layout, y_layout
+from granular.layout import diamond_layout, y_layout
 from tensegrity import TensegrityError
 
 D = 4.76e-3
@@ -141,14 +141,6 @@ def test_beads_of_any_half_angle_neither_overlap_nor_leave_the_guide(degrees):
     layout.check()
     steps = np.diff(layout.positions[list(layout.parts["branch 1"])], axis=0)
     np.testing.assert_allclose(np.arctan2(*steps.T[::-1]), np.radians(degrees), rtol=1e-12)
-
-
-def test_crossed_branches_stand_on_their_axes_and_do_not_see_each_other():
-    layout = crossed_layout(5, 6, np.radians(10), D)
-    layout.check()
-    first = layout.positions[layout.parts["branch 1"][0]]
-    assert np.degrees(np.arctan2(*first[::-1])) == pytest.approx(10)
-    assert len(layout.contacts()) == 4 + 2 * 6
 
 
 def test_end_walls_stop_the_last_beads(full):
