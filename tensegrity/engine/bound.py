@@ -19,7 +19,7 @@ from tensegrity.engine.native import aligned, pointer, structure
 from tensegrity.errors import StabilityError
 
 SCENE = structure("scene.h", "scene")
-NYSTROM = structure("steps.c", "nystrom")
+NYSTROM = structure("nystrom.c", "nystrom")
 IMPLICIT = structure("implicit.c", "implicit")
 OPENINGS = structure("overlaps.c", "openings")
 ROW = 1, 1, 2, 4  # numbers in a site's row of forces, by number of coordinates: as in simd.c
@@ -65,7 +65,7 @@ class Bound:
         self._may_all_move()
         self._set_ranges(loop_layout.springs, loop_layout.fields["range_at"], seen)
         fields = loop_layout.fields | stages(method, 1.0, loop.dtype)
-        fields |= {"u": u, "v": v, "low": self._low, "high": self._high}
+        fields |= {"u": u, "v": v, "low": self._low, "high": self._high, "stage": None}
         if loop.dim:
             sites = fields["sites"]
             self.sizes = loop.dim * sites, loop.dim * (fields["rows"] - 1 - sites)
@@ -109,7 +109,8 @@ class Bound:
         self._scene, self._scaled_fields = scene, []
         self._scale_with_step(scene, "kicks", "drifts")
         kind, self._second = self._steps(method)
-        self._advance, self._postprocess = self._loop.steps(kind)
+        self._advance, self._postprocess, stage = self._loop.steps(kind)
+        scene.fill(stage=stage)
         self._addresses = [x and ctypes.addressof(x) for x in (scene, self._second)]
         self.output = np.empty_like(self.u), np.empty_like(self.v)
         self._march = self._marched(self._advance)

@@ -14,6 +14,7 @@ from tensegrity.once import once
 LONG = 500  # least instructions of a law that is compiled as a function, not inlined in the loop
 STEPS = {  # files for each kind of steps
     "": (),
+    "nystrom": ("nystrom.c",),
     "openings": ("overlaps.c", "openings.c"),
     "implicit": ("implicit.c",),
     "driven": ("driven.c",),
@@ -36,7 +37,7 @@ def c_text(laws, own=None, dim=0, steps="", forces=(), helpers=()):
     steps : str, optional
         The kind of steps, a key of `STEPS`, besides those of `steps.c`.
     forces : sequence of ForceLaw, optional
-        Forces of time, displacement and velocity, which steps of the kind "" then take.
+        Forces of time, displacement and velocity, which steps of the kind "nystrom" then take.
     helpers : sequence of (casadi.Function, str), optional
         Further functions, and the C by which they are called.
 
@@ -46,13 +47,11 @@ def c_text(laws, own=None, dim=0, steps="", forces=(), helpers=()):
     """
     own, loop = own or (None,) * len(laws), "net" if dim else "line"
     change = next((law for law in laws if isinstance(law, Change)), None)
-    alone = not dim and own == (None,)  # then the law is also evaluated outside the loop
-    names = laws[0].compiled if alone else ()
-    more = (*names, *["stiffness"] * (steps == "implicit"))
+    names = ("tension", *["stiffness"] * (steps == "implicit"))
     scalars = [
         scalar(number, name, functions(law)[name])
         for number, law in enumerate(laws)
-        for name in (["energy"] if law is change else dict.fromkeys(("tension", *more)))
+        for name in (["energy"] if law is change else names)
     ]
     runs, parts, packed = (
         [],
@@ -68,17 +67,51 @@ def c_text(laws, own=None, dim=0, steps="", forces=(), helpers=()):
             flags = {"K": k, "OWNED": kind, "IS_LONG": is_long(law), "IN_SIMD": in_simd}
             flags["WAITING"] = max(1, count)
             parts += [*_defined(flags), f"{loop}_law.c", *(f"#undef {x}" for x in flags)]
-    in_packs = alone and law_properties(laws[0])["packed_energy"]
-    if in_packs:
-        packed += ["#if WIDE == 8", _energies(laws[0]), "#endif"]
-    evaluations = [(DERIVATIVES.index(name), name) for name in names]
-    lists = {"RUNS": runs, "EVALUATIONS": evaluations, "LAWS": zip(range(len(laws)))}
-    flags = {"CHANGES": change is not None, "IN_PACKS": in_packs}
+    lists = {"RUNS": runs, "LAWS": zip(range(len(laws)))}
+    flags = {"CHANGES": change is not None}
     rows, functions_of_forces, before = _forces(forces)
-    parts += [f"{loop}.c", *before, "steps.c", *STEPS[steps], *["evaluate.c"] * alone]
+    parts += [f"{loop}.c", *before, "steps.c", *STEPS[steps]]
     hooks = [*scalars, *helpers, *functions_of_forces]
     hooks += geometry.tangents(laws, steps == "implicit")
     return whole(laws, own, hooks, dim, packed, lists | rows, flags, parts)
+
+
+def stepper_text(dim, steps, forces=()):
+    """C source of steps that are the same for all laws, and take the stages of their loop.
+
+    Parameters
+    ----------
+    dim, steps, forces
+        As of `c_text`.
+
+    Returns
+    -------
+    str
+    """
+    packed = geometry.side_by_side(dim, None) if dim else []
+    rows, hooks, before = _forces(forces)
+    parts = ["#define STEPPER", "scene.h", f"{'net' if dim else 'line'}.c", *before, "steps.c"]
+    return whole((), (), hooks, dim, packed, rows, {}, [*parts, *STEPS[steps]])
+
+
+def evaluate_text(law):
+    """C source of a law outside of loops: `evaluate.c`.
+
+    Parameters
+    ----------
+    law : Law
+        Or a `Change`.
+
+    Returns
+    -------
+    str
+    """
+    names = law.compiled
+    hooks = [scalar(0, name, functions(law)[name]) for name in names]
+    in_packs = law_properties(law)["packed_energy"]
+    packed = ["#if WIDE == 8", _energies(law), "#endif"] * in_packs
+    lists = {"EVALUATIONS": [(DERIVATIVES.index(name), name) for name in names]}
+    return whole((law,), (None,), hooks, 0, packed, lists, {"IN_PACKS": in_packs}, ["evaluate.c"])
 
 
 def _forces(forces):

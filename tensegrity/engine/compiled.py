@@ -8,13 +8,15 @@ from functools import cached_property
 
 import numpy as np
 
-from tensegrity.engine.codegen import c_text
+from tensegrity.engine import geometry
+from tensegrity.engine.codegen import c_text, evaluate_text, stepper_text
 from tensegrity.engine.disk_cache import cached
-from tensegrity.engine.law import DERIVATIVES, Change, evaluate, law_properties, named
+from tensegrity.engine.law import DERIVATIVES, evaluate, named
 from tensegrity.engine.native import concatenated, library, pointer
 from tensegrity.errors import CompilerError
 from tensegrity.once import once
 
+APART = ("nystrom", "openings")  # kinds of steps that do not depend on the laws
 PREFIX = "tensegrity_"  # of names in C, which must differ from those of libc
 
 
@@ -41,30 +43,47 @@ class Compiled:
         self.forces = forces
         self.laws, self.own, self.dim, self.batch = laws, own or (None,) * len(laws), dim, batch
         self.dtype = np.dtype(np.longdouble if extended else np.float64)
-        self._flags = ["-DEXTENDED"] * extended + [f"-DBATCH={batch}"] * (batch > 1)
-        self._flags += [f"-DDIM={dim}"] * (dim > 0)
-        self._opens = any(law_properties(law)["cut"] for law in laws if not isinstance(law, Change))
+        self._flags = ["-DEXTENDED"] * extended
+        self._sizes = [f"-DBATCH={batch}"] * (batch > 1) + [f"-DDIM={dim}"] * (dim > 0)
         self._made = {}
 
     def steps(self, kind):
-        """Functions that advance by steps of one kind, and that turn copies of u and v into the
-        output state; None for the second where u and v are that state already."""
-        made = self.library if kind in ("", "nystrom") else self._compiled(kind)
+        """What advances by steps of one kind.
+
+        Returns
+        -------
+        advance, postprocess : function
+            The second turns copies of u and v into the output state; None where u and v are that
+            state already.
+        stage : int or None
+            Address of the stage that these take, where they are compiled apart from the laws.
+        """
+        apart = kind in APART and geometry.own(self.laws) is None
+        given = self.dim, kind, self.forces, *self._flags, *self._sizes
+        made = _stepper(*given) if apart else self._loop(kind)
         ending = f"_{kind}" * bool(kind)
-        return [getattr(made, name + ending, None) for name in ("advance", "postprocess")]
+        functions = [getattr(made, name + ending, None) for name in ("advance", "postprocess")]
+        return *functions, pointer(self.library.stage) if apart else None
 
     @cached_property
     def library(self):
-        """The library for steps of most methods, and for corrected ones where forces have kinks."""
-        return self._compiled("openings" if self._opens else "")
+        """The library of stages, and of steps of splittings."""
+        return self._loop("")
 
-    def _compiled(self, steps):
+    @cached_property
+    def evaluator(self):
+        """The library that evaluates a single law."""
+        (law,) = self.laws
+        text = cached(named("evaluator", self.laws), lambda: evaluate_text(law))
+        return library(text, self._flags)
+
+    def _loop(self, steps):
         """The library for a kind of steps; separate, as each takes long to compile."""
         if steps not in self._made:
             given = self.laws, self.own, self.dim, steps
             key = named("loop", *given, *(one.name for one in self.forces))
             text = cached(key, lambda: c_text(*given, self.forces))
-            self._made[steps] = library(text, self._flags)
+            self._made[steps] = library(text, [*self._flags, *self._sizes])
         return self._made[steps]
 
     @classmethod
@@ -106,12 +125,18 @@ class Compiled:
         p, out = self.numbers(parameters), np.empty_like(r)
         size = r.size if p.ndim == 1 else r.shape[-1]
         given = p.ctypes.data, r.ctypes.data, out.ctypes.data
-        self.library.evaluate(order, p.ndim > 1, r.size // max(size, 1), size, *given)
+        self.evaluator.evaluate(order, p.ndim > 1, r.size // max(size, 1), size, *given)
         return out
 
     def numbers(self, array):
         """An array in the precision of the loop."""
         return np.ascontiguousarray(array, dtype=self.dtype)
+
+
+@once
+def _stepper(dim, steps, forces, *flags):
+    key = named("stepper", forces, dim, steps)
+    return library(cached(key, lambda: stepper_text(dim, steps, forces)), flags)
 
 
 @once
@@ -135,7 +160,7 @@ def loop_of_law(law):
     """The loop of one law, or None without a compiler; springs can be evaluated in either case."""
     loop = compiled((law,), (None,), 0, 1)
     try:
-        return loop.library and loop
+        return loop.evaluator and loop
     except CompilerError:
         return None
 

@@ -117,7 +117,7 @@ def _bond_set(
         ]
         places = _places(contacts, slice(first, last) if in_a_row else columns)
     return BOND_SET(
-        function=pointer(loop.library.values_own if several else loop.library.values),
+        function=pointer(loop.evaluator.values_own if several else loop.evaluator.values),
         elongations=elongations,
         parameters=loop.numbers(parameters),
         low=low,
@@ -198,7 +198,7 @@ class Search:
     """
 
     def __init__(self, loops: Sequence[Compiled], parameters: Array, domains: Array) -> None:
-        functions = [pointer(loop.library.values) for loop in loops]
+        functions = [pointer(loop.evaluator.values) for loop in loops]
         self._springs = SPRINGS(
             functions=np.array(functions, dtype=np.uint64),
             parameters=np.ascontiguousarray(parameters),

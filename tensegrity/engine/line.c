@@ -6,8 +6,9 @@
 
 #define LOOKING 12
 
+#ifndef STEPPER
 /* A kick by a and a drift by b; returns the rate of the energies of changing springs. */
-static real stage(const scene *c, real a, real b)
+real stage(const scene *c, real a, real b)
 {
     real left[BATCH + 1] = {0}; /* tensions of the last bonds, and that rate */
     const integer end = BATCH * c->first[c->runs], active = c->active ? *c->active : end;
@@ -22,6 +23,7 @@ static real stage(const scene *c, real a, real b)
     }
     return left[BATCH];
 }
+#endif
 
 /* After a step: find the entries that may move in the next ones. */
 static void narrow(const scene *c)

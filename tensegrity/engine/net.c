@@ -79,6 +79,7 @@ static void rouse(const scene *c, integer t)
         __atomic_store_n(c->active + 1 + c->beside[k], *c->active + 1, __ATOMIC_RELAXED);
 }
 
+#ifndef STEPPER
 /* Add the forces of the contacts of a tile to its sites, and to others of higher numbers; returns
    whether any of them is not 0. */
 static int contacts(const scene *c, const real *u, integer t, real *restrict pull)
@@ -142,7 +143,7 @@ static real move_tile(const scene *c, integer t, real a, real b, const real *res
     return largest;
 }
 
-static void stage(const scene *c, real a, real b)
+real stage(const scene *c, real a, real b)
 {
     const integer moving = c->sites * DIM, all = c->rows * DIM;
     const real *u = c->pieces > 1 ? common(c, 0) : c->u;
@@ -172,6 +173,7 @@ static void stage(const scene *c, real a, real b)
         }
     }
     barrier(c);
+    return 0;
 }
 
 integer advance(const scene *c, const void *none, integer steps, integer opened); /* in steps.c */
@@ -184,3 +186,4 @@ void advance_together(const scene *c, integer steps, integer opened)
     advance(c, 0, steps, opened);
     copy(c, common(c, 0), c->u);
 }
+#endif

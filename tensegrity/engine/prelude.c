@@ -57,17 +57,16 @@ static inline real smaller(real x, real y) { return x < y ? x : y; }
    ahead of a wave front move by such numbers, whose arithmetic is hundreds of times slower. */
 
 #if defined(__GNUC__) && defined(__SSE2__)
-#include <xmmintrin.h>
 typedef unsigned rounding;
 static inline rounding flushed(void)
 {
-    const rounding was = _mm_getcsr();
-    if ((was & 0x8040) != 0x8040) _mm_setcsr(was | 0x8040); /* results and operands */
+    const rounding was = __builtin_ia32_stmxcsr();
+    if ((was & 0x8040) != 0x8040) __builtin_ia32_ldmxcsr(was | 0x8040); /* results and operands */
     return was;
 }
 static inline void restored(const rounding *was)
 {
-    if ((*was & 0x8040) != 0x8040) _mm_setcsr(*was); /* slower than the comparison */
+    if ((*was & 0x8040) != 0x8040) __builtin_ia32_ldmxcsr(*was); /* slower than the comparison */
 }
 #elif defined(__GNUC__) && defined(__aarch64__)
 typedef unsigned long rounding;

@@ -1,5 +1,5 @@
 /* The adjoint of explicit Runge-Kutta steps, from the recorded states of their stages: coefficients
-   as in `nystrom` of `steps.c`.  The derivatives of forces by displacements and velocities act like
+   as in `nystrom.c`.  The derivatives of forces by displacements and velocities act like
    springs and dashpots between two sites, of which one without mass stands for the ground and for
    walls. */
 #ifdef DIM

@@ -45,6 +45,7 @@ typedef struct {
                                         rest; steps for which that holds.  Of a network (1 + tiles):
                                         number of this stage; for each tile that of the last stage
                                         in which it may move.  0: all may move */
+    real (*stage)(const void *, real, real); /* of the loop, for steps compiled apart from it */
 
     /* The other fields are those of networks. */
     const real *load;                   /* (rows, DIM) constant forces */
@@ -77,3 +78,9 @@ typedef struct {
 } scene;
 
 #define ALL_MAY_MOVE(c) (c).active = 0;
+
+/* Steps that do not depend on the laws are compiled once for all of them, with STEPPER defined, and
+   call the stage of a loop through its address. */
+#ifdef STEPPER
+#define stage(c, a, b) (c)->stage(c, a, b)
+#endif

@@ -133,7 +133,7 @@ class Tuned:
         loop, r = loop_of_law(self.law), np.ascontiguousarray(r)
         out, parameters = np.empty_like(r), np.ascontiguousarray(self.at(t))
         for p, row, energies in zip(parameters, r, out, strict=True):
-            loop.library.values(0, r.shape[-1], *(x.ctypes.data for x in (p, row, energies)))
+            loop.evaluator.values(0, r.shape[-1], *(x.ctypes.data for x in (p, row, energies)))
         return out
 
     def evaluate(self, order: int, p: Array, r: Array) -> Array:
