@@ -121,7 +121,7 @@ def test_a_torque_lifts_a_well_and_ends_it():
     assert lifted == pytest.approx(2 * torque * place, rel=1e-4)
     twist = sp.Symbol("varphi", real=True)
     values = {str(name): value for name, value in weak.parameters.items()}
-    energy = weak.law.energy.subs({s: values[str(s)] for s in weak.law.energy.free_symbols
+    energy = weak.expression.subs({s: values[str(s)] for s in weak.expression.free_symbols
                                    if str(s) in values})  # fmt: skip
     taut = energy.replace(sp.Max, lambda *x: sum(x))
     second, fourth = (float(sp.diff(taut, twist, k).subs(twist, 0)) for k in (2, 4))

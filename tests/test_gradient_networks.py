@@ -66,7 +66,7 @@ def test_gradients_of_networks_are_those_of_complex_steps(dim, method):
     normal = network.walls[0].normal
     gaps = wall_gaps(network, np.zeros((6, dim)))
     contact = network.springs[-1]
-    constant, preload, overlap = contact.values
+    constant, preload, overlap, _ = contact.values
 
     def push(r):
         return preload - constant * (overlap - r) ** 1.5

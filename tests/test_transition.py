@@ -72,7 +72,7 @@ def test_dashpots_in_bonds_and_a_prism_as_spring_do_as_well():
 
     spring = Prism(1.0, 0.7, 0.1, 1.0).potential()
     depth = 0.02  # m between the wells
-    wells = Potential(two_wells(0.3).law.energy.subs(U, U / depth), U, {"a": 0.3, "b": 4e-4})
+    wells = Potential(two_wells(0.3).expression.subs(U, U / depth), U, {"a": 0.3, "b": 4e-4})
     damping = Damping(bond=0.4, ground=0.2)
     front = transition_wave(
         spring, 0.8, ahead=depth, behind=0.0, ground=wells.varied({"a": 0.7}), damping=damping
@@ -257,7 +257,7 @@ def test_units_do_not_matter():
     """The same front in millimetres, grams and milliseconds: k A^2 m, each times its scale."""
     length, mass, time = 1e-3, 2e-3, 1e-4
     stiff = mass / time**2
-    wells = Potential(two_wells(0.35).law.energy.subs(U, U / length), U,
+    wells = Potential(two_wells(0.35).expression.subs(U, U / length), U,
                       {"a": 0.35, "b": stiff * length**2})  # fmt: skip
     front = transition_wave(
         linear(stiff), mass, ahead=0.0, behind=length, ground=wells,
@@ -265,7 +265,7 @@ def test_units_do_not_matter():
     )  # fmt: skip
     assert front.speed * time == pytest.approx(0.566415511169, rel=1e-11)
     front = transition_wave(
-        Potential(stiff * length**2 * CONVEX_CONCAVE.law.energy.subs(U, U / length), U), mass,
+        Potential(stiff * length**2 * CONVEX_CONCAVE.expression.subs(U, U / length), U), mass,
         ahead=0.0, behind=2 / 3 * length,
     )  # fmt: skip
     assert front.speed * time == pytest.approx(np.sqrt(11) / 3, rel=1e-12)

@@ -331,7 +331,7 @@ def law_function(law, wanted):
     """CasADi function (r, p) -> tension, stiffness, derivatives of the tension in p[wanted]."""
     import casadi as ca
 
-    r, p, (_, tension, stiffness, _) = law.forms()
+    r, p, (_, tension, stiffness, _) = _differentiated(law, wanted).forms()
     slopes = ca.gradient(tension, p) if law.parameters else ca.SX(0, 1)
     forms = ca.cse(ca.vertcat(tension, stiffness, slopes[list(wanted)]))
     values, divisors = _without_divisions(ca.Function("law", [r, p], [forms]), r, p)
@@ -402,10 +402,21 @@ def _rest(product, factor):
 @once
 def depends_on(law):
     """Numbers of the parameters that the tension of a law depends on."""
+    return _occurring(getattr(law, "general", None) or law)
+
+
+@once
+def _occurring(law):
     import casadi as ca
 
     _, p, (_, tension, _, _) = law.forms()
     return frozenset(k for k in range(p.numel()) if ca.depends_on(tension, p[k]))
+
+
+def _differentiated(law, wanted):
+    """The law itself, or its general one where parameters that it is compiled for are wanted."""
+    general = getattr(law, "general", None)
+    return law if general is None or {*wanted} <= _occurring(law) else general
 
 
 @once
@@ -413,6 +424,6 @@ def energy_function(law, wanted):
     """CasADi function (r, p) -> energy, tension, derivatives of the energy in p[wanted]."""
     import casadi as ca
 
-    r, p, (energy, tension, _, _) = law.forms()
+    r, p, (energy, tension, _, _) = _differentiated(law, wanted).forms()
     slopes = ca.gradient(energy, p) if law.parameters else ca.SX(0, 1)
     return ca.Function("stored", [r, p], [ca.vertcat(energy, tension, slopes[list(wanted)])])

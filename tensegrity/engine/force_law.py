@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -79,6 +79,10 @@ class ForceLaw:
     on : {"SITE", "BOND"}
     law : Law, optional
         Of a spring between a site and the ground, whose energy is energy of the scene.
+    numbers : tuple of float
+        Values of the last parameters, which stand for numbers of the expressions.
+    written : tuple of sympy.Expr
+        The expressions with these numbers, if there are any.
     """
 
     expressions: tuple[sp.Expr, ...]
@@ -87,6 +91,29 @@ class ForceLaw:
     parameters: tuple[sp.Symbol, ...]
     on: str
     law: Any = None
+    numbers: tuple[float, ...] = ()
+    written: tuple[sp.Expr, ...] = ()
+
+    def lifted(self) -> ForceLaw:
+        """The same force with parameters for the numbers of its expressions; see
+        `shape`.  How it begins in a contact that closes is compiled with its numbers."""
+        from tensegrity.engine.shape import lifted
+
+        shapes, constants, numbers = lifted(self.expressions)
+        if not constants or self.onset is not None:
+            return self
+        return replace(
+            self,
+            expressions=tuple(shapes),
+            parameters=(*self.parameters, *constants),
+            numbers=tuple(map(float, numbers)),
+            written=self.expressions,
+        )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters that are not numbers of the expressions."""
+        return tuple(map(str, self.parameters[: len(self.parameters) - len(self.numbers)]))
 
     @property
     def rates(self) -> tuple[sp.Symbol, ...]:
@@ -104,7 +131,8 @@ class ForceLaw:
         """See `continuity`; of what the steps do not correct at the onset of contacts."""
         import sympy as sp
 
-        left = self.expressions if self.onset is None else (self.onset.rest,)
+        left = self.written or self.expressions
+        left = left if self.onset is None else (self.onset.rest,)
         length, smooth = (
             self.state[-1],
             True,
@@ -210,7 +238,8 @@ def _onset(law: ForceLaw) -> Onset | None:
 
     if law.on == SITE or len(law.expressions) > 1:
         return None
-    (tension,), (r, rate, _), known = law.expressions, law.state, {law.state[0], *law.parameters}
+    (tension,) = law.written or law.expressions
+    (r, rate, _), known = law.state, {law.state[0], *law.parameters}
     gaps = {x for one in tension.atoms(sp.Max) for x in one.args
             if x.free_symbols <= known and x.diff(r) == -1}  # fmt: skip
     if len(gaps) != 1:

@@ -9,7 +9,7 @@ with a `name`, which identifies it in all processes, is cached: see `tensegrity.
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,7 +20,6 @@ from tensegrity.once import once
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
-    from typing import Any
 
     import sympy as sp
 
@@ -43,6 +42,9 @@ class Law:
     through : tuple of (symbol, value, derivative), optional
         Intermediate quantities through which `tension` depends on the elongation, each with its
         value and a form of its derivative preferred to automatic differentiation.
+    general : Law, optional
+        The law of the same parameters for which this one is compiled at a value of one of them:
+        it is differentiated by that one.
     """
 
     energy: sp.Expr
@@ -50,6 +52,7 @@ class Law:
     parameters: tuple[sp.Symbol, ...] = ()
     tension: sp.Expr | None = None
     through: tuple[tuple[sp.Symbol, sp.Expr, sp.Expr], ...] = ()
+    general: Any = None
     compiled = DERIVATIVES  # derivatives that are compiled outside the loop
     name = ""  # identifies the law in other processes, if not empty
 

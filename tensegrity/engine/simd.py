@@ -303,7 +303,5 @@ def _scalar(value):
 
 def _quarters(b):
     """Four times a constant exponent, where that is a small whole number."""
-    if not b.startswith("wide(") or not (0 <= float(b[5:-1].lower()) * 4 <= QUARTERS):
-        return None
-    n = 4 * float(b[5:-1])
-    return int(n) if n == int(n) else None
+    n = 4 * _number(b)
+    return int(n) if 0 <= n <= QUARTERS and n.is_integer() else None

@@ -142,7 +142,8 @@ def gradient(
         Step [s], as for `simulate`.  A gradient is that of one run with one step: find the step
         that a tolerance needs with `simulate(..., tol=)` first.
     wanted : sequence of str, optional
-        Names for which `Gradient.by` will be called; by default all.  Fewer cost less.
+        Names for which `Gradient.by` will be called; by default all but "exponent" of power laws
+        that are compiled for theirs, such as Hertz's: powers cost more than roots.
     exact : bool, optional
         Round every increment to a grid of about 1e-16 of the largest displacement and velocity, so
         that the reverse pass returns to the initial state to the last bit.
@@ -385,7 +386,9 @@ def _requested(
     of_springs = {name: None for spring in table.different for name in result.names(spring)}
     of_beads = dict.fromkeys(dynamics(scene).arguments)
     known = of_springs | of_beads | dict.fromkeys(of_forces)
-    names = tuple(known) if wanted is None else _checked(wanted, known, laws)
+    dear = {"exponent"} if any(getattr(one, "general", None) for one in laws) else set()
+    chosen = tuple(name for name in known if name not in dear)
+    names = chosen if wanted is None else _checked(wanted, known, laws)
     moved = {*names, *(("stiffness", "preload") if of_beads.keys() & names else ())}
     slopes = [result.slopes(table, name) for name in moved & of_springs.keys()]
     depends = np.any(slopes, axis=0) if slopes else np.zeros(parameters.shape, dtype=bool)

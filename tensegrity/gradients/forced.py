@@ -178,7 +178,7 @@ class ForcedBackward:
         totals: dict[str, Array] = {}
         counts = {SITE: self._shape[1], BOND: len(self.layout.bonds.group)}
         for one, by in zip(self._forcing.applied, self.by_parameters, strict=True):
-            for name, values in zip(map(str, one.law.parameters), by[k], strict=True):
+            for name, values in zip(one.law.names, by[k], strict=False):
                 totals.setdefault(name, np.zeros(counts[one.law.on]))[one.places] += values
         for (site, name), value in zip(self._of_drives, self.by_drives[k], strict=True):
             totals.setdefault(name, np.zeros(counts[SITE]))[site] += value
@@ -250,7 +250,7 @@ def parameters_of(scene: Any) -> dict[str, str]:
         (str(name), DRIVE, None) for one in scene.drive.values() for name in one.parameters
     ]
     for one in applied_forces(scene, as_forces=True):
-        for name, values in zip(map(str, one.law.parameters), one.values, strict=True):
+        for name, values in zip(one.law.names, one.values, strict=False):
             shared = one.law.on == BOND and name in symbols
             given.append((name, one.law.on, (one.places, values) if shared else None))
     kinds: dict[str, str] = {}

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 TINY = 1e-30  # step of a derivative through the complex plane
 DIGITS = -np.log10(np.finfo(float).eps)
 PRISM = ("prestrain", "height", "k_cross")
-POWER = ("stiffness", "preload")
+POWER = ("stiffness", "preload", "exponent")
 UNITS = {"mass": "kg", "height": "m", "k_cross": "N/m", "preload": "N", "diameter": "m",
          "modulus": "Pa"}  # fmt: skip
 RIGID = rigid_law(), rigid_law(any_sides=True)  # of triangular prisms, and of any number of sides
@@ -92,8 +92,8 @@ class Gradient:
         Parameters
         ----------
         name : str
-            "prestrain", "height", "k_cross" of prisms; "stiffness" (at fixed preload), "preload"
-            of power laws; a symbol of a user's own `Potential`; a parameter of a `Force`, which in
+            "prestrain", "height", "k_cross" of prisms; "stiffness" and "exponent" (at fixed
+            preload), "preload" of power laws; a symbol of a user's own `Potential`; a parameter of a `Force`, which in
             bonds may be that of the spring, or of a `Drive`, for each site that it drives; "bond",
             "ground" of a `Damping`; "diameter", "modulus" of beads, at the same constants of
             dissipation.
@@ -245,7 +245,8 @@ def names(spring: Potential) -> tuple[str, ...]:
     if spring.law in RIGID:
         return PRISM
     if isinstance(spring, PowerLaw):
-        return POWER if spring.values[1] > 0 or spring.exponent == 1 else POWER[:1]
+        loaded = spring.values[1] > 0 or spring.exponent == 1
+        return POWER if loaded else (POWER[0], POWER[2])
     return tuple(spring.parameters)
 
 
@@ -268,20 +269,24 @@ def slopes(table: Springs, name: str) -> Array:
         if law in RIGID:
             rows = _of_prisms(values, name, law == RIGID[1])
         elif isinstance(one, PowerLaw):
-            rows = _of_power_laws(values, name, one.exponent)
+            rows = _of_power_laws(values, name)
         else:
-            rows = np.eye(len(one.parameters))[list(one.parameters).index(name)]
+            rows = np.eye(values.shape[1])[list(one.parameters).index(name)]
         by_value[mine, : values.shape[1]] = rows
     return by_value
 
 
-def _of_power_laws(values: Array, name: str, exponent: float) -> Array:
+def _of_power_laws(values: Array, name: str) -> Array:
     """Derivatives of the parameters of power laws, of which the overlap at rest,
-    (preload/stiffness)^(1/exponent), depends on the stiffness and on the preload."""
-    by_value = np.tile(np.eye(3)[POWER.index(name)], (len(values), 1))
+    (preload/stiffness)^(1/exponent), depends on the others."""
+    place = {"stiffness": 0, "preload": 1, "exponent": 3}[name]
+    by_value = np.tile(np.eye(4)[place], (len(values), 1))
     loaded = (values[:, 1] > 0) | (name == "preload")
-    stiffness, preload, _ = values[loaded].T
+    stiffness, preload, overlap, exponent = values[loaded].T
     ratio = preload / stiffness
+    if name == "exponent":
+        by_value[loaded, 2] = -overlap * np.log(ratio) / exponent**2
+        return by_value
     by_ratio = ratio ** (1 / exponent - 1) / exponent
     by_value[loaded, 2] = by_ratio * (1 if name == "preload" else -ratio) / stiffness
     return by_value

@@ -298,7 +298,7 @@ def _print_of(x):
         return {"printed": getattr(x, "__qualname__", repr(x))}
     law = x.law
     form = [str(getattr(law, name, type(law).__name__)) for name in ("energy", "elongation")]
-    values = {"parameters": x.parameters, "length": x.length, "domain": x.domain}
+    values = {"parameters": x.parameters, "numbers": x.numbers.tolist(), "length": x.length, "domain": x.domain}
     return {"law": hashlib.sha256("|".join(form).encode()).hexdigest(), **values}
 
 
@@ -317,8 +317,8 @@ def _spread(springs):
 
 
 def _power_law(x):
-    stiffness, preload, _ = x.values.tolist()
-    return {"stiffness": stiffness, "exponent": x.exponent, "preload": preload, "length": x.length}
+    stiffness, preload, _, exponent = x.values.tolist()
+    return {"stiffness": stiffness, "exponent": exponent, "preload": preload, "length": x.length}
 
 
 def _rigid(x):

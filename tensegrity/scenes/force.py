@@ -130,7 +130,7 @@ class Force:
                     f"parameter {name} of a force on {self.on} has a value for each, but contacts "
                     "come and go: give `at`, or one value"
                 )
-        p = [float(x) for x in self.parameters.values()]
+        p = [float(x) for x in self._values]
         for t, fraction, rate in itertools.product((0.0, 0.7), (1e-6, 0.1, 1.0), (-0.1, 0.1)):
             force = np.array(self.law.function()(t, [fraction * skin, rate, abs(rate)], p))
             if force.any():
@@ -154,6 +154,11 @@ class Force:
             return ("u", "v", "speed")
         axes = AXES[: len(self._expressions)]
         return (*(f"u_{k}" for k in axes), *(f"v_{k}" for k in axes), "speed")
+
+    @property
+    def _values(self) -> tuple[Any, ...]:
+        """Values of all parameters of the law."""
+        return (*self.parameters.values(), *self.law.numbers)
 
     @property
     def _along_axes(self) -> bool:
@@ -211,7 +216,7 @@ class Force:
             tuple(symbols[1 : len(known)]),
             tuple(symbols[len(known) :]),
             KINDS[self.on],
-        )
+        ).lifted()
         object.__setattr__(self, "parameters", FixedDict(values))
         return law
 
@@ -230,8 +235,9 @@ class Force:
         object.__setattr__(self, "parameters", FixedDict(every))
         law, more = spring.law, sp.symbols("t v speed")
         return ForceLaw(
-            (law.energy,), more[0], (law.elongation, *more[1:]), law.parameters, SITE, law
-        )
+            (law.energy,), more[0], (law.elongation, *more[1:]), law.parameters, SITE, law,
+            tuple(spring.numbers.tolist()),
+        )  # fmt: skip
 
     def _probe(self) -> None:
         """Refuse an expression that cannot be translated, or is complex or infinite at rest."""
@@ -241,7 +247,7 @@ class Force:
         count = len(names) // 2
         try:
             function = self.law.function()
-            p = [float(np.ravel(x)[0]) for x in self.parameters.values()]
+            p = [float(np.ravel(x)[0]) for x in self._values]
             for t, x, v in PROBES:
                 state = [x] * count + [v] * (len(names) - count - 1) + [abs(v)]
                 samples.append((t, state, np.array(function(t, state, p)).ravel()))
@@ -286,7 +292,7 @@ class Force:
             check.finite(name, check.floats(name, y)) for name, y in (("x", x), ("rate", rate))
         ]
         try:
-            x, rate, *values = np.broadcast_arrays(*given, *self.parameters.values())
+            x, rate, *values = np.broadcast_arrays(*given, *self._values)
         except ValueError as error:
             raise TensegrityError(f"x, rate and parameters of a force: {error}") from error
         if not x.size:
@@ -334,7 +340,7 @@ class Force:
                     f"parameter {name} of a force has {len(values)} values for {len(places)} "
                     f"{self.on}"
                 )
-        rows = [np.broadcast_to(x, places.shape) for x in self.parameters.values()]
+        rows = [np.broadcast_to(x, places.shape) for x in self._values]
         first = counts["bonds"] if self.on == "walls" else 0
         return AppliedForce(self.law, first + places, np.reshape(rows, (len(rows), len(places))))
 

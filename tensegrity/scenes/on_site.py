@@ -44,7 +44,7 @@ def on_site_springs(ground: Any, sites: int) -> list[Force]:
     groups: dict[Any, list[int]] = {}
     for site, one in enumerate(springs):
         check.kind(f"spring to the ground of site {site}", one, Potential)
-        groups.setdefault((one.law, one.domain), []).append(site)
+        groups.setdefault((one.law, one.domain, one.numbers.tobytes()), []).append(site)
     return [
         Force(springs[at[0]], at=at, parameters={
             name: [springs[site].parameters[name] for site in at]

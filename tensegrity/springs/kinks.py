@@ -48,8 +48,8 @@ def kinks(
         r [m].
     symbols : sequence of sympy.Symbol
         Parameters of the energy.
-    values : sequence of float
-        Their values.
+    values : sequence of float or sympy.Number
+        Their values, of which floats count as the rational numbers that they are.
     domain : (float, float), optional
         Range of elongation that is searched [m].
 
@@ -63,10 +63,11 @@ def kinks(
     if not is_piecewise(energy := _exact(energy, elongation)):
         return ()
     import mpmath
+    import sympy as sp
 
     located: list[Kink] = []
     with mpmath.workdps(DIGITS):
-        law = _Law(symbols, [mpmath.mpf(value) for value in values])
+        law = _Law(symbols, [_number(sp.Rational(value)) for value in values])
         try:
             pieces = law.pieces(energy, *map(mpmath.mpf, domain))
             for (_, left), (place, right) in pairwise(pieces):

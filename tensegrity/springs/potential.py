@@ -74,6 +74,8 @@ class Potential:
 
     _origin = ""  # the call that made this potential, unless it is that of its class
     _made_of: Any = None  # the prism and the preload of a prism's potential
+    _varied: tuple[str, ...] = ()  # parameters that may change, if not all
+    _numbers: tuple[Any, ...] = ()  # of the energy as written, the law's last parameters: see `engine.shape`
 
     def __init__(
         self,
@@ -84,6 +86,8 @@ class Potential:
         domain: tuple[float, float] = (-math.inf, math.inf),
     ) -> None:
         import sympy as sp
+
+        from tensegrity.engine.shape import lifted
 
         if not isinstance(elongation, sp.Symbol):
             raise TensegrityError(f"elongation {check.shown(elongation)} is not a SymPy symbol")
@@ -106,9 +110,10 @@ class Potential:
         if missing:
             raise TensegrityError(f"no value for the parameter {', '.join(missing)} of the energy")
         values = [check.number(f"parameter {s}", given[str(s)]) for s in symbols]
-        law = Law(energy, elongation, tuple(symbols))
+        (shape,), constants, self._numbers = lifted([energy])
+        law = Law(shape, elongation, (*symbols, *constants))
         check_law(law)
-        self._set(law, values, length, domain)
+        self._set(law, [*values, *map(float, self._numbers)], length, domain)
 
     def _set(
         self,
@@ -147,7 +152,7 @@ class Potential:
         """
         if not isinstance(values, Mapping):
             raise TensegrityError(f"values {check.shown(values)} must be a dict of numbers")
-        known = VARIED if self._made_of else tuple(self.parameters)
+        known = VARIED if self._made_of else self._varied or tuple(self.parameters)
         unknown = [name for name in values if name not in known]
         if unknown:
             raise TensegrityError(
@@ -166,7 +171,7 @@ class Potential:
         for name in ("_hash", "kinks"):
             other.__dict__.pop(name, None)
         values = [check.number(f"parameter {name}", x) for name, x in parameters.items()]
-        other.values = fixed(np.array(values))
+        other.values = fixed(np.array([*values, *self.values[len(values) :]]))
         return other
 
     def _shift_from(self, other: Potential) -> float:
@@ -199,8 +204,20 @@ class Potential:
     @property
     def parameters(self) -> dict[str, float]:
         """Values of the law's parameters, {name: float}."""
-        names = (str(s) for s in self.law.parameters)
-        return dict(zip(names, self.values.tolist(), strict=True))
+        given = len(self.values) - len(self._numbers)
+        names = (str(s) for s in self.law.parameters[:given])
+        return dict(zip(names, self.values[:given].tolist(), strict=True))
+
+    @property
+    def numbers(self) -> Array:
+        """Values of the numbers of the energy, the last parameters of the law, (numbers,)."""
+        return self.values[len(self.values) - len(self._numbers) :]
+
+    @property
+    def expression(self) -> sp.Expr:
+        """The energy as a SymPy expression of `law.elongation` and the `parameters`."""
+        constants = self.law.parameters[len(self.law.parameters) - len(self._numbers) :]
+        return self.law.energy.xreplace(dict(zip(constants, self._numbers, strict=True)))
 
     def energy(self, r: ArrayLike) -> Array:
         """Energy V [J] at elongations r [m] of any shape, the ends of the domain included."""
@@ -277,7 +294,8 @@ class Potential:
         law = self.law
         if not isinstance(law, Law) or isinstance(law, DerivedLaw):  # smooth: prisms, polynomials
             return ()
-        return kinks(law.energy, law.elongation, law.parameters, self.values, self._domain)
+        values = [*self.parameters.values(), *self._numbers]
+        return kinks(law.energy, law.elongation, law.parameters, values, self._domain)
 
     @property
     def smooth(self) -> bool:
@@ -387,7 +405,7 @@ class Potential:
         length = "" if self._length is None else f", length={number_text(self._length)}"
         domain = ", ".join(map(number_text, self._domain))
         law = self.law
-        return f"Potential({law.energy}, {law.elongation}, {{{values}}}{length}, domain=({domain}))"
+        return f"Potential({self.expression}, {law.elongation}, {{{values}}}{length}, domain=({domain}))"
 
 
 def _sound_speed_squared() -> tuple[list[Any], tuple[Any, ...]]:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     import sympy as sp
 
 SMALLEST = 1e-100  # overlap [m] from which a contact counts as closed
+LARGEST = 7  # exponent of which products and roots are compiled, if four times it is whole
 
 
 class PowerLaw(Potential):
@@ -57,6 +58,8 @@ class PowerLaw(Potential):
     [-0.008  0.   ]
     """
 
+    _varied = ("stiffness", "exponent", "preload")
+
     def __init__(
         self, stiffness: float, exponent: float, preload: float = 0.0, length: float | None = None
     ) -> None:
@@ -68,10 +71,10 @@ class PowerLaw(Potential):
         except OverflowError:
             overlap = math.inf
         overlap = check.number("overlap under the preload", overlap, unit="m")
-        values = [stiffness, preload, overlap]
+        values = [stiffness, preload, overlap, exponent]
         domain = (-math.inf, math.inf)
-        self._set(DerivedLaw(_power_law, exponent), values, length, domain)
-        self._exponent = exponent
+        own = exponent if (4 * exponent).is_integer() and exponent <= LARGEST else None
+        self._set(DerivedLaw(_power_law, own), values, length, domain)
         self.kinks = ((overlap, stiffness, exponent, -1.0),)
         given: dict[str, Any] = {"stiffness": stiffness, "exponent": exponent, "preload": preload}
         given |= {} if length is None else {"length": self._length}
@@ -80,11 +83,11 @@ class PowerLaw(Potential):
     @property
     def exponent(self) -> float:
         """n."""
-        return self._exponent
+        return float(self.values[3])
 
     def _with(self, parameters: dict[str, float]) -> PowerLaw:
-        stiffness, preload = parameters["stiffness"], parameters["preload"]
-        return PowerLaw(stiffness, self._exponent, preload, self._length)
+        given = (parameters[name] for name in ("stiffness", "exponent", "preload"))
+        return PowerLaw(*given, self._length)
 
     def _shift_from(self, other: Potential) -> float:
         """Shift of the elongation relative to another contact: the difference of their overlaps at
@@ -92,14 +95,16 @@ class PowerLaw(Potential):
         return float(self.values[2] - other.values[2])
 
 
-def _power_law(exponent: float) -> Law:
+def _power_law(exponent: float | None) -> Law:
+    """The law, with an exponent in its text, of which products and roots are compiled, or for all."""
     import sympy as sp
 
     from derivations import contact as derived
 
     r = sp.Symbol("r", real=True)
-    stiffness, preload, overlap = sp.symbols("stiffness preload overlap", real=True)
-    n = sp.nsimplify(exponent, rational=True)
+    parameters = sp.symbols("stiffness preload overlap exponent", real=True)
+    stiffness, preload, overlap, n = parameters
+    n = n if exponent is None else sp.nsimplify(exponent, rational=True)
     # The base of the power stays above 0, where higher derivatives are infinite and 0 * inf is nan.
     closed, gap = sp.Heaviside(overlap - r - SMALLEST), sp.Symbol("gap")
     pressed = sp.Max(overlap - r, SMALLEST)
@@ -110,5 +115,7 @@ def _power_law(exponent: float) -> Law:
 
     energy = closed * stored(pressed) - stored(overlap) + preload * r
     # differentiated for a closed contact: the derivative of Max would contain a division
-    tension = preload - closed * sp.diff(stored(gap), gap).subs(gap, pressed)
-    return Law(energy, r, (stiffness, preload, overlap), tension)
+    force = sp.powsimp(sp.diff(stored(gap), gap))  # without a quotient by the gap
+    tension = preload - closed * force.subs(gap, pressed)
+    general = None if exponent is None else DerivedLaw(_power_law, None)
+    return Law(energy, r, parameters, tension, general=general)

@@ -1,0 +1,138 @@
+"""Numbers of energies and forces are parameters: what is compiled belongs to their shape."""
+
+import pickle
+
+import numpy as np
+import pytest
+import sympy as sp
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tensegrity import Chain, Force, Potential, PowerLaw, TensegrityError, gradient, simulate
+from tensegrity import objective as o
+from tensegrity.engine import native
+
+R, K, V = sp.symbols("r k v")
+LABORATORY = st.floats(1e-6, 1e9, allow_subnormal=False).map(lambda x: float(f"{x:.6g}"))
+
+
+def polynomial(a, b):
+    return Potential(R**2 / 2 + a * R**3 / 3 + b * R**4 / 4, R)
+
+
+def kinked(a, b):
+    return Potential(sp.Piecewise((a * R**2 / 2, R < 0), (b * R**2 / 2, True)), R)
+
+
+def run(spring, forces=()):
+    chain = Chain(spring, sites=8, forces=forces)
+    return simulate(chain, chain.at_rest({0: 0.05}), t_end=1.0, dt=0.02, method="rk4").final.u
+
+
+@pytest.fixture
+def compiled(monkeypatch):
+    """C texts that are compiled or found compiled, those of this process's memory left out."""
+    found = []
+
+    def build(text, *more):
+        found.append(text)
+        return kept(text, *more)
+
+    kept = native._load
+    monkeypatch.setattr(native, "_load", build)
+    return found
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda x: PowerLaw(1.0, 1.3 + x, 0.01),
+        lambda x: polynomial(0.21 + x, 0.11),
+        lambda x: polynomial(0.03 + x, 0.33 - x),  # in another order by size
+        lambda x: Potential((1.7 + x) * (sp.exp(-R) + R - 1), R),
+        lambda x: kinked(1.0, 1.1 + x),
+        lambda x: Potential((70 + int(100 * x)) * R**2, R),
+    ],
+    ids=["exponent", "polynomial", "order", "exponential", "kink", "whole"],
+)
+def test_another_number_compiles_nothing(make, compiled):
+    run(make(0.07))
+    compiled.clear()
+    for x in (0.11, 0.13, 0.29):
+        run(make(x))
+    assert compiled == []
+
+
+def test_another_number_of_a_force_compiles_nothing(compiled, monkeypatch):
+    spring, built = polynomial(0.21, 0.11), []
+    kept = native.build
+    monkeypatch.setattr(native, "build", lambda *x: (built.append(x), kept(*x)))
+    ends = []
+    for x in (0.071, 0.113, 0.137):
+        ends.append(run(spring, (Force(-x * V * sp.Abs(V)),)))
+        if len(ends) == 1:
+            built.clear()
+    assert built == []
+    named = Force(-K * V * sp.Abs(V), parameters={"k": 0.137})
+    assert np.allclose(run(spring, (named,)), ends[-1], rtol=1e-13, atol=0)
+    assert not np.allclose(ends[0], ends[1], rtol=1e-6)
+
+
+@given(a=LABORATORY, b=LABORATORY, r=st.floats(-0.4, 0.4))
+@settings(max_examples=60, deadline=None)
+def test_numbers_count_as_they_are_written(a, b, r):
+    spring = Potential(a * R**2 / 2 + b * R**3 / 3, R)
+    exact = a * r + b * r**2
+    size = abs(a * r) + b * r**2
+    assert abs(float(spring.tension(r)) - exact) <= 4e-16 * size
+    assert spring.parameters == {}
+    assert sp.simplify(spring.expression - (a * R**2 / 2 + b * R**3 / 3)) == 0
+
+
+def test_equal_numbers_stay_equal_where_pieces_meet():
+    edge, stiff = 0.123, 7.77
+    joined = sp.Piecewise((R**2 / 2, R < edge), (edge**2 / 2 + edge * (R - edge)
+                          + stiff * (R - edge) ** 2 / 2, True))  # fmt: skip
+    ((place, strength, exponent, side),) = Potential(joined, R).kinks
+    assert (place, exponent, side) == (edge, 1.0, 1.0)
+    assert strength == pytest.approx(stiff - 1, rel=1e-12)
+
+
+def test_springs_that_differ_in_a_number_only_differ():
+    one, other = polynomial(0.21, 0.11), polynomial(0.23, 0.11)
+    assert one != other
+    assert one.law == other.law
+    assert "0.07" in repr(one)
+    back = pickle.loads(pickle.dumps(one))
+    assert back == one
+    assert repr(back) == repr(one)
+    assert back.tension(0.1) == one.tension(0.1)
+    varied = Potential(0.21 * K * R**2, R, {"k": 1.0}).varied({"k": 2.0})
+    assert varied.tension(0.1) == pytest.approx(0.084, rel=1e-15)
+
+
+@pytest.mark.parametrize("exponent", [1.5, 1.37, 2.0, 2.6])
+@pytest.mark.parametrize("preload", [0.0, 0.02])
+@pytest.mark.parametrize("method", ["verlet", "rkn6"])
+def test_the_derivative_by_the_exponent_is_that_of_differences(exponent, preload, method):
+    def chain(n):
+        return Chain([PowerLaw(1.3, x, preload) for x in n], sites=4)
+
+    def value(n):
+        found = gradient(peak, chain(n), start, 3.0, dt=0.01, method=method, wanted=("exponent",))
+        return found.value, found.by("exponent")
+
+    start, peak = chain([exponent] * 3).at_rest({0: 0.3}), o.velocity(2)
+    _, by = value([exponent] * 3)
+    h = 1e-5
+    for k in range(3):
+        up, down = ([exponent + s * h * (i == k) for i in range(3)] for s in (1, -1))
+        difference = (value(up)[0] - value(down)[0]) / (2 * h)
+        assert by[k] == pytest.approx(difference, rel=1e-6, abs=1e-9)
+
+
+def test_a_contact_varies_in_what_it_was_given():
+    contact = PowerLaw(2.0, 1.5, 0.1)
+    assert contact.varied({"exponent": 1.6}) == PowerLaw(2.0, 1.6, 0.1)
+    with pytest.raises(TensegrityError, match="'overlap' is not an argument"):
+        contact.varied({"overlap": 0.3})
