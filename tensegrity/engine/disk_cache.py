@@ -4,7 +4,9 @@ The results of SymPy and CasADi that take seconds to derive are texts and number
 in a JSON file named by the hash of all it depends on: its key, the sources that derive it and the
 packages that do the algebra.  Files are written under a temporary name and renamed; a file that is
 truncated or changed does not match the digest in its first line and is derived again.  Nothing in a
-file is evaluated, and C text from it is compiled only if its digest is correct.
+file is evaluated, and C text from it is compiled only if its digest is correct.  The values of known
+laws come with the package, in `derived.gz`, which `make derived` writes and which counts as long as
+it was made by these sources.
 
 The size of the folder is limited, $TENSEGRITY_CACHE_MB: after each compilation the least recently
 used entries are removed.  A process holds a shared lock on each kernel that it has loaded, one byte
@@ -14,6 +16,7 @@ of a lock file, until it ends; entries that are locked or were used in the last 
 from __future__ import annotations
 
 import contextlib
+import gzip
 import hashlib
 import json
 import os
@@ -39,6 +42,8 @@ except ImportError:  # without locks, entries in use are protected by their age 
 SOURCES = ("derivations", "tensegrity.engine", "tensegrity.springs", "tensegrity.branches",
            "tensegrity.prisms")  # fmt: skip
 ALGEBRA = ("sympy", "mpmath", "casadi")
+MACHINE = ("('compiler'", "('intrinsics'")  # keys of values that hold for one machine only
+SHIPPED = Path(__file__).with_name("derived.gz")
 MOST = "500"  # MB
 YOUNG = 600.0  # s since the last use, within which no entry is removed
 LOCKS = "locks"
@@ -61,11 +66,11 @@ def cached(parts, make):
     dict, list, str, number or None
         The value after conversion to JSON and back: tuples are lists.
     """
-    sources = made_by()
-    if parts is None or sources is None:
+    makers = made_by()
+    if parts is None or makers is None:
         return json.loads(json.dumps(make()))
-    key = repr(parts) + sources
-    path = cache_folder() / f"{hashlib.sha256(key.encode()).hexdigest()}.json"
+    key = repr(parts) + makers
+    path = cache_folder() / f"{_digest(key)}.json"
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
         digest, _, content = path.read_bytes().partition(b"\n")
         if digest == hashlib.sha256(content).hexdigest().encode():
@@ -73,11 +78,42 @@ def cached(parts, make):
             if entry["of"] == key:
                 _touch(path)
                 return entry["value"]
-    value = make()
+    value = shipped().get(_digest(repr(parts)))
+    value = make() if value is None else json.loads(value)
     content = json.dumps({"of": key, "value": value})
     if value is not None:
         _write(path, content.encode())
     return json.loads(content)["value"]
+
+
+def _digest(text):
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+@cache
+def shipped():
+    """Values that come with the package, {digest of the key: JSON}; none of other sources."""
+    with contextlib.suppress(OSError, ValueError):
+        head, *lines = gzip.decompress(SHIPPED.read_bytes()).decode().splitlines()
+        if head == sources():
+            return dict(line.split(" ", 1) for line in lines)
+    return {}
+
+
+def write_shipped(entries):
+    """Write the values that come with the package.
+
+    Parameters
+    ----------
+    entries : sequence of dict
+        Contents of the files of a cache.
+    """
+    lines = [
+        f"{_digest(one['of'].removesuffix(made_by()))} {json.dumps(one['value'])}"
+        for one in entries if not one["of"].startswith(MACHINE)
+    ]  # fmt: skip
+    text = "\n".join([sources(), *sorted(lines)])
+    SHIPPED.write_bytes(gzip.compress(text.encode(), mtime=0))
 
 
 def _write(path, content):
@@ -191,8 +227,8 @@ def _source(module):
 
 
 @cache
-def made_by():
-    """Digest of the sources and packages that derive cached values; None without sources."""
+def sources():
+    """Digest of the sources that derive cached values; None without sources."""
     digest = hashlib.sha256()
     for package in SOURCES:
         folder = Path(find_spec(package).origin or "").parent
@@ -201,6 +237,16 @@ def made_by():
             return None
         for path in files:
             digest.update(f"\0{package} {path.name}\0".encode() + path.read_bytes())
+    return digest.hexdigest()
+
+
+@cache
+def made_by():
+    """Digest of the sources and packages that derive cached values; None without sources."""
+    of_sources = sources()
+    if of_sources is None:
+        return None
+    digest = hashlib.sha256(of_sources.encode())
     for package in ALGEBRA:  # by the installed files, without an import
         of = None
         with contextlib.suppress(ValueError, AttributeError, TypeError):

@@ -1,0 +1,154 @@
+"""The public names and where they are defined, which are imported when they are first used."""
+
+from . import catalogue, objective
+from .animation import animate
+from .engine.methods import METHODS
+from .engine.schemes import Nystrom, Splitting
+from .errors import (
+    CompilerError,
+    ContactError,
+    EquilibriumError,
+    LockingError,
+    NoLocking,
+    RangeError,
+    RecordError,
+    ResolutionError,
+    StabilityError,
+    TensegrityError,
+)
+from .gradients.compute import gradient
+from .lattices.bands import bands
+from .lattices.effective import effective_mass
+from .lattices.evanescent import decay
+from .lattices.lattice import Lattice
+from .lattices.moduli import moduli
+from .lens.lens import Lens
+from .measure.budget import budget
+from .measure.interfaces import interface, transmission
+from .measure.observables import (
+    angular_momentum,
+    arrival,
+    directions,
+    duration,
+    speed,
+    tail_front,
+    wall_gaps,
+    width,
+)
+from .measure.pulses import phase_shift, pulses
+from .measure.records import first_peak, largest_peak, peaks, sampled
+from .orbits.orbit import periodic_orbit
+from .orbits.path import orbit_path
+from .orbits.stability import floquet
+from .prisms.closed import member_stiffness
+from .prisms.contact import bar_contact
+from .prisms.fit import fit
+from .prisms.measured import read_curve
+from .prisms.path import equilibrium_path, equilibrium_paths
+from .prisms.prism import Prism
+from .runs.integrate import resume, simulate
+from .runs.record import Record
+from .runs.run import Run
+from .runs.sweep import sweep
+from .scenes.chain import Chain
+from .scenes.ensemble import Ensemble
+from .scenes.force import Force
+from .scenes.forcing import Damping, Drive
+from .scenes.network import Network
+from .scenes.scene import State
+from .scenes.walls import Wall
+from .springs.polynomial import Polynomial
+from .springs.potential import Potential
+from .springs.power_law import PowerLaw
+from .structures.path import control_path, equilibrium
+from .structures.structure import Structure
+from .structures.supports import held, plates
+from .waves.asymptotics import sech2, tent
+from .waves.prediction import predict
+from .waves.solitary import SolitaryWave, solitary_wave
+from .waves.spectrum import dispersion, modes
+from .waves.transition import transition_wave
+
+
+__all__ = [
+    "METHODS",
+    "Chain",
+    "CompilerError",
+    "ContactError",
+    "Damping",
+    "Drive",
+    "Ensemble",
+    "EquilibriumError",
+    "Force",
+    "Lattice",
+    "Lens",
+    "LockingError",
+    "Network",
+    "NoLocking",
+    "Nystrom",
+    "Polynomial",
+    "Potential",
+    "PowerLaw",
+    "Prism",
+    "RangeError",
+    "Record",
+    "RecordError",
+    "ResolutionError",
+    "Run",
+    "SolitaryWave",
+    "Splitting",
+    "StabilityError",
+    "State",
+    "Structure",
+    "TensegrityError",
+    "Wall",
+    "angular_momentum",
+    "animate",
+    "arrival",
+    "bands",
+    "bar_contact",
+    "budget",
+    "catalogue",
+    "control_path",
+    "decay",
+    "directions",
+    "dispersion",
+    "duration",
+    "effective_mass",
+    "equilibrium",
+    "equilibrium_path",
+    "equilibrium_paths",
+    "first_peak",
+    "fit",
+    "floquet",
+    "gradient",
+    "held",
+    "interface",
+    "largest_peak",
+    "member_stiffness",
+    "modes",
+    "moduli",
+    "objective",
+    "orbit_path",
+    "peaks",
+    "periodic_orbit",
+    "phase_shift",
+    "plates",
+    "predict",
+    "pulses",
+    "read_curve",
+    "resume",
+    "sampled",
+    "sech2",
+    "simulate",
+    "solitary_wave",
+    "speed",
+    "sweep",
+    "tail_front",
+    "tent",
+    "transition_wave",
+    "transmission",
+    "wall_gaps",
+    "width",
+]
+__version__: str
