@@ -101,7 +101,9 @@ class BeadChain(Crystal, Chain):
         self._losses = losses
         forcing: dict[str, Any] = {"drive": drive, "damping": damping}
         super().__init__(springs, sites, masses, ends, forces=(*losses, *forces), **forcing)  # type: ignore[arg-type]
-        away = np.append(0.0, np.cumsum(gaps)) if len(gaps) else np.zeros(sites)
+        pairs_apart = zip(self._contacts, gaps, strict=True) if len(gaps) else ()
+        ways = [gap + c.overlap(0.0) if gap else 0.0 for c, gap in pairs_apart]  # from rest
+        away = np.append(0.0, np.cumsum(ways)) if ways else np.zeros(sites)
         self._separated = away - away[-1] if walls[1] else away  # a wall stays where it is
         self._refuse_displaced_drives()
 
