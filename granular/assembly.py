@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from tensegrity.typing import Array
 
 
-APART = np.logspace(-12, 0, 13)  # m: where a contact must not act
+GAPS = np.logspace(-12, 0, 13)  # m: where a contact must not act
 
 
 class Assembly(Crystal, Network):
@@ -159,8 +159,8 @@ class AssemblyDynamics(NetworkDynamics):
 def _acting_in_touch(contact: Contact) -> Potential:
     """The potential of a contact, if it vanishes apart: contacts are listed from the touch on."""
     law = contact.potential
-    apart = APART[law.domain[1] > APART]
-    if not isinstance(law, PowerLaw) and (law.energy(apart).any() or law.tension(apart).any()):
+    gaps = GAPS[law.domain[1] > GAPS]
+    if not isinstance(law, PowerLaw) and (law.energy(gaps).any() or law.tension(gaps).any()):
         raise TensegrityError(f"a contact acts on partners that are apart: {law!r}")
     return law
 

@@ -64,13 +64,12 @@ class Dissipation:
         """
         import sympy as sp
 
-        if self.model == "Kuwabara-Kono":  # c times the rate of the elastic force
-            x = sp.Symbol("x", positive=True)
-            return constant * rate * sp.diff(elastic(x), x).subs(x, d)
-        if self.model == "Hunt-Crossley":
-            return constant * rate * elastic(d)
+        x = sp.Symbol("x", positive=True)
         size = rate if self.power == 1 else sp.sign(rate) * abs(rate) ** exact(self.power)
-        return sp.Piecewise((constant * size, d > 0), (0, True))
+        by_size = {"Kuwabara-Kono": sp.diff(elastic(x), x), "Hunt-Crossley": elastic(x)}
+        factor = by_size.get(self.model, sp.Integer(1))  # of the first, c times its rate of change
+        force = constant * size * factor.subs(x, d)
+        return force if factor.subs(x, 0) == 0 else sp.Piecewise((force, d > 0), (0, True))
 
     def scaled(self, stiffness: float, exponent: float, mass: float, speed: float) -> float:
         """The constant in units of a collision, in which speed, mass and stiffness are 1.

@@ -129,7 +129,8 @@ class Laid:
         ]  # fmt: skip
         for i, one in enumerate(kinds, 1):
             for j, other in enumerate(kinds[i - 1 :], i):
-                lines.append(f"pair_coeff {i} {j} {self._law(one, other)}")
+                meet = i != j or types.count(i) > 1
+                lines.append(f"pair_coeff {i} {j} {self._law(one, other, meet)}")
         lines += ["fix motion all nve", f"timestep {dt:.17g}"]
         if push:
             lines += [f"variable l{axis} atom d_l{axis}" for axis in "xyz"]
@@ -147,13 +148,15 @@ class Laid:
             ]
         )  # fmt: skip
 
-    def _law(self, one: Bead, other: Bead | Material) -> str:
-        """The law of two partners: Hertz's, with the damping of those that dissipate."""
+    def _law(self, one: Bead, other: Bead | Material, meet: bool = True) -> str:
+        """The law of two partners that may meet: Hertz's, with the damping of those that
+        dissipate."""
         radius, mass = one.radius, one.mass
         if isinstance(other, Bead):
             radius = radius * other.radius / (radius + other.radius)
             mass = mass * other.mass / (mass + other.mass)
-        elastic, contact = hertz(one, other).constant, self.contact and self.contact(one, other)
+        elastic = hertz(one, other).constant
+        contact = self.contact(one, other) if meet and self.contact else None
         if contact:
             _refuse_other_law(contact.potential, one, other)
         loss = (contact and contact.dissipation) or ELASTIC

@@ -29,7 +29,7 @@ class Law(Contact):
         # in the root of the overlap, in which all these forces are smooth
         whole = lambda s: 2 * s * float(self.force(s * s))  # noqa: E731
         return sum(
-            quad(whole, a**0.5, b**0.5, epsabs=0, epsrel=1e-12)[0]
+            quad(whole, a**0.5, b**0.5, epsabs=0, epsrel=1e-11)[0]
             for a, b in zip([0, *ends], [*ends, d], strict=True)
         )
 
