@@ -60,8 +60,19 @@ def rest_overlaps(springs: Springs) -> Array:
 
 
 def crossing(potential: Potential, value: Callable[[Array], Array], level: float) -> float | None:
-    """The least overlap [m] in the domain beyond which a value of the overlap exceeds a level; 0
-    where it was never below, None where it never does."""
+    """The least overlap in the domain beyond which a value exceeds a level.
+
+    Parameters
+    ----------
+    potential : Potential
+    value : callable overlaps [m] -> values
+    level : float
+
+    Returns
+    -------
+    float or None
+        [m]; 0 where the value was never below, None where it never exceeds the level.
+    """
     from scipy.optimize import brentq
 
     deepest = np.nextafter(-potential.domain[0], 0.0)
