@@ -424,7 +424,7 @@ def test_newtons_cradle_of_three_balls():
 
 def test_little_viscosity_follows_the_series():
     """R. Ramirez and others, Phys. Rev. E 60, 4465 (1999), with b = (3/2) c in units of the
-    collision: 1 - 1.153449 b + 0.798267 b^2 - 0.265 b^(5/2) .."""
+    collision: 1 - 1.153449 b + 0.798267 b^2, to 0.265 b^(5/2)."""
     for b in (0.01, 0.03, 0.1):
         loss = Dissipation("Kuwabara-Kono", b / 1.5)
         e = Contact(1.0, 1.5, loss).restitution(1.0, 1.0)[0]
