@@ -7,6 +7,7 @@ given displacements: see `granular.contact_network`.
 from __future__ import annotations
 
 import itertools
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,13 +16,14 @@ from granular import sensitivity
 from granular.contact import contact_of
 from granular.crystal import Crystal, needed_velocities
 from granular.damped_contact import forces_of
-from tensegrity import Network, State, TensegrityError, check
+from tensegrity import Network, PowerLaw, State, TensegrityError, check
 from tensegrity.measure.observables import contact_rates
 from tensegrity.readonly import Repeated
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.forcing import start_driven_sites
 from tensegrity.scenes.network_dynamics import NetworkDynamics
 from tensegrity.springs.collection import numbered
+from tensegrity.springs.pressed import rest_overlaps
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -32,9 +34,11 @@ if TYPE_CHECKING:
     from granular.beads import Bead
     from granular.contact import Contact, ContactLaw
     from granular.materials import Material
-    from tensegrity import Force
-    from tensegrity.springs.power_law import PowerLaw
+    from tensegrity import Force, Potential
     from tensegrity.typing import Array
+
+
+GAPS = np.logspace(-12, 0, 13)  # m: where a contact must not act
 
 
 class Assembly(Crystal, Network):
@@ -143,7 +147,22 @@ class AssemblyDynamics(NetworkDynamics):
         negative.
         """
         loaded = float(np.sum(self.scene.loads * state.u))
-        return super().available_energy(state, energy) + loaded
+        return super().available_energy(state, energy) + loaded + self._bound
+
+    @cached_property
+    def _bound(self) -> float:
+        """Energy [J] below 0 that all contacts could store by attraction."""
+        rest = rest_overlaps(self.springs)
+        return -float(self.springs.evaluate("energy", -rest).sum()) if rest.any() else 0.0
+
+
+def _acting_in_touch(contact: Contact) -> Potential:
+    """The potential of a contact, if it vanishes apart: contacts are listed from the touch on."""
+    law = contact.potential
+    gaps = GAPS[law.domain[1] > GAPS]
+    if not isinstance(law, PowerLaw) and (law.energy(gaps).any() or law.tension(gaps).any()):
+        raise TensegrityError(f"a contact acts on partners that are apart: {law!r}")
+    return law
 
 
 class SharedSprings:
@@ -151,8 +170,8 @@ class SharedSprings:
 
     def __init__(self, law: ContactLaw) -> None:
         self._law = law
-        self._known: dict[tuple[Bead, Bead | Material], tuple[Contact, PowerLaw]] = {}
-        self._quick: dict[tuple[int, int], tuple[Bead, Bead | Material, PowerLaw]] = {}
+        self._known: dict[tuple[Bead, Bead | Material], tuple[Contact, Potential]] = {}
+        self._quick: dict[tuple[int, int], tuple[Bead, Bead | Material, Potential]] = {}
 
     @property
     def contacts(self) -> list[Contact]:
@@ -163,8 +182,13 @@ class SharedSprings:
         """The contact of two partners; the law is evaluated once for each pair."""
         if (bead, other) not in self._known:
             contact = contact_of(self._law, bead, other)
-            self._known[bead, other] = contact, contact.spring()
+            self._known[bead, other] = contact, _acting_in_touch(contact)
         return self._known[bead, other][0]
+
+    @property
+    def attract(self) -> bool:
+        """Whether partners of any contact so far attract each other."""
+        return any(contact.attracts for contact in self.contacts)
 
     @property
     def dissipate(self) -> bool:
@@ -217,7 +241,7 @@ class SharedSprings:
         pairs = (divmod(key, count) for key in distinct.tolist())
         return Repeated([self(beads.different[i], others.different[j]) for i, j in pairs], number)
 
-    def __call__(self, bead: Bead, other: Bead | Material) -> PowerLaw:
+    def __call__(self, bead: Bead, other: Bead | Material) -> Potential:
         same = id(bead), id(other)
         if same not in self._quick:  # references to both are stored, so that their ids stay unique
             self.contact(bead, other)

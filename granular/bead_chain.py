@@ -101,7 +101,7 @@ class BeadChain(Crystal, Chain):
         self._losses = losses
         forcing: dict[str, Any] = {"drive": drive, "damping": damping}
         super().__init__(springs, sites, masses, ends, forces=(*losses, *forces), **forcing)  # type: ignore[arg-type]
-        away = np.append(0.0, np.cumsum(gaps)) if len(gaps) else np.zeros(sites)
+        away = _away(self._contacts, gaps) if len(gaps) else np.zeros(sites)
         self._separated = away - away[-1] if walls[1] else away  # a wall stays where it is
         self._refuse_displaced_drives()
 
@@ -161,6 +161,12 @@ class BeadChain(Crystal, Chain):
         """Overlap of each contact [m], < 0 for a gap; shapes as for `contact_forces`."""
         at_rest = [c.overlap(f) for c, f in zip(self._contacts, self._carried, strict=True)]
         return at_rest - self.elongation(u)
+
+
+def _away(contacts: Sequence[Contact], gaps: Sequence[float]) -> Array:
+    """Displacement of each site from rest to its gaps [m]: partners that attract overlap there."""
+    pairs = zip(contacts, gaps, strict=True)
+    return np.cumsum([0.0, *(gap + c.overlap(0.0) if gap else 0.0 for c, gap in pairs)])
 
 
 class _Dynamics(ChainDynamics):

@@ -1,4 +1,4 @@
-"""Contact laws of bead pairs and of beads on plane walls: force = constant * overlap^exponent.
+"""Contact laws of bead pairs and of beads on plane walls: a potential of the overlap, and losses.
 
 Hertz's law for smooth, frictionless, linear elastic spheres and small contacts; a plane wall is
 the limit of a large radius.  The constants are evaluated from `derivations.contact`.
@@ -14,11 +14,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from granular.beads import Bead
-from granular.dissipation import ELASTIC, Dissipation, collision
+from granular.dissipation import ELASTIC, Dissipation, collision, form_of
 from granular.materials import Material
-from tensegrity import PowerLaw, TensegrityError, check
+from tensegrity import Potential, PowerLaw, TensegrityError, check
 from tensegrity.engine.programs import derived, run
 from tensegrity.printing import concise, filled
+from tensegrity.springs.pressed import Pressed, crossing, overlap_under, pressed
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -35,7 +36,10 @@ TINY = 1e-30  # step of a derivative through the complex plane
 
 @dataclass(frozen=True)
 class Contact:
-    """A power law of contact, which transmits compression only.
+    """The law of a contact: a power of the overlap, unless a subclass has another `potential`.
+
+    A subclass with a law of its own returns its `potential`; springs, overlaps, energies and losses
+    are asked of it.  One that attracts is in equilibrium without load at an overlap above 0.
 
     Attributes
     ----------
@@ -52,9 +56,12 @@ class Contact:
     dissipation: Dissipation | None = None
 
     def __str__(self) -> str:
-        parts = [f"{self.constant:.6g} N/m^{self.exponent:g}", f"exponent {self.exponent:g}"]
+        parts = [repr(self.potential)]
+        if type(self) is Contact:
+            parts = [f"constant {self.constant:.6g} N/m^{self.exponent:g}"]
+            parts += [f"exponent {self.exponent:g}"]
         parts += [] if self.dissipation is None else [concise(self.dissipation)]
-        return filled(f"Contact: constant {', '.join(parts)}")
+        return filled(f"{type(self).__name__}: {', '.join(parts)}")
 
     def __post_init__(self) -> None:
         constant = check.number("contact constant", self.constant, above=0, unit="N/m^n")
@@ -64,12 +71,33 @@ class Contact:
         object.__setattr__(self, "constant", constant)
         object.__setattr__(self, "exponent", exponent)
 
+    @property
+    def potential(self) -> Potential:
+        """Elastic energy [J] by the elongation from the touch [m], minus the overlap; 0 apart."""
+        own = type(self)
+        if own.spring is Contact.spring:
+            return PowerLaw(self.constant, self.exponent)
+        if own.overlap is Contact.overlap:
+            raise TensegrityError(
+                f"{own.__name__} gives springs from rest but not the overlap there: give its "
+                "potential, from which both follow"
+            )
+        return Pressed(self.spring(), 0.0, -float(self.overlap(0.0)))
+
+    @property
+    def attracts(self) -> bool:
+        """Whether partners that touch pull each other together."""
+        return float(self.overlap(0.0)) > 0
+
     def overlap(self, force: Number) -> Number:
         """Overlap [m] under a compressive force [N] >= 0; any shape."""
         force = check.floats("contact force", force)  # type: ignore[assignment]
         if np.any(~(force >= 0)):
             raise TensegrityError("contact forces must be at least 0 N")
-        return (force / self.constant) ** (1 / self.exponent)
+        law = self.potential
+        if isinstance(law, PowerLaw):
+            return (force / law.values[0]) ** (1 / law.exponent)  # type: ignore[return-value]
+        return np.vectorize(lambda load: overlap_under(law, load), otypes=[float])(force)[()]
 
     def restitution(self, mass: float, speed: float) -> tuple[float, float]:
         """Coefficient of restitution and duration of a collision without other forces.
@@ -95,21 +123,29 @@ class Contact:
         """
         mass = check.number("reduced mass", mass, above=0, unit="kg")
         speed = check.number("speed of approach", speed, above=0, below=C, unit="m/s")
-        if not 0 < mass * speed**2 / self.constant < math.inf:
+        loss, law, work = self.dissipation or ELASTIC, self.potential, mass * speed**2
+        if isinstance(law, PowerLaw) and 0 < work / law.values[0] < math.inf:
+            stiffness, n = float(law.values[0]), law.exponent
+            constant = loss.scaled(stiffness, n, mass, speed)
+            value, time = collision(loss.model, loss.power, n, (), constant)
+            return value, time / speed * (work / stiffness) ** (1 / (n + 1))
+        deepest = crossing(law, lambda d: law.energy(-d), work / 2) if 0 < work < math.inf else None
+        if isinstance(law, PowerLaw) or deepest is None:
             raise TensegrityError(
-                f"energy {mass * speed**2:g} J of a collision is beyond the range of numbers"
+                f"energy {work:g} J of a collision is beyond the range of numbers, or of {law!r}"
             )
-        loss = self.dissipation or ELASTIC
-        constant = loss.scaled(self.constant, self.exponent, mass, speed)
-        value, time = collision(loss.model, loss.power, self.exponent, constant)
-        return value, time / speed * (mass * speed**2 / self.constant) ** (1 / (self.exponent + 1))
+        if loss.constant:
+            refuse_attraction(self, f"it has losses of {loss.model}")
+        scale, values = (deepest, speed, work / deepest), tuple(law.values.tolist())
+        value, time = collision(loss.model, loss.power, form_of(law), values, loss.constant, scale)
+        return value, time / speed * deepest
 
-    def spring(self, preload: float = 0.0, length: float | None = None) -> PowerLaw:
-        """Spring of two beads in contact under a compressive preload [N], >= 0.
+    def spring(self, preload: float = 0.0, length: float | None = None) -> Potential:
+        """Spring of two beads in contact under a compressive preload [N], >= 0, from rest.
 
         `length` is the distance of their centres [m].
         """
-        return PowerLaw(self.constant, self.exponent, preload, length)
+        return pressed(self.potential, preload, length)
 
 
 def hertz(bead: Bead, other: Bead | Material) -> Contact:
@@ -200,6 +236,14 @@ def contact_of(law: ContactLaw, bead: Bead, other: Bead | Material) -> Contact:
         raise TensegrityError(f"law {check.shown(law)} of two partners: {error}") from error
     check.kind("what the law gives to two partners", contact, Contact)
     return contact
+
+
+def refuse_attraction(contact: Contact, what: str) -> None:
+    """Refuse an attraction where a force is defined for compressive contacts only."""
+    if contact.attracts:
+        raise TensegrityError(
+            f"a contact attracts and {what}: no model gives the force at which it parts, {contact}"
+        )
 
 
 def _constant(kind: str, *numbers: float) -> float:

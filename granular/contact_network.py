@@ -18,6 +18,7 @@ from tensegrity import Chain, TensegrityError, check
 from tensegrity.measure.observables import directions
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.scene import unchecked_state
+from tensegrity.springs.collection import Springs
 from tensegrity.typing import Array, Indices
 
 
@@ -114,9 +115,8 @@ class ChainContacts:
 
         What the contacts store by themselves, without the potential of the loads; (..., sites).
         """
-        constants = np.array([contact.constant for contact in self.scene.contacts])
-        powers = np.array([contact.exponent + 1 for contact in self.scene.contacts])
-        energy = constants / powers * np.maximum(self.scene.overlaps(u), 0.0) ** powers
+        laws = Springs([contact.potential for contact in self.scene.contacts])
+        energy = laws.evaluate("energy", -self.scene.overlaps(u))
         by_bead = np.zeros(u.shape)
         by_bead[..., :-1] += energy / 2
         by_bead[..., 1:] += energy / 2

@@ -11,10 +11,20 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from granular.beads import Bead
-from granular.contact import Contact, hertz
-from granular.dissipation import ELASTIC, UNITS, Dissipation, collision, compressive, exact
-from tensegrity import Force, TensegrityError, check
+from granular.contact import Contact, hertz, refuse_attraction
+from granular.dissipation import (
+    ELASTIC,
+    UNITS,
+    Dissipation,
+    collision,
+    compressive,
+    elastic_of,
+    form_of,
+)  # fmt: skip
+from tensegrity import Force, PowerLaw, TensegrityError, check
 from tensegrity.once import once
 
 if TYPE_CHECKING:
@@ -51,9 +61,8 @@ def forces_of(
         One for each model that occurs; without places if it occurs only in `others`.
     """
     return [
-        _force(contacts, overlaps, at, partial(_of_model, model, exponent, on))
-        for model, exponent, at in _alike(contacts, others)
-        if model.constant
+        _force(contacts, overlaps, at, partial(_of_model, *kind, on))
+        for kind, at in _alike(contacts, others).items()
     ]
 
 
@@ -74,40 +83,57 @@ def friction_of(contacts: Sequence[Contact], coefficient: float, speed: float) -
     """
     none, more = [0.0] * len(contacts), {"friction": coefficient, "slip_speed": speed}
     return [
-        _force(contacts, none, at, partial(_of_model, model, exponent, "walls", True), more)
-        for model, exponent, at in _alike(contacts)
+        _force(contacts, none, at, partial(_of_model, *kind, "walls", True), more)
+        for kind, at in _alike(contacts, rub=True).items()
     ]
 
 
 def _alike(
-    contacts: Sequence[Contact], others: Sequence[Contact] = ()
-) -> list[tuple[Dissipation, float, list[int]]]:
-    """Contacts of one formula: the formula, with constant 0 or 1, the exponent, and their
-    numbers."""
+    contacts: Sequence[Contact], others: Sequence[Contact] = (), rub: bool = False
+) -> dict[Any, list[int]]:
+    """Numbers of the contacts of one formula that dissipate, or rub, by `_kind`."""
     kinds: dict[Any, list[int]] = {}
+    known: dict[int, Any] = {}
     for number, one in enumerate([*contacts, *others]):
-        loss = one.dissipation if one.dissipation and one.dissipation.constant else ELASTIC
-        kind = replace(loss, constant=float(bool(loss.constant))), one.exponent
-        kinds.setdefault(kind, []).extend([number] if number < len(contacts) else [])
-    return [(*kind, at) for kind, at in kinds.items()]
+        if id(one) not in known:
+            known[id(one)] = _kind(one, rub)
+        if known[id(one)] is not None:
+            at = kinds.setdefault(known[id(one)], [])
+            at.extend([number] if number < len(contacts) else [])
+    return kinds
+
+
+def _kind(one: Contact, rubs: bool) -> tuple[Dissipation, Any, tuple[float, ...]] | None:
+    """The model of the losses, with constant 0 or 1, the form of the elastic force, and values of
+    its parameters for which it is defined, if not all are; None of a contact without force."""
+    loss = one.dissipation if one.dissipation and one.dissipation.constant else ELASTIC
+    if not (loss.constant or rubs):
+        return None
+    refuse_attraction(one, "it rubs" if rubs else f"it has losses of {loss.model}")
+    form, law = form_of(one.potential), one.potential
+    values = () if isinstance(law, PowerLaw) else tuple(law.values.tolist())
+    return replace(loss, constant=float(bool(loss.constant))), form, values
 
 
 @once
-def _of_model(model: Dissipation, exponent: float, on: str, rubs: bool = False) -> Force:
-    """What a model adds to elastic contacts of an exponent, or the friction of such contacts."""
+def _of_model(
+    model: Dissipation, form: Any, values: tuple[float, ...], on: str, rubs: bool = False
+) -> Force:
+    """What a model adds to elastic contacts of a form, or the friction of such contacts."""
     import sympy as sp
 
-    r, rate, stiffness, constant, begin = sp.symbols("r rate stiffness constant overlap")
-    d, numbers = sp.Max(begin - r, 0), (stiffness, exact(exponent), constant)
-    added = compressive(model, d, -rate, *numbers)
+    r, rate, constant, begin = sp.symbols("r rate constant overlap")
+    d, (elastic, symbols) = sp.Max(begin - r, 0), elastic_of(form)
+    added = compressive(model, d, -rate, elastic, constant)
     expression: Any = added if on == "walls" else -added
     if rubs:
         slip, mu, v0 = sp.symbols("slip friction slip_speed")
-        normal = numbers[0] * d ** numbers[1] + added
+        normal = elastic(d) + added
         expression = sp.Integer(0), -mu * normal * slip / sp.sqrt(slip**2 + v0**2)
     parts = expression if rubs else (expression,)
     used = sorted({str(s) for one in parts for s in one.free_symbols} - {"r", "rate", "slip"})
-    return Force(expression, on, parameters=dict.fromkeys(used, 1.0))
+    like = dict(zip(map(str, symbols), values, strict=False))
+    return Force(expression, on, parameters={name: like.get(name, 1.0) for name in used})
 
 
 def _force(
@@ -116,8 +142,10 @@ def _force(
 ) -> Force:  # fmt: skip
     """The force of a model in some contacts, with the constants of each."""
     of, force = [contacts[k] for k in at], of_model()
+    names = [str(s) for s in elastic_of(of_model.args[1])[1]]
+    table = np.reshape([x.potential.values[: len(names)] for x in of], (len(of), len(names)))
     values: dict[str, Any] = {
-        "stiffness": [x.constant for x in of],
+        **dict(zip(names, table.T, strict=True)),
         "constant": [(x.dissipation or ELASTIC).constant for x in of],
         "overlap": [float(overlaps[k]) for k in at],
         **(more or {}),
@@ -133,7 +161,7 @@ def _solved(model: Dissipation, contact: Contact, mass: float, e: float, speed: 
         return 0.0
 
     def excess(log: float) -> float:
-        return collision(model.model, model.power, contact.exponent, math.exp(log))[0] - e
+        return collision(model.model, model.power, contact.exponent, (), math.exp(log))[0] - e
 
     low = high = 0.0
     while excess(low) < 0:

@@ -10,10 +10,15 @@ R. Carretero-Gonzalez and others, Phys. Rev. Lett. 102, 024102 (2009).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from tensegrity import Potential, PowerLaw, TensegrityError
+from tensegrity.engine.law import Law
 from tensegrity.once import once
 from tensegrity.printing import concise
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 RTOL, ATOL = 1e-12, 1e-15  # of a collision in units of its own length, time and speed
 
@@ -41,15 +46,17 @@ class Dissipation:
 
     __str__ = concise
 
-    def force(self, d: Any, rate: Any, stiffness: Any, exponent: Any, constant: Any) -> Any:
+    def force(self, d: Any, rate: Any, elastic: Callable[[Any], Any], constant: Any) -> Any:
         """The formula: the force of a contact [N] besides its elastic one.
 
         Parameters
         ----------
         d, rate : sympy.Expr
             Overlap [m], >= 0, and its rate [m/s].
-        stiffness, exponent, constant : sympy.Expr
-            Those of the elastic force, and that of the dissipation.
+        elastic : callable sympy.Expr -> sympy.Expr
+            The elastic force of an overlap, > 0.
+        constant : sympy.Expr
+            That of the dissipation.
 
         Returns
         -------
@@ -57,13 +64,12 @@ class Dissipation:
         """
         import sympy as sp
 
-        elastic = stiffness * d**exponent
-        if self.model == "Kuwabara-Kono":  # c times the rate of the elastic force
-            return constant * rate * exponent * stiffness * d ** (exponent - 1)
-        if self.model == "Hunt-Crossley":
-            return constant * rate * elastic
+        x = sp.Symbol("x", positive=True)
         size = rate if self.power == 1 else sp.sign(rate) * abs(rate) ** exact(self.power)
-        return sp.Piecewise((constant * size, d > 0), (0, True))
+        by_size = {"Kuwabara-Kono": sp.diff(elastic(x), x), "Hunt-Crossley": elastic(x)}
+        factor = by_size.get(self.model, sp.Integer(1))  # of the first, c times its rate of change
+        force = constant * size * factor.subs(x, d)
+        return force if factor.subs(x, 0) == 0 else sp.Piecewise((force, d > 0), (0, True))
 
     def scaled(self, stiffness: float, exponent: float, mass: float, speed: float) -> float:
         """The constant in units of a collision, in which speed, mass and stiffness are 1.
@@ -93,13 +99,47 @@ def exact(number: float) -> Any:
     return ratio if ratio.q <= 8 else sp.Float(number)
 
 
-def compressive(model: Dissipation, d: Any, rate: Any, *constants: Any) -> Any:
+def form_of(potential: Potential) -> Any:
+    """What of a contact's potential shapes its force: the exponent of a power law, or the law."""
+    if isinstance(potential, PowerLaw):
+        return potential.exponent
+    if not isinstance(potential.law, Law) or potential.law.through:
+        raise TensegrityError(f"{potential!r} is no expression of which losses could be made")
+    return potential.law
+
+
+def elastic_of(form: Any) -> tuple[Callable[[Any], Any], list[Any]]:
+    """The elastic force as a function of the overlap, > 0, and the symbols of its parameters.
+
+    Parameters
+    ----------
+    form : float or Law
+        As of `form_of`.
+
+    Returns
+    -------
+    callable sympy.Expr -> sympy.Expr, list of sympy.Symbol
+    """
+    import sympy as sp
+
+    if not isinstance(form, Law):
+        stiffness, n = sp.Symbol("stiffness"), exact(form)
+        return lambda d: stiffness * d**n, [stiffness]
+    x, r, symbols = sp.Symbol("overlap_", positive=True), form.elongation, list(form.parameters)
+    names = [sp.Symbol(f"{s}_elastic") for s in symbols]
+    closed = form.energy.xreplace({r: -x, **dict(zip(symbols, names, strict=True))})
+    steps = (sp.Heaviside, lambda y, *_: sp.Piecewise((1, y > 0), (0, True)))
+    force = sp.diff(closed.replace(*steps), x)
+    return lambda d: force.subs(x, d), names
+
+
+def compressive(model: Dissipation, d: Any, rate: Any, elastic: Any, constant: Any) -> Any:
     """What a model adds to the elastic force, so that the whole is not below 0.
 
     Parameters
     ----------
     model : Dissipation
-    d, rate, *constants : sympy.Expr
+    d, rate, elastic, constant
         As of `Dissipation.force`.
 
     Returns
@@ -108,51 +148,60 @@ def compressive(model: Dissipation, d: Any, rate: Any, *constants: Any) -> Any:
     """
     import sympy as sp
 
-    elastic = constants[0] * d ** constants[1]
-    return sp.Max(elastic + model.force(d, rate, *constants), 0) - elastic
+    return sp.Max(elastic(d) + model.force(d, rate, elastic, constant), 0) - elastic(d)
 
 
 ELASTIC = Dissipation("viscous", 0.0)
 
 
 @once
-def collision(model: str, power: float, exponent: float, constant: float) -> tuple[float, float]:
-    """Restitution and duration of a collision whose mass, stiffness and speed are 1.
+def collision(
+    model: str, power: float, form: Any, values: tuple[float, ...], constant: float,
+    scale: tuple[float, float, float] = (1.0, 1.0, 1.0),
+) -> tuple[float, float]:  # fmt: skip
+    """Restitution and duration of a collision whose mass and speed are 1.
 
     Parameters
     ----------
     model : str
     power, constant : float
         As of `Dissipation`; the constant is `scaled`.
-    exponent : float
-        Of the elastic force.
+    form, values : float or Law, tuple of float
+        As of `form_of`, and its parameters; none of a power law, whose stiffness is 1.
+    scale : tuple of three float, optional
+        Overlap [m], rate [m/s] and force [N] that count as 1.
 
     Returns
     -------
     restitution, duration : float
-        The contact ends when its force is 0 again.
+        The contact ends when its force is 0 for the last time.
     """
     import sympy as sp
     from scipy.integrate import solve_ivp
 
     d, rate, c = sp.symbols("d rate c")
-    loss, n = Dissipation(model, constant, power), exact(exponent)
-    formula = d**n + loss.force(d, rate, sp.Integer(1), n, c)
-    whole = sp.lambdify((d, rate, c), sp.Max(formula, 0), "math")
-    unlimited = sp.lambdify((d, rate, c), formula, "math")
+    elastic, symbols = elastic_of(form)
+    known: dict[Any, Any] = dict(zip(symbols, values or (sp.Integer(1),), strict=True))
+    formula = elastic(d) + Dissipation(model, constant, power).force(d, rate, elastic, c)
+    unlimited = sp.lambdify((d, rate, c), formula.subs(known), "math")
+    (length, speed, force), may_pull = scale, values and not constant
+
+    def total(y: Any) -> float:
+        return float(unlimited(length * max(y[0], 0.0), speed * y[1], constant)) / force
 
     def rates(t: float, y: Any) -> tuple[float, float]:
-        return y[1], -whole(max(y[0], 0.0), y[1], constant)
+        return y[1], -(total(y) if may_pull else max(total(y), 0.0))
 
     def released(t: float, y: Any) -> float:
-        return unlimited(max(y[0], 0.0), y[1], constant) if y[1] < 0 else 1.0
+        return total(y) if y[1] < 0 and not may_pull else 1.0
 
     def separated(t: float, y: Any) -> float:
         return y[0] if y[1] < 0 else 1.0
 
-    for event in (released, separated):
-        event.terminal = True  # type: ignore[attr-defined]
+    released.terminal = not values  # type: ignore[attr-defined]  # a table may press again
+    separated.terminal = True  # type: ignore[attr-defined]
     run = solve_ivp(
         rates, (0.0, 1e9), (0.0, 1.0), "DOP853", events=(released, separated), rtol=RTOL, atol=ATOL
     )
-    return -float(run.y[1, -1]), float(run.t[-1])
+    (*_, end) = (*run.t_events[1], *run.t_events[0]) if not may_pull else run.t_events[1]
+    return -float(run.y[1, -1]) if constant else 1.0, float(end)

@@ -139,7 +139,7 @@ class Guide(Assembly):
         )
         self._contacts = springs.contacts
         self.equilibrium = settled = rest_of(
-            self, striker=None, law=springs.contact, friction=None, forces=()
+            self, springs.attract, striker=None, law=springs.contact, friction=None, forces=()
         )
         rest = np.zeros(self.shape)
         if settled is not None:  # a striker is displaced with the bead that it touches

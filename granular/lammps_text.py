@@ -19,7 +19,8 @@ from granular.contact import Contact, hertz
 from granular.crystal import beads_by_site
 from granular.dissipation import ELASTIC
 from granular.materials import Material
-from tensegrity import PowerLaw, State, TensegrityError, check
+from granular.packing import Pack
+from tensegrity import Potential, PowerLaw, State, TensegrityError, check
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.forcing import refuse_driven
 from tensegrity.typing import Array
@@ -128,7 +129,8 @@ class Laid:
         ]  # fmt: skip
         for i, one in enumerate(kinds, 1):
             for j, other in enumerate(kinds[i - 1 :], i):
-                lines.append(f"pair_coeff {i} {j} {self._law(one, other)}")
+                meet = i != j or types.count(i) > 1
+                lines.append(f"pair_coeff {i} {j} {self._law(one, other, meet)}")
         lines += ["fix motion all nve", f"timestep {dt:.17g}"]
         if push:
             lines += [f"variable l{axis} atom d_l{axis}" for axis in "xyz"]
@@ -146,13 +148,17 @@ class Laid:
             ]
         )  # fmt: skip
 
-    def _law(self, one: Bead, other: Bead | Material) -> str:
-        """The law of two partners: Hertz's, with the damping of those that dissipate."""
+    def _law(self, one: Bead, other: Bead | Material, meet: bool = True) -> str:
+        """The law of two partners that may meet: Hertz's, with the damping of those that
+        dissipate."""
         radius, mass = one.radius, one.mass
         if isinstance(other, Bead):
             radius = radius * other.radius / (radius + other.radius)
             mass = mass * other.mass / (mass + other.mass)
-        elastic, contact = hertz(one, other).constant, self.contact and self.contact(one, other)
+        elastic = hertz(one, other).constant
+        contact = self.contact(one, other) if meet and self.contact else None
+        if contact:
+            _refuse_other_law(contact.potential, one, other)
         loss = (contact and contact.dissipation) or ELASTIC
         eta, kind = loss.constant, "velocity"
         if loss.constant and loss.model == "Kuwabara-Kono":
@@ -256,12 +262,15 @@ def laid(scene: Any, state: State) -> Laid:
 
 
 def _law_of(scene: Any) -> Any:
-    """The contact of two partners of a scene whose contacts dissipate; None of two that it does not
-    list, or of a scene without losses."""
-    if not scene._losses:
+    """The contact of two partners, None of two that never touch; None of a scene in which all
+    contacts are Hertz's without losses."""
+    if isinstance(scene, Pack):
+        if scene._hertzian:
+            return None
+        if dynamics(scene).follows:
+            return scene._law.given.springs.contact
+    elif not scene._losses:
         return None
-    if dynamics(scene).follows:
-        return scene._law.given.springs.contact
     if isinstance(scene, BeadChain):
         pairs, contacts = list(pairwise(scene.bodies)), scene.contacts
     else:  # one contact for all equal pairs, in the order of the first of them
@@ -269,14 +278,25 @@ def _law_of(scene: Any) -> Any:
         pairs, contacts = list(partners), scene._contacts
     known = dict(zip(pairs, contacts, strict=True))
     known = {pair[::-1]: contact for pair, contact in known.items()} | known
-    return lambda one, other: known.get((one, other))
+
+    def contact(one: Bead, other: Bead | Material) -> Contact | None:
+        bead = isinstance(other, Bead)
+        if isinstance(scene, Pack) and (one, other) not in known:
+            raise TensegrityError(
+                f"a bead of {one.material.name} touches no {'bead' if bead else 'wall'} of "
+                f"{(other.material if bead else other).name}: a pack of fixed contacts does not "
+                "say by which law they would meet in LAMMPS: take contacts='follow', or hertz"
+            )
+        return known.get((one, other))
+
+    return contact
 
 
 def _line(scene: BeadChain) -> tuple[Array, Array, list[Plane]]:
     """Places and loads of a chain's beads along x, and its walls."""
     bodies = scene.bodies
     for contact, (a, b) in zip(scene.contacts, pairwise(bodies), strict=True):
-        _refuse_other_law(contact.constant, contact.exponent, a, b)
+        _refuse_other_law(contact.potential, a, b)
     beads = beads_by_site(scene)
     radii = np.array([beads[s].radius if s in beads else 0.0 for s in range(scene.sites)])
     rest = scene.overlaps(np.zeros(scene.sites))
@@ -301,16 +321,13 @@ def _net(scene: Assembly) -> tuple[Array, Array, list[Plane]]:
     if scene._arguments.get("gaps"):
         raise TensegrityError("gaps between the beads of a guide have no equivalent in LAMMPS")
     of = dynamics(scene)
-    if of.follows and not (scene._hertzian or scene._losses):
-        raise TensegrityError("contacts that form must obey Hertz's law for LAMMPS")
     table, group = of.springs, of.springs.group
     known = set()
     solids = scene._wall_materials
     for number, (one, other) in zip(group.tolist(), _partners(scene), strict=True):
         key = number, id(one), id(other)
-        spring = table.different[number]
-        if key not in known and isinstance(spring, PowerLaw):
-            _refuse_other_law(spring.parameters["stiffness"], spring.exponent, one, other)
+        if key not in known:
+            _refuse_other_law(table.different[number], one, other)
             known.add(key)
     walls = []
     for number, (wall, name) in enumerate(zip(scene.walls, scene.wall_names, strict=True)):
@@ -333,14 +350,15 @@ def _partners(scene: Assembly) -> list[tuple[Bead, Bead | Material]]:
     return partners + [(beads[s], solids[w]) for s, w in scene.wall_contacts.tolist()]
 
 
-def _refuse_other_law(constant: float, exponent: float, one: Any, other: Any) -> None:
+def _refuse_other_law(law: Potential, one: Any, other: Any) -> None:
     if not hasattr(one, "radius"):
         one, other = other, one
     expected = hertz(one, other)
-    if exponent != expected.exponent or abs(constant / expected.constant - 1) > 1e-9:
+    own = isinstance(law, PowerLaw) and law.exponent == expected.exponent
+    if not own or abs(law.values[0] / expected.constant - 1) > 1e-9:
         raise TensegrityError(
-            f"a contact of constant {constant:.6g} and exponent {exponent:g} is not Hertz's, "
-            f"{expected.constant:.6g} and {expected.exponent:g}, which alone LAMMPS evaluates"
+            f"a contact of {law!r} is not Hertz's, of constant {expected.constant:.6g} and "
+            f"exponent {expected.exponent:g}, which alone LAMMPS evaluates"
         )
 
 

@@ -179,9 +179,14 @@ class BeadEnergies:
         Raises
         ------
         TensegrityError
-            A row without energy.
+            A row without energy, or a bead with less than 0: contacts that attract bind it.
         """
         energies = self.kinetic + self.stored
+        if np.any(energies < 0):
+            raise TensegrityError(
+                f"energy {energies.min():g} J of a bead must be at least 0: attraction binds it, "
+                "and it has no share of the whole"
+            )
         total = energies.sum(axis=-1, keepdims=True)
         if not np.all(total > 0):
             raise TensegrityError(f"energy {total.min():g} J of a row must be above 0")

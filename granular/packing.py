@@ -136,7 +136,7 @@ class Pack(Assembly):
         self._join(sites, filled, contacts, springs, gravity, preload, drive=drive, damping=damping)
         self._contacts = springs.contacts
         self.equilibrium = rest_of(
-            self, striker=None, approach=None, law=springs.contact, forces=()
+            self, springs.attract, striker=None, approach=None, law=springs.contact, forces=()
         )
         self._rest = self._at_rest(filled.each(lambda bead: bead.radius))
 

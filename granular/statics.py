@@ -21,6 +21,7 @@ from tensegrity.engine import forces
 from tensegrity.printing import filled
 from tensegrity.readonly import ReadOnly, fixed
 from tensegrity.scenes.dynamics import dynamics
+from tensegrity.springs.pressed import rest_overlaps
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 GUESS = 1e-6  # overlap of a contact that only touches, in radii, where its spring is evaluated
 FLOOR = 1e-3  # of the stiffest such spring: a contact that is open
 LONGEST, FARTHEST = 0.02, 0.1  # radii: of one step, and of all
+BARE = 1e-12  # stiffness of motions without any, over the largest
 CARRIED = 1e-11  # of the sum of all loads: what may be left over
 
 
@@ -67,12 +69,12 @@ class Equilibrium(ReadOnly):
         object.__setattr__(self, "u", fixed(self.u))
 
 
-def rest_of(scene: Assembly, **unstruck: Any) -> Equilibrium | None:
-    """Static equilibrium of a scene without its striker; None without loads.
+def rest_of(scene: Assembly, attract: bool, **unstruck: Any) -> Equilibrium | None:
+    """Static equilibrium of a scene without its striker; None without loads or attraction.
 
     A scene with a striker is rebuilt without it, with `unstruck` in place of its arguments.
     """
-    if not np.any(scene.loads):
+    if not (attract or np.any(scene.loads)):
         return None
     if scene.striker is None:
         return settle(scene)
@@ -88,8 +90,10 @@ def settle(scene: Assembly) -> Equilibrium:
     EquilibriumError
         A bead has no support, or moves by more than a tenth of its radius.
     """
-    of, total = _Listed(scene), np.abs(scene.loads).sum()
-    u, f = minimum.settle(of, np.zeros(scene.shape), shift=1.0)
+    of = _Listed(scene)
+    u, pulled = of.drawn_together()
+    total = np.abs(scene.loads).sum() + pulled
+    u, f = minimum.settle(of, u, shift=1.0)
     left = float(np.abs(f).sum())
     if not left <= CARRIED * total:
         worst = int(np.argmax(np.abs(f).max(axis=1)))
@@ -105,20 +109,45 @@ class _Listed:
     `minimum.Energy`."""
 
     def __init__(self, scene: Assembly) -> None:
-        self._whole, self._at = scene, np.zeros(scene.shape)
+        self._whole = scene
         self._radius = np.array([bead.radius for bead in scene.beads])
         self.longest = LONGEST * self._radius
         of = dynamics(scene)
-        self._listed: Any = of.listed(self._at)
+        self._list(np.zeros(scene.shape))
         self._room = of.clearance.skin / 4 if of.follows else np.inf
+
+    def _list(self, u: Array) -> None:
+        """List the contacts near displacements, with the overlap at rest [m] and the stiffness
+        there [N/m] of those that attract."""
+        of: Any = dynamics(self._whole).listed(u)
+        self._listed, self._at, self._rest = of, u, rest_overlaps(of.springs)
+        if self._rest.any():
+            stiffness = of.springs.evaluate("stiffness", -self._rest)
+            self._firm = np.where(self._rest > 0, stiffness, 0.0)
 
     def _forces_at(self, u: Array) -> tuple[Any, Array, Array, Array]:
         """Dynamics with the contacts there, their elongations and directions, and tensions."""
         if np.abs(u - self._at).max() > self._room:
-            self._listed, self._at = dynamics(self._whole).listed(u), u
+            self._list(u)
         of = self._listed
         r, along = forces.elongations(of.contact_bonds, u)
         return of, r, along, of.springs.evaluate("tension", r)
+
+    def drawn_together(self) -> tuple[Array, float]:
+        """Displacements at which contacts that attract have, to first order, their overlap at rest,
+        and the sum of the forces that this takes [N]."""
+        from scipy.sparse import eye_array
+
+        u = np.zeros(self._whole.shape)
+        of, r, along, _ = self._forces_at(u)
+        if not self._rest.any():
+            return u, 0.0
+        rest, k = self._rest, self._firm
+        f = forces.scattered_forces(of.contact_bonds, k * rest, along)[: of.sites]
+        matrix = forces.tangent(of.contact_bonds, r, along, 0 * r, k).tocsc()[: f.size, : f.size]
+        bare = BARE * np.abs(matrix.diagonal()).max() * eye_array(f.size)
+        move = minimum.downhill(matrix + bare, np.zeros((f.size, 0)), f.ravel())
+        return u if move is None else move.reshape(f.shape), float((k * rest).sum())
 
     def forces(self, u: Array) -> Array:
         of, _, along, tension = self._forces_at(u)
@@ -127,9 +156,9 @@ class _Listed:
 
     def energy(self, u: Array) -> tuple[float, float]:
         of, r, _, _ = self._forces_at(u)
-        stored = float(of.springs.evaluate("energy", r).sum())
+        stored = of.springs.evaluate("energy", r)
         work = float(np.sum(self._whole.loads * u))
-        return stored - work, stored + abs(work)
+        return float(stored.sum()) - work, float(np.abs(stored).sum()) + abs(work)
 
     def largest(self, u: Array) -> float:
         return max(np.abs(self._forces_at(u)[-1]).max(initial=0.0), np.abs(self._whole.loads).max())
@@ -147,12 +176,14 @@ class _Listed:
         pressed = np.minimum(r, -least)
         secant = table.evaluate("tension", pressed) / pressed
         secant = np.where(r > least * GUESS, FLOOR * secant.max(initial=0.0), secant)
+        if self._rest.any():
+            secant = np.where(self._rest > 0, self._firm, secant)
         own = forces.tangent(bonds, r, along, tension, table.evaluate("stiffness", r))
         added = forces.tangent(bonds, r, along, -tension, secant)
 
         def step(shift: float) -> Array | None:
             matrix = (own + shift * added).tocsc()[: f.size, : f.size]
-            bare = 1e-12 * (np.abs(matrix.diagonal()).max(initial=0.0) or 1.0)  # no stiffness
+            bare = BARE * (np.abs(matrix.diagonal()).max(initial=0.0) or 1.0)  # no stiffness
             move = minimum.downhill(matrix + bare * eye_array(f.size), rigid, f.ravel())
             return None if move is None else move.reshape(f.shape)
 

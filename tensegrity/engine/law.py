@@ -163,7 +163,7 @@ def to_casadi(expression: Any, symbols: Sequence[Any]) -> Callable[..., Any]:
     import casadi as ca
     import sympy as sp
 
-    choose, signum = sp.Function("choose"), sp.Function("signum")
+    choose, signum = (sp.Function(name, real=True) for name in ("choose", "signum"))
 
     def branches(*pairs):
         result = sp.Integer(0)

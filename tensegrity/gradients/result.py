@@ -25,6 +25,7 @@ from tensegrity.scenes.network import Network
 from tensegrity.scenes.picture import Picture
 from tensegrity.springs.polynomial import Polynomial
 from tensegrity.springs.power_law import PowerLaw
+from tensegrity.springs.pressed import Pressed
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -247,6 +248,8 @@ def names(spring: Potential) -> tuple[str, ...]:
     if isinstance(spring, PowerLaw):
         loaded = spring.values[1] > 0 or spring.exponent == 1
         return POWER if loaded else (POWER[0], POWER[2])
+    if isinstance(spring, Pressed):
+        return tuple(spring.parameters)[:-1]
     return tuple(spring.parameters)
 
 
@@ -262,7 +265,7 @@ def slopes(table: Springs, name: str) -> Array:
     alike: dict[Any, list[int]] = {}
     for k, spring in enumerate(springs):
         if name in names(spring):
-            alike.setdefault((spring.law, isinstance(spring, PowerLaw)), []).append(k)
+            alike.setdefault((spring.law, isinstance(spring, (PowerLaw, Pressed))), []).append(k)
     for (law, _), mine in alike.items():
         one: Any = springs[mine[0]]
         values = np.array([springs[k].values for k in mine])
@@ -270,6 +273,8 @@ def slopes(table: Springs, name: str) -> Array:
             rows = _of_prisms(values, name, law == RIGID[1])
         elif isinstance(one, PowerLaw):
             rows = _of_power_laws(values, name)
+        elif isinstance(one, Pressed):
+            rows = np.array([springs[k].slopes(name) for k in mine])
         else:
             rows = np.eye(values.shape[1])[list(one.parameters).index(name)]
         by_value[mine, : values.shape[1]] = rows
