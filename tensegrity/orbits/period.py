@@ -12,7 +12,7 @@ import numpy as np
 
 from tensegrity.errors import TensegrityError
 from tensegrity.scenes.dynamics import dynamics
-from tensegrity.scenes.forcing import time_signals
+from tensegrity.scenes.signals import time_signals
 from tensegrity.scenes.scene import Scene
 
 MULTIPLES = 1000  # largest ratio of a common period to one of its parts

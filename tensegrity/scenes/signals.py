@@ -4,6 +4,7 @@ they are finite and continuous over a run."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -149,7 +150,7 @@ def signals_of(
 
 
 def _is_array(x: Any) -> bool:
-    return isinstance(x, (list, tuple)) or (isinstance(x, np.ndarray) and x.ndim > 0)
+    return isinstance(x, (list, tuple)) or (hasattr(x, "__array__") and np.ndim(x) > 0)
 
 
 def expression_of(
@@ -213,6 +214,18 @@ def _functions(expression: Any, names: tuple[str, ...] = (), by: str | None = No
     return functions
 
 
+def signals_of_force(force: Any, x: float = 0.0, rate: float = 0.0) -> list[list[Expression]]:
+    """The components of an `AppliedForce` as functions of time in each of its places, at
+    displacements or elongations x [m] and velocities `rate` [m/s]."""
+    law, signals = force.law, []
+    state = {s: rate if s in law.rates else x for s in law.state}
+    components = [one.xreplace(state) for one in law.expressions]
+    for values in force.values.T.tolist():
+        of = dict(zip(map(str, law.parameters), values, strict=True))
+        signals.append([expression_of("force", one, of) for one in components])
+    return signals
+
+
 def check_signals(signals: Sequence[Any], t_end: float) -> None:
     """Refuse signals that are not finite and continuous from 0 to `t_end` [s]."""
     for signal in {one.key: one for one in signals}.values():
@@ -227,6 +240,31 @@ def largest_frequency(signals: Sequence[Any], t_end: float) -> float:
     """Largest estimate of an angular frequency among the signals [rad/s]: the maximum rate over
     half the range of the values, which is exact for a sine plus a constant."""
     return max((_frequency(signal, t_end) for signal in signals), default=0.0)
+
+
+def time_signals(scene: Any) -> list[Any]:
+    """All functions of time that drive or tune a scene, or the scenes of an ensemble."""
+    signals: list[Any] = []
+    for one in getattr(scene, "scenes", (scene,)):
+        signals += () if callable(one.tune) else one.tune.values()
+        for drive in one.drive.values():
+            signals += [signal for signal in drive.signals if signal is not None]
+    return signals
+
+
+def frequency_of_drives(scene: Any, state: Any, t_end: float) -> float:
+    """Largest estimate of an angular frequency of drives, of springs that change, and of forces
+    that depend on time, with displacements and velocities like those of a state [rad/s]."""
+    largest = largest_frequency(time_signals(scene), t_end)
+    x, rate = (float(np.max(np.abs(values))) or 1.0 for values in (state.u, state.v))
+    for one in getattr(scene, "scenes", (scene,)):
+        for force in one._forces:
+            if force.varies and not force.stores:
+                each = signals_of_force(force._applied(one), x, rate)
+                signals = {s.key: s for place in each for s in place}.values()
+                with suppress(TensegrityError):  # infinite at these displacements
+                    largest = max(largest, largest_frequency([*signals], t_end))
+    return largest
 
 
 def _frequency(signal: Any, t_end: float) -> float:
