@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from tensegrity.errors import TensegrityError
 
 LONGEST = 80  # most characters of a value in a message
+NESTED = list, tuple, np.ndarray
 
 
 def number(
@@ -178,7 +179,7 @@ def unmasked(name: str, value: object) -> None:
     if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
         where = int(np.flatnonzero(np.ma.getmaskarray(value))[0])
         raise TensegrityError(f"{name} is masked at index {where}: a mask is not taken, fill it")
-    if isinstance(value, (list, tuple)) and not isinstance(next(iter(value), 0.0), float):
+    if isinstance(value, (list, tuple)) and value and isinstance(value[0], NESTED):
         for one in value:
             unmasked(name, one)
 

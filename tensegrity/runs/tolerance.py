@@ -17,7 +17,7 @@ from tensegrity.once import once
 from tensegrity.runs.march import MOST_COMPARED, MarchResult, march
 from tensegrity.runs.problem import Problem, bounds_at_energy, rounded
 from tensegrity.runs.record import Record, is_light
-from tensegrity.runs.rest import length_at_rest, run_at_rest
+from tensegrity.runs.rest import length_at_rest
 from tensegrity.runs.run import unchecked_replace
 from tensegrity.runs.step import (
     CHECKPOINTS,
@@ -27,6 +27,7 @@ from tensegrity.runs.step import (
     may_jump,
     refined,
     refuse_jumps,
+    run_at_rest,
     steps_at,
 )
 from tensegrity.springs.polynomial import DEGREES, Polynomial, PolynomialLaw

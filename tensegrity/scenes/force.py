@@ -146,17 +146,6 @@ class Force:
         return isinstance(self.expression, Potential)
 
     @property
-    def varies(self) -> bool:
-        """Whether it depends on time."""
-        return any(self.law.time in one.free_symbols for one in self.law.expressions)
-
-    @property
-    def of_time(self) -> bool:
-        """Whether it acts on sites and depends on nothing else than time."""
-        used = set().union(*(one.free_symbols for one in self.law.expressions))
-        return self.on == "sites" and not (self.stores or used & {*self.law.state})
-
-    @property
     def _state(self) -> tuple[str, ...]:
         """Names of the displacements and velocities that the expressions may contain."""
         if self.on != "sites":
@@ -422,7 +411,7 @@ def no_force(scene: Any) -> Force:
 def applied_forces(scene: Any, as_forces: bool = False) -> tuple[Any, ...]:
     """The forces of a scene that has any besides those of time alone, its dashpots among them; if
     these shall be forces, all, and at least one."""
-    if not as_forces and all(one.of_time for one in scene._forces):
+    if not as_forces and all(one.law.of_time for one in scene._forces):
         return ()
     forces = [*scene._forces, *dashpots(scene)]
     return tuple(one._applied(scene) for one in forces or [no_force(scene)])

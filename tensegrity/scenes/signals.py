@@ -32,6 +32,8 @@ class Expression:
     reduces it.
     """
 
+    knots: ClassVar[Array] = np.zeros(0)
+
     def __init__(self, name: str, expression: Any, parameters: Mapping[str, float]) -> None:
         self.name, self.expression, self.parameters = name, expression, dict(parameters)
         _functions(expression, tuple(parameters))  # refuses one that cannot be translated
@@ -81,7 +83,7 @@ class Samples:
     parameters: ClassVar[Mapping[str, float]] = {}
 
     def __init__(self, name: str, t: Array, values: Array) -> None:
-        self.name, self._t, self._values = name, t, values
+        self.name, self.knots, self._values = name, t, values
         self.span = float(t[0]), float(t[-1])
 
     @property
@@ -93,14 +95,14 @@ class Samples:
     def _spline(self) -> Any:
         from scipy.interpolate import CubicSpline
 
-        return CubicSpline(self._t, self._values)
+        return CubicSpline(self.knots, self._values)
 
     def __call__(self, t: Array, order: int = 0, by: None = None) -> Array:
         """Values, or rates for order 1; of the shape of t."""
         return self._spline(t, order)
 
     def __repr__(self) -> str:
-        return f"{len(self._t)} samples from {self.span[0]:g} s to {self.span[1]:g} s"
+        return f"{len(self.knots)} samples from {self.span[0]:g} s to {self.span[1]:g} s"
 
 
 def signals_of(
@@ -259,7 +261,7 @@ def frequency_of_drives(scene: Any, state: Any, t_end: float) -> float:
     x, rate = (float(np.max(np.abs(values))) or 1.0 for values in (state.u, state.v))
     for one in getattr(scene, "scenes", (scene,)):
         for force in one._forces:
-            if force.varies and not force.stores:
+            if force.law.varies:
                 each = signals_of_force(force._applied(one), x, rate)
                 signals = {s.key: s for place in each for s in place}.values()
                 with suppress(TensegrityError):  # infinite at these displacements
@@ -268,7 +270,8 @@ def frequency_of_drives(scene: Any, state: Any, t_end: float) -> float:
 
 
 def _frequency(signal: Any, t_end: float) -> float:
-    t = np.concatenate([np.linspace(0, t_end, INTERVALS + 1), *_steepest(signal, t_end)])
+    own = signal.knots[(signal.knots >= 0) & (signal.knots <= t_end)]
+    t = np.concatenate([np.linspace(0, t_end, INTERVALS + 1), *_steepest(signal, t_end), own])
     half = float(np.ptp(signal(t))) / 2
     return float(np.max(np.abs(signal(t, 1)))) / half if half else 0.0
 
