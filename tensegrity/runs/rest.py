@@ -7,9 +7,8 @@ import sys
 import numpy as np
 
 FAINT = 1e-6  # largest motion over a length in the first steps of a scene that may be at rest
-REST = (
-    64 * sys.float_info.epsilon
-)  # distance from the equilibrium over a length that counts as round-off
+# Distance from the equilibrium over a length that counts as round-off.
+REST = 64 * sys.float_info.epsilon
 
 
 def length_at_rest(problem, seen):
