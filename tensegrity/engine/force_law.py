@@ -94,10 +94,23 @@ class ForceLaw:
         return self.state[len(self.state) // 2 :]
 
     @property
+    def _used(self) -> set[Any]:
+        return set().union(*(one.free_symbols for one in self.expressions))
+
+    @property
     def dissipates(self) -> bool:
         """Whether the force depends on velocity: its negative work then counts as a loss."""
-        used = set().union(*(one.free_symbols for one in self.expressions))
-        return bool(used & {*self.rates})
+        return bool(self._used & {*self.rates})
+
+    @property
+    def varies(self) -> bool:
+        """Whether the force depends on time."""
+        return self.time in self._used
+
+    @property
+    def of_time(self) -> bool:
+        """Whether the force acts on sites and depends on nothing else than time."""
+        return self.on == SITE and self.law is None and not self._used & {*self.state}
 
     @property
     def continuity(self) -> float:
