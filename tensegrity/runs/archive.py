@@ -36,8 +36,10 @@ from tensegrity.scenes.network import Network
 from tensegrity.scenes.scene import State
 from tensegrity.scenes.walls import Wall
 from tensegrity.springs.polynomial import Polynomial, polynomial_of_coefficients
-from tensegrity.springs.potential import Potential, potential_of_law, provenance
+from tensegrity.springs.potential import Potential
 from tensegrity.springs.power_law import PowerLaw
+from tensegrity.springs.provenance import potential_of_law, provenance
+from tensegrity.springs.table import Table, table_of_values
 from tensegrity.structures.dynamics import BarSpring, StringSpring
 
 FORMAT = "tensegrity 1"
@@ -344,6 +346,11 @@ def _polynomial(x):
     return parts | {"error_estimate": x.error_estimate}
 
 
+def _table(x):
+    parts = {"kind": x.kind, "values": x.values, "length": x.length, "domain": x.domain}
+    return parts | {"noise": x.noise}
+
+
 def _elastic(x):
     _, (prism, preload) = provenance(x)
     return {"prism": prism, "preload": preload}
@@ -433,6 +440,7 @@ register(Potential, _rigid, _make_rigid)
 register(ElasticPotential, _elastic)
 register(PlateSpring, lambda x: {"prism": x.prism})
 register(Polynomial, _polynomial, polynomial_of_coefficients)
+register(Table, _table, table_of_values)
 register(StringSpring, _member)
 register(BarSpring, _member)
 register(Wall, _wall, _make_wall)

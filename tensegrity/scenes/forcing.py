@@ -22,7 +22,7 @@ from tensegrity.readonly import FixedDict, fixed
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.force import applied_forces, checked_forces, place_counts
 from tensegrity.scenes.signals import RTOL, check_signals, expression_of, in_columns, signals_of
-from tensegrity.springs.potential import argument
+from tensegrity.springs.provenance import argument
 from tensegrity.springs.tuned import spring_at
 
 if TYPE_CHECKING:

@@ -132,6 +132,68 @@ class Potential:
         self._domain = low, high
         self.ends = ends
 
+    @staticmethod
+    def from_table(
+        elongation: ArrayLike,
+        tension: ArrayLike,
+        kind: str = "cubic",
+        *,
+        noise: float | None = None,
+        preload: float | None = None,
+        extrapolate: bool = False,
+        length: float | None = None,
+    ) -> Potential:
+        """A spring from measured tensions.
+
+        Parameters
+        ----------
+        elongation : array_like, (points,)
+            Strictly increasing or decreasing, with 0 inside [m]; at most 100, or 100,000 of a
+            "smooth" table.
+        tension : array_like, (points,)
+            [N], > 0 in extension.
+        kind : {"cubic", "monotone", "linear", "smooth"}, optional
+            The tension between the points: the not-a-knot cubic spline, from 4 points; that of
+            Fritsch and Carlson, monotone where the points are, from 3; straight lines, from 2; or
+            the cubic spline of least curvature that leaves the noise, from 5.
+        noise : float, optional
+            Standard deviation of the tensions of a "smooth" table [N]; estimated by default.
+        preload : float, optional
+            Compressive force at rest [N].  Elongations are then measured from the point nearest to
+            0 with the tension -preload, of which the energy is that of the equilibrium.  By default
+            they remain those of the table, in equilibrium at 0 only if the tension is 0 there.
+        extrapolate : bool, optional
+            Continue the tension beyond the table by its tangents.  By default the domain ends with
+            the table: beyond it is a `LockingError`.
+        length : float, optional
+            Length at the elongation 0 of the table [m].
+
+        Returns
+        -------
+        Potential
+            With V(0) = 0, and attributes `kind` and `noise`, the (estimated) standard deviation of
+            the tension [N], 0 if it is not smoothed.
+
+        Raises
+        ------
+        TensegrityError
+            Points that are not as described, no such preload, or noise of another kind.
+        ResolutionError
+            Spacings so unequal, or steps so steep, that the spline misses the points.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from tensegrity import Potential
+        >>> r = np.linspace(-1, 1, 21)
+        >>> spring = Potential.from_table(r, r + 0.5 * r**2 + 0.2 * r**3)
+        >>> print(spring.stiffness(0.0).round(12), spring.energy(0.5).round(12))
+        1.0 0.148958333333
+        """
+        from tensegrity.springs.table import from_table
+
+        return from_table(elongation, tension, kind, noise, preload, extrapolate, length)
+
     def varied(self, values: Mapping[str, float]) -> Potential:
         """The same spring with other values of its arguments.
 
@@ -396,48 +458,3 @@ def _sound_speed_squared() -> tuple[list[Any], tuple[Any, ...]]:
 
     squared = form.sound_speed().subs(form.spacing, 1) ** 2
     return [squared], (form.stiffness, form.mass)
-
-
-def potential_of_law(
-    law: Law,
-    values: ArrayLike,
-    length: float | None,
-    domain: tuple[float, float],
-    ends: tuple[str, str],
-    origin: str = "",
-    made_of: Any = None,
-) -> Potential:
-    """A potential from a law that is more than an energy, such as that of a prism.
-
-    Parameters
-    ----------
-    law, values, length, domain, ends, origin, made_of
-        The law, the values of its parameters, the length at r = 0 [m], the range of elongation
-        [m], what limits it at either end, the printed form, and the prism with its preload.
-
-    Returns
-    -------
-    Potential
-    """
-    potential = Potential.__new__(Potential)
-    potential._set(law, values, length, domain, ends)
-    potential._origin, potential._made_of = origin, made_of
-    return potential
-
-
-def provenance(potential: Potential) -> tuple[str, Any]:
-    """The printed form of a potential, and the prism and the preload that it was made of."""
-    return potential._origin, potential._made_of
-
-
-def argument(potential: Potential, name: str) -> float:
-    """The value of a parameter, or of an argument of the prism or the preload, by name."""
-    if potential._made_of:
-        prism, preload = potential._made_of
-        return float(preload if name == "preload" else getattr(prism, name))
-    return potential.parameters[name]
-
-
-def range_error(potential: Potential, r: float) -> LockingError:
-    """The error for an elongation [m] at or beyond an end of either domain of a potential."""
-    return potential._range_error(r)
