@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import inf
-from typing import Any
+from typing import Any, ClassVar
 
 
 class TensegrityError(ValueError):
     """Base of all errors raised by this toolkit."""
+
+    said: ClassVar[Callable[[str], str]] = staticmethod(str)  # by `units`
+
+    def __str__(self) -> str:
+        return self.said(super().__str__())
 
 
 class CompilerError(TensegrityError):

@@ -25,6 +25,7 @@ from tensegrity.errors import LockingError, TensegrityError
 from tensegrity.printing import concise, number_text
 from tensegrity.readonly import fixed
 from tensegrity.springs.kinks import kinks
+from tensegrity.springs.spline import SplineLaw, from_table
 
 if TYPE_CHECKING:
     from collections.abc import Hashable
@@ -72,6 +73,7 @@ class Potential:
     array([-0.2103,  0.    ,  0.1903])
     """
 
+    noise = 0.0  # standard deviation that was smoothed away from a table [N]
     _origin = ""  # the call that made this potential, unless it is that of its class
     _made_of: Any = None  # the prism and the preload of a prism's potential
 
@@ -148,38 +150,34 @@ class Potential:
         Parameters
         ----------
         elongation : array_like, (points,)
-            Strictly increasing or decreasing, with 0 inside [m]; at most 100, or 100,000 of a
-            "smooth" table.
+            Sorted, each once, with 0 inside [m]; at most 100, or 100,000 of a "smooth" table.
         tension : array_like, (points,)
             [N], > 0 in extension.
         kind : {"cubic", "monotone", "linear", "smooth"}, optional
-            The tension between the points: the not-a-knot cubic spline, from 4 points; that of
-            Fritsch and Carlson, monotone where the points are, from 3; straight lines, from 2; or
-            the cubic spline of least curvature that leaves the noise, from 5.
+            The tension between the points: the not-a-knot cubic spline (from 4 points), that of
+            Fritsch and Carlson, monotone where the points are (3), lines (2), or a cubic spline
+            without the noise (5).
         noise : float, optional
             Standard deviation of the tensions of a "smooth" table [N]; estimated by default.
         preload : float, optional
-            Compressive force at rest [N].  Elongations are then measured from the point nearest to
-            0 with the tension -preload, of which the energy is that of the equilibrium.  By default
-            they remain those of the table, in equilibrium at 0 only if the tension is 0 there.
+            Compressive force at rest [N]: elongations are then measured from the point nearest to 0
+            with the tension -preload, and the tension from there.  By default those of the table
+            remain, with an equilibrium at 0 only if the tension is 0 there.
         extrapolate : bool, optional
-            Continue the tension beyond the table by its tangents.  By default the domain ends with
-            the table: beyond it is a `LockingError`.
+            Continue by tangents beyond the table, where by default the domain ends.
         length : float, optional
             Length at the elongation 0 of the table [m].
 
         Returns
         -------
         Potential
-            With V(0) = 0, and attributes `kind` and `noise`, the (estimated) standard deviation of
-            the tension [N], 0 if it is not smoothed.
+            V(0) = 0; its `noise` is the standard deviation that was smoothed away [N].
 
         Raises
         ------
         TensegrityError
-            Points that are not as described, no such preload, or noise of another kind.
-        ResolutionError
-            Spacings so unequal, or steps so steep, that the spline misses the points.
+            Points that are not as described, no such preload, or noise of another kind; spacings so
+            unequal, or steps so steep, that the spline misses the points (`ResolutionError`).
 
         Examples
         --------
@@ -190,9 +188,12 @@ class Potential:
         >>> print(spring.stiffness(0.0).round(12), spring.energy(0.5).round(12))
         1.0 0.148958333333
         """
-        from tensegrity.springs.table import from_table
-
-        return from_table(elongation, tension, kind, noise, preload, extrapolate, length)
+        given = kind, noise, preload, extrapolate, length
+        law, values, length, domain, left, origin = from_table(elongation, tension, *given)
+        made = Potential.__new__(Potential)
+        made._set(law, values, length, domain, ("the table ends",) * 2)
+        made.noise, made._origin = left, origin
+        return made
 
     def varied(self, values: Mapping[str, float]) -> Potential:
         """The same spring with other values of its arguments.
@@ -327,8 +328,7 @@ class Potential:
         low, high = self._domain
         inside = (r >= low) & (r <= high) if closed else (r > low) & (r < high)
         if not inside.all():
-            worst = float(r[~inside].flat[0]) if r.ndim else float(r)
-            raise self._range_error(worst)
+            raise self._range_error(float(r[~inside].flat[0]))
         flat = np.ascontiguousarray(r).reshape(-1)
         return evaluated(self.law, order, self.values, flat).reshape(r.shape)
 
@@ -337,6 +337,8 @@ class Potential:
         """Kinks of the force, such as losses of contact: place [m], strength, exponent and side
         of each; see `tensegrity.springs.kinks`."""
         law = self.law
+        if isinstance(law, SplineLaw):
+            return law.kinks(self.values, self._domain)
         if not isinstance(law, Law) or isinstance(law, DerivedLaw):  # smooth: prisms, polynomials
             return ()
         return kinks(law.energy, law.elongation, law.parameters, self.values, self._domain)
@@ -368,8 +370,7 @@ class Potential:
         stiffness = float(self.stiffness(0.0))
         if stiffness < 0:
             raise TensegrityError(f"stiffness {stiffness:g} N/m at rest must be at least 0")
-        (squared,) = run(derived(_sound_speed_squared), np, (stiffness, mass))
-        return math.sqrt(squared)
+        return math.sqrt(run(derived(_sound_speed_squared), np, (stiffness, mass))[0])
 
     def to_c(self, path: str | os.PathLike[str]) -> Path:
         """Write this spring as a C file that stands alone.
@@ -385,13 +386,12 @@ class Potential:
               extension > 0;
             - ``spring_lowest`` and ``spring_highest``: only between these are they defined.
 
-            Compiled with ``-DDRIVER`` it is a program that prints a table, at the elongations that
-            are its arguments.
+            Values agree with those in Python to round-off, of elastic prisms to 1e-14 of the inner
+            unknowns.  With ``-DDRIVER`` it is a program that prints them at its arguments.
 
         Returns
         -------
         Path
-            Of the file.
 
         Raises
         ------
@@ -401,16 +401,6 @@ class Potential:
             A prism with elastic members whose inner unknowns few iterations do not find: they are
             far too stiff.  With others the file holds for all elongations that runs can follow,
             `computable_domain`.
-
-        Notes
-        -----
-        Values agree with those in Python to round-off; those of an elastic prism as well as its
-        few iterations of Newton's method converge, to 1e-14 of the unknowns.
-
-        Examples
-        --------
-        >>> from tensegrity import PowerLaw
-        >>> path = PowerLaw(1.0, 1.5).to_c("contact.c")  # doctest: +SKIP
         """
         from tensegrity.springs.export import to_c
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,7 +18,6 @@ from tensegrity import check
 from tensegrity.engine.law import DerivedLaw, horner
 from tensegrity.errors import ResolutionError, TensegrityError
 from tensegrity.printing import number_text
-from tensegrity.springs.potential import Potential
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -94,100 +92,43 @@ class SplineForms:
         return r, p, forms
 
 
-def spline_law(bends: int, *powers: int) -> Any:
-    """The law of `SplineForms`."""
+def spline_forms(bends: int, *powers: int) -> Any:
+    """The forms of a `SplineLaw`."""
     return SplineForms(bends, powers)
 
 
-class Table(Potential):
-    """A spring whose tension is a spline of a table: see `Potential.from_table`.
-
-    Attributes
-    ----------
-    kind : {"cubic", "monotone", "linear", "smooth"}
-    noise : float
-        Root mean square of the difference from the table [N]; 0 unless smoothed.
-    """
-
-    kind: str
-    noise: float
-
-    def _take(self, kind, values, length, domain, noise):
-        self.kind, self.noise = kind, noise
-        powers = KINDS[kind][1]
-        bends = (len(values) - len(HEAD)) // (2 + len(powers))
-        law: Any = DerivedLaw(spline_law, bends, *powers)
-        self._set(law, values, length, domain, ("the table ends",) * 2)
-
-    @property
-    def bends(self) -> Array:
-        """Place [m], reciprocal of the size [1/m] and terms [N] of each bend; (bends, 3 or 4)."""
-        return self.values[len(HEAD) :].reshape(2 + len(KINDS[self.kind][1]), -1).T
-
-    @cached_property
-    def kinks(self) -> tuple[Kink, ...]:
-        """Kinks of the force: the bends, and the ends of a table that tangents continue."""
-        found = [
-            (place, math.copysign(c, c * per) * abs(per) ** n, float(n), math.copysign(1.0, per))
-            for place, per, *terms in self.bends.tolist()
-            for n, c in zip(KINDS[self.kind][1], terms, strict=True)
-            if c
-        ]
-        for end in self.values[: 2 if math.isinf(self._domain[0]) else 0].tolist():
-            side = math.copysign(1.0, end)  # the tangent lacks the second and third derivatives
-            inner = max((side * x for x in self.bends[:, 0].tolist()), default=0.0)
-            near = np.nextafter(end, 0.0)
-            middle = (end + side * max(inner, 0.0)) / 2
-            bent = self.derivative(3, np.array([near, middle])).tolist()
-            third = (bent[0] - bent[1]) / float(near - middle)
-            found += [(end, -side * bent[0] / 2, 2.0, side), (end, -third / 6, 3.0, side)]
-        return tuple(kink for kink in found if kink[1])
-
-    def __repr__(self) -> str:
-        low, high = (number_text(x) for x in self.values[:2])
-        noise = f", noise {self.noise:.3g} N" if self.kind == "smooth" else ""
-        return f"Table({self.kind}, {len(self.bends)} bends from {low} to {high} m{noise})"
-
-
-def table_of_values(
-    kind: str, values: ArrayLike, length: float | None, domain: tuple[float, float], noise: float
-) -> Table:
-    """A spring from the numbers of one that was made from a table before.
+class SplineLaw(DerivedLaw):
+    """The law of splines of as many bends, with terms of the same powers.
 
     Parameters
     ----------
-    kind : {"cubic", "monotone", "linear", "smooth"}
-    values : array_like
-        Parameters of its law.
-    length : float or None
-        Length at r = 0 [m].
-    domain : (float, float)
-        Range of elongation [m].
-    noise : float
-        Root mean square of the difference from the table [N], >= 0.
-
-    Returns
-    -------
-    Table
-
-    Raises
-    ------
-    TensegrityError
-        Another kind, or values that do not match it.
+    bends : int
+    *powers : int
     """
-    values = check.finite("values", check.floats("values", values))
-    terms = 2 + len(KINDS[_known(kind)][1])
-    if values.ndim != 1 or len(values) < len(HEAD) or (len(values) - len(HEAD)) % terms:
-        raise TensegrityError(f"{values.size} values do not make a {kind} table")
-    made = Table.__new__(Table)
-    made._take(kind, values, length, domain, check.number("noise", noise, least=0, unit="N"))
-    return made
 
+    def __init__(self, bends: int, *powers: int) -> None:
+        super().__init__(spline_forms, bends, *powers)
 
-def _known(kind: object) -> str:
-    if not isinstance(kind, str) or kind not in KINDS:
-        raise TensegrityError(f"kind {check.shown(kind)} must be one of {', '.join(KINDS)}")
-    return kind
+    def kinks(self, values: Array, domain: tuple[float, float]) -> tuple[Kink, ...]:
+        """Kinks of the force: the bends, and the ends of a table that tangents continue."""
+        count, *powers = self.arguments
+        low, high, _, _, per_size, _, _, a2, a3 = values[: len(HEAD)].tolist()
+        place, per, *terms = values[len(HEAD) :].reshape(2 + len(powers), count)
+        found = []
+        for n, c in zip(powers, terms, strict=True):
+            side = np.sign(per)
+            rows = zip(place, side * c * np.abs(per) ** n, [n] * count, side, strict=True)
+            found += [tuple(map(float, row)) for row in rows]
+        for side, end in ((-1.0, low), (1.0, high)) if math.isinf(domain[0]) else ():
+            # the tangent lacks the second and third derivatives
+            bent = per_size**2 * (2 * a2 + 6 * a3 * per_size * end)
+            third, mine = 6 * a3 * per_size**3, side * per > 0
+            for n, c in zip(powers, terms, strict=True):
+                far = per[mine] * (end - place[mine])
+                bent += float(np.sum(n * (n - 1) * c[mine] * per[mine] ** 2 * far ** max(n - 2, 0)))
+                third += 6 * float(np.sum(c[mine] * per[mine] ** 3)) * (n == 3)
+            found += [(end, -side * bent / 2, 2.0, side), (end, -third / 6, 3.0, side)]
+        return tuple(kink for kink in found if kink[1])
 
 
 def from_table(
@@ -198,8 +139,11 @@ def from_table(
     preload: float | None,
     extrapolate: bool,
     length: float | None,
-) -> Table:
-    """See `tensegrity.Potential.from_table`."""
+) -> tuple[SplineLaw, Array, float | None, tuple[float, float], float, str]:
+    """Law, values, length, domain, noise and printed form of a spring: see
+    `tensegrity.Potential.from_table`."""
+    if not isinstance(kind, str) or kind not in KINDS:
+        raise TensegrityError(f"kind {check.shown(kind)} must be one of {', '.join(KINDS)}")
     x, y = _points(elongation, tension, kind)
     extrapolate = check.truth("extrapolate", extrapolate)
     if noise is not None:
@@ -227,7 +171,11 @@ def from_table(
     low, high = (-math.inf, math.inf) if extrapolate else values[:2].tolist()
     if length is not None:
         length += rest * size
-    return table_of_values(kind, values, length, (low, high), peak * left)
+    check.finite("spline of the table", values)
+    ends = " to ".join(map(number_text, values[:2]))
+    noises = f", noise {number_text(peak * left)} N" if kind == "smooth" else ""
+    origin = f"Potential.from_table({kind}, {len(bends)} bends from {ends} m{noises})"
+    return SplineLaw(len(bends), *KINDS[kind][1]), values, length, (low, high), peak * left, origin
 
 
 def _points(elongation: ArrayLike, tension: ArrayLike, kind: str) -> tuple[Array, Array]:
@@ -235,7 +183,7 @@ def _points(elongation: ArrayLike, tension: ArrayLike, kind: str) -> tuple[Array
     x, y = check.floats("elongation", elongation), check.floats("tension", tension)
     if x.ndim != 1 or y.shape != x.shape:
         raise TensegrityError(f"elongation {x.shape} and tension {y.shape} must be of one length")
-    least, most = KINDS[_known(kind)][0], RECORD if kind == "smooth" else MOST
+    least, most = KINDS[kind][0], RECORD if kind == "smooth" else MOST
     check.whole(f"number of points of a {kind} table", len(x), least=least, below=most + 1)
     x, y = check.finite("elongation", x), check.finite("tension", y)
     if x[-1] < x[0]:
@@ -315,7 +263,7 @@ def _parameters(x: Array, y: Array, kind: str, rests: bool) -> tuple[Array, Arra
     for p in powers:
         before = sum(math.comb(m, p) * left[m] * spacing[:-1] ** (m - p) for m in range(p, 4))
         bends = np.column_stack([bends, side * (right[p] - before) / per**p])
-    x = np.sort(np.append(x, (x[1:] + x[:-1]) / 2))  # where it is compared
+    x = np.interp(np.arange(4 * len(x) - 3) / 4, np.arange(len(x)), x)  # where it is compared
     y = spline(x)
     found = _without_round_off(x, y, a, bends, powers)
     if not _misfit(x, y, *found, powers) <= EXACT:
