@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity import check, unit_names
-from tensegrity.errors import TensegrityError
+from tensegrity.errors import SAID
 from tensegrity.unit_names import in_units
 
 if TYPE_CHECKING:
@@ -64,24 +64,30 @@ def units(
     >>> import tensegrity as ts
     >>> with ts.units(length="mm"):
     ...     print(ts.Prism(base=80.0, height=70.0, prestrain=0.01, k_cross=2.0))
-    prism of 3 sides: base 80 mm, height 70 mm, prestrain 0.01, k_cross 2 N/mm,
-        k_base inf N/mm, k_bar inf N/mm
+    prism of 3 sides: base 80 mm, height 70 mm, prestrain 0.01, k_cross 2 N/mm
     """
     for name, text in (("length", length), ("force", force), ("time", time)):
         check.kind(name, text, str)
     derived = (length, force, time) != ("m", "N", "s")
     if mass is None:
-        impulse = unit_names.joined(force, time and f"{time}^2", " ")
-        mass = unit_names.joined(impulse, length, "/") if derived else "kg"
+        impulse = _joined(force, time and f"{time}^2", " ")
+        mass = _joined(impulse, length, "/") if derived else "kg"
     if energy is None:
-        energy = unit_names.joined(force, length, " ") if derived else "J"
+        energy = _joined(force, length, " ") if derived else "J"
     for name, text in (("mass", mass), ("energy", energy)):
         check.kind(name, text, str)
-    TensegrityError.said = staticmethod(unit_names.in_units)
+    SAID["message"] = unit_names.in_units
     after = ExitStack()
     after.callback(unit_names.names.update, dict(unit_names.names))
     unit_names.names.update({"m": length, "kg": mass, "s": time, "N": force, "J": energy})
     return after
+
+
+def _joined(one: str, other: str, mark: str) -> str:
+    """A product or quotient of units, of which either may have no name."""
+    if not one and other and mark == "/":
+        return f"1/{other}"
+    return mark.join(part for part in (one, other) if part)
 
 
 def filled(text: str) -> str:

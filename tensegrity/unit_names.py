@@ -16,13 +16,6 @@ _SAID = re.compile(rf"(?<=\d) ({_UNIT})(?![\w^/])| ?\[({_UNIT})\]")
 _FACTOR = re.compile(r"([ /]?)([A-Za-z]+|1)(\^?-?\d)?")
 
 
-def joined(one: str, other: str, mark: str) -> str:
-    """A product or quotient of units, of which either may have no name."""
-    if not one and other and mark == "/":
-        return f"1/{other}"
-    return mark.join(part for part in (one, other) if part)
-
-
 def unit_text(unit: str) -> str:
     """A unit of SI, such as N/m, by the names that were given; "" where nothing is left of it."""
     text = ""

@@ -125,17 +125,16 @@ class Potential:
         self._length = None if length is None else check.number("length", length, above=0, unit="m")
         ends_of_it = check.sequence("domain", domain, "two elongations")
         if len(ends_of_it) != 2:
-            raise TensegrityError(
-                f"domain {check.shown(domain)} must be (lowest, highest) elongation"
-            )
+            raise TensegrityError(f"domain {check.shown(domain)} must be two elongations")
         low, high = (check.number("domain end", x, finite=False) for x in ends_of_it)
         if not low < 0 < high:
             raise TensegrityError(f"domain ({low:g}, {high:g}) m must contain 0 m inside")
         self._domain = low, high
         self.ends = ends
 
-    @staticmethod
+    @classmethod
     def from_table(
+        cls,
         elongation: ArrayLike,
         tension: ArrayLike,
         kind: str = "cubic",
@@ -188,8 +187,8 @@ class Potential:
         >>> print(spring.stiffness(0.0).round(12), spring.energy(0.5).round(12))
         1.0 0.148958333333
         """
-        given = kind, noise, preload, extrapolate, length
-        law, values, length, domain, left, origin = from_table(elongation, tension, *given)
+        given = elongation, tension, kind, noise, preload, extrapolate, length
+        law, values, length, domain, left, origin = from_table(*given)
         made = Potential.__new__(Potential)
         made._set(law, values, length, domain, ("the table ends",) * 2)
         made.noise, made._origin = left, origin

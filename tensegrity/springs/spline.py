@@ -140,8 +140,22 @@ def from_table(
     extrapolate: bool,
     length: float | None,
 ) -> tuple[SplineLaw, Array, float | None, tuple[float, float], float, str]:
-    """Law, values, length, domain, noise and printed form of a spring: see
-    `tensegrity.Potential.from_table`."""
+    """What a spring is made of.
+
+    Parameters
+    ----------
+    elongation, tension, kind, noise, preload, extrapolate, length
+        As of `tensegrity.Potential.from_table`.
+
+    Returns
+    -------
+    law, values, length, domain, noise, printed form
+
+    Raises
+    ------
+    TensegrityError
+        As there.
+    """
     if not isinstance(kind, str) or kind not in KINDS:
         raise TensegrityError(f"kind {check.shown(kind)} must be one of {', '.join(KINDS)}")
     x, y = _points(elongation, tension, kind)
@@ -235,7 +249,7 @@ def _smoothed(x: Array, y: Array, noise: float | None) -> tuple[Array, Array, fl
     lost = penalty / (1 + penalty)
     variance = (outside + lost**2 @ z**2) / (count - most + lost.sum(axis=1))
     misfit = outside + lost @ z**2
-    likely = misfit / noise**2 if noise else (count - 2) * np.log(misfit)
+    likely = misfit / noise / noise if noise else (count - 2) * np.log(misfit)
     best = int(np.argmin(likely - np.log(lost[:, 2:]).sum(axis=1)))
     return at, modes @ ((1 - lost[best]) * z), math.sqrt(variance[best])
 
