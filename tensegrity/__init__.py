@@ -44,6 +44,7 @@ from tensegrity.measure.records import first_peak, largest_peak, peaks, sampled
 from tensegrity.orbits.orbit import periodic_orbit
 from tensegrity.orbits.path import orbit_path
 from tensegrity.orbits.stability import floquet
+from tensegrity.printing import units
 from tensegrity.prisms.closed import member_stiffness
 from tensegrity.prisms.contact import bar_contact
 from tensegrity.prisms.fit import fit
@@ -151,6 +152,7 @@ __all__ = [
     "tent",
     "transition_wave",
     "transmission",
+    "units",
     "wall_gaps",
     "width",
 ]

@@ -29,7 +29,7 @@ from tensegrity.scenes.signals import (
     signals_of,
     signals_of_force,
 )
-from tensegrity.springs.potential import argument
+from tensegrity.springs.provenance import argument
 from tensegrity.springs.tuned import spring_at
 
 if TYPE_CHECKING:
