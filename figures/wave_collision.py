@@ -7,7 +7,7 @@ import tensegrity
 from figures import _measure, _scenes
 from figures._draw import name_curves
 from figures._measure import row
-from tensegrity import LockingError, phase_shift, pulses, simulate, solitary_wave
+from tensegrity import Chain, LockingError, phase_shift, pulses, simulate, solitary_wave
 
 GROUP = "waves"
 
@@ -15,6 +15,7 @@ PRISM = (0.8, 0.02)  # height, prestrain
 SPEEDS = (1.1, 1.3, 1.6, 2.0)
 MEETINGS = (0.0, 0.125, 0.25, 0.375, 0.5)  # sites from a mass
 SHOWN = (1.6, 0.25)
+FILM = (0.7, 0.01)  # height, prestrain
 TOO_FAST = 2.5
 STEP = 0.02  # sites that the waves travel in a step of the coarser run
 WINDOW = 1e-6  # of the peak remains where the energy of a wave is truncated
@@ -79,6 +80,16 @@ def shown():
     return simulate(*_scenes.collision(_scenes.rigid(*PRISM), *SHOWN), method="rkn6")
 
 
+@cache
+def filmed():
+    """The run of the film, which is that of the first example of README.md."""
+    spring = _scenes.rigid(*FILM)
+    fast, slow = (solitary_wave(spring, speed_ratio=ratio) for ratio in (2.0, 1.3))
+    chain = Chain(spring, sites=100)
+    start = fast.launch(chain, at=20) + slow.launch(chain, at=80, direction=-1)
+    return simulate(chain, start, t_end=60 / fast.speed, tol=1e-8)
+
+
 def data():
     """Residue, exchange and shift over speed and meeting place; one density; the locking."""
     spring = _scenes.rigid(*PRISM)
@@ -118,8 +129,8 @@ def draw(figure, tables):
 
 
 def animate(tables, path):
-    """Animate the collision that is drawn."""
-    tensegrity.animate(shown(), path, frames=60)
+    """Animate a collision of two different waves."""
+    tensegrity.animate(filmed(), path)
 
 
 def table(tables):

@@ -331,10 +331,12 @@ def initial_gaps(
         check.number(f"gap {number}", gap, least=0, unit="m")
     if not given.any():
         return ()
+    gaps = tuple(np.broadcast_to(given, contacts).tolist())
+    check.number("sum of the gaps", sum(gaps), unit="m")
     for excluded, words in ((is_loaded, "gravity and preload 0"), (walls, "one wall at most")):
         if excluded:
             raise TensegrityError(f"gaps up to {given.max():g} m require {words}")
-    return tuple(np.broadcast_to(given, contacts).tolist())
+    return gaps
 
 
 def _beads(beads: Sequence[Bead]) -> tuple[Bead, ...]:

@@ -40,6 +40,7 @@ from .measure.records import first_peak, largest_peak, peaks, sampled
 from .orbits.orbit import periodic_orbit
 from .orbits.path import orbit_path
 from .orbits.stability import floquet
+from .printing import units
 from .prisms.closed import member_stiffness
 from .prisms.contact import bar_contact
 from .prisms.fit import fit
@@ -148,6 +149,7 @@ __all__ = [
     "tent",
     "transition_wave",
     "transmission",
+    "units",
     "wall_gaps",
     "width",
 ]

@@ -18,6 +18,7 @@ from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.ensemble import Ensemble
 from tensegrity.scenes.network import Network
 from tensegrity.scenes.picture import Picture, forces
+from tensegrity.unit_names import in_units, is_si, unit_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -177,7 +178,7 @@ def moving(
         picture.show(run.u[row], values[row])
         if not picture.crowded:
             picture.push(*forces(scene, run.u[row], factor), widest)
-        picture.ax.set_title(f"{_time(run, row)}{words}{magnified}", fontsize=9)
+        picture.ax.set_title(f"{_time(run, row)}{in_units(words)}{magnified}", fontsize=9)
 
     return draw
 
@@ -217,7 +218,7 @@ def _profile(run: Run, ax: Axes, values: Array, words: str) -> Callable[[int], N
     room = ROOM * (high - low) or 1.0
     place = np.arange(values.shape[1])
     (line,) = ax.plot(place, values[0], lw=1.2)
-    ax.set(xlabel="site" if len(place) == run.scene.sites else "bond", ylabel=words)
+    ax.set(xlabel="site" if len(place) == run.scene.sites else "bond", ylabel=in_units(words))
     ax.set(xlim=(0, len(place) - 1), ylim=(low - room, high + room))
 
     def draw(row: int) -> None:
@@ -230,6 +231,6 @@ def _profile(run: Run, ax: Axes, values: Array, words: str) -> Callable[[int], N
 def _time(run: Run, row: int) -> str:
     """An instant, of a width that stays."""
     end, t = float(run.t[-1]), float(run.t[row])
-    units = ((1.0, "s"), (1e3, "ms"), (1e6, "µs"))
+    units = ((1.0, unit_text("s")), (1e3, "ms"), (1e6, "µs"))[: 3 if is_si() else 1]
     factor, unit = next((pair for pair in units if pair[0] * end >= 1), units[-1])
     return f"t = {factor * t:.2f} {unit}"

@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from tensegrity.errors import TensegrityError
 
 LONGEST = 80  # most characters of a value in a message
+NESTED = list, tuple, np.ndarray
 
 
 def number(
@@ -161,8 +162,9 @@ def floats(name: str, value: ArrayLike) -> NDArray[np.float64]:
     """Numbers as an array of float64, C-contiguous, of any shape.
 
     Integers, other floats, views and sequences are converted; an array of the right kind is
-    returned itself.  Complex numbers, truth values, text and objects are refused.
+    returned itself.  Complex numbers, truth values, text, objects and masked entries are refused.
     """
+    unmasked(name, value)
     if isinstance(value, np.ndarray):
         if value.dtype.kind not in "iuf":
             raise TensegrityError(f"{name} has dtype {value.dtype}, must be real numbers")
@@ -170,6 +172,16 @@ def floats(name: str, value: ArrayLike) -> NDArray[np.float64]:
         value = _array(name, value)
     with np.errstate(over="ignore"):  # a long double may be inf as a float64
         return np.require(value, np.float64, ("C", "A", "E"))
+
+
+def unmasked(name: str, value: object) -> None:
+    """Refuse a masked array with masked entries, or a sequence of such arrays."""
+    if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
+        where = int(np.flatnonzero(np.ma.getmaskarray(value))[0])
+        raise TensegrityError(f"{name} is masked at index {where}: a mask is not taken, fill it")
+    if isinstance(value, (list, tuple)) and value and isinstance(value[0], NESTED):
+        for one in value:
+            unmasked(name, one)
 
 
 def numbers(name: str, value: ArrayLike, unit: str) -> NDArray[np.float64]:
@@ -255,6 +267,7 @@ def rows(
     """
     if not isinstance(value, np.ndarray) or value.dtype.kind != "f":
         value = floats(name, value)
+    unmasked(name, value)
     if value.shape[max(value.ndim - len(shape), 0) :] != shape:
         raise TensegrityError(f"{name} of shape {value.shape} must have shape (..., *{shape})")
     return finite(name, value) if are_finite else value
@@ -393,7 +406,7 @@ def _scalar(value: Any) -> Any:
 
 
 def _is(value: object, tower: type) -> bool:
-    return isinstance(value, tower) and not isinstance(value, bool)
+    return isinstance(value, tower) and not isinstance(value, (bool, np.timedelta64))
 
 
 def _is_symbolic_constant(value: object) -> bool:

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import inf
 from typing import Any
+
+SAID: dict[str, Callable[[str], str]] = {"message": str}  # by `units`, in the names that it gave
 
 
 class TensegrityError(ValueError):
     """Base of all errors raised by this toolkit."""
+
+    def __str__(self) -> str:
+        return SAID["message"](super().__str__())
 
 
 class CompilerError(TensegrityError):

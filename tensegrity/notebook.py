@@ -18,6 +18,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from tensegrity.errors import TensegrityError
+from tensegrity.unit_names import in_units
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -54,7 +55,7 @@ def page(
     cells = "".join(
         '<tr><th style="text-align:left;font-weight:normal;opacity:0.7;padding-right:1em">'
         f"{html.escape(name)}</th>"
-        f'<td style="text-align:left">{html.escape(str(value))}</td></tr>'
+        f'<td style="text-align:left">{html.escape(in_units(str(value)))}</td></tr>'
         for name, value in rows.items()
     )
     picture = _picture(draw, size, title) if draw else ""

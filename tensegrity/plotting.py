@@ -13,6 +13,7 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
+from tensegrity.unit_names import in_units, is_si, unit_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -72,7 +73,7 @@ def subplot(figure: Any, in_space: bool) -> Any:
 
 def metres(size: float) -> tuple[float, str]:
     """Factor and name of the unit in which lengths of this size [m] are read easily."""
-    return (1e3, "mm") if size < 0.5 else (1.0, "m")
+    return (1e3, "mm") if size < 0.5 and is_si() else (1.0, unit_text("m"))
 
 
 def logarithmic(values: NDArray[np.float64], colours: str = "viridis") -> dict[str, Any]:
@@ -143,11 +144,15 @@ def members(
         if chosen.any():
             drawn = ax.add_collection(kind(lines[chosen], label=label, **style))
             if "array" in style:
-                ax.figure.colorbar(drawn, ax=ax, label="tension of strings [N]", shrink=0.75)
+                ax.figure.colorbar(
+                    drawn, ax=ax, label=in_units("tension of strings [N]"), shrink=0.75
+                )
     low, high = (f(factor * positions, axis=0) for f in (np.min, np.max))
     room = 0.05 * (high - low).max()
     limits = {f"{name}lim": (low[k] - room, high[k] + room) for k, name in enumerate("xyz"[:dim])}
-    ax.set(**limits, **{f"{name}label": f"{name} [{unit}]" for name in "xyz"[:dim]})
+    ax.set(
+        **limits, **{f"{name}label": f"{name} [{unit}]" if unit else name for name in "xyz"[:dim]}
+    )
     if dim == 3:
         ax.set_box_aspect(high - low + 2 * room, zoom=0.85)  # type: ignore[call-arg]
         ax.locator_params(nbins=4)

@@ -8,10 +8,15 @@ from __future__ import annotations
 
 import re
 import textwrap
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import fields
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from tensegrity import check, unit_names
+from tensegrity.errors import SAID
+from tensegrity.unit_names import in_units
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -24,10 +29,71 @@ UNIT = re.compile(r"(?<=\d) (?=[A-Za-z])")  # between a number and its unit
 LONG = re.compile(r"(?<![\w.])\d+(?:\.\d*)?(?:e[+-]?\d+)?(?![\w.])")  # a number
 
 
+def units(
+    length: str = "m",
+    force: str = "N",
+    time: str = "s",
+    mass: str | None = None,
+    energy: str | None = None,
+) -> AbstractContextManager[Any]:
+    """Name the units of numbers, for prints, plots, files and messages.
+
+    Nothing is converted: a consistent set of units is used throughout, which is that of SI unless
+    it is named here.
+
+    Parameters
+    ----------
+    length, force, time : str, optional
+        Names, such as "mm"; an empty text for a quantity without a unit.
+    mass, energy : str, optional
+        By default those of SI if the others are, else force times time squared over length, and
+        force times length.
+
+    Returns
+    -------
+    context manager
+        The names hold from the call on; in a `with` statement, until it ends.
+
+    Raises
+    ------
+    TensegrityError
+        A name that is not text.
+
+    Examples
+    --------
+    >>> import tensegrity as ts
+    >>> with ts.units(length="mm"):
+    ...     print(ts.Prism(base=80.0, height=70.0, prestrain=0.01, k_cross=2.0))
+    prism of 3 sides: base 80 mm, height 70 mm, prestrain 0.01, k_cross 2 N/mm
+    """
+    for name, text in (("length", length), ("force", force), ("time", time)):
+        check.kind(name, text, str)
+    derived = (length, force, time) != ("m", "N", "s")
+    if mass is None:
+        impulse = _joined(force, time and f"{time}^2", " ")
+        mass = _joined(impulse, length, "/") if derived else "kg"
+    if energy is None:
+        energy = _joined(force, length, " ") if derived else "J"
+    for name, text in (("mass", mass), ("energy", energy)):
+        check.kind(name, text, str)
+    SAID["message"] = unit_names.in_units
+    after = ExitStack()
+    after.callback(unit_names.names.update, dict(unit_names.names))
+    unit_names.names.update({"m": length, "kg": mass, "s": time, "N": force, "J": energy})
+    return after
+
+
+def _joined(one: str, other: str, mark: str) -> str:
+    """A product or quotient of units, of which either may have no name."""
+    if not one and other and mark == "/":
+        return f"1/{other}"
+    return mark.join(part for part in (one, other) if part)
+
+
 def filled(text: str) -> str:
     """Text whose lines are broken where they are wider than 80 columns, and indented then."""
     lines = []
-    for line in UNIT.sub(GLUE, text).splitlines():
+    for line in UNIT.sub(GLUE, in_units(text)).splitlines():
         indent = line[: len(line) - len(line.lstrip())] + "    "
         lines += textwrap.wrap(line, WIDTH, subsequent_indent=indent, break_on_hyphens=False)
     return "\n".join(lines).replace(GLUE, " ")

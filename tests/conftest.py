@@ -1,6 +1,8 @@
 import numpy as np
 import pytest
 
+import tensegrity
+
 EXTENDED = np.finfo(np.longdouble).nmant > 60
 
 
@@ -23,3 +25,10 @@ def page(tmp_path_factory):
     path = tmp_path_factory.mktemp("live") / "index.html"
     assert main([str(path)]) == 0
     return path
+
+
+@pytest.fixture(autouse=True)
+def units_of_si():
+    """Names of units are those of the process: a test that changes them leaves those of SI."""
+    yield
+    tensegrity.units()

@@ -16,13 +16,18 @@ import tensegrity
 from granular import Bead, Contact, Material, Striker, chain, diamond_guide, materials, y_guide
 from tensegrity import (
     Chain,
+    Damping,
+    Drive,
     Ensemble,
+    Force,
+    Network,
     PowerLaw,
     Prism,
     Record,
     State,
     TensegrityError,
     check,
+    sech2,
     simulate,
 )
 
@@ -220,3 +225,40 @@ def test_a_bead_of_metres_and_a_striker_of_km_per_second_are_warned_about_once()
     assert "5.25 mm are 0.00525 m" in str(big.message)
     assert "5.25 mm at 1000 m/s" in str(fast.message)
     assert big.filename == fast.filename == __file__
+
+
+HIDDEN = np.ma.MaskedArray([0.1, 0.2, 0.3], mask=[False, True, False])
+MASKED = [
+    lambda: Damping(bond=HIDDEN), lambda: Damping(ground=[HIDDEN, HIDDEN]),
+    lambda: Chain(SPRING, 3, mass=HIDDEN), lambda: State(HIDDEN, np.zeros(3)),
+    lambda: Chain(SPRING, 3).energy(State(np.zeros(3), HIDDEN)), lambda: SPRING.tension(HIDDEN),
+    lambda: Force(sp.Symbol("v")).values(0.0, HIDDEN), lambda: sech2(SPRING, 1.1, HIDDEN),
+    lambda: Network(np.eye(3), [(0, 1), (1, 2), (2, 0)], SPRING, lengths=HIDDEN),
+    lambda: Network(np.ma.MaskedArray(np.eye(3), mask=np.eye(3)), [(0, 1)], SPRING),
+    lambda: Drive(force=(np.arange(3.0), HIDDEN)), lambda: check.rows("u", HIDDEN, (3,)),
+    lambda: Chain(SPRING, 3).site_energy(State(np.ma.masked_all(3), np.zeros(3))),
+    lambda: chain([Bead(1e-3, STEEL)] * 4, striker=Striker(Bead(1e-3, STEEL), 1.0),
+                  gaps=np.ma.MaskedArray(np.zeros(4), mask=np.ones(4))),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("given", MASKED)
+def test_masked_entries_are_refused_by_name(given):
+    with pytest.raises(TensegrityError, match=r"masked at index \d"):
+        given()
+
+
+def test_a_mask_of_nothing_changes_nothing():
+    plain = np.ma.MaskedArray([0.1, 0.2, 0.3], mask=np.zeros(3, bool))
+    assert type(check.floats("x", plain)) is np.ndarray
+    np.testing.assert_array_equal(SPRING.tension(plain), SPRING.tension(plain.data))
+
+
+@pytest.mark.parametrize("asked", [check.number, lambda *a: check.whole(*a, least=0)])
+def test_a_span_of_time_is_no_number(asked):
+    for span in (np.timedelta64(3), np.timedelta64(3, "s"), np.array(np.timedelta64(3))):
+        with pytest.raises(TensegrityError, match=r"duration .* is not a"):
+            asked("duration", span)
+    chain = Chain(SPRING, 3)
+    with pytest.raises(TensegrityError, match=r"t_end .* is not a number"):
+        simulate(chain, chain.at_rest({0: 0.1}), np.timedelta64(3, "s"))

@@ -414,3 +414,35 @@ def test_bad_input_says_what_and_why():
         simulate(chain, State(np.zeros(8), np.zeros(8)), 1.0, dt=0.1)
     with pytest.raises(TensegrityError, match=r"bond damping has shape \(9,\), must be \(20,\)"):
         plate(damping=Damping(bond=np.ones(9)))
+
+
+class Column:
+    """What converts to an array, as a column of a table of pandas does."""
+
+    def __init__(self, values):
+        self.values = np.asarray(values)
+
+    def __array__(self, dtype=None, copy=None):
+        return self.values.astype(dtype or float)
+
+    def __len__(self):
+        return len(self.values)
+
+
+def test_samples_may_be_columns_of_a_table():
+    t = np.linspace(0, 1, 21)
+    force, plane = (Drive(force=(Column(t), Column(x))) for x in (np.sin(t), np.eye(21)[:, :2]))
+    np.testing.assert_array_equal(force.at(t)[0], Drive(force=(t, np.sin(t))).at(t)[0])
+    assert plane.at(t).shape == (2, 21)
+    with pytest.raises(TensegrityError, match="has 1 components, must have 2"):
+        plate(drive={0: force})
+
+
+def test_a_spike_of_few_of_many_samples_limits_the_steps():
+    """The momentum of a spike between the points at which any other drive is searched."""
+    t = np.arange(200_001) / 2e5
+    spike = np.where(np.abs(t - 0.40013) < 1.01e-5, 1e4, 0.0)
+    chain = Chain(CUBIC, 8, drive={3: Drive(force=(t, spike))})
+    run = simulate(chain, chain.at_rest(), 1.0, tol=1e-4)
+    given = spike.sum() * t[1]
+    assert np.sum(chain.mass * run.final.v) == pytest.approx(given, rel=1e-4)

@@ -135,6 +135,16 @@ PIECES = {  # exponents at the places where pieces meet
     "a kink": (sp.Piecewise((V / 5, V < 0), (V, True)), 1),
     "a ramp": (C * sp.Piecewise((-1, V < -1), (V, V < 1), (1, True)), 1),
     "a relative kink": (sp.Piecewise((V, V < U), (2 * V - U, True)), 1),
+    "round-off at 0": (sp.Piecewise((0.7 * V - 7e-18, V < 0), (V, V < 1), (1, True)), 1),
+    "rounded lines": (
+        sp.Piecewise(
+            (1.4 * V + 0.21, V < -0.1),
+            (0.07 - 0.11 * (V / 0.6 + 1 / 6), V < 0.5),
+            ((V - 0.5) / 3 - 0.04, True),
+        ),
+        1,
+    ),
+    "a small jump": (sp.Piecewise((0.7 * V - 7e-10, V < 0), (V, V < 1), (1, True)), 0),
     "a jump": (sp.Piecewise((0, V < 0), (1, True)), 0),
     "a jump beyond a kink": (sp.Piecewise((0, V < 0), (V, V < 1), (2, True)), 0),
     "an infinite slope": (sp.Piecewise((0, V < 0), (sp.sqrt(V), True)), 0),

@@ -21,7 +21,7 @@ LATER = {"catalogue", "interface", "phase_shift", "pulses", "read_curve", "trans
 LATER |= {"Scatter", "robustness"}
 LATER |= {"Lattice", "bands", "decay", "effective_mass", "moduli"}
 LATER |= {"floquet", "orbit_path", "periodic_orbit"}
-LATER |= {"transition_wave"}
+LATER |= {"transition_wave", "units"}
 LATER |= {"Force", "carretero_gonzalez", "hunt_crossley", "kuwabara_kono", "viscous"}
 HELD = Path(__file__).parent / "interface.txt"
 

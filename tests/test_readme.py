@@ -6,7 +6,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+from figures import wave_collision
 
 ROOT = Path(__file__).parent.parent
 TEXT = (ROOT / "README.md").read_text()
@@ -38,6 +41,12 @@ def test_block_asserts_a_number_that_it_computed(number):
         and any(isinstance(part, (ast.Compare, ast.Call)) for part in ast.walk(test))
         for test in checked
     )
+
+
+def test_the_film_is_that_of_the_first_example():
+    made = {}
+    exec(BLOCKS[0].replace('animate(run, "waves.gif")\n', ""), made)
+    np.testing.assert_array_equal(made["run"].u, wave_collision.filmed().u)
 
 
 def test_there_are_a_first_example_and_six_jobs_each_of_few_lines():

@@ -134,6 +134,7 @@ def test_equal_gaps_keep_the_halves_of_a_diamond_equal_and_delay_the_wave_at_its
                            1e-5, 1e-6, "unwritten"), "gaps between the beads of a guide"),
         (lambda: chain([BIG] * 3, gaps=-1e-6), "gap 0 -1e-06 m must be at least 0"),
         (lambda: chain([BIG] * 3, gaps=[1e-6] * 3), r"must be \(2,\)"),
+        (lambda: chain([BIG] * 3, gaps=1e308), "sum of the gaps inf m is not finite"),
         (lambda: chain([BIG] * 3, gaps=1e-6, preload=1.0), "require gravity and preload 0"),
         (lambda: chain([BIG] * 3, gaps=1e-6, start_wall=STEEL, end=STEEL), "one wall at most"),
         (lambda: Scatter(diameters=0.2), "deviation of diameters 0.2 must be below 0.1"),

@@ -120,6 +120,7 @@ from tensegrity import (
     tent,
     transition_wave,
     transmission,
+    units,
     wall_gaps,
     width,
 )
@@ -237,6 +238,9 @@ def springs(spring: Potential) -> Sequence[Potential]:
     PowerLaw(1.0, "3/2")  # type: ignore[arg-type]
     Polynomial(1.0, -0.1, 0.1)  # type: ignore[arg-type]
     assert_type(fitted.degree, int)
+    with units(length="mm", mass="t"):
+        assert_type(Potential.from_table([-1, 0, 1], [-1, 0, 1], "linear").noise, float)
+    Potential.from_table([-1, 0, 1], 1.0, kind=3)  # type: ignore[arg-type]
     Potential(toda, r, domain=(0.0,))  # type: ignore[arg-type]
     return toda, beads, fitted
 

@@ -11,6 +11,7 @@ from tensegrity import check, plotting
 from tensegrity.errors import TensegrityError
 from tensegrity.notebook import page
 from tensegrity.printing import filled
+from tensegrity.unit_names import unit_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -150,7 +151,7 @@ class Table:
 
     def _heading(self, name: str) -> str:
         """What a column holds, and its unit."""
-        unit = self._units.get(name)
+        unit = unit_text(self._units.get(name, ""))
         return f"{name} [{unit}]" if unit else name
 
     def to_dataframe(self) -> Any:

@@ -15,8 +15,8 @@ import numpy as np
 from tensegrity.engine.bonds import KINDS
 from tensegrity.engine.compiled import evaluated
 from tensegrity.engine.geometry import functions
+from tensegrity.engine.law import LEAST, error_of, is_piecewise, to_casadi
 from tensegrity.engine.law import functions as law_functions
-from tensegrity.engine.law import is_piecewise, to_casadi
 from tensegrity.once import once
 
 if TYPE_CHECKING:
@@ -121,10 +121,23 @@ class ForceLaw:
         return self.state[len(self.state) // 2 :]
 
     @property
+    def _used(self) -> set[Any]:
+        return set().union(*(one.free_symbols for one in self.expressions))
+
+    @property
     def dissipates(self) -> bool:
         """Whether the force depends on velocity: its negative work then counts as a loss."""
-        used = set().union(*(one.free_symbols for one in self.expressions))
-        return bool(used & {*self.rates})
+        return bool(self._used & {*self.rates})
+
+    @property
+    def varies(self) -> bool:
+        """Whether the force depends on time."""
+        return self.time in self._used
+
+    @property
+    def of_time(self) -> bool:
+        """Whether the force acts on sites and depends on nothing else than time."""
+        return self.on == SITE and self.law is None and not self._used & {*self.state}
 
     @property
     def continuity(self) -> float:
@@ -416,15 +429,21 @@ def _joins(expression: Any) -> bool:
     begin to hold."""
     import sympy as sp
 
-    for number, (one, condition) in enumerate(expression.args[:-1], 1):
+    borders = []
+    for _, condition in expression.args[:-1]:
         if not isinstance(condition, (sp.Gt, sp.Ge, sp.Lt, sp.Le)):
             return False
         left = condition.lhs - condition.rhs
         x = next((x for x in sorted(left.free_symbols, key=str) if left.diff(x).is_nonzero), None)
         if x is None or left.diff(x).has(x):  # not a linear equation
             return False
-        here = {x: sp.expand(x - left / left.diff(x))}
-        gap = one - sp.Piecewise(*expression.args[number:])
-        if sp.simplify(gap.subs(here)) != 0 or gap.diff(x).subs(here).is_finite is False:
+        borders.append({x: sp.expand(x - left / left.diff(x))})
+    for number, (here, (one, _)) in enumerate(zip(borders, expression.args, strict=False), 1):
+        (x,), gap = here, one - sp.Piecewise(*expression.args[number:])
+        jump = sp.simplify(gap.subs(here))
+        if jump.is_number and jump != 0:
+            size = sp.Max(*(error_of(expression).subs(border) for border in borders))
+            jump = max(abs(jump) - LEAST * size, 0)  # not the round-off of the constants
+        if jump != 0 or gap.diff(x).subs(here).is_finite is False:
             return False
     return expression.args[-1].cond is sp.true

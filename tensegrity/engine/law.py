@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     import sympy as sp
 
 DERIVATIVES = ("energy", "tension", "stiffness", "slope")
+LEAST = 1e-10  # relative error of the constants of a law, of which a jump may be the round-off
 
 
 @dataclass(frozen=True)
@@ -245,6 +246,23 @@ def is_piecewise(expression: Any) -> bool:
     import sympy as sp
 
     return expression.has(sp.Max, sp.Min, sp.Abs, sp.Heaviside, sp.Piecewise, sp.sign)
+
+
+@once
+def error_of(expression: Any) -> Any:
+    """Error of an expression by errors of the constants and symbols in it, relative to those."""
+    import sympy as sp
+
+    if expression.is_Integer or not expression.args:
+        return sp.Integer(0) if expression.is_Integer else sp.Abs(expression)
+    if isinstance(expression, sp.Piecewise):
+        return sp.Add(*(error_of(piece) for piece, _ in expression.args))
+    power = expression.exp if expression.is_Pow else None
+    certain = {x for x in expression.args if x.is_Integer or (x == power and x.is_number)}
+    parts = [x if x in certain else sp.Dummy() for x in expression.args]
+    back, whole = dict(zip(parts, expression.args, strict=True)), expression.func(*parts)
+    errors = [sp.Abs(whole.diff(x).xreplace(back)) * error_of(back[x]) for x in back if x.is_Dummy]
+    return sp.Add(*errors)
 
 
 @once

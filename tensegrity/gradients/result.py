@@ -26,6 +26,7 @@ from tensegrity.scenes.picture import Picture
 from tensegrity.springs.polynomial import Polynomial
 from tensegrity.springs.power_law import PowerLaw
 from tensegrity.springs.pressed import Pressed
+from tensegrity.unit_names import unit_text
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -157,7 +158,7 @@ class Gradient:
         values = self.mass if name == "mass" else self.by(name)
         one = self._scene[0] if isinstance(self._scene, tuple) else self  # of an ensemble
         scene, unit = one._scene, UNITS.get(name, "")
-        label = f"derivative by {name}" + (f" [value per {unit}]" if unit else "")
+        label = f"derivative by {name}" + (f" [value per {unit_text(unit)}]" if unit else "")
         of_sites = name == "mass" or name in dynamics(scene).arguments
         if isinstance(scene, Network) and values.ndim == 2:
             raise TensegrityError(f"a map shows one gradient, not {values.shape[1]}")

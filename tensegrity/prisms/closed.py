@@ -25,7 +25,8 @@ from tensegrity.errors import EquilibriumError, NoLocking
 from tensegrity.once import once
 from tensegrity.printing import call
 from tensegrity.root import root
-from tensegrity.springs.potential import Potential, potential_of_law
+from tensegrity.springs.potential import Potential
+from tensegrity.springs.provenance import potential_of_law
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -23,6 +23,7 @@ from tensegrity.printing import filled
 from tensegrity.prisms.curve import NAMES, NO_CURVE, RESOLVED, Misfit, intervals, traced_loads
 from tensegrity.prisms.measured import read_curve
 from tensegrity.prisms.prism import Prism
+from tensegrity.unit_names import in_units
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -165,7 +166,8 @@ class Fit:
         drawn.plot(self.shortening, self.load, "o", ms=3, color="0.4", label="points")
         drawn.plot(x, y, "-", color="C0", label="fitted prism")
         drawn.fill_between(x, y - w, y + w, color="C0", alpha=0.25, label="95 % band")
-        drawn.set(xlabel="shortening [m]", ylabel="axial load [N], compression > 0")
+        words = "shortening [m]", "axial load [N], compression > 0"
+        drawn.set(xlabel=in_units(words[0]), ylabel=in_units(words[1]))
         drawn.legend(frameon=False)
         return drawn
 

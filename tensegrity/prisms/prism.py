@@ -23,6 +23,7 @@ from tensegrity.printing import call, filled
 from tensegrity.prisms.closed import assembled, exact, rigid_potential
 from tensegrity.springs.potential import Potential
 from tensegrity.structures.structure import Structure
+from tensegrity.unit_names import in_units
 
 if TYPE_CHECKING:
     from tensegrity.lattices.bloch import PeriodicBonds
@@ -311,7 +312,7 @@ class Prism:
         low, high = potential.computable_domain
         r = np.linspace(DRAWN * low, min(high, -low) / 2, 200)
         curve.plot(-r, -potential.tension(r))
-        curve.set(xlabel="shortening [m]", ylabel="axial load [N]")
+        curve.set(xlabel=in_units("shortening [m]"), ylabel=in_units("axial load [N]"))
 
     @property
     def is_rigid(self) -> bool:

@@ -36,8 +36,10 @@ from tensegrity.scenes.network import Network
 from tensegrity.scenes.scene import State
 from tensegrity.scenes.walls import Wall
 from tensegrity.springs.polynomial import Polynomial, polynomial_of_coefficients
-from tensegrity.springs.potential import Potential, potential_of_law, provenance
+from tensegrity.springs.potential import Potential
 from tensegrity.springs.power_law import PowerLaw
+from tensegrity.springs.provenance import potential_of_law, provenance
+from tensegrity.springs.spline import SplineLaw
 from tensegrity.structures.dynamics import BarSpring, StringSpring
 
 FORMAT = "tensegrity 1"
@@ -322,26 +324,29 @@ def _power_law(x):
 
 
 def _rigid(x):
-    if all(x.law != rigid_law(any_sides) for any_sides in (False, True)):
+    of_table = isinstance(x.law, SplineLaw)
+    if not of_table and all(x.law != rigid_law(any_sides) for any_sides in (False, True)):
         return None
-    origin, made_of = provenance(x)
-    parts = {"values": x.values, "length": x.length, "domain": x.domain, "ends": x.ends}
-    return parts | {"origin": origin, "made_of": made_of}
+    parts = {"spline": x.law.arguments, "noise": x.noise} if of_table else {}
+    parts |= {"values": x.values, "length": x.length, "domain": x.domain, "ends": x.ends}
+    return parts | dict(zip(("origin", "made_of"), provenance(x), strict=True))
 
 
-def _make_rigid(values, length, domain, ends, origin, made_of=None):
-    law = rigid_law(len(values) > len(rigid_law().parameters))
+def _make_rigid(values, length, domain, ends, origin, made_of=None, spline=None, noise=0.0):
+    law = SplineLaw(*spline) if spline else rigid_law(len(values) > len(rigid_law().parameters))
     array("parameters", values, (len(law.parameters),))
     for text in (*ends, origin):
         check.kind("text of a potential", text, str)
     if made_of is not None:
         check.kind("prism", made_of[0], Prism)
-    return potential_of_law(law, values, length, domain, ends, origin, made_of)
+    made = potential_of_law(law, values, length, domain, ends, origin, made_of)
+    made.noise = noise
+    return made
 
 
 def _polynomial(x):
-    parts = {"degree": x.degree, "values": x.values, "length": x.length, "domain": x.domain}
-    return parts | {"error_estimate": x.error_estimate}
+    names = ("degree", "values", "length", "domain", "error_estimate")
+    return {name: getattr(x, name) for name in names}
 
 
 def _elastic(x):

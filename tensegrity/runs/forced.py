@@ -31,10 +31,10 @@ class ForcedMotion(Motion):
     def __init__(self, problem: Any, dt: float, allowed: float, start: Any = None) -> None:
         scene, method = problem.scene, problem.method
         as_forces = bool(getattr(method, "rates", ())) and not scene.tune
-        if problem.dynamics.has_forces and not as_forces:
+        if applied_forces(scene) and not as_forces:
             raise TensegrityError(
-                f"method {method.name!r} admits no forces that depend on velocity, as scenes with "
-                "forces of their own require: take rk4 or rk8"
+                f"method {method.name!r} admits no forces but those of springs, drives, dashpots "
+                "and of time alone: take rk4 or rk8"
             )
         if not as_forces and not isinstance(method, Splitting):
             raise TensegrityError(
@@ -309,7 +309,8 @@ class ForcedMotion(Motion):
         except LockingError as error:
             return LockingError(f"{error}: a spring to the ground got there at t = {t:.6g} s")
         return StabilityError(
-            f"the motion is no longer finite at t = {t:.6g} s: dt too large, or a force not finite"
+            f"the motion is no longer finite at t = {t:.6g} s: "
+            f"{self.problem.step_words(self.dt)} is too large, or a force not finite"
         )
 
     def _barrier(self, spring: Any, side: int) -> None:

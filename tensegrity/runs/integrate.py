@@ -88,7 +88,9 @@ def simulate(
         energy to 1e-8 where contacts of exponents from 1 to 3 are lost.
     tol : float, optional
         Bound on the error max(|du|/max|u|, |dv|/max|v|), maxima over the run, instead of `dt`: the
-        step is refined until runs with different steps, compared throughout, agree to it.
+        step is refined until runs with different steps, compared throughout, agree to it; where
+        sites are driven or damped, or forces depend on velocity, at every step that they share,
+        as transients may be fast.  Pulses in time shorter than 1/4000 of the run may be missed.
         Refused where the force of a spring jumps at an elongation that the run passes: the error
         of fixed steps is of first order there, whatever the method.
     record : Record, optional

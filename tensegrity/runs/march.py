@@ -29,6 +29,7 @@ from tensegrity.typing import Array, Observer
 BLOCK = 8_000_000  # bonds x stages x steps of an attempt: about 20 ms, the delay of an interrupt
 FIRST = 4  # times as many in the first attempt, so that a short run is a single call
 ROOM = 8_000_000  # most numbers in u that a record or an observer of a user takes from an attempt
+MOST_COMPARED = 2_000_000  # most numbers in u that are stored for comparison
 RUN_ERRORS = ContactError, LockingError, StabilityError
 FEWEST = 100  # least steps of an attempt: copies of the state before and after take as long as some
 
@@ -150,7 +151,8 @@ def march(
         Admissible fraction of the stability limit.
     instants : int, optional
         Number of evenly spaced instants, a divisor of `steps`, at which u and v are stored for
-        comparison.
+        comparison; of a driven scene, whose motion may be faster than its bonds, after every step
+        where these are not too many.
     start : Start, optional
         Where an interrupted run continues.
     observers : sequence of Observer, optional
@@ -172,7 +174,8 @@ def march(
         motion.refuse_start()  # before there is a file
     rows = () if start is None else start[1:]
     recorder = Recorder(problem, motion, steps, *rows) if problem.rows else None
-    samples = ComparisonSamples(problem.scene.shape, steps, instants)
+    most = MOST_COMPARED if problem.is_forced else 0
+    samples = ComparisonSamples(problem.scene.shape, steps, instants, most)
     users = [UserObserver(*pair, problem, motion, steps) for pair in problem.observe]
     reached = MarchResult(problem, motion, recorder, samples)
     failure: Any = None

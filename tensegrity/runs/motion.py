@@ -18,7 +18,7 @@ from tensegrity.engine.methods import Corrected, Splitting
 from tensegrity.errors import LockingError, StabilityError
 from tensegrity.runs.problem import MOST_STEPS, StabilityGuard
 from tensegrity.scenes.clearance import SAFETY_FACTOR
-from tensegrity.springs.potential import range_error
+from tensegrity.springs.provenance import range_error
 from tensegrity.typing import Array
 
 SPARE = 4  # prepared loops cached with a scene for each method: one for each thread

@@ -183,7 +183,11 @@ class Problem:
         return self.method.stability_limit / omega if omega > 0 else math.inf
 
     def step_words(self, dt):
-        """Text for messages: the given step, and the step that divides the time evenly."""
+        """Text for messages: the given step, and the step that divides the time evenly; or who
+        chose it."""
+        if self.choice != "dt":
+            by = "for tol" if self.choice == "tol" else "by default"
+            return f"a step of {dt:.6g} s, chosen {by},"
         if self.given is None or math.isclose(self.given, dt, rel_tol=1e-5):
             return f"dt {dt:.6g} s"
         return f"dt {self.given:.6g} s, that is steps of {dt:.6g} s,"

@@ -355,10 +355,24 @@ class ComparisonSamples:
     """Observer that stores u and v at evenly spaced instants, to compare trial runs.
 
     `rows`, (2, instants so far, *shape of the scene), are u [m] and v [m/s].
+
+    Parameters
+    ----------
+    shape : tuple of int
+        Of u.
+    steps : int
+        Number of steps of the run, a multiple of `instants`.
+    instants : int
+        Number of instants after the first, 0 for none.
+    most : int, optional
+        Take as many times more of them as end with a step and do not exceed so many numbers in u.
     """
 
-    def __init__(self, shape: tuple[int, ...], steps: int, instants: int) -> None:
-        self._at = steps // instants * np.arange(instants + 1) if instants else np.zeros(0, int)
+    def __init__(self, shape: tuple[int, ...], steps: int, instants: int, most: int = 0) -> None:
+        every = steps // instants if instants else 0  # steps from one instant to the next
+        least = -(-steps * math.prod(shape) // most) if most else every
+        every = next((k for k in range(max(least, 1), every) if every % k == 0), every)
+        self._at = every * np.arange(steps // every + 1) if instants else np.zeros(0, int)
         self._all, self._count, self._stop = np.empty((2, len(self._at), *shape)), 0, 0
 
     @property

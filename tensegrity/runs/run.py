@@ -16,6 +16,7 @@ from tensegrity.scenes.ensemble import Ensemble
 from tensegrity.scenes.network import Network
 from tensegrity.scenes.picture import Picture
 from tensegrity.scenes.scene import Scene, State, unchecked_state
+from tensegrity.unit_names import in_units, unit_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -43,7 +44,7 @@ def energy_density(run: Any, ax: Axes | None = None) -> Axes:
         style = plotting.logarithmic(largest)
         picture = Picture(scene, drawn, order=np.argsort(largest), facecolors=None, **style)
         picture.show(np.zeros(scene.shape), largest)
-        picture.scale(picture.sites, "largest energy of each site [J]")
+        picture.scale(picture.sites, in_units("largest energy of each site [J]"))
     else:
         image = drawn.pcolormesh(
             np.arange(scene.sites),
@@ -53,8 +54,8 @@ def energy_density(run: Any, ax: Axes | None = None) -> Axes:
             rasterized=True,
             **plotting.logarithmic(density),
         )
-        drawn.set(xlabel="site", ylabel="time [s]")
-        drawn.figure.colorbar(image, ax=drawn, label="energy per site [J]")
+        drawn.set(xlabel="site", ylabel=in_units("time [s]"))
+        drawn.figure.colorbar(image, ax=drawn, label=in_units("energy per site [J]"))
     return drawn
 
 
@@ -293,14 +294,14 @@ class Run:
             "impulse": (["wall", "axis"], "N s", "impulse that a wall received"),
         }
         rows = {
-            name: (["t", *names, *behind], getattr(self, name), {"units": unit, "long_name": words})
+            name: (["t", *names, *behind], getattr(self, name), {"long_name": words, "units": unit})
             for name, (names, unit, words) in kinds.items()
             if getattr(self, name) is not None
         }
-        places: dict[str, Any] = {
-            "t": ("t", self.t, {"units": "s"}),
-            "site": ("site", list(self.sites)),
-        }
+        for _, _, of in rows.values():
+            of["units"] = unit_text(of["units"])
+        seconds = {"units": unit_text("s")}
+        places: dict[str, Any] = {"t": ("t", self.t, seconds), "site": ("site", list(self.sites))}
         if axis or "impulse" in rows:
             places["axis"] = "axis", along
         about = {
@@ -363,14 +364,13 @@ class Run:
         estimate = "" if self.error_estimate is None else f", estimated {self.error_estimate:.1e}"
         end = f"{self.t[-1]:.6g}" if len(self.t) else "0"
         ended = "" if self.complete else f" ({self.stopped or 'incomplete'})"
-        return (
-            f"{self.method}, dt = {self.dt:.4g} s, {self.steps} steps to t = {end} s"
-            f"{ended}\n"
+        words = (
+            f"{self.method}, dt = {self.dt:.4g} s, {self.steps} steps to t = {end} s{ended}\n"
             f"force model: {self.force_model}\n"
             f"{len(self.t)} instants of {len(self.sites)} sites recorded\n"
             f"error: energy {self.energy_error:.1e}{estimate}\n"
-            f"wall time {self.wall_time:.3g} s"
         )
+        return in_units(words) + f"wall time {self.wall_time:.3g} s"
 
     __repr__ = __str__
 
@@ -383,7 +383,7 @@ class Run:
             "recorded": f"{len(self.t)} instants of {len(self.sites)} sites",
             "force_model": self.force_model,
             "energy error": f"{self.energy_error:.1e}",
-            "wall time": f"{self.wall_time:.3g} s",
+            "wall time": f"{self.wall_time:.3g}\xa0s",
         }
         if self.error_estimate is not None:
             rows["estimated error"] = f"{self.error_estimate:.1e}"

@@ -14,15 +14,16 @@ from tensegrity.engine.codegen import cost
 from tensegrity.errors import LockingError, RangeError, StabilityError, TensegrityError
 from tensegrity.notebook import one_bar
 from tensegrity.once import once
-from tensegrity.runs.march import MarchResult, march
+from tensegrity.runs.march import MOST_COMPARED, MarchResult, march
 from tensegrity.runs.problem import Problem, bounds_at_energy, rounded
 from tensegrity.runs.record import Record, is_light
+from tensegrity.runs.rest import length_at_rest
 from tensegrity.runs.run import unchecked_replace
 from tensegrity.runs.step import (
     CHECKPOINTS,
     COARSE,
+    UNRESOLVED,
     ErrorEstimator,
-    length_at_rest,
     may_jump,
     refined,
     refuse_jumps,
@@ -49,9 +50,9 @@ class Trial:
         Whether the run was not interrupted.
     elongation_range : ndarray, (springs, 2)
         Smallest and largest elongation of each spring [m].
-    samples : ndarray, (2, instants + 1, *shape)
-        u [m] and v [m/s] at the instants.
-    refinement : float
+    samples : ndarray, (2, count + 1, *shape)
+        u [m] and v [m/s] at the instants, or at more of them; see `march`.
+    refinement : int
         Number of steps from one instant to the next.
     """
 
@@ -63,7 +64,7 @@ class Trial:
             march.complete,
             march.elongation_range,
         )
-        self.samples, self.refinement = march.samples, march.steps / instants
+        self.samples, self.refinement = march.samples, march.steps // instants
 
     @classmethod
     def of(cls, problem: Problem, steps: int, instants: int) -> Self:
@@ -87,8 +88,15 @@ class Trial:
         return _largest(self.samples)
 
     def gap(self, finer: Trial) -> float:
-        """Largest difference from a finer trial run in u and in v, over the largest value there."""
-        gaps = _largest(self.samples, finer.samples)
+        """Largest difference from a finer trial run in u and in v, at all instants that both have,
+        over the largest value there."""
+        counts = self.samples.shape[1] - 1, finer.samples.shape[1] - 1
+        common = math.gcd(*counts)
+        both = (
+            one.samples[:, :: count // common]
+            for one, count in zip((self, finer), counts, strict=True)
+        )
+        gaps = _largest(*both)
         return float(np.divide(gaps, finer._sizes, out=gaps, where=finer._sizes > 0).max())
 
 
@@ -287,7 +295,8 @@ def seconds_saved(problem, steps, tol):
 TRIAL = 0.85  # first step over the stability limit where a tolerance decides
 AT_FIRST = 13  # least steps of the first run where forces are smooth; compared at 7 instants
 DENSE = 2  # first steps between two instants of comparison where forces are smooth
-FEWEST, MOST_COMPARED = 4, 2_000_000  # least instants; most numbers in u of a run at them
+DIVISIBLE = 2  # the same of driven scenes, all of whose steps are compared
+FEWEST = 4  # least instants
 COMPARED = 3  # most runs that are compared, the finest included
 SECOND = 1e-6  # tolerances below this are rarely attained by the second run
 ROUND_OFF = 1e-14  # relative differences below this are round-off
@@ -308,6 +317,8 @@ def to_tolerance(problem, tol):
     if may_jump(problem.dynamics):
         refuse_jumps(problem, problem.dynamics.ranges_at(problem.state.u), tol)
     steps_per_instant, fewest = (DENSE, AT_FIRST) if problem.dynamics.smooth else (1, CHECKPOINTS)
+    if problem.is_forced:
+        steps_per_instant = DIVISIBLE
     least = steps_at(problem, TRIAL, problem.a_priori.first_frequency, fewest)
     instants = min(
         math.ceil(least / steps_per_instant), max(FEWEST, MOST_COMPARED // problem.state.u.size)
@@ -369,13 +380,15 @@ def converged(problem, first, error, tol):
             coarser.march = None
         gaps = [(r.refinement / trials[-1].refinement, r.gap(trials[-1])) for r in trials[:-1]]
         estimate = estimator.estimate(gaps) + estimator.round_off(trials[-1], gaps[-1][1])
-        if estimate <= estimator.accept * tol or gaps[-1][1] < ROUND_OFF:
+        if estimate <= estimator.accept * tol or max(gap for _, gap in gaps) < ROUND_OFF:
             for trial in (first, *trials):
                 trial.samples = None
+            estimator.admit(estimate + error, trials[-1].steps)
             return accepted_run(problem, trials[-1], estimate + error)
         stagnant = stagnant + 1 if gaps[-1][1] > smallest / 2 else 0
         smallest = min(smallest, gaps[-1][1])
-        if stagnant == (STAGNANT if estimator.order >= 2 else STAGNANT_BELOW_2):
+        patient = estimator.order < 2 or (problem.is_forced and smallest > UNRESOLVED)
+        if stagnant >= (STAGNANT_BELOW_2 if patient else STAGNANT):
             raise TensegrityError(
                 f"tol {tol:g} is below {max(smallest, tol):.1e}: with up to {trials[-1].steps} "
                 "steps the difference of two runs is round-off and does not decrease"
@@ -403,7 +416,9 @@ def next_trial(problem, trials, factor, tol):
     Trial
     """
     finest = trials[-1].refinement
-    refinement = max(math.ceil(finest * factor), int(finest) + 1 if factor > 1 else 1)
+    refinement = max(math.ceil(finest * factor), finest + 1 if factor > 1 else 1)
+    if problem.is_forced:  # every step of the coarser run ends with one of the finer run
+        refinement = finest * math.ceil(factor) if factor > 1 else finest // 2
     keeps_rows = factor > 1 and (len(trials) > 1 or tol > SECOND)
     return Trial.of(trial_of(problem, keeps_rows), refinement, trials[0].instants)
 

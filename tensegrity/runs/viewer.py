@@ -21,7 +21,7 @@ from tensegrity.prisms.elastic_path import elastic_path
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.picture import edge
-from tensegrity.springs.potential import provenance
+from tensegrity.springs.provenance import provenance
 
 if TYPE_CHECKING:
     from typing import Any

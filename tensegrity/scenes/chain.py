@@ -61,8 +61,9 @@ class Chain(Scene):
         Elongations are measured from the reference shape at t = 0.
         Source: the talk, "adjusted on the fly, through suitable control of prestress".
     forces : sequence of Force, optional
-        Forces of time, displacement and velocity, in addition to those of the springs.  They need
-        a Runge-Kutta method, "rk4" or "rk8", and exclude `tune`.
+        Forces of time, displacement and velocity, in addition to those of the springs.  Unless
+        they depend on time alone, they need a Runge-Kutta method, "rk4" or "rk8".  They exclude
+        `tune`.
     ground : Potential or sequence of Potential, optional
         Springs between all sites and the ground, or one for each site: functions of u.  They are
         forces, each the `Force` of a potential, whose energy counts as that of the chain.

@@ -16,10 +16,13 @@ import numpy as np
 
 from tensegrity.engine import kernel
 from tensegrity.engine.bonds import BLOCK, Bonds, by_spring
+from tensegrity.engine.force_law import BOND, SITE
+from tensegrity.engine.forces import scattered_forces
 from tensegrity.engine.native import aligned_copy
 from tensegrity.engine.openings import is_treated
 from tensegrity.errors import TensegrityError
 from tensegrity.readonly import ReadOnly, fixed, same_content
+from tensegrity.scenes.force import applied_forces
 from tensegrity.springs.collection import Springs
 
 if TYPE_CHECKING:
@@ -241,6 +244,25 @@ class Dynamics:
     def forces(self, u: Array) -> Array:
         """Forces on all sites [N], shape of u."""
         return self.scene.forces(u)
+
+    def static_forces(self, u: Array) -> Array:
+        """The same with further forces, at rest at t = 0 [N]; not for ensembles."""
+        scene = self.scene
+        _, r, along = scene._elongated(u)
+        tension, sites = np.zeros(r.shape), np.zeros((scene.sites, scene.dim))
+        for one in applied_forces(scene, as_forces=True):
+            x = u.reshape(sites.shape).T if one.law.on == SITE else r[None]
+            state = np.zeros((len(one.law.state), len(one.places)))
+            state[: len(x)] = x[:, one.places]
+            found = np.array(one.law.function()(0.0, state, one.values))
+            if one.law.on == BOND:
+                tension[one.places] += found[0]
+            elif one.law.law is None:  # that of a potential is among the forces of the scene
+                sites[one.places] += found.T
+        total = scattered_forces(self.contact_bonds, tension, along)[: scene.sites]
+        total = total.reshape(u.shape) + sites.reshape(u.shape)
+        total[list(scene.held)] = 0
+        return total + self.forces(u)
 
     # bounds
 

@@ -40,7 +40,7 @@ class Force:
 
     Parameters
     ----------
-    expression : sympy.Expr or sequence of sympy.Expr
+    expression : sympy.Expr, float, or sequence of these
         [N].  On sites it may contain `t` [s], the displacement `u` [m], the velocity `v` [m/s] and
         the `speed` |v|, and is > 0 towards higher sites.  In a plane or in space it is a sequence
         with one expression for each axis, of `t`, `u_x`, `u_y`, .., `v_x`, `v_y`, .. and `speed`.
@@ -93,7 +93,7 @@ class Force:
 
         def __init__(
             self,
-            expression: sp.Expr | Sequence[sp.Expr] | Potential,
+            expression: sp.Expr | float | Sequence[sp.Expr | float] | Potential,
             on: str = "sites",
             at: Sequence[int] | None = None,
             parameters: Mapping[str, ArrayLike] = ...,
@@ -175,10 +175,13 @@ class Force:
         given, most = self._expressions, 3 if self.on == "sites" else 2
         if not 1 <= len(given) <= most:
             raise TensegrityError(f"{len(given)} expressions of a force on {self.on}: 1 to {most}")
-        for one in given:
-            if not isinstance(one, sp.Expr):
-                raise TensegrityError(f"force {check.shown(one)} is no SymPy expression")
-        return given
+        try:
+            return tuple(
+                one if isinstance(one, sp.Expr) else sp.Float(check.number("force", one, unit="N"))
+                for one in given
+            )
+        except TensegrityError as error:
+            raise TensegrityError(f"{error}, and no SymPy expression") from error
 
     def _checked_law(self) -> ForceLaw:
         """The law, after the parameters are converted."""
@@ -412,9 +415,9 @@ def no_force(scene: Any) -> Force:
 
 
 def applied_forces(scene: Any, as_forces: bool = False) -> tuple[Any, ...]:
-    """The forces of a scene that has any, its dashpots among them; if these shall be forces, at
-    least one force."""
-    if not (scene._forces or as_forces):
+    """The forces of a scene that has any besides those of time alone, its dashpots among them; if
+    these shall be forces, all, and at least one."""
+    if not as_forces and all(one.law.of_time for one in scene._forces):
         return ()
     forces = [*scene._forces, *dashpots(scene)]
     return tuple(one._applied(scene) for one in forces or [no_force(scene)])

@@ -21,8 +21,15 @@ from tensegrity.printing import concise, printed
 from tensegrity.readonly import FixedDict, fixed
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.force import applied_forces, checked_forces, place_counts
-from tensegrity.scenes.signals import RTOL, check_signals, expression_of, in_columns, signals_of
-from tensegrity.springs.potential import argument
+from tensegrity.scenes.signals import (
+    RTOL,
+    check_signals,
+    expression_of,
+    in_columns,
+    signals_of,
+    signals_of_force,
+)
+from tensegrity.springs.provenance import argument
 from tensegrity.springs.tuned import spring_at
 
 if TYPE_CHECKING:
@@ -349,16 +356,6 @@ def driven_entries(scene: Any, prescribed: bool) -> tuple[Any, Any]:
     return np.array(numbers, dtype=int), tuple(signals)
 
 
-def time_signals(scene: Any) -> list[Any]:
-    """All functions of time that drive or tune a scene, or the scenes of an ensemble."""
-    signals: list[Any] = []
-    for one in getattr(scene, "scenes", (scene,)):
-        signals += () if callable(one.tune) else one.tune.values()
-        for drive in one.drive.values():
-            signals += [signal for signal in drive.signals if signal is not None]
-    return signals
-
-
 def check_start(scene: Any, u: Array) -> None:
     """Refuse displacements of driven sites that differ from their drives at t = 0."""
     for site, drive in scene.drive.items():
@@ -401,6 +398,15 @@ def forcing_of(scene: Any, t_end: float, tuning: Any = None, as_forces: bool = F
         driven_entries(scene, True),
         driven_entries(scene, False),
     )
+    held = np.repeat(dynamics(scene).inverse_mass == 0, scene.dim)
+    if not (applied := applied_forces(scene, as_forces)):
+        fixed_entries = {*moved.tolist(), *np.flatnonzero(held).tolist()}
+        for of in (one._applied(scene) for one in scene._forces):
+            for place, each in zip(of.places.tolist(), signals_of_force(of), strict=True):
+                here = [(scene.dim * place + k, signal) for k, signal in enumerate(each)]
+                here = [pair for pair in here if pair[0] not in fixed_entries]
+                forced = np.append(forced, [entry for entry, _ in here]).astype(int)
+                scattered_forces = (*scattered_forces, *(signal for _, signal in here))
     check_signals((*motions, *scattered_forces), t_end)
     bonds, mass = dynamics(scene).loop_bonds, np.repeat(scene.mass, scene.dim)
     driven_mass = mass[moved]
@@ -409,9 +415,7 @@ def forcing_of(scene: Any, t_end: float, tuning: Any = None, as_forces: bool = F
     ground = np.repeat(damping.each("ground", scene.sites), scene.dim)
     bond = np.zeros(len(scene.springs))
     bond[: _bonds(scene)] = damping.each("bond", _bonds(scene))
-    held = np.repeat(dynamics(scene).inverse_mass == 0, scene.dim)
     ground[held] = 0.0
-    applied = applied_forces(scene, as_forces)
     if applied:  # dashpots are among them
         ground, bond = np.zeros_like(ground), np.zeros_like(bond)
     if tuning is not None:

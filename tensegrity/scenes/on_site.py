@@ -9,7 +9,8 @@ import numpy as np
 from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.scenes.force import Force
-from tensegrity.springs.potential import Potential, range_error
+from tensegrity.springs.potential import Potential
+from tensegrity.springs.provenance import range_error
 
 if TYPE_CHECKING:
     from typing import Any

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity import plotting
+from tensegrity.unit_names import in_units
 
 if TYPE_CHECKING:
     from typing import Any
@@ -113,7 +114,7 @@ class Picture:
         self._lines = LineCollection([], capstyle="round", zorder=3)
         self.ax.add_collection(self.sites)
         self.ax.add_collection(self._lines)
-        self.ax.set(aspect="equal", xlabel=f"x [{unit}]")
+        self.ax.set(aspect="equal", xlabel=f"x [{unit}]" if unit else "x")
         self._low, self._high = low, high
         self._frame(low, high)
         # a line of force is not wider than a bead
@@ -123,7 +124,7 @@ class Picture:
         if view is not None:
             self.ax.set_axis_off()
         elif scene.dim > 1:
-            self.ax.set_ylabel(f"{'y' if scene.dim == 2 else 'z'} [{unit}]")
+            self.ax.set_ylabel(("y" if scene.dim == 2 else "z") + f" [{unit}]" * bool(unit))
         else:
             self.ax.set_yticks([])
         self.ax.grid(False)
@@ -167,7 +168,7 @@ class Picture:
             top: float = shown.norm.vmax  # type: ignore[assignment]
             ticks = np.asarray(MaxNLocator(4).tick_values(0.0, top))
             given["ticks"] = ticks[ticks <= top * (1 + 1e-9)]
-        self.ax.figure.colorbar(shown, ax=self.ax, label=label, **given)
+        self.ax.figure.colorbar(shown, ax=self.ax, label=in_units(label), **given)
 
     def arrows(self, vectors: Array) -> None:
         """An arrow at each site, (sites, dim), the longest a tenth of the picture."""

@@ -4,6 +4,7 @@ they are finite and continuous over a run."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -30,6 +31,8 @@ class Expression:
     `order_limit` is the highest order of any method with this signal; a kink of the expression
     reduces it.
     """
+
+    knots: ClassVar[Array] = np.zeros(0)
 
     def __init__(self, name: str, expression: Any, parameters: Mapping[str, float]) -> None:
         self.name, self.expression, self.parameters = name, expression, dict(parameters)
@@ -80,7 +83,7 @@ class Samples:
     parameters: ClassVar[Mapping[str, float]] = {}
 
     def __init__(self, name: str, t: Array, values: Array) -> None:
-        self.name, self._t, self._values = name, t, values
+        self.name, self.knots, self._values = name, t, values
         self.span = float(t[0]), float(t[-1])
 
     @property
@@ -92,14 +95,14 @@ class Samples:
     def _spline(self) -> Any:
         from scipy.interpolate import CubicSpline
 
-        return CubicSpline(self._t, self._values)
+        return CubicSpline(self.knots, self._values)
 
     def __call__(self, t: Array, order: int = 0, by: None = None) -> Array:
         """Values, or rates for order 1; of the shape of t."""
         return self._spline(t, order)
 
     def __repr__(self) -> str:
-        return f"{len(self._t)} samples from {self.span[0]:g} s to {self.span[1]:g} s"
+        return f"{len(self.knots)} samples from {self.span[0]:g} s to {self.span[1]:g} s"
 
 
 def signals_of(
@@ -149,7 +152,7 @@ def signals_of(
 
 
 def _is_array(x: Any) -> bool:
-    return isinstance(x, (list, tuple)) or (isinstance(x, np.ndarray) and x.ndim > 0)
+    return isinstance(x, (list, tuple)) or (hasattr(x, "__array__") and np.ndim(x) > 0)
 
 
 def expression_of(
@@ -213,6 +216,18 @@ def _functions(expression: Any, names: tuple[str, ...] = (), by: str | None = No
     return functions
 
 
+def signals_of_force(force: Any, x: float = 0.0, rate: float = 0.0) -> list[list[Expression]]:
+    """The components of an `AppliedForce` as functions of time in each of its places, at
+    displacements or elongations x [m] and velocities `rate` [m/s]."""
+    law, signals = force.law, []
+    state = {s: rate if s in law.rates else x for s in law.state}
+    components = [one.xreplace(state) for one in law.expressions]
+    for values in force.values.T.tolist():
+        of = dict(zip(map(str, law.parameters), values, strict=True))
+        signals.append([expression_of("force", one, of) for one in components])
+    return signals
+
+
 def check_signals(signals: Sequence[Any], t_end: float) -> None:
     """Refuse signals that are not finite and continuous from 0 to `t_end` [s]."""
     for signal in {one.key: one for one in signals}.values():
@@ -229,8 +244,34 @@ def largest_frequency(signals: Sequence[Any], t_end: float) -> float:
     return max((_frequency(signal, t_end) for signal in signals), default=0.0)
 
 
+def time_signals(scene: Any) -> list[Any]:
+    """All functions of time that drive or tune a scene, or the scenes of an ensemble."""
+    signals: list[Any] = []
+    for one in getattr(scene, "scenes", (scene,)):
+        signals += () if callable(one.tune) else one.tune.values()
+        for drive in one.drive.values():
+            signals += [signal for signal in drive.signals if signal is not None]
+    return signals
+
+
+def frequency_of_drives(scene: Any, state: Any, t_end: float) -> float:
+    """Largest estimate of an angular frequency of drives, of springs that change, and of forces
+    that depend on time, with displacements and velocities like those of a state [rad/s]."""
+    largest = largest_frequency(time_signals(scene), t_end)
+    x, rate = (float(np.max(np.abs(values))) or 1.0 for values in (state.u, state.v))
+    for one in getattr(scene, "scenes", (scene,)):
+        for force in one._forces:
+            if force.law.varies:
+                each = signals_of_force(force._applied(one), x, rate)
+                signals = {s.key: s for place in each for s in place}.values()
+                with suppress(TensegrityError):  # infinite at these displacements
+                    largest = max(largest, largest_frequency([*signals], t_end))
+    return largest
+
+
 def _frequency(signal: Any, t_end: float) -> float:
-    t = np.concatenate([np.linspace(0, t_end, INTERVALS + 1), *_steepest(signal, t_end)])
+    own = signal.knots[(signal.knots >= 0) & (signal.knots <= t_end)]
+    t = np.concatenate([np.linspace(0, t_end, INTERVALS + 1), *_steepest(signal, t_end), own])
     half = float(np.ptp(signal(t))) / 2
     return float(np.max(np.abs(signal(t, 1)))) / half if half else 0.0
 

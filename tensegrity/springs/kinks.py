@@ -14,13 +14,12 @@ from fractions import Fraction
 from itertools import pairwise
 from typing import Any
 
-from tensegrity.engine.law import is_piecewise
+from tensegrity.engine.law import LEAST, error_of, is_piecewise
 from tensegrity.once import once
 
 DIGITS = 400  # decimal digits of the evaluation
 OFFSET = "1e-40"  # distance from a border [m]: below the length scales of any law
 HIGHEST = 4  # highest derivative of the energy whose jump counts: later ones permit order 5
-LEAST = 1e-10  # jump of a derivative over its size that is round-off of the constants
 SAME = 1e-17  # difference of an exponent from the fraction or float that it is taken for
 PURE = 1e-15  # negligible coefficient of the next power [1/m], over that of the first
 MOST_BORDERS = 64  # largest number of borders of a law
@@ -70,9 +69,11 @@ def kinks(
         law = _Law(symbols, [_number(sp.Rational(value)) for value in values])
         try:
             pieces = law.pieces(energy, *map(mpmath.mpf, domain))
-            for (_, left), (place, right) in pairwise(pieces):
+            ends = [*(start for start, _ in pieces[2:]), mpmath.mpf(domain[1])]
+            for ((start, left), (place, right)), end in zip(pairwise(pieces), ends, strict=False):
                 if left != right:
-                    located += _kinks_at(law, place, left, right)
+                    room = min(place - start, end - place)
+                    located += _kinks_at(law, place, room, (left, right))
         except (_AmbiguousError, ArithmeticError, ValueError, TypeError, NotImplementedError):
             return (UNKNOWN,)
     return tuple(located)
@@ -124,6 +125,18 @@ class _Law:
         if not mpmath.isfinite(value) or mpmath.im(value):
             raise _AmbiguousError
         return mpmath.re(value)
+
+    def error(self, energy: Any, k: int, place: Any, far: Any) -> Any:
+        """Error of the k-th derivative of a piece at a place by relative errors of 1 in all its
+        constants; those of a polynomial may be differences, of terms of the size that it has at
+        another place."""
+        import mpmath
+        import sympy as sp
+
+        r = self._symbols[0]
+        places = [place, far] if mpmath.isfinite(far) and energy.is_polynomial(r) else [place]
+        error = error_of(sp.diff(energy, r, k))
+        return max(self.real(error, x) for x in places)
 
     def pieces(self, energy: Any, low: Any, high: Any) -> list[tuple[Any, Any]]:
         """Lower end and expression of each smooth piece of an energy between two elongations."""
@@ -255,15 +268,19 @@ def _sign(value: Any) -> float:
     return float(mpmath.sign(mpmath.re(value)))
 
 
-def _kinks_at(law: _Law, place: Any, left: Any, right: Any) -> list[Kink]:
-    """Kinks at a border between two smooth energies."""
-    kinks, regular = [], []
-    for side, energy in ((-1, left), (1, right)):
+def _kinks_at(law: _Law, place: Any, room: Any, energies: tuple[Any, Any]) -> list[Kink]:
+    """Kinks at a border between two smooth energies, of which the shorter one has this `room`."""
+    kinks, regular, sides = [], [], tuple(zip((-1, 1), energies, strict=True))
+    for side, energy in sides:
         powers, values = _one_sided_terms(law, energy, place, side)
         regular.append(values)
         for factor, exponent in powers:  # the energy has the part factor x^exponent
             kinks.append((float(place), float(factor * exponent), float(exponent - 1), float(side)))
     jumps = _jumps(*regular)
+    for k in list(jumps):
+        error = max(law.error(energy, k, place, place + side * room) for side, energy in sides)
+        if abs(jumps[k]) <= LEAST * error:
+            del jumps[k]
     if jumps:
         first = min(jumps)
         side = -1 if abs(regular[0][first]) > abs(regular[1][first]) else 1
@@ -274,7 +291,7 @@ def _kinks_at(law: _Law, place: Any, left: Any, right: Any) -> list[Kink]:
 
 
 def _jumps(left: list[Any], right: list[Any]) -> dict[int, Any]:
-    """Jumps of the derivatives across a border, by the order of the derivative."""
+    """Jumps of the derivatives across a border that are not small beside them, by their order."""
     import mpmath
 
     jumps, far = {}, 100 * mpmath.mpf(OFFSET)

@@ -25,6 +25,7 @@ from tensegrity.errors import LockingError, TensegrityError
 from tensegrity.printing import concise, number_text
 from tensegrity.readonly import fixed
 from tensegrity.springs.kinks import kinks
+from tensegrity.springs.spline import SplineLaw, from_table
 
 if TYPE_CHECKING:
     from collections.abc import Hashable
@@ -72,6 +73,7 @@ class Potential:
     array([-0.2103,  0.    ,  0.1903])
     """
 
+    noise = 0.0  # standard deviation that was smoothed away from a table [N]
     _origin = ""  # the call that made this potential, unless it is that of its class
     _made_of: Any = None  # the prism and the preload of a prism's potential
     _varied: tuple[str, ...] = ()  # parameters that may change, if not all
@@ -128,14 +130,74 @@ class Potential:
         self._length = None if length is None else check.number("length", length, above=0, unit="m")
         ends_of_it = check.sequence("domain", domain, "two elongations")
         if len(ends_of_it) != 2:
-            raise TensegrityError(
-                f"domain {check.shown(domain)} must be (lowest, highest) elongation"
-            )
+            raise TensegrityError(f"domain {check.shown(domain)} must be two elongations")
         low, high = (check.number("domain end", x, finite=False) for x in ends_of_it)
         if not low < 0 < high:
             raise TensegrityError(f"domain ({low:g}, {high:g}) m must contain 0 m inside")
         self._domain = low, high
         self.ends = ends
+
+    @classmethod
+    def from_table(
+        cls,
+        elongation: ArrayLike,
+        tension: ArrayLike,
+        kind: str = "cubic",
+        *,
+        noise: float | None = None,
+        preload: float | None = None,
+        extrapolate: bool = False,
+        length: float | None = None,
+    ) -> Potential:
+        """A spring from measured tensions.
+
+        Parameters
+        ----------
+        elongation : array_like, (points,)
+            Sorted, each once, with 0 inside [m]; at most 100, or 100,000 of a "smooth" table.
+        tension : array_like, (points,)
+            [N], > 0 in extension.
+        kind : {"cubic", "monotone", "linear", "smooth"}, optional
+            The tension between the points: the not-a-knot cubic spline (from 4 points), that of
+            Fritsch and Carlson, monotone where the points are (3), lines (2), or a cubic spline
+            without the noise (5).
+        noise : float, optional
+            Standard deviation of the tensions of a "smooth" table [N]; estimated by default.
+        preload : float, optional
+            Compressive force at rest [N]: elongations are then measured from the point nearest to 0
+            with the tension -preload, and the tension from there.  By default those of the table
+            remain, with an equilibrium at 0 only if the tension is 0 there.
+        extrapolate : bool, optional
+            Continue by tangents beyond the table, where by default the domain ends.
+        length : float, optional
+            Length at the elongation 0 of the table [m].
+
+        Returns
+        -------
+        Potential
+            V(0) = 0; its `noise` is the standard deviation that was smoothed away [N].
+
+        Raises
+        ------
+        TensegrityError
+            Points that are not as described, no such preload, or noise of another kind; spacings so
+            unequal, or steps so steep, that the spline misses the points (`ResolutionError`).
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from tensegrity import Potential
+        >>> r = np.linspace(-1, 1, 21)
+        >>> spring = Potential.from_table(r, r + 0.5 * r**2 + 0.2 * r**3)
+        >>> print(spring.stiffness(0.0).round(12), spring.energy(0.5).round(12))
+        1.0 0.148958333333
+        """
+        given = elongation, tension, kind, noise, preload, extrapolate, length
+        law, values, length, domain, left, origin = from_table(*given)
+        made = Potential.__new__(Potential)
+        made._set(law, values, length, domain, ("the table ends",) * 2)
+        made.noise, made._origin = left, origin
+        return made
 
     def varied(self, values: Mapping[str, float]) -> Potential:
         """The same spring with other values of its arguments.
@@ -282,8 +344,7 @@ class Potential:
         low, high = self._domain
         inside = (r >= low) & (r <= high) if closed else (r > low) & (r < high)
         if not inside.all():
-            worst = float(r[~inside].flat[0]) if r.ndim else float(r)
-            raise self._range_error(worst)
+            raise self._range_error(float(r[~inside].flat[0]))
         flat = np.ascontiguousarray(r).reshape(-1)
         return evaluated(self.law, order, self.values, flat).reshape(r.shape)
 
@@ -292,6 +353,8 @@ class Potential:
         """Kinks of the force, such as losses of contact: place [m], strength, exponent and side
         of each; see `tensegrity.springs.kinks`."""
         law = self.law
+        if isinstance(law, SplineLaw):
+            return law.kinks(self.values, self._domain)
         if not isinstance(law, Law) or isinstance(law, DerivedLaw):  # smooth: prisms, polynomials
             return ()
         values = [*self.parameters.values(), *self._numbers]
@@ -324,8 +387,7 @@ class Potential:
         stiffness = float(self.stiffness(0.0))
         if stiffness < 0:
             raise TensegrityError(f"stiffness {stiffness:g} N/m at rest must be at least 0")
-        (squared,) = run(derived(_sound_speed_squared), np, (stiffness, mass))
-        return math.sqrt(squared)
+        return math.sqrt(run(derived(_sound_speed_squared), np, (stiffness, mass))[0])
 
     def to_c(self, path: str | os.PathLike[str]) -> Path:
         """Write this spring as a C file that stands alone.
@@ -341,13 +403,12 @@ class Potential:
               extension > 0;
             - ``spring_lowest`` and ``spring_highest``: only between these are they defined.
 
-            Compiled with ``-DDRIVER`` it is a program that prints a table, at the elongations that
-            are its arguments.
+            Values agree with those in Python to round-off, of elastic prisms to 1e-14 of the inner
+            unknowns.  With ``-DDRIVER`` it is a program that prints them at its arguments.
 
         Returns
         -------
         Path
-            Of the file.
 
         Raises
         ------
@@ -357,16 +418,6 @@ class Potential:
             A prism with elastic members whose inner unknowns few iterations do not find: they are
             far too stiff.  With others the file holds for all elongations that runs can follow,
             `computable_domain`.
-
-        Notes
-        -----
-        Values agree with those in Python to round-off; those of an elastic prism as well as its
-        few iterations of Newton's method converge, to 1e-14 of the unknowns.
-
-        Examples
-        --------
-        >>> from tensegrity import PowerLaw
-        >>> path = PowerLaw(1.0, 1.5).to_c("contact.c")  # doctest: +SKIP
         """
         from tensegrity.springs.export import to_c
 
@@ -414,48 +465,3 @@ def _sound_speed_squared() -> tuple[list[Any], tuple[Any, ...]]:
 
     squared = form.sound_speed().subs(form.spacing, 1) ** 2
     return [squared], (form.stiffness, form.mass)
-
-
-def potential_of_law(
-    law: Law,
-    values: ArrayLike,
-    length: float | None,
-    domain: tuple[float, float],
-    ends: tuple[str, str],
-    origin: str = "",
-    made_of: Any = None,
-) -> Potential:
-    """A potential from a law that is more than an energy, such as that of a prism.
-
-    Parameters
-    ----------
-    law, values, length, domain, ends, origin, made_of
-        The law, the values of its parameters, the length at r = 0 [m], the range of elongation
-        [m], what limits it at either end, the printed form, and the prism with its preload.
-
-    Returns
-    -------
-    Potential
-    """
-    potential = Potential.__new__(Potential)
-    potential._set(law, values, length, domain, ends)
-    potential._origin, potential._made_of = origin, made_of
-    return potential
-
-
-def provenance(potential: Potential) -> tuple[str, Any]:
-    """The printed form of a potential, and the prism and the preload that it was made of."""
-    return potential._origin, potential._made_of
-
-
-def argument(potential: Potential, name: str) -> float:
-    """The value of a parameter, or of an argument of the prism or the preload, by name."""
-    if potential._made_of:
-        prism, preload = potential._made_of
-        return float(preload if name == "preload" else getattr(prism, name))
-    return potential.parameters[name]
-
-
-def range_error(potential: Potential, r: float) -> LockingError:
-    """The error for an elongation [m] at or beyond an end of either domain of a potential."""
-    return potential._range_error(r)

@@ -8,6 +8,7 @@ import numpy as np
 
 from tensegrity.branches.table import Event, Table
 from tensegrity.printing import filled, listed, span
+from tensegrity.unit_names import in_units
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -81,7 +82,7 @@ class StructurePath(Table):
         """What a column holds, and its unit; a member's tension by the name of the member."""
         kind, _, number = name.partition(" ")
         if kind == "tension":
-            return f"tension of {self.structure.name_of(int(number))} [N]"
+            return in_units(f"tension of {self.structure.name_of(int(number))} [N]")
         return super()._heading(name)
 
     def __str__(self) -> str:

@@ -24,6 +24,7 @@ from tensegrity.scenes.network import Network
 from tensegrity.scenes.scene import State
 from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array
+from tensegrity.unit_names import in_units
 from tensegrity.waves.by_speed import by_speed
 from tensegrity.waves.by_target import near, sign_and_number, stiffness_above
 from tensegrity.waves.cosines import Series
@@ -218,7 +219,7 @@ class TravellingWave:
         drawn: Axes = plotting.axes(ax)
         near = np.abs(self.x) <= self.reach(PLOTTED)
         drawn.plot(self.x[near], self._on_x[near])
-        drawn.set(xlabel="distance from the peak [sites]", ylabel="elongation [m]")
+        drawn.set(xlabel="distance from the peak [sites]", ylabel=in_units("elongation [m]"))
         return drawn
 
 
