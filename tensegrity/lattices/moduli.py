@@ -126,7 +126,7 @@ def moduli(lattice: Cell, frequency: float = 0.0) -> Moduli:
     lattice : Lattice
         With its nodes in equilibrium; a macroscopic stress is allowed.
     frequency : float, optional
-        Angular frequency [rad/s] at which the nodes of a cell follow the strain, with their
+        Angular frequency of a uniform strain [rad/s], which the nodes of a cell follow with their
         inertia.  That of the strain itself, which moves nodes and lattice vectors together, is the
         density.  Moduli do not depend on which cell describes the lattice.
 
