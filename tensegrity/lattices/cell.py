@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity import check
-from tensegrity.errors import EquilibriumError
+from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.lattices.lattice_input import (
     DEPENDENT,
     ends_and_offsets,
@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from tensegrity.structures.statics import SelfStress
 
 AT_REST = 1e-6  # residual force on a node in equilibrium, over the tensions
+LARGEST = 1e60  # of stiffnesses, masses and lengths in SI units
 MOVED = 1e-9  # the same over the largest stiffness times the least length
 
 
@@ -255,6 +256,7 @@ class Cell(Framework):
     def hessian(self) -> Array:
         """Second derivatives of the energy of a cell in (x, a) [N/m], a square array of
         (nodes + d) dim rows."""
+        check.memory(f"stiffness of {self.nodes} nodes", 16.0 * self._rows.size**2)
         return np.asarray(self._tangent(self._rows, TAUT).toarray())
 
     def refuse_unbalanced(self) -> None:
@@ -262,8 +264,17 @@ class Cell(Framework):
 
         Raises
         ------
+        TensegrityError
+            A stiffness, mass or length is too large or small to compute with.
         EquilibriumError
         """
+        for name, unit in (("stiffnesses", "N/m"), ("mass", "kg"), ("lengths", "m"),
+                           ("natural_lengths", "m")):  # fmt: skip
+            values = getattr(self, name)
+            wrong = values[~((values > 1 / LARGEST) & (values < LARGEST))]
+            if wrong.size:
+                words = f"must be above {1 / LARGEST:g} and below {LARGEST:g}"
+                raise TensegrityError(f"{name} {wrong[0]:g} {unit} of a lattice {words}")
         left = float(np.abs(self.members.gradient(self.positions)).max())
         stiffest = float(self.stiffnesses.max() * self.lengths.min())
         allowed = AT_REST * float(np.abs(self.tensions).max()) + MOVED * stiffest

@@ -59,7 +59,7 @@ def effective_mass(lattice: Lattice, frame: Sequence[int], frequencies: ArrayLik
     [3.0, 3.6667, -3.5455]
     """
     check.kind("lattice", lattice, Lattice)
-    w = angular_frequencies(frequencies)
+    w = angular_frequencies(frequencies, lattice.dim**2)
     nodes = check.sequence("frame", frame, "numbers of nodes")
     numbers = [check.whole("node", n, least=0, below=lattice.nodes) for n in nodes]
     if not numbers or len(set(numbers)) < len(numbers):
@@ -80,7 +80,7 @@ def effective_mass(lattice: Lattice, frame: Sequence[int], frequencies: ArrayLik
             f"{np.sqrt(-growth):.6g} 1/s"
         )
     masses = np.empty((len(w), dim, dim))
-    for of in chunks(len(w)):
+    for of in chunks(len(w), len(mass)):
         motions, unbounded, _ = internal_motions(held, mass, w[of], *pull)
         if unbounded.any():
             raise TensegrityError(

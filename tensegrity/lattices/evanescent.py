@@ -68,7 +68,7 @@ def decay(
     [[0.0, 0.0], [1.924847, 1.924847]]
     """
     check.kind("lattice", lattice, Lattice)
-    w = angular_frequencies(frequencies)
+    w = angular_frequencies(frequencies, 2 * lattice.positions.size)
     d = len(lattice.vectors)
     axis = check.whole("axis", axis, least=0, below=d)
     across = check.floats("wavenumbers", wavenumbers)
@@ -90,7 +90,6 @@ def decay(
     stiff[stiff == 0] = 1
     left, sizes, right = np.linalg.svd(next_one / np.sqrt(stiff * stiff[:, None]))
     rank = int(np.sum(sizes > RANK * sizes[0]))
-    check.memory(f"waves of {len(w)} frequencies", 96.0 * rank * len(w))
     found = np.empty((len(w), 2 * rank), dtype=complex)
     for row, inertia in zip(found, np.multiply.outer(w**2, mass), strict=True):
         root = 1 / np.sqrt(1 + inertia / stiff)[:, None]
