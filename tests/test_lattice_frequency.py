@@ -162,6 +162,54 @@ def test_a_mass_in_a_mass_has_its_closed_forms(outer, inner):
             assert abs(one.imag) == pytest.approx(float(abs(phase.imag)), rel=1e-9, abs=1e-6)
 
 
+@pytest.mark.parametrize("kind", ["bars", "strings"])
+def test_a_resonator_at_the_place_of_its_bead(kind):
+    """A spring of natural length 0 resists alike in all directions, also in a state of stress."""
+    big, inner, (m0, m1) = 2.0, 0.565, (1.0, 0.5)
+    given = {"bars": [(0, 0, 1)], "strings": [], "k_bar": [big]}
+    given[kind] = [*given[kind], (0, 1)]
+    given["k_bar" if kind == "bars" else "k_string"] = [big, inner] if kind == "bars" else [inner]
+    row = Lattice([(0, 0)] * 2, [(1, 0)], **given, mass=[m0, m1], natural_lengths=[1, 0])
+    w = math.sqrt(inner / m1) * np.array([0.3, 1.02, 2.0])
+    m = m0 + inner / (inner / m1 - w**2)
+    found = effective_mass(row, [0], w)
+    assert np.abs(found / m[:, None, None] - np.eye(2)).max() < 1e-12
+    phase = np.arccos(1 - m * w**2 / (2 * big) + 0j)
+    for one, exact in zip(decay(row, w), phase, strict=True):
+        assert np.abs(one[:2] - exact).min() < 1e-7
+        assert np.abs(one[:2] + exact).min() < 1e-7
+    for of in (row, row.prestressed([0.1, 0.0]), row.equilibrium(np.diag([1.1, 1.0]))):
+        still = bands(of, [[0.0]]).frequencies[0]
+        assert still == pytest.approx([0, 0, *[math.sqrt(inner * (1 / m0 + 1 / m1))] * 2])
+        assert moduli(of, 0.5).axial == pytest.approx(big * of.size, rel=1e-12)
+    assert row.densities.tolist() == [0, inner]
+    assert len(row.self_stress().states) == 1  # that of the row
+    for call, words in (
+        (lambda: row.tile(3), "natural length 0 m"), (lambda: row.network(3), "natural length 0 m"),
+        (lambda: row.at(row.positions, natural_lengths=None), "natural length 0"),
+        (lambda: row.at(row.positions, natural_lengths=[1, -1]), "natural length -1 m"),
+    ):  # fmt: skip
+        with pytest.raises(TensegrityError, match=words):
+            call()
+
+
+def test_the_octet_truss_has_its_moduli():
+    """C11 = rho/6, C12 = C44 = rho/12 of a modulus of 1 and a relative density rho."""
+    edge, area = 0.01, 1e-7
+    vectors = edge / math.sqrt(2) * np.array([(0, 1, 1), (1, 0, 1), (1, 1, 0)])
+    offsets = [(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, -1, 0), (1, 0, -1), (0, 1, -1)]
+    octet = Lattice([(0, 0, 0)], vectors, [(0, 0, o) for o in offsets], k_bar=area / edge)
+    density = 6 * area * edge / octet.size
+    assert octet.lengths == pytest.approx(edge, rel=1e-14)
+    for of in (octet, octet.repeated((2, 1, 2))):
+        c = moduli(of).stiffness
+        found = [c[0, 0, 0, 0], c[0, 0, 1, 1], c[0, 1, 0, 1]]
+        assert found == pytest.approx(density * np.array([1 / 6, 1 / 12, 1 / 12]), rel=1e-12)
+        compliance = np.linalg.inv([[c[i, i, j, j] for j in range(3)] for i in range(3)])
+        assert 1 / compliance[0, 0] == pytest.approx(density / 9, rel=1e-12)
+        assert -compliance[0, 1] / compliance[0, 0] == pytest.approx(1 / 3, rel=1e-12)
+
+
 def test_a_direction_in_which_nothing_carries_a_node_is_not_attached():
     """Bars in a plane carry the inner node in it; across it the frame moves alone."""
     pairs = [(0, 0, 1), (0, 1), (0, 1, -1), (0, 1, 1)]

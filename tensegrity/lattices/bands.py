@@ -140,7 +140,7 @@ def bands(
     velocities, shapes = check.truth("velocities", velocities), check.truth("shapes", shapes)
     size, dim = lattice.positions.size, lattice.positions.shape[1]
     each = size if count is None else check.whole("count", count, least=1, below=size + 1)
-    q = phases(lattice, wavenumbers, each)
+    q = _phases(lattice, wavenumbers, each)
     numbers = 6 + 2 * velocities * (q.shape[1] + dim) + 6 * shapes * size
     check.memory(f"bands at {len(q)} wavenumbers", 8.0 * numbers * each * len(q))
     lattice.refuse_unbalanced()
@@ -215,7 +215,7 @@ def _blocks(lattice: Cell | PeriodicBonds) -> Array:
     return lattice.members.blocks(lattice.positions)
 
 
-def phases(lattice: Cell | PeriodicBonds, wavenumbers: ArrayLike, each: int) -> Array:
+def _phases(lattice: Cell | PeriodicBonds, wavenumbers: ArrayLike, each: int) -> Array:
     """Phases per cell (points, d) [rad], checked, for `each` frequencies at each."""
     q, d = _not_many("wavenumbers", wavenumbers, each), len(lattice.vectors)
     if q.ndim != 2 or q.shape[1] != d or not len(q):
