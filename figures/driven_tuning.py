@@ -125,7 +125,7 @@ def table(tables):
                               for a, b in ((0.2, 0.3), (0.55, 0.65), (0.9, 1.0)))  # fmt: skip
     rows.append({
         "chain": f"driven at {tables['run']['frequency'][0]:.4f} rad/s and tuned",
-        "largest ratio in the gap": between, "least in bands": min(before, after),
+        "in the gap, over the drive": between, "in the band": min(before, after),
         "balance of energy": tables["run"]["balance"][0],
     })  # fmt: skip
     return rows

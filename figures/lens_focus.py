@@ -1,8 +1,8 @@
-"""An acoustic lens of prism chains doubles the pressure at its focus, and more so before it.
+"""An acoustic lens of prism chains doubles the pressure at its focus, and a little before it.
 
 All pulses arrive at the focus at the same instant, so that the pressure there is the sum of the
-single contributions; this measures alignment, not strength.  The largest pressure on the axis lies
-before the focus, nearer to the ends.
+single contributions; this measures alignment, not strength.  The maximum of the pressure on the
+axis lies before the focus; close to the ends it is higher still.
 """
 
 from functools import cache
@@ -122,7 +122,7 @@ def draw(figure, tables):
     d.text(focus[1] + 0.5, 6, "focus", color="0.4")
     d.plot(found["place"], 1e6 * found["largest"], "C3o", ms=5, zorder=3)
     d.set(xlabel="distance y from the ends [m]", ylabel="largest pressure [µPa]",
-          title="along the axis; dot: largest")  # fmt: skip
+          title="along the axis; dot: maximum near the focus")  # fmt: skip
 
 
 def paint(figure, axes, frames, name, most=5.0):

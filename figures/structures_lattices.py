@@ -77,6 +77,11 @@ def exact(q):
     return w, w * np.sqrt(1 + inner / frame)
 
 
+def mass(lattice, frequency):
+    """Effective mass of a cell along an axis [kg]."""
+    return float(effective_mass(lattice, [0], [frequency])[0, 0, 0])
+
+
 def data():
     octahedral = np.array([speeds(x) for x in SHORTER])
     found = np.array([edges(f) for f in PRELOADS])
@@ -96,7 +101,7 @@ def data():
         phases = decay(resonators(q), w, 0, 0.4)
         tables[f"mass at {q}"] = {
             "frequency [rad/s]": w, "mass [kg]": effective_mass(resonators(q), [0], w)[:, 0, 0],
-            "least decay": np.abs(phases.imag).min(axis=1),
+            "decay of the slowest": np.abs(phases.imag).min(axis=1),
         }  # fmt: skip
     return tables
 
@@ -108,7 +113,7 @@ def draw(figure, tables):
     phases.plot(100 * x, long, "C0")
     phases.plot(100 * x, shear, "C3")
     phases.annotate("shear", (0.4, 0.222), color="C3")
-    phases.annotate("longitudinal", (2.2, 0.085), color="C0")
+    phases.annotate("longitudinal", (1.7, 0.06), color="C0")
     phases.annotate("slack", (-1.9, 0.008))
     phases.annotate("bars buckled", (6.0, 0.17))
     phases.set(xlabel="strings shorter by [%]", ylabel="speed along an axis [m/s]")
@@ -135,7 +140,8 @@ def draw(figure, tables):
         for side in (w < exact(q)[0], w > exact(q)[0]):
             mass.plot(w[side], values[side], f"C{k}")
         mass.axvspan(*exact(q), color=f"C{k}", alpha=0.12)
-        mass.annotate(f"{q} N/m", (exact(q)[1] - 0.12, -11 - 4 * k), color=f"C{k}", ha="right")
+        side, at = (("right", exact(q)[0] - 0.05), ("left", exact(q)[0] + 0.2))[k]
+        mass.annotate(f"{q} N/m", (at, -14), color=f"C{k}", ha=side)
     mass.axhline(0, color="0.6", lw=0.8)
     mass.set(xlabel="frequency [rad/s]", ylabel="effective mass of a cell [kg]", ylim=(-20, 20))
     mass.set_title("In the gap the effective mass is negative")
@@ -154,13 +160,24 @@ def table(tables):
         edges = [own[f"branch {branch} [rad/s]"][n] for branch in ("1 to", "2 from")]
         for side, edge, exactly in zip(("from", "to"), edges, exact(q), strict=True):
             yield add(f"gap of resonators at {q} N/m, {side} [rad/s]", edge, float(exactly))
-        w, m, fading = tables[f"mass at {q}"].values()
-        inside = (w > exact(q)[0]) & (w < exact(q)[1])
-        yield add(f"effective mass in that gap at {q} N/m, largest [kg]", m[inside].max())
-        yield add(f"decay per cell in that gap at {q} N/m, least", fading[inside].min())
+        frame, inner = FRAME["masses"]
+        low, high = exact(q)
+        here, middle = resonators(q), (low + high) / 2
+        closed = float(frame + inner / (1 - (middle / low) ** 2))
+        yield add(
+            f"effective mass in the middle of that gap at {q} N/m [kg]", mass(here, middle), closed
+        )
+        zero = brentq(lambda w, of=here: mass(of, w), middle, 1.1 * high, xtol=1e-13)
+        yield add(f"effective mass at {q} N/m is 0 at [rad/s]", zero, float(high))
+        fading = np.abs(decay(here, [middle], 0, 0.4).imag).min()
+        yield add(f"decay per cell in the middle of that gap at {q} N/m", fading)
     column = STIFFENING.column(periodic=True)
-    for w, found in ((0, moduli(column)), (1, moduli(column, 1.0))):
-        yield add(f"axial stiffness of a column at {w} rad/s [N]", found.axial)
+    for w in (0, 1):
+        yield add(f"axial stiffness of a column at {w} rad/s [N]", moduli(column, w).axial)
+    soft = brentq(lambda w: moduli(column, w).axial, 0.5, 1.0, xtol=1e-13)
+    yield add("axial stiffness of a column is 0 at [rad/s]", soft)
+    still = bands(column, [[0.0]]).frequencies[0]
+    yield add("axial stiffness of a column is infinite at [rad/s]", still[still > soft].min())
     x, long, shear = tables["octahedra"].values()
     ratio = np.interp(0.01, x, shear) / np.interp(0.01, x, long)
     yield add("shear over longitudinal speed of octahedra, strings 1 % shorter", ratio)

@@ -224,4 +224,4 @@ def test_what_is_no_state_is_refused():
             of.tile(counts)
     with pytest.raises(TensegrityError, match="strain"):
         of.self_stress(strain=1)
-    assert len(CASES) == 23
+    assert len(CASES) == 22

@@ -17,7 +17,9 @@ from tensegrity import (
     TensegrityError,
     bands,
     catalogue,
+    decay,
     dispersion,
+    effective_mass,
     moduli,
 )
 
@@ -305,3 +307,37 @@ def test_a_bad_number_of_branches_is_refused():
             bands(triangular(), [[0.1, 0.2]], count=wrong)
     with pytest.raises(TensegrityError, match="velocities require all branches"):
         bands(triangular(), [[0.1, 0.2]], velocities=True, count=1)
+
+
+def test_more_points_than_take_minutes_are_refused_before_any_work():
+    many, few = 10**8, np.broadcast_to(np.zeros(2), (10**8, 2))
+    for call in (
+        lambda: bands(triangular(), few), lambda: bands(triangular(), few, count=2),
+        lambda: decay(triangular(), np.broadcast_to(1.0, many)),
+        lambda: effective_mass(triangular(), [0], np.broadcast_to(1.0, many)),
+    ):  # fmt: skip
+        with pytest.raises(
+            TensegrityError, match=r"100000000 .* GB of memory, must be at most 0.8"
+        ):
+            call()
+    with pytest.raises(TensegrityError, match="bands at 20000 wavenumbers"):
+        bands(triangular().repeated((15, 15)), few[:20000], shapes=True)
+    with pytest.raises(TensegrityError, match=r"waves of 40000 nodes would take .* GB of memory"):
+        bands(triangular().repeated((200, 200)), [[0.1, 0.2]])
+
+
+def test_numbers_that_leave_the_range_of_floats_are_refused():
+    far = [(0, 0, (1, 0)), (0, 0, (0, 1)), (0, 0, (2, 1))]
+    with pytest.raises(TensegrityError, match=r"wavenumbers reach 1e\+308 rad"):
+        bands(Lattice([(0, 0)], np.eye(2), far), [[1e308, 0]])
+    with pytest.raises(TensegrityError, match="at least 1 point"):
+        bands(triangular(), np.zeros((0, 2)))
+    for other in ({"k_bar": 1e308}, {"k_bar": 1e-300}, {"mass": 1e-308}):
+        cell = Lattice([(0, 0)], np.eye(2), far, **({"k_bar": 1.0} | other))
+        for call in (
+            lambda cell=cell: bands(cell, [[0.1, 0.2]]), lambda cell=cell: moduli(cell),
+            lambda cell=cell: decay(cell, [1.0]), lambda cell=cell: cell.stability(),
+            lambda cell=cell: effective_mass(cell, [0], [1.0]),
+        ):  # fmt: skip
+            with pytest.raises(TensegrityError, match="of a lattice must be above 1e-60"):
+                call()

@@ -27,7 +27,9 @@ from tensegrity.typing import Array
 SLOW = 1e-5  # lowest over highest frequency below which singular values are computed
 EQUAL = 1e-9  # of the largest square of a frequency: closer ones are treated as degenerate
 GENERIC = np.array([1.0, 0.618, 0.414])  # a direction of phases without symmetry
+MOST = 10**8  # numbers of a result, which take minutes
 FASTEST = 1e100  # bound of frequencies, whose squares are finite [rad/s]
+TURNS = 1e9  # bound of phases, which keep 7 decimals there [rad]
 OPEN = 1e-9  # of the highest frequency: the least gap
 SHOWN = 4  # gaps that are printed
 
@@ -135,17 +137,21 @@ def bands(
     """
     if not isinstance(lattice, PeriodicBonds):
         check.kind("lattice", lattice, Cell)
-    q = phases(lattice, wavenumbers)
     velocities, shapes = check.truth("velocities", velocities), check.truth("shapes", shapes)
+    size, dim = lattice.positions.size, lattice.positions.shape[1]
+    each = size if count is None else check.whole("count", count, least=1, below=size + 1)
+    q = _phases(lattice, wavenumbers, each)
+    numbers = 6 + 2 * velocities * (q.shape[1] + dim) + 6 * shapes * size
+    check.memory(f"bands at {len(q)} wavenumbers", 8.0 * numbers * each * len(q))
     lattice.refuse_unbalanced()
     if count is not None:
-        return _lowest(lattice, q, count, velocities, shapes)
+        return _lowest(lattice, q, each, velocities, shapes)
     matrix = bloch_matrix(lattice)
-    count, size = len(q), matrix.parts.shape[-1]
+    count = len(q)
     squares = np.empty((count, size))
     moved = np.empty((count, size, size), dtype=complex) if shapes else None
     rates = np.empty((count, size, len(lattice.vectors))) if velocities else None
-    for of in chunks(count):
+    for of in chunks(count, size):
         weights = matrix.weights(q[of])
         whole = matrix.at(weights)
         if rates is None and moved is None:
@@ -173,7 +179,6 @@ def _lowest(
 ) -> Bands:
     """The lowest branches."""
     size = lattice.positions.size
-    count = check.whole("count", count, least=1, below=size + 1)
     if velocities:
         raise TensegrityError(f"velocities require all branches, not the lowest {count}")
     if size <= DENSE or 2 * count >= size // 4:
@@ -210,17 +215,24 @@ def _blocks(lattice: Cell | PeriodicBonds) -> Array:
     return lattice.members.blocks(lattice.positions)
 
 
-def phases(lattice: Cell | PeriodicBonds, wavenumbers: ArrayLike) -> Array:
-    """Phases per cell (points, d) [rad], checked."""
-    q, d = check.floats("wavenumbers", wavenumbers), len(lattice.vectors)
-    if q.ndim != 2 or q.shape[1] != d:
-        raise TensegrityError(f"wavenumbers have shape {q.shape}, must be (points, {d})")
-    return check.vector("wavenumbers", q, q.shape)
+def _phases(lattice: Cell | PeriodicBonds, wavenumbers: ArrayLike, each: int) -> Array:
+    """Phases per cell (points, d) [rad], checked, for `each` frequencies at each."""
+    q, d = _not_many("wavenumbers", wavenumbers, each), len(lattice.vectors)
+    if q.ndim != 2 or q.shape[1] != d or not len(q):
+        raise TensegrityError(
+            f"wavenumbers have shape {q.shape}, must be (points, {d}), at least 1 point"
+        )
+    q = check.vector("wavenumbers", q, q.shape)
+    if np.abs(q).max() >= TURNS:
+        raise TensegrityError(
+            f"wavenumbers reach {np.abs(q).max():g} rad, must be below {TURNS:g} rad in size"
+        )
+    return q
 
 
-def angular_frequencies(frequencies: ArrayLike) -> Array:
-    """Angular frequencies (frequencies,) [rad/s], checked."""
-    w = check.floats("frequencies", frequencies)
+def angular_frequencies(frequencies: ArrayLike, each: int) -> Array:
+    """Angular frequencies (frequencies,) [rad/s], checked, for results of some numbers each."""
+    w = _not_many("frequencies", frequencies, each)
     if w.ndim != 1:
         raise TensegrityError(f"frequencies have shape {w.shape}, must be (frequencies,)")
     w = check.vector("frequencies", w, w.shape)
@@ -228,6 +240,18 @@ def angular_frequencies(frequencies: ArrayLike) -> Array:
     if wrong.size:
         raise TensegrityError(f"frequency {wrong[0]:g} rad/s must be >= 0 and below {FASTEST:g}")
     return w
+
+
+def _not_many(name: str, given: ArrayLike, each: int) -> Array:
+    """Numbers as an array, refused if a result with `each` numbers a row has more than `MOST`."""
+    given = given if isinstance(given, np.ndarray) else check.floats(name, given)
+    count = len(given) if given.ndim else 1
+    if count * each > MOST:
+        raise TensegrityError(
+            f"{count} {name} of {each} numbers each would take {8e-9 * count * each:.3g} GB of "
+            f"memory, must be at most {8e-9 * MOST:g} GB: compute them in parts"
+        )
+    return check.floats(name, given)
 
 
 def _frequencies(lattice: Cell | PeriodicBonds, squares: Array, q: Array, largest: float) -> Array:

@@ -18,11 +18,12 @@ from typing import Any
 
 import numpy as np
 
+from tensegrity import check
 from tensegrity.minimum import lowest
 from tensegrity.typing import Array, Indices
 
 SHIFT = 1e-6  # below 0 of sparse eigenvalues, over the largest stiffness over mass
-CHUNK = 64  # wave vectors whose matrices are computed together
+CHUNK, NUMBERS = 64, 2**23  # matrices that are computed together, and their numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +70,7 @@ class BlochMatrix:
             np.concatenate([entry[0] for entry in entries]), axis=0, return_inverse=True
         )
         row, column, each = (np.concatenate([entry[k] for entry in entries]) for k in (1, 2, 3))
+        check.memory(f"waves of {len(mass)} nodes", 24.0 * len(distinct) * (dim * len(mass)) ** 2)
         parts = np.zeros((len(distinct), len(mass), len(mass), dim, dim))
         np.add.at(parts, (number.ravel(), row, column), each)
         parts /= (root[:, None] * root)[:, :, None, None]
@@ -123,9 +125,10 @@ class PeriodicBonds:
         """Refuse nothing: bonds are measured from their equilibrium."""
 
 
-def chunks(count: int) -> Iterator[slice]:
-    """Slices of the wave vectors that are computed together."""
-    return (slice(start, start + CHUNK) for start in range(0, count, CHUNK))
+def chunks(count: int, size: int) -> Iterator[slice]:
+    """Slices of `count` matrices of some rows that are computed together."""
+    step = min(CHUNK, max(NUMBERS // max(size, 1) ** 2, 1))
+    return (slice(start, start + step) for start in range(0, count, step))
 
 
 def lowest_waves(
@@ -190,7 +193,7 @@ def singular_frequencies(
     bonds, dim = roots.shape[:2]
     frequencies = np.empty((len(phases), dim * min(bonds, len(mass))))
     each = np.arange(bonds)
-    for of in chunks(len(phases)):
+    for of in chunks(len(phases), bonds * dim):
         moves = np.zeros((len(phases[of]), bonds, len(mass)), dtype=complex)
         moves[:, each, ends[:, 0]] = -1
         moves[:, each, ends[:, 1]] += np.exp(1j * (phases[of] @ offsets.T))

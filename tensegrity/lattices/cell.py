@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity import check
-from tensegrity.errors import EquilibriumError
+from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.lattices.lattice_input import (
     DEPENDENT,
     ends_and_offsets,
@@ -38,11 +38,14 @@ if TYPE_CHECKING:
     from tensegrity.structures.statics import SelfStress
 
 AT_REST = 1e-6  # residual force on a node in equilibrium, over the tensions
+LARGEST = 1e60  # of stiffnesses, masses and lengths in SI units
 MOVED = 1e-9  # the same over the largest stiffness times the least length
 
 
 class Cell(Framework):
     """Nodes joined by bars and strings, in a cell that repeats; see `Lattice`."""
+
+    _may_coincide = True
 
     def __init__(
         self,
@@ -210,7 +213,14 @@ class Cell(Framework):
         -------
         SelfStress
         """
-        return statics.null_states(self._equilibrium_matrix(strain), self.is_string)
+        carry = self.lengths > 0  # a spring without length has its stiffness as force density
+        found = statics.null_states(
+            self._equilibrium_matrix(strain)[:, carry], self.is_string[carry]
+        )
+        states = np.zeros((len(found.states), len(carry)))
+        states[:, carry] = found.states
+        sizes = np.append(found.singular_values, np.zeros(int(np.sum(~carry))))
+        return replace(found, states=states, singular_values=sizes, pulls_only=self.is_string)
 
     def mechanisms(self, strain: bool = False) -> Array:
         """Inextensional mechanisms: orthonormal motions that change no length, without rigid ones.
@@ -255,6 +265,7 @@ class Cell(Framework):
     def hessian(self) -> Array:
         """Second derivatives of the energy of a cell in (x, a) [N/m], a square array of
         (nodes + d) dim rows."""
+        check.memory(f"stiffness of {self.nodes} nodes", 16.0 * self._rows.size**2)
         return np.asarray(self._tangent(self._rows, TAUT).toarray())
 
     def refuse_unbalanced(self) -> None:
@@ -262,10 +273,19 @@ class Cell(Framework):
 
         Raises
         ------
+        TensegrityError
+            A stiffness, mass or length is too large or small to compute with.
         EquilibriumError
         """
+        for name, unit in (("stiffnesses", "N/m"), ("mass", "kg"), ("lengths", "m"),
+                           ("natural_lengths", "m")):  # fmt: skip
+            values = getattr(self, name)
+            wrong = values[~((values > 1 / LARGEST) & (values < LARGEST)) & (values != 0)]
+            if wrong.size:
+                words = f"must be above {1 / LARGEST:g} and below {LARGEST:g}"
+                raise TensegrityError(f"{name} {wrong[0]:g} {unit} of a lattice {words}")
         left = float(np.abs(self.members.gradient(self.positions)).max())
-        stiffest = float(self.stiffnesses.max() * self.lengths.min())
+        stiffest = float(self.stiffnesses.max() * self.lengths[self.lengths > 0].min())
         allowed = AT_REST * float(np.abs(self.tensions).max()) + MOVED * stiffest
         if left > allowed:
             raise EquilibriumError(

@@ -1,7 +1,8 @@
 """Effective mass: the inertia of a frame of nodes that move together, with the others attached.
 
-With the modes phi_s and frequencies w_s of the other nodes, the frame held, and their modal masses
-p_s = phi_s^T M T over the translations T, m(w) = m_frame + sum of p_s p_s^T w_s^2/(w_s^2 - w^2).
+A translation T of the frame pulls the other nodes by f = -K_if T = K_ii T, and these follow by
+(K_ii - w^2 M_i)^-1 f.  Their momentum gives m(w) = m_frame + (M_i T)^T (K_ii - w^2 M_i)^-1 f, where
+nothing cancels.
 Source: Milton & Willis 2007, On modifications of Newton's second law and linear continuum
 elastodynamics.
 """
@@ -15,12 +16,11 @@ from numpy.typing import ArrayLike
 
 from tensegrity import check
 from tensegrity.errors import EquilibriumError, TensegrityError
-from tensegrity.lattices.bands import angular_frequencies, bloch_matrix
+from tensegrity.lattices.bands import angular_frequencies
+from tensegrity.lattices.bloch import chunks
+from tensegrity.lattices.internal import internal_motions
 from tensegrity.lattices.lattice import Lattice
-from tensegrity.minimum import ZERO
 from tensegrity.typing import Array
-
-POLE = 1e-12  # distance of a frequency from a resonance, over it, at which the mass is infinite
 
 
 def effective_mass(lattice: Lattice, frame: Sequence[int], frequencies: ArrayLike) -> Array:
@@ -59,35 +59,33 @@ def effective_mass(lattice: Lattice, frame: Sequence[int], frequencies: ArrayLik
     [3.0, 3.6667, -3.5455]
     """
     check.kind("lattice", lattice, Lattice)
-    w = angular_frequencies(frequencies)
+    w = angular_frequencies(frequencies, lattice.dim**2)
     nodes = check.sequence("frame", frame, "numbers of nodes")
     numbers = [check.whole("node", n, least=0, below=lattice.nodes) for n in nodes]
     if not numbers or len(set(numbers)) < len(numbers):
         raise TensegrityError(f"frame {check.shown(numbers)} must be distinct nodes, at least 1")
     lattice.refuse_unbalanced()
-    dim, free = lattice.dim, np.ones(lattice.nodes, dtype=bool)
+    dim, size = lattice.dim, lattice.positions.size
+    free = np.ones(lattice.nodes, dtype=bool)
     free[numbers] = False
-    matrix = bloch_matrix(lattice)
-    whole = matrix.at(np.ones(len(matrix.offsets), dtype=complex)).real
-    inner = np.flatnonzero(np.repeat(free, dim))
-    squares, modes = np.linalg.eigh(whole[np.ix_(inner, inner)])
-    least = ZERO * matrix.bound
-    if squares.size and squares[0] < -least:
+    inner, mass = np.repeat(free, dim), np.repeat(lattice.mass[free], dim)
+    moved = np.kron(np.ones((lattice.nodes, 1)), np.eye(dim))
+    whole = lattice.hessian()[:size, :size]
+    held, joined = whole[np.ix_(inner, inner)], whole[np.ix_(inner, ~inner)]
+    pull = -joined @ moved[~inner], np.abs(joined) @ moved[~inner]
+    if (internal_motions(held, mass, np.zeros(()), *pull)[2] < 0).any():
+        growth = np.linalg.eigvalsh(held / np.sqrt(mass * mass[:, None]))[0]
         raise EquilibriumError(
             f"with the frame held the other nodes are unstable: they grow at "
-            f"{np.sqrt(-squares[0]):.6g} 1/s"
+            f"{np.sqrt(-growth):.6g} 1/s"
         )
-    modal = modes.T @ np.kron(np.sqrt(lattice.mass[free])[:, None], np.eye(dim))
-    carried = squares > least
-    squares, modal = squares[carried], modal[carried]
-    near = np.abs(w[:, None] ** 2 - squares) <= 2 * POLE * squares
-    near &= np.abs(modal).max(axis=1) > POLE * np.sqrt(lattice.mass.max())
-    if near.any():
-        point, mode = np.argwhere(near)[0]
-        raise TensegrityError(
-            f"frequency {w[point]:.12g} rad/s is the resonance {np.sqrt(squares[mode]):.12g} rad/s "
-            "of the nodes outside the frame: the effective mass is infinite there"
-        )
-    gain = squares / np.where(near, 1.0, squares - w[:, None] ** 2)
-    own = float(lattice.mass[~free].sum()) * np.eye(dim)
-    return np.asarray(own + np.einsum("ws,si,sj->wij", gain, modal, modal))
+    masses = np.empty((len(w), dim, dim))
+    for of in chunks(len(w), len(mass)):
+        motions, unbounded, _ = internal_motions(held, mass, w[of], *pull)
+        if unbounded.any():
+            raise TensegrityError(
+                f"frequency {w[of][unbounded][0]:.12g} rad/s is a resonance of the nodes outside "
+                "the frame: the effective mass is infinite there"
+            )
+        masses[of] = (mass[:, None] * moved[inner]).T @ motions
+    return float(lattice.mass[~free].sum()) * np.eye(dim) + masses

@@ -2,8 +2,9 @@
 
 With phases fixed along the other lattice vectors, waves u lambda^n along one of them obey
 (P lambda + D + P^H/lambda) u = 0, D = K - w^2 M of the cells of one layer, P the stiffness that
-joins a layer to the next.  P is singular as a rule: with P = L R^H of its rank r, a = R^H u and
-b = L^H u/lambda the pencil has 2r eigenvalues besides infinite ones, and requires no inverse.
+joins a layer to the next.  Rows and columns are scaled by the roots of their stiffness plus
+inertia.  P is singular as a rule: with P = L R^H of its rank r, a = R^H u and b = L^H u/lambda the
+pencil has 2r eigenvalues besides infinite ones, and requires no inverse.
 Eigenvalues of waves confined to their cell are 0 or infinite, and are removed first.
 Source: Laude, Achaoui, Benchabane & Khelif 2009, Evanescent Bloch waves and the complex band
 structure of phononic crystals.
@@ -46,7 +47,8 @@ def decay(
     complex ndarray, (frequencies, count)
         Phases kappa [rad], displacements ~ exp(i n kappa) in cell n, ascending in abs(Im kappa),
         the decay per cell, which is 0 for propagating waves.  Waves come in pairs of kappa and its
-        conjugate.  An infinite imaginary part belongs to a wave confined to its cell.
+        conjugate.  An infinite imaginary part belongs to a wave confined to its cell, or one that
+        decays by more than about 1e12 from cell to cell.
 
     Raises
     ------
@@ -66,7 +68,7 @@ def decay(
     [[0.0, 0.0], [1.924847, 1.924847]]
     """
     check.kind("lattice", lattice, Lattice)
-    w = angular_frequencies(frequencies)
+    w = angular_frequencies(frequencies, 2 * lattice.positions.size)
     d = len(lattice.vectors)
     axis = check.whole("axis", axis, least=0, below=d)
     across = check.floats("wavenumbers", wavenumbers)
@@ -78,25 +80,33 @@ def decay(
         raise TensegrityError(f"no member crosses from cell to cell along lattice vector {axis}")
     counts = np.ones(d, dtype=int)
     counts[axis] = layers
-    matrix = bloch_matrix(lattice if layers == 1 else lattice.repeated(counts.tolist()))
+    whole = lattice if layers == 1 else lattice.repeated(counts.tolist())
+    matrix, mass = bloch_matrix(whole, weighted=False), np.repeat(whole.mass, whole.dim)
     weights = np.exp(1j * (np.delete(matrix.offsets, axis, axis=1) @ across))
     own, next_one = (
         matrix.at(np.where(matrix.offsets[:, axis] == step, weights, 0)) for step in (0, 1)
     )
-    left, sizes, right = np.linalg.svd(next_one)
+    stiff = np.abs(own).sum(axis=1) + np.abs(next_one).sum(axis=0) + np.abs(next_one).sum(axis=1)
+    stiff[stiff == 0] = 1
+    left, sizes, right = np.linalg.svd(next_one / np.sqrt(stiff * stiff[:, None]))
     rank = int(np.sum(sizes > RANK * sizes[0]))
-    pair = left[:, :rank] * sizes[:rank], right[:rank].conj().T
-    numbers = [_phases(own - x**2 * np.eye(len(own)), pair, layers) for x in w]
-    return np.array(numbers).reshape(len(w), 2 * rank)
+    found = np.empty((len(w), 2 * rank), dtype=complex)
+    for row, inertia in zip(found, np.multiply.outer(w**2, mass), strict=True):
+        root = 1 / np.sqrt(1 + inertia / stiff)[:, None]
+        pair = root * left[:, :rank] * sizes[:rank], root * right[:rank].conj().T
+        scaled = root / np.sqrt(stiff[:, None])
+        row[:] = _phases(scaled * (own - np.diag(inertia)) * scaled.T, pair, layers)
+    return found
 
 
 def _phases(own: Any, pair: Any, layers: int) -> Any:
     """Phases per cell of the waves of one frequency, by a supercell of `layers` cells."""
     from scipy.linalg import eigvals
 
-    left, right = pair
-    scale = max(float(np.abs(own).max()), float(np.abs(left).max()))
-    own, left, (size, rank) = own / scale, left / scale, left.shape
+    _, sizes, basis = np.linalg.svd(np.vstack([own, *(one.conj().T for one in pair)]))
+    moved = basis[: len(sizes)][sizes > RANK].conj().T  # the others are without stiffness
+    own, left, right = moved.conj().T @ own @ moved, *(moved.conj().T @ one for one in pair)
+    size, rank = left.shape
     a, b = np.zeros((2, size + 2 * rank, size + 2 * rank), dtype=complex)
     first, second = slice(size, size + rank), slice(size + rank, None)
     a[:size, :size], a[:size, second], b[:size, first] = own, right, -left
@@ -108,7 +118,8 @@ def _phases(own: Any, pair: Any, layers: int) -> Any:
     if layers == 1:
         kappa += np.angle(values)
     else:  # the phase of a cell, which is that of the supercell up to multiples of 2 pi
-        kappa += [_turn(own, left @ right.conj().T, value, layers) for value in values]
+        next_one = left @ right.conj().T
+        kappa += [_turn(own, next_one, value, moved, layers) for value in values]
     kappa[np.abs(kappa.imag) < SPLIT] = kappa[np.abs(kappa.imag) < SPLIT].real
     ends = np.zeros(2 * rank - len(kappa), dtype=complex)
     ends.imag = np.where(np.arange(len(ends)) % 2, -np.inf, np.inf)
@@ -130,8 +141,8 @@ def _without_zero(a: Any, b: Any) -> tuple[Any, Any]:
     return a, b
 
 
-def _turn(own: Any, next_one: Any, value: complex, layers: int) -> float:
+def _turn(own: Any, next_one: Any, value: complex, moved: Any, layers: int) -> float:
     """The phase [rad] of a wave from cell to cell in a supercell."""
     whole = own + next_one * value + next_one.conj().T / value
-    cells = np.linalg.svd(whole)[2][-1].conj().reshape(layers, -1)
+    cells = (moved @ np.linalg.svd(whole)[2][-1].conj()).reshape(layers, -1)
     return float(np.angle(np.sum(cells[:-1].conj() * cells[1:])))

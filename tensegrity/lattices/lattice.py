@@ -45,7 +45,9 @@ class Lattice(Cell):
     mass : float or array_like, (nodes,), optional
         [kg], > 0.
     natural_lengths : array_like, (members,), optional
-        Unstressed lengths [m]; by default the lengths at the positions.
+        Unstressed lengths [m]; by default the lengths at the positions.  A spring of natural
+        length 0 may join nodes at one place, such as a mass within a mass: it resists alike in all
+        directions, with its stiffness.
     buckling : float or array_like, (bars,), optional
         Loads at which bars buckle [N], > 0; by default none does.
     plateau : float, optional
@@ -210,6 +212,11 @@ class Lattice(Cell):
         """
         if self.buckling is not None:
             raise TensegrityError("bars of a Structure do not buckle: tile takes no such lattice")
+        for m in np.flatnonzero(self.natural_lengths == 0):
+            raise TensegrityError(
+                f"{self.name_of(int(m))} has natural length 0 m, must be above 0 in a Structure: "
+                "place its nodes apart along the axis of their motion"
+            )
         shape, cells, ends, many = self._copies(counts)
         copies = []
         for m, second in enumerate(ends):

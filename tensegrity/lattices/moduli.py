@@ -1,10 +1,14 @@
 """Moduli of a lattice about its state: macroscopic stiffness, stress, and speeds of long waves.
 
-With the energy W(x, a) of a cell the relaxed stiffness over the lattice vectors is
-H = W_aa - W_ax W_xx^-1 W_xa, the inverse without rigid motions.  Long waves along a direction
-follow from K(kappa) to second order in kappa over the rigid motions, which in a column include the
-rotation about its axis.  Under stress the acoustic tensor is not symmetrised.
-Source: D. C. Wallace, Thermodynamics of Crystals (1972), chapter 1.
+A macroscopic gradient h moves nodes and lattice vectors together, by h x, and the nodes follow by
+internal motions u of their own: h x + u.  The stiffness is H_hh - H_hu (K - w^2 M)^-1 H_uh: only
+the internal motions have inertia here, that of h x is the density.  A member adds to H by its own
+separation d, as h d, so that nothing depends on the choice of the cell.  In a column a gradient is
+also a twist about the axis: the end at r_j then moves by d_z e x r_j as seen from the other one, in
+the cylindrical coordinates in which the twisted column is still periodic.
+Under stress the acoustic tensor is not symmetrised.
+Source: D. C. Wallace, Thermodynamics of Crystals (1972), chapter 1; Milton & Willis 2007, On
+modifications of Newton's second law and linear continuum elastodynamics, for the frequency.
 """
 
 from __future__ import annotations
@@ -16,13 +20,12 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import EquilibriumError, TensegrityError
-from tensegrity.lattices.bands import FASTEST, bloch_matrix
+from tensegrity.lattices.bands import FASTEST
 from tensegrity.lattices.cell import Cell
-from tensegrity.minimum import ZERO
+from tensegrity.lattices.internal import internal_motions
 from tensegrity.printing import filled, span
 from tensegrity.typing import Array
 
-WORK = 1e-7  # force on a motion without stiffness that counts as zero, over the largest stiffness
 NOISE = 1e-13  # of the unrelaxed stiffness: round-off of the square of a speed
 ALONG = 1e-9  # largest part of a direction outside the lattice, over its length
 
@@ -103,10 +106,15 @@ class Moduli:
         off = n - np.linalg.pinv(self.lattice.vectors) @ (self.lattice.vectors @ n)
         if np.abs(off).max() > ALONG:
             raise TensegrityError(f"direction {check.shown(direction)} leaves the vectors' span")
-        stiff, inertia, scale = _long_waves(self.lattice, n, self.frequency)
-        root = np.linalg.inv(np.linalg.cholesky(inertia))
-        squares = np.linalg.eigvalsh(root @ stiff @ root.T)
-        squares[np.abs(squares) <= NOISE * scale] = 0
+        stiff, sizes, arms = _gradients(self.lattice, self.frequency)
+        along, inertia = np.kron(np.eye(len(n)), n[:, None]), np.full(len(n), self.density)
+        if arms is not None:  # a twist of 1 rad
+            turned = float(self.lattice.mass @ np.sum(arms**2, axis=1)) / self.lattice.size
+            along, inertia = np.pad(along, (0, 1)), np.append(inertia, turned)
+            along[-1, -1] = 1
+        root = 1 / np.sqrt(inertia)
+        squares = np.linalg.eigvalsh(root[:, None] * (along.T @ stiff @ along) * root)
+        squares[np.abs(squares) <= NOISE * np.max(sizes @ along**2 * root**2)] = 0
         return np.asarray(np.sign(squares) * np.sqrt(np.abs(squares)))
 
 
@@ -118,8 +126,9 @@ def moduli(lattice: Cell, frequency: float = 0.0) -> Moduli:
     lattice : Lattice
         With its nodes in equilibrium; a macroscopic stress is allowed.
     frequency : float, optional
-        Angular frequency of the internal motions [rad/s], whose inertia is included; that of the
-        cell as a whole is not.
+        Angular frequency of a uniform strain [rad/s], which the nodes of a cell follow with their
+        inertia.  That of the strain itself, which moves nodes and lattice vectors together, is the
+        density.  Moduli do not depend on which cell describes the lattice.
 
     Returns
     -------
@@ -128,7 +137,7 @@ def moduli(lattice: Cell, frequency: float = 0.0) -> Moduli:
     Raises
     ------
     TensegrityError
-        Bad input.
+        Bad input, or a frequency at which the nodes within a cell resonate.
     EquilibriumError
         The nodes are not in equilibrium, or strain does work on a motion without stiffness, as in
         a mechanism under load.
@@ -147,64 +156,63 @@ def moduli(lattice: Cell, frequency: float = 0.0) -> Moduli:
     check.kind("lattice", lattice, Cell)
     frequency = check.number("frequency", frequency, least=0, below=FASTEST, unit="rad/s")
     lattice.refuse_unbalanced()
-    dim, inner = lattice.dim, lattice.positions.size
-    whole = lattice.hessian()
-    mixed = whole[:inner, inner:]
-    h = whole[inner:, inner:] - _followed(lattice, mixed, frequency, float(np.abs(whole).max()))
-    h = h.reshape(len(lattice.vectors), dim, len(lattice.vectors), dim)
-    a = lattice.vectors
-    tangent = np.einsum("aj,aibk,bl->ijkl", a, h, a) / lattice.size
-    stress = lattice.stress
+    dim, stress = lattice.dim, lattice.stress
+    stiff, _, arms = _gradients(lattice, frequency)
+    tangent = stiff[: dim**2, : dim**2].reshape(dim, dim, dim, dim)
     stiffness = tangent - np.einsum("ik,jl->ijkl", np.eye(dim), stress)
     axial = coupling = torsional = np.nan
-    if len(a) == 1:
-        n = a[0] / lattice.size
-        stiff = _long_waves(lattice, n, frequency)[0]
-        axial = float(n @ stiff[:dim, :dim] @ n)
-        if len(stiff) > dim:
-            coupling, torsional = float(n @ stiff[:dim, -1]), float(stiff[-1, -1])
+    if len(lattice.vectors) == 1:
+        n = lattice.vectors[0] / lattice.size
+        stretch = np.outer(n, n).ravel()
+        axial = float(stretch @ stiff[: dim**2, : dim**2] @ stretch)
+        if arms is not None:
+            coupling, torsional = float(stretch @ stiff[:-1, -1]), float(stiff[-1, -1])
     density = float(lattice.mass.sum()) / lattice.size
     return Moduli(
         tangent, stress, stiffness, density, axial, coupling, torsional, lattice, frequency
     )
 
 
-def _followed(lattice: Cell, mixed: Array, frequency: float, scale: float) -> Array:
-    """Reduction of the stiffness by internal motions under the forces `mixed` (nodes dim, count);
-    `scale` is the size that such forces can have."""
-    inner = lattice.positions.size
-    root = np.sqrt(np.repeat(lattice.mass, lattice.dim))
-    squares, vectors = np.linalg.eigh(lattice.hessian()[:inner, :inner] / (root * root[:, None]))
-    pulled = vectors.T @ (mixed / root[:, None])
-    soft = np.abs(squares) <= ZERO * inner * np.abs(squares).max(initial=0.0)
-    work = float(np.abs(pulled[soft]).max(initial=0.0))
-    if work > WORK * scale / root.min():
-        raise EquilibriumError(
-            f"no moduli: strain does work on a motion without stiffness, {work * root.min():.3g} "
-            f"over {scale:.3g}; prestress may stiffen it"
+def _gradients(lattice: Cell, frequency: float) -> tuple[Array, Array, Array | None]:
+    """Stiffness against macroscopic gradients h_kl, then the twist of a column, per size of a cell;
+    the sums of the sizes of the parts of its diagonal; and the arms of the twist."""
+    size, ends = lattice.positions.size, lattice.ends.T
+    moved, arms = _moved_ends(lattice)
+    blocks = lattice.members.blocks(lattice.positions)
+    forces, largest = np.zeros((2, lattice.nodes, lattice.dim, moved[0].shape[2]))
+    for sign, end, other in zip((-1, 1), ends, moved, strict=True):
+        np.add.at(forces, end, sign * blocks @ other)
+        np.add.at(largest, end, np.abs(blocks) @ np.abs(other))
+    forces, largest = forces.reshape(size, -1), largest.reshape(size, -1)
+    inner, mass = lattice.hessian()[:size, :size], np.repeat(lattice.mass, lattice.dim)
+    motions, unbounded, _ = internal_motions(inner, mass, np.array(frequency), forces, largest)
+    if unbounded and frequency:
+        raise TensegrityError(
+            f"frequency {frequency:.12g} rad/s is a resonance of the nodes within a cell: moduli "
+            "are infinite there"
         )
-    hard = pulled[~soft]
-    return np.asarray((hard.conj().T / (squares[~soft] - frequency**2)) @ hard)
+    if unbounded:
+        raise EquilibriumError(
+            "no moduli: strain does work on a motion without stiffness; prestress may stiffen it"
+        )
+    second, first = moved
+    whole = np.tensordot(first, blocks @ second, ([0, 1], [0, 1]))
+    sizes = np.sum(np.abs(first) * (np.abs(blocks) @ np.abs(second)), axis=(0, 1))
+    relaxed = (whole + whole.T) / 2 - forces.T @ motions
+    return relaxed / lattice.size, sizes / lattice.size, arms
 
 
-def _long_waves(lattice: Cell, n: Array, frequency: float) -> tuple[Array, Array, float]:
-    """Stiffness and inertia of long waves along a unit vector over the rigid motions, per size of
-    a cell, and the largest square of a speed without internal motions.
-
-    The motions are translations, and in columns the rotation of 1 rad about the axis.
-    """
-    matrix, dim = bloch_matrix(lattice, weighted=False), lattice.dim
-    motions = np.kron(np.ones((lattice.nodes, 1)), np.eye(dim))
-    if dim == 3 and len(lattice.vectors) == 1:
-        arms = lattice.positions - np.average(lattice.positions, axis=0, weights=lattice.mass)
-        turn = np.cross(lattice.vectors[0] / lattice.size, arms)
-        if np.abs(turn).max() > ALONG * lattice.span:
-            motions = np.column_stack([motions, turn.ravel()])
-    along = matrix.offsets @ (lattice.vectors @ n)
-    first, second = matrix.at(1j * along), matrix.at(-(along**2) / 2 + 0j)
-    stiff = (motions.T @ second @ motions).real
-    largest = float(np.abs(matrix.parts).max()) * lattice.span
-    followed = _followed(lattice, first @ motions, frequency, largest).real
-    inertia = motions.T @ (np.repeat(lattice.mass, dim)[:, None] * motions)
-    scale = float(np.abs(stiff).max() / np.diag(inertia).min())
-    return (stiff - followed) / lattice.size, inertia / lattice.size, scale
+def _moved_ends(lattice: Cell) -> tuple[tuple[Array, Array], Array | None]:
+    """How gradients of 1 move second ends as seen from the first, and first ends as seen from the
+    second, reversed, (members, dim, gradients) each; and the arms of a twist, (nodes, dim)."""
+    x, dim, vectors = lattice.positions, lattice.dim, lattice.vectors
+    d = lattice.members.separations(x)[0] @ np.linalg.pinv(vectors) @ vectors
+    shifts = np.einsum("ik,ml->mikl", np.eye(dim), d).reshape(len(d), dim, -1)
+    if dim == 3 and len(vectors) == 1:
+        axis = vectors[0] / lattice.size
+        arms = np.cross(axis, x - np.average(x, axis=0, weights=lattice.mass))
+        if np.abs(arms).max() > ALONG * lattice.span:
+            turns = ((d @ axis)[:, None] * arms[end] for end in lattice.ends.T)
+            first, second = (np.dstack([shifts, turn]) for turn in turns)
+            return (second, first), arms
+    return (shifts, shifts), None

@@ -100,7 +100,7 @@ def _lowest_wave(cell: Cell) -> tuple[float, Array]:
 
     def squares(q: Array) -> Array:
         w = np.concatenate([np.linalg.eigvalsh(matrix.at(matrix.weights(q[of])))[:, 0]
-                            for of in chunks(len(q))])  # fmt: skip
+                            for of in chunks(len(q), matrix.parts.shape[-1])])  # fmt: skip
         w[np.abs(w) <= ZERO * matrix.bound] = 0
         return np.asarray(w / np.sum((q @ reciprocal) ** 2, axis=1))
 

@@ -17,7 +17,7 @@ from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.readonly import ReadOnly, fixed
 from tensegrity.structures import statics
-from tensegrity.structures.members import Members, positive_for_each
+from tensegrity.structures.members import NO_LENGTH, Members, positive_for_each
 from tensegrity.structures.statics import SelfStress
 from tensegrity.typing import Array, Flags, Indices
 
@@ -32,6 +32,7 @@ class Framework(ReadOnly):
     natural_lengths: Array
     mass: Array
     shift: Array | float  # from the second end of each member to its image [m]
+    _may_coincide = False  # whether springs of natural length 0 join nodes at one place
 
     def _set_positions(self, positions: ArrayLike) -> None:
         places = check.floats("positions", positions)
@@ -63,20 +64,22 @@ class Framework(ReadOnly):
             ]
         )
         self.mass = positive_for_each("mass", mass, self.nodes, "kg")
-        lengths = self.lengths
-        bad = np.flatnonzero(~((lengths > 1e-12 * size) & (lengths < np.inf)))
+        lengths = natural = self.lengths
+        long_enough = lengths > 1e-12 * size
+        if natural_lengths is not None:
+            count, zero = len(lengths), self._may_coincide
+            natural = positive_for_each("natural length", natural_lengths, count, "m", zero)
+            long_enough |= (natural == 0) & (lengths == 0)
+        bad = np.flatnonzero(~(long_enough & (lengths < np.inf)))
         if bad.size:
             i, j = self.ends[bad[0]].tolist()
+            apart = "place nodes apart along the axis of their motion"
+            hint = "a spring at one place has natural length 0" if self._may_coincide else apart
             raise TensegrityError(
                 f"{self.name_of(int(bad[0]))} between nodes {i} and {j} has length "
-                f"{lengths[bad[0]]:g} m, must be above 0 and finite"
+                f"{lengths[bad[0]]:g} m, must be above 0 and finite: {hint}"
             )
-        if natural_lengths is None:
-            self.natural_lengths = lengths
-        else:
-            self.natural_lengths = positive_for_each(
-                "natural length", natural_lengths, len(lengths), "m"
-            )
+        self.natural_lengths = natural
 
     def at(self, positions: ArrayLike, **other: Any) -> Self:
         """A copy at other positions, with other arguments replaced by name."""
@@ -135,7 +138,7 @@ class Framework(ReadOnly):
     @property
     def densities(self) -> Array:
         """Force densities, tension over length [N/m], (members,)."""
-        return self.tensions / self.lengths
+        return self.tensions / np.maximum(self.lengths, NO_LENGTH)
 
     @property
     def slack(self) -> Flags:
@@ -178,7 +181,7 @@ class Framework(ReadOnly):
             q = statics.of_prestrain(self, prestrain)
         statics.refuse_pushing(self, q)
         natural = self.lengths * (1 - q / self.stiffnesses)
-        bad = np.flatnonzero(~(natural > 0))
+        bad = np.flatnonzero(~((natural > 0) | (self.lengths == 0)))
         if bad.size:
             raise TensegrityError(
                 f"force density {q[bad[0]]:.6g} N/m of {self.name_of(int(bad[0]))} must be below "

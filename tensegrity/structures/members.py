@@ -26,6 +26,7 @@ from tensegrity.structures.supports import Freedom
 from tensegrity.typing import Array, Flags, Indices
 
 SETTLED = 1e-10  # unbalanced force of an equilibrium, over the forces of members and loads
+NO_LENGTH = 1e-300  # of a spring between nodes at one place, to divide by [m]
 STEP, FARTHEST = 0.2, 100.0  # largest step and largest size, over the structure's own size
 
 
@@ -64,7 +65,7 @@ class Members:
         """Vectors (members, dim) from first to second ends, and their lengths."""
         first, second = positions.take(self.ends.T, axis=0)
         d = second - first + self.shift
-        return d, np.sqrt(np.einsum("ij,ij->i", d, d))
+        return d, np.maximum(np.sqrt(np.einsum("ij,ij->i", d, d)), NO_LENGTH)
 
     def taut(self, lengths: Array, within: float = TAUT) -> Flags:
         """Which members contribute stiffness, (members,): bars, and strings shorter than their
@@ -306,7 +307,9 @@ def refuse_duplicates(ends: Indices, bars: int) -> None:
         first[i, j] = number
 
 
-def positive_for_each(name: str, given: ArrayLike, count: int, unit: str) -> Array:
+def positive_for_each(
+    name: str, given: ArrayLike, count: int, unit: str, zero: bool = False
+) -> Array:
     """Positive numbers, one per item, from one number for all or an array.
 
     Parameters
@@ -315,6 +318,8 @@ def positive_for_each(name: str, given: ArrayLike, count: int, unit: str) -> Arr
         Quantity and unit, for messages.
     given : array_like, () or (count,)
     count : int
+    zero : bool, optional
+        Whether 0 is allowed.
 
     Returns
     -------
@@ -328,8 +333,9 @@ def positive_for_each(name: str, given: ArrayLike, count: int, unit: str) -> Arr
     values = check.floats(name, given)
     if values.shape not in ((), (count,)):
         raise TensegrityError(f"{name} has shape {values.shape}, must be one or ({count},)")
-    bad = np.flatnonzero(~((values > 0) & np.isfinite(values)))
+    bad = np.flatnonzero(~((values >= 0 if zero else values > 0) & np.isfinite(values)))
     if bad.size:
         worst = values.ravel()[bad[0]]
-        raise TensegrityError(f"{name} {worst:g} {unit} must be finite and above 0")
+        bound = "at least" if zero else "above"
+        raise TensegrityError(f"{name} {worst:g} {unit} must be finite and {bound} 0")
     return np.broadcast_to(values, (count,)).copy()
