@@ -70,7 +70,6 @@ from .waves.solitary import SolitaryWave, solitary_wave
 from .waves.spectrum import dispersion, modes
 from .waves.transition import transition_wave
 
-
 __all__ = [
     "METHODS",
     "Chain",

@@ -1,7 +1,7 @@
 """Write the derivations of known laws that come with the package: `make derived`.
 
-They are what is derived for the scenes below in an empty cache: power laws, rigid and elastic prisms,
-guides and packs, by default steps, tolerances and gradients.
+They are what is derived for the scenes below in an empty cache: power laws, rigid and elastic
+prisms, guides and packs, by default steps, tolerances and gradients.
 """
 
 import json
@@ -68,7 +68,9 @@ def main():
         disk_cache.shipped = dict  # what was shipped before is derived again
         scenes()
         paths = sorted(disk_cache.cache_folder().glob("*.json"))
-        disk_cache.write_shipped([json.loads(one.read_bytes().partition(b"\n")[2]) for one in paths])
+        disk_cache.write_shipped(
+            [json.loads(one.read_bytes().partition(b"\n")[2]) for one in paths]
+        )
         size = disk_cache.SHIPPED.stat().st_size / 1e6
         print(f"{len(paths)} values, {size:.2f} MB, {disk_cache.SHIPPED.name}")
 

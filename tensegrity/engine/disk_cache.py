@@ -4,9 +4,9 @@ The results of SymPy and CasADi that take seconds to derive are texts and number
 in a JSON file named by the hash of all it depends on: its key, the sources that derive it and the
 packages that do the algebra.  Files are written under a temporary name and renamed; a file that is
 truncated or changed does not match the digest in its first line and is derived again.  Nothing in a
-file is evaluated, and C text from it is compiled only if its digest is correct.  The values of known
-laws come with the package, in `derived.gz`, which `make derived` writes and which counts as long as
-it was made by these sources.
+file is evaluated, and C text from it is compiled only if its digest is correct.  The values of
+known laws come with the package, in `derived.gz`, which `make derived` writes and which counts as
+long as it was made by these sources.
 
 The size of the folder is limited, $TENSEGRITY_CACHE_MB: after each compilation the least recently
 used entries are removed.  A process holds a shared lock on each kernel that it has loaded, one byte

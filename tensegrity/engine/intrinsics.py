@@ -1,5 +1,5 @@
-"""The definitions of <immintrin.h> that the C of this package uses, cut out of what the preprocessor
-makes of it: the whole header takes longer to compile than most loops."""
+"""The definitions of <immintrin.h> that the C of this package uses, cut out of what the
+preprocessor makes of it: the whole header takes longer to compile than most loops."""
 
 from __future__ import annotations
 
@@ -14,7 +14,9 @@ if TYPE_CHECKING:
 
 INCLUDE = "#include <immintrin.h>"
 USED = re.compile(r"\b_(?:mm\d*|CMP)_\w+")
-OTHER = re.compile(r"^#pragma GCC push_options.*?^#pragma GCC pop_options", re.MULTILINE | re.DOTALL)
+OTHER = re.compile(
+    r"^#pragma GCC push_options.*?^#pragma GCC pop_options", re.MULTILINE | re.DOTALL
+)
 TYPE = re.compile(r"^typedef [^{};]*\b__(?:m|v|mmask)\d[^{};]*;", re.MULTILINE)
 CONSTANT = re.compile(r"^#define (_CMP_\w+) .*", re.MULTILINE)
 FUNCTION = re.compile(

@@ -1,5 +1,5 @@
-"""The shape of an expression: its numbers replaced by symbols, so that springs and forces that differ
-in these only share one compiled kernel.
+"""The shape of an expression: its numbers replaced by symbols, so that springs and forces that
+differ in these only share one compiled kernel.
 
 Small numbers stay, as they decide which operations are compiled: whole numbers and fractions of
 small terms, floats that are multiples of 1/4 up to 8, and exponents that are whole.

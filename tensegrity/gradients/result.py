@@ -95,10 +95,10 @@ class Gradient:
         ----------
         name : str
             "prestrain", "height", "k_cross" of prisms; "stiffness" and "exponent" (at fixed
-            preload), "preload" of power laws; a symbol of a user's own `Potential`; a parameter of a `Force`, which in
-            bonds may be that of the spring, or of a `Drive`, for each site that it drives; "bond",
-            "ground" of a `Damping`; "diameter", "modulus" of beads, at the same constants of
-            dissipation.
+            preload), "preload" of power laws; a symbol of a user's own `Potential`; a parameter of
+            a `Force`, which in bonds may be that of the spring, or of a `Drive`, for each site that
+            it drives; "bond", "ground" of a `Damping`; "diameter", "modulus" of beads, at the same
+            constants of dissipation.
 
         Returns
         -------

@@ -300,7 +300,12 @@ def _print_of(x):
         return {"printed": getattr(x, "__qualname__", repr(x))}
     law = x.law
     form = [str(getattr(law, name, type(law).__name__)) for name in ("energy", "elongation")]
-    values = {"parameters": x.parameters, "numbers": x.numbers.tolist(), "length": x.length, "domain": x.domain}
+    values = {
+        "parameters": x.parameters,
+        "numbers": x.numbers.tolist(),
+        "length": x.length,
+        "domain": x.domain,
+    }
     return {"law": hashlib.sha256("|".join(form).encode()).hexdigest(), **values}
 
 

@@ -19,13 +19,14 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.engine.compiled import evaluated
-from tensegrity.engine.law import DerivedLaw, Law, check_law
+from tensegrity.engine.law import DerivedLaw, Law
 from tensegrity.engine.programs import derived, run
 from tensegrity.errors import LockingError, TensegrityError
 from tensegrity.printing import concise, number_text
 from tensegrity.readonly import fixed
 from tensegrity.springs.kinks import kinks
 from tensegrity.springs.spline import SplineLaw, from_table
+from tensegrity.springs.written import written
 
 if TYPE_CHECKING:
     from collections.abc import Hashable
@@ -77,7 +78,7 @@ class Potential:
     _origin = ""  # the call that made this potential, unless it is that of its class
     _made_of: Any = None  # the prism and the preload of a prism's potential
     _varied: tuple[str, ...] = ()  # parameters that may change, if not all
-    _numbers: tuple[Any, ...] = ()  # of the energy as written, the law's last parameters: see `engine.shape`
+    _numbers: tuple[Any, ...] = ()  # of the energy, for which the law's last parameters stand
 
     def __init__(
         self,
@@ -87,35 +88,8 @@ class Potential:
         length: float | None = None,
         domain: tuple[float, float] = (-math.inf, math.inf),
     ) -> None:
-        import sympy as sp
-
-        from tensegrity.engine.shape import lifted
-
-        if not isinstance(elongation, sp.Symbol):
-            raise TensegrityError(f"elongation {check.shown(elongation)} is not a SymPy symbol")
-        if isinstance(energy, (int, float)):
-            energy = sp.sympify(check.number("energy", energy, unit="J"))
-        if not isinstance(energy, sp.Expr):
-            raise TensegrityError(f"energy {check.shown(energy)} is not a SymPy expression")
-        parameters = {} if parameters is None else parameters
-        if not isinstance(parameters, Mapping):
-            raise TensegrityError(f"parameters {check.shown(parameters)} must be a dict of numbers")
-        given = {str(key): value for key, value in parameters.items()}
-        symbols = sorted(energy.free_symbols - {elongation}, key=str)
-        names = [str(s) for s in symbols]
-        unknown = sorted(set(given) - set(names))
-        if unknown or len(set(names)) < len(names):
-            raise TensegrityError(
-                f"parameters {', '.join(unknown or names)}: each must name one symbol of the energy"
-            )
-        missing = [name for name in names if name not in given]
-        if missing:
-            raise TensegrityError(f"no value for the parameter {', '.join(missing)} of the energy")
-        values = [check.number(f"parameter {s}", given[str(s)]) for s in symbols]
-        (shape,), constants, self._numbers = lifted([energy])
-        law = Law(shape, elongation, (*symbols, *constants))
-        check_law(law)
-        self._set(law, [*values, *map(float, self._numbers)], length, domain)
+        law, values, self._numbers = written(energy, elongation, parameters)
+        self._set(law, values, length, domain)
 
     def _set(
         self,
@@ -455,8 +429,8 @@ class Potential:
         )
         length = "" if self._length is None else f", length={number_text(self._length)}"
         domain = ", ".join(map(number_text, self._domain))
-        law = self.law
-        return f"Potential({self.expression}, {law.elongation}, {{{values}}}{length}, domain=({domain}))"
+        energy = f"{self.expression}, {self.law.elongation}"
+        return f"Potential({energy}, {{{values}}}{length}, domain=({domain}))"
 
 
 def _sound_speed_squared() -> tuple[list[Any], tuple[Any, ...]]:

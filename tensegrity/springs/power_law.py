@@ -96,7 +96,7 @@ class PowerLaw(Potential):
 
 
 def _power_law(exponent: float | None) -> Law:
-    """The law, with an exponent in its text, of which products and roots are compiled, or for all."""
+    """The law of one exponent, of which products and roots are compiled, or that of all."""
     import sympy as sp
 
     from derivations import contact as derived
