@@ -2,7 +2,8 @@
 # with a C compiler from a package, ziglang, where there is none, keep it while pyproject.toml is
 # unchanged and rebuild it when it is not.  Each target adds the extras that it needs.
 
-PYTHON := $(shell for p in python3.11 python3.12 python3.13 python3; do \
+PYTHON := $(shell for p in python3.11 python3.12 python3.13 python3.14 \
+	python3; do \
 	$$p -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && \
 	echo $$p && break; done)
 BIN = .venv/bin
@@ -55,7 +56,7 @@ test: .venv/with-test
 # What one runs after each edit, in less than a minute: every room by some of its tests.
 QUICK = golden house layers one_engine network network_energies ensemble driven following methods \
 	record_times clearance lattice continuation response condensed prism structure solitary \
-	granular_contact granular_layout gradient_input gradient_networks search
+	waves granular_contact granular_layout gradient_input gradient_networks search identity
 quick: .venv/with-test
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m "not slow" -n 2 --dist loadfile \
 		$(QUICK:%=tests/test_%.py)
