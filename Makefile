@@ -2,14 +2,15 @@
 # with a C compiler from a package, ziglang, where there is none, keep it while pyproject.toml is
 # unchanged and rebuild it when it is not.  Each target adds the extras that it needs.
 
-PYTHON := $(shell for p in python3.11 python3.12 python3.13 python3; do \
+PYTHON := $(shell for p in python3.11 python3.12 python3.13 python3.14 \
+	python3; do \
 	$$p -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && \
 	echo $$p && break; done)
 BIN = .venv/bin
 INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check --editable
 READY = .venv/ready
 
-.PHONY: figures derivations live test quick test-slow faults bench site site-test lint clean
+.PHONY: figures derivations derived live test quick test-slow faults bench site site-test lint clean
 
 figures: $(READY)
 	$(BIN)/python -m figures
@@ -31,6 +32,7 @@ make site          guide, gallery and reference, in docs/_build/site
 make live          a page in which a chain runs
 make test          the tests; `make quick` some of them, `make test-slow` the slow ones
 make site-test     the site with a few pictures, opened in a browser
+make derived      derive what comes with the package, after a change of its sources
 make faults        how many faults, put into a copy of the code, the tests notice; hours
 make lint          ruff and mypy
 make bench         benchmarks against other programs
@@ -55,13 +57,17 @@ test: .venv/with-test
 # What one runs after each edit, in less than a minute: every room by some of its tests.
 QUICK = golden house layers one_engine network network_energies ensemble driven following methods \
 	record_times clearance lattice continuation response condensed prism structure solitary \
-	granular_contact granular_layout gradient_input gradient_networks search
+	waves granular_contact granular_layout gradient_input gradient_networks search identity
 quick: .venv/with-test
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m "not slow" -n 2 --dist loadfile \
 		$(QUICK:%=tests/test_%.py)
 
 test-slow: .venv/with-test
 	$(BIN)/python -m pytest -m slow
+
+# Derivations of known laws, which come with the package: tensegrity/engine/derived.gz.
+derived: .venv/with-test
+	$(BIN)/python -m tests.derived
 
 # Breaks a copy of the code at random places, one at a time, and counts what tests notice; hours.
 faults: .venv/with-test

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import benchmarks
 from benchmarks import _timing
+from tensegrity.check import replacing
 from tensegrity.engine.native import described
 
 MARGIN = 0.15  # by which a ratio may differ between two runs
@@ -71,7 +72,8 @@ def main(arguments=None):
         ratios |= {f"{name}/{key}": value for key, value in _timing.RATIOS.items()}
     now = {**stamp(), "ratios": ratios}
     if given.save:
-        given.save.write_text(json.dumps(now, indent=1) + "\n")
+        with replacing(given.save) as new:
+            new.write_text(json.dumps(now, indent=1) + "\n")
     if not then:
         return 0
     then["ratios"] = {k: x for k, x in then["ratios"].items() if k.split("/")[0] in chosen}

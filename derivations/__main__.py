@@ -57,8 +57,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     text = report.page(names, progress)
     target.parent.mkdir(parents=True, exist_ok=True)
     beside = target.with_name(f".{target.name}.{os.getpid()}")
-    beside.write_text(text, encoding="utf-8")
-    os.replace(beside, target)
+    try:
+        beside.write_text(text, encoding="utf-8")
+        os.replace(beside, target)
+    finally:  # packages above this one have a helper for it
+        beside.unlink(missing_ok=True)
     what = f"The derivation {given.name}" if given.name else f"All {len(names)} derivations"
     print(f"{what}, with the ledger's entries: {target.resolve()}")
     return 0

@@ -21,6 +21,7 @@ from pathlib import Path
 from types import ModuleType
 
 from figures import _stored
+from tensegrity.check import replacing
 
 BLOCK = re.compile(r"^```python\n(.*?)^```\n", re.DOTALL | re.MULTILINE)
 MADE = Path("_made", "examples")
@@ -94,7 +95,8 @@ def store(name, text, of, made):
             made.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(Path(folder, file), made / file)
     made.mkdir(parents=True, exist_ok=True)
-    (made / "results.json").write_text(json.dumps({"of": of, "results": results}))
+    with replacing(made / "results.json") as new:
+        new.write_text(json.dumps({"of": of, "results": results}))
 
 
 def digest(text):

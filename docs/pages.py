@@ -26,6 +26,7 @@ from figures import FIRST, claims_inputs, pictures
 from figures._files import read_printed
 from figures._gallery import named, short, title
 from figures._gallery import words as _words
+from tensegrity.check import replacing
 
 ROOT = Path(__file__).parent.parent
 OUTPUT = ROOT / "figures" / "output"
@@ -69,7 +70,8 @@ def write(path, *parts):
     text = "\n\n".join(part for part in parts if part) + "\n"
     path.parent.mkdir(parents=True, exist_ok=True)
     if not path.is_file() or path.read_text(encoding="utf-8") != text:
-        path.write_text(text, encoding="utf-8")
+        with replacing(path) as new:
+            new.write_text(text, encoding="utf-8")
 
 
 def raw(html):
@@ -101,7 +103,8 @@ def copied(source, folder):
     folder.mkdir(parents=True, exist_ok=True)
     if not target.is_file() or target.stat().st_mtime < source.stat().st_mtime:
         if numbers:
-            target.write_bytes(gzip.compress(source.read_bytes(), mtime=0))
+            with replacing(target) as new:
+                new.write_bytes(gzip.compress(source.read_bytes(), mtime=0))
         else:
             shutil.copy2(source, target)
     return target.name

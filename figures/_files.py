@@ -6,25 +6,19 @@ table called "printed".
 """
 
 import csv
-import os
-import tempfile
 from itertools import zip_longest
+from pathlib import Path
+
+from tensegrity.check import replacing
 
 PRINTED = "printed"
 HEADER = ["table", "column", "row", "value"]
 
 
 def write(path, save):
-    """Let `save` write a temporary file in the same folder and rename it: no partial file."""
-    handle, temporary = tempfile.mkstemp(prefix=".", suffix=path.suffix, dir=path.parent)
-    os.close(handle)
-    try:
-        save(temporary)
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
-    except BaseException:
-        os.unlink(temporary)
-        raise
+    """Let `save` write a file beside this one, which then replaces it: no partial file."""
+    with replacing(Path(path)) as new:
+        save(str(new))
 
 
 def write_rows(path, rows):

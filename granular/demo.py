@@ -21,6 +21,7 @@ from tensegrity import (
     Prism,
     Record,
     arrival,
+    check,
     equilibrium_path,
     largest_peak,
     simulate,
@@ -155,8 +156,10 @@ def main() -> int:
         figure.set_layout_engine("none")  # every frame is laid out as the first
         images.append(Image.fromarray(np.array(canvas.buffer_rgba())).convert("RGB").quantize(128))
     picture, film = (Path(f"tensegrity-demo.{kind}") for kind in ("png", "gif"))
-    images[0].save(film, save_all=True, append_images=images[1:], duration=1000 // RATE, loop=0)
+    with check.replacing(film) as new:
+        images[0].save(new, save_all=True, append_images=images[1:], duration=1000 // RATE, loop=0)
     show(0.8)
-    figure.savefig(picture, dpi=110)
+    with check.replacing(picture) as new:
+        figure.savefig(new, dpi=110)
     print(f"{picture}, {film}: all three scenes, at one instant and animated")
     return int(failed > 0)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import importlib
 import math
 import os
+import secrets
 import sys
 import warnings
 from collections.abc import Iterator
@@ -346,11 +347,22 @@ def path(name: str, value: object) -> Path:
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A context for a temporary file that replaces another file once it is written; if writing
-    fails, the other file stays unchanged."""
-    new = path.with_name(path.name + ".new")
+    """A context for a file beside another one, which replaces it once it is written and on the
+    disk; if writing fails, the other file stays unchanged.
+
+    The file's name is its own, so that two processes can replace one file, and has the same ending,
+    by which some writers know a format.  A link is followed; what is no file, such as /dev/stdout,
+    is written directly.
+    """
+    if path.exists() and not path.is_file():
+        yield path
+        return
+    path = Path(os.path.realpath(path))
+    new = path.with_name(f".{path.stem[:99]}.{secrets.token_hex(4)}{path.suffix}")
     try:
         yield new
+        with open(new, "rb+") as file:
+            os.fsync(file.fileno())
         os.replace(new, path)
     except BaseException:
         new.unlink(missing_ok=True)
@@ -379,7 +391,7 @@ def text(value: object) -> str:
     """`repr` of any value."""
     try:
         return repr(value)
-    except ValueError:  # an int of thousands of digits
+    except (ValueError, RecursionError):  # an int of thousands of digits, a deep list
         return f"of type {type(value).__name__}"
 
 

@@ -5,7 +5,7 @@ import numpy as np
 from tensegrity import State
 from tensegrity.runs import archive
 
-parts, written = archive.read, archive.write
+parts, written, identity = archive.read, archive.write, archive.identity
 
 
 def crafted(path, kind, others):

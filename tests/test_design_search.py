@@ -170,7 +170,7 @@ def test_a_checkpoint_of_another_search_is_refused_with_the_difference(tmp_path)
     ) as e:
         search(ORDER, checkpoint=path, budget=64, **(SHORT | {"striker": Striker(heavy, 0.5)}))
     assert len(str(e.value)) < 400
-    with pytest.raises(TensegrityError, match=r"its space is .Order"):
+    with pytest.raises(TensegrityError, match="its space is Order"):
         search(CHOICE, checkpoint=path, budget=64, **SHORT)
     kept = parts(path, "search")
     written(path, "search", kept | {"digest": "another"})

@@ -187,6 +187,7 @@ INSIDE = {
     "granular.contact_network.wall_sites": "which sites to record for the force on a wall",
     "granular.design.objective": "forces of many designs by the one step of a search",
     "tensegrity.animation.moving": "a moving pack in panels of a picture",
+    "tensegrity.check.replacing": "files written beside others that they replace",
     "tensegrity.engine": "the loop itself, its threads, and expressions in CasADi",
     "tensegrity.plotting": "films of tables, which are no runs",
     "tensegrity.prisms.fold_curve.limit_load": "a limit point continued in two parameters",

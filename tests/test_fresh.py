@@ -20,6 +20,7 @@ from tensegrity.prisms.condensed import functions as functions_of
 from tensegrity.prisms.equations import problem
 
 ROOT = Path(__file__).parent.parent
+ALONE = "from tensegrity.engine import disk_cache; disk_cache.shipped = dict\n"
 RESULTS = (
     "from tensegrity import *\n"
     "spring = Prism(1.0, 0.7, 0.1, 1.0).potential(0.01)\n"
@@ -59,11 +60,12 @@ def folder(tmp_path, monkeypatch):
     cache_folder.cache_clear()
 
 
-def results(cache):
-    """Digest of all numbers of a process, and which heavy packages it imported."""
+def results(cache, before=ALONE):
+    """Digest of all numbers of a process, and which heavy packages it imported; without what comes
+    with the package."""
     environment = os.environ | {"XDG_CACHE_HOME": str(cache)}
     answer = subprocess.run(
-        [sys.executable, "-c", RESULTS], cwd=ROOT, env=environment, check=True,
+        [sys.executable, "-c", before + RESULTS], cwd=ROOT, env=environment, check=True,
         capture_output=True, text=True,
     )  # fmt: skip
     assert answer.stderr == ""
@@ -74,11 +76,11 @@ def results(cache):
 def test_c_text_depends_neither_on_earlier_algebra_nor_on_hashes(tmp_path):
     texts = []
     for seed, before in ((0, ""), (1, SIMPLIFIED)):
-        cache = str(tmp_path / str(seed))  # empty: all is derived
+        cache = str(tmp_path / str(seed))  # empty
         environment = os.environ | {"XDG_CACHE_HOME": cache, "PYTHONHASHSEED": str(seed)}
         texts.append(
             subprocess.run(
-                [sys.executable, "-c", before + TEXTS], cwd=ROOT, env=environment, check=True,
+                [sys.executable, "-c", ALONE + before + TEXTS], cwd=ROOT, env=environment, check=True,
                 capture_output=True,
             ).stdout
         )  # fmt: skip
@@ -110,6 +112,13 @@ def test_a_warm_process_imports_no_algebra_and_gives_the_same_bits(tmp_path):
     cold, late = results(tmp_path)
     assert set(late) >= {"sympy", "casadi"}
     assert results(tmp_path) == (cold, [])
+
+
+def test_what_comes_with_the_package_was_derived_by_its_sources_and_is_the_same(tmp_path):
+    """`make derived` writes it; a first call then imports no algebra and gives the same bits."""
+    assert disk_cache.shipped(), "written by other sources: call `make derived`"
+    derived, _ = results(tmp_path / "derived")
+    assert results(tmp_path / "shipped", before="") == (derived, [])
 
 
 @pytest.mark.slow
@@ -166,11 +175,15 @@ def test_a_changed_source_makes_everything_anew(folder, monkeypatch):
     source = Path(sys.modules["tensegrity"].__file__).parent / "prisms" / "prism.py"
     real = Path.read_bytes
     monkeypatch.setattr(Path, "read_bytes", lambda path: real(path) + b"#" * (path == source))
-    disk_cache.made_by.cache_clear()
+    cleared = disk_cache.made_by, disk_cache.sources, disk_cache.shipped
+    for one in cleared:
+        one.cache_clear()
     try:
         assert disk_cache.made_by() != first
+        assert disk_cache.shipped() == {}
     finally:
-        disk_cache.made_by.cache_clear()
+        for one in cleared:
+            one.cache_clear()
 
 
 def test_a_folder_that_cannot_be_written_costs_only_time(folder, monkeypatch):
@@ -205,7 +218,7 @@ def test_derived_laws_are_equal_by_what_they_are_made_of():
     assert hash(law) == hash(PowerLaw(2.0, 1.5).law)
     assert isinstance(rigid_law(), DerivedLaw)
     assert rigid_law() != law
-    assert functions(law)["tension"].size1_in(1) == len(law.parameters) == 3
+    assert functions(law)["tension"].size1_in(1) == len(law.parameters) == 4
 
 
 def test_problems_of_prisms_are_made_once():

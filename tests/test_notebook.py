@@ -84,7 +84,7 @@ def test_objects_show_a_table_and_a_picture(name):
     (picture,) = pictures
     image = base64.b64decode(picture["src"].removeprefix("data:image/png;base64,"))
     assert image.startswith(b"\x89PNG")
-    assert len(image) < 60_000
+    assert len(image) < 62_000  # 61 kB of the oldest Matplotlib, 60 of the newest
     assert picture["alt"]
     assert "nan" not in words
 

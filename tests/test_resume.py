@@ -5,6 +5,7 @@ import random
 import signal
 import subprocess
 import sys
+from threading import Lock
 
 import numpy as np
 import pytest
@@ -14,18 +15,20 @@ from networks import plate, triangles
 from scenes import blow, ctrl_c, lanes, many_steps, prism_chain
 from springs import series
 
-from granular import Bead, Striker, chain, materials, y_guide
+from granular import Bead, Contact, Striker, chain, hexagonal_pack, materials, y_guide
 from tensegrity import (
     Chain,
     Damping,
     Drive,
     Ensemble,
     LockingError,
+    Network,
     Potential,
     PowerLaw,
     Prism,
     Record,
     RecordError,
+    Run,
     State,
     TensegrityError,
     resume,
@@ -211,6 +214,68 @@ def test_a_scene_of_a_users_own_energy_is_asked_for_and_recognised(tmp_path):
         with pytest.raises(TensegrityError, match="is not that of"):
             resume(path, scene=wrong)
     same(resume(path, scene=toda()), whole)
+
+
+def tuned_by(rate):
+    """A chain that stiffens, by a function with a captured value."""
+    r, k = sp.symbols("r k")
+    spring = Potential(k * (r**2 / 2 + r**4), r, {k: 1.0})
+    return Chain(spring, 6, tune=lambda t: spring.varied({"k": 1.0 + rate * t}))
+
+
+def followed_by(stiffness):
+    """Three discs whose new contacts are given by a function with a captured value."""
+
+    def law(site, other):
+        return PowerLaw(stiffness, 1.5)
+
+    places = [[0.0, 0.0], [1.2, 0.0], [2.6, 0.0]]
+    return Network(places, (), PowerLaw(1.0, 1.5), radius=0.5, contacts="follow", law=law)
+
+
+def packed_by(constant):
+    """Beads on a floor whose later contacts have a law with a captured value."""
+
+    def law(bead, other):
+        return Contact(constant, 1.5)
+
+    return hexagonal_pack(2, 2, bead=STEEL, contacts="follow", law=law)
+
+
+@pytest.mark.parametrize(
+    ("make", "value", "t_end", "speed"),
+    [(tuned_by, 0.1, 3.0, 0.1), (followed_by, 2.0, 3.0, (1.0, 0.0)),
+     (packed_by, 2e9, 1e-4, (0.0, 0.5))],
+)  # fmt: skip
+def test_a_scene_with_a_function_is_recognised_by_what_that_captures(
+    tmp_path, make, value, t_end, speed
+):
+    scene, path = make(value), tmp_path / "run.npy"
+    state, how = scene.at_rest({0: speed}), {"dt": t_end / 4000, "method": "verlet"}
+    whole = simulate(scene, state, t_end, **how, record=Record(every=100))
+    record = Record(every=100, path=path, checkpoint=1e9)
+    simulate(scene, state, t_end, **how, record=record, observe=ctrl_c(t_end / 2))
+    with pytest.raises(TensegrityError, match="numbers or functions in these differ"):
+        resume(path, make(1.1 * value))
+    run = resume(path, make(value))
+    for name in ("t", "u", "v", "energy"):
+        np.testing.assert_array_equal(getattr(run, name), getattr(whole, name), name)
+
+
+def test_a_scene_that_no_checkpoint_can_know_is_refused_before_any_work(tmp_path):
+    places, lock = [[0.0, 0.0], [1.2, 0.0]], Lock()
+
+    def law(site, other):
+        with lock:
+            return PowerLaw(1.0, 1.5)
+
+    scene = Network(places, (), PowerLaw(1.0, 1.5), radius=0.5, contacts="follow", law=law)
+    state, record = scene.at_rest({0: (1.0, 0.0)}), Record(path=tmp_path / "a.npy", checkpoint=1)
+    with pytest.raises(TensegrityError, match=r"law uses lock: .* has no contents"):
+        simulate(scene, state, 1.0, dt=0.1, record=record)
+    assert not [*tmp_path.iterdir()]
+    simulate(scene, state, 1.0, dt=0.01).save(tmp_path / "run.npz")  # its print alone
+    assert repr(Run.load(tmp_path / "run.npz").scene) == repr(scene)
 
 
 def test_a_driven_scene_is_recognised_by_its_expressions(tmp_path):

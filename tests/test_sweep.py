@@ -1,16 +1,19 @@
 """Sweeps: results in order, failures kept, workers that die, checkpoints."""
 
 import ast
+import os
 import subprocess
 import sys
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from functools import partial
+from threading import Lock
 
 import numpy as np
 import pytest
-from crafted import parts
+from crafted import crafted, parts
 from designs import square_or_die, square_or_die_once, squared
 from test_design_search import ROOT, run_and_kill
+from test_identity import PAIRS, tables
 
 from tensegrity import TensegrityError, sweep
 
@@ -53,12 +56,15 @@ def test_cases_that_are_sent_together_are_lost_one_by_one():
 
 
 def test_a_sweep_goes_on_from_its_checkpoint(tmp_path):
-    path = tmp_path / "sweep.npz"
-    seen = []
+    path, log = tmp_path / "sweep.npz", tmp_path / "log"
+
+    def seen():
+        return [int(x) for x in log.read_text().split()]
 
     def counted(x):
-        seen.append(x)
-        if len(seen) == 3:
+        with open(log, "a") as file:
+            print(x, file=file)
+        if len(seen()) == 3:
             raise KeyboardInterrupt
         return {"value": x, "row": np.arange(x)}
 
@@ -66,14 +72,14 @@ def test_a_sweep_goes_on_from_its_checkpoint(tmp_path):
         sweep(counted, range(6), checkpoint=path)
     assert len(parts(path, "sweep")["numbers"]) == 2
     found = sweep(counted, range(6), checkpoint=path)
-    assert seen == [0, 1, 2, 2, 3, 4, 5]
+    assert seen() == [0, 1, 2, 2, 3, 4, 5]
     assert [one["value"] for one in found] == list(range(6))
     np.testing.assert_array_equal(found[4]["row"], np.arange(4))
     assert [one["value"] for one in sweep(counted, range(8), checkpoint=path)] == list(range(8))
-    assert seen[7:] == [6, 7]  # a longer list computes what is new
+    assert seen()[7:] == [6, 7]  # a longer list computes what is new
     assert [one["value"] for one in sweep(counted, range(3), checkpoint=path)] == [0, 1, 2]
     assert len(sweep(counted, range(8), checkpoint=path)) == 8
-    assert len(seen) == 9  # a shorter one loses nothing
+    assert len(seen()) == 9  # a shorter one loses nothing
     long = "x" * 100
     assert sweep(len, [long + "1", 5], checkpoint=tmp_path / "long.npz")[0] == 101
     with pytest.raises(TensegrityError, match=r"its case 0 is .*xx1', here .*xx2'$") as caught:
@@ -106,11 +112,83 @@ def test_a_checkpoint_tells_functions_with_other_arguments_apart(tmp_path):
     path = tmp_path / "x.npz"
     for _ in range(2):
         assert sweep(partial(round, ndigits=1), [0.26], checkpoint=path) == [0.3]
-    with pytest.raises(TensegrityError, match=r"its function is 'builtins[.]round with argum"):
+    words = r"its function is builtins[.]round with ndigits=1, here .* with ndigits=2"
+    with pytest.raises(TensegrityError, match=words):
         sweep(partial(round, ndigits=2), [0.26], checkpoint=path)
-    with pytest.raises(TensegrityError, match=r"a function by its name, not .*<lambda>: use def"):
-        sweep(lambda x: x, [1], checkpoint=tmp_path / "y.npz")
     assert sorted(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize(
+    "name", ["objects", "masks", "lambdas", "tuned scenes", "series", "frames"]
+)
+def test_a_checkpoint_does_not_take_one_case_for_another(name, tmp_path):
+    """Also where they print alike."""
+    if name not in (pairs := PAIRS | tables()):
+        pytest.skip("pandas is not installed")
+    (one, other), path = pairs[name], tmp_path / "x.npz"
+    assert sweep(type_of, [1, one()], checkpoint=path) == ["int", type(one()).__name__]
+    assert len(sweep(type_of, [1, one()], checkpoint=path)) == 2
+    before = path.read_bytes()
+    with pytest.raises(TensegrityError, match="is of another sweep: its case 1 is "):
+        sweep(type_of, [1, other()], checkpoint=path)
+    assert path.read_bytes() == before
+
+
+def type_of(x):
+    return type(x).__name__
+
+
+@pytest.mark.parametrize("name", ["lambdas", "nested functions", "globals", "code", "methods"])
+def test_a_checkpoint_knows_a_function_by_its_code_and_what_it_captures(name, tmp_path):
+    """A result of the other function would be returned for it."""
+    (one, other), path = PAIRS[name], tmp_path / "x.npz"
+    first = sweep(one(), [2.0, 3.0], checkpoint=path)
+    assert sweep(one(), [2.0, 3.0], checkpoint=path) == first != sweep(other(), [2.0, 3.0])
+    with pytest.raises(TensegrityError, match="is of another sweep: its function is "):
+        sweep(other(), [2.0, 3.0], checkpoint=path)
+
+
+def test_what_no_checkpoint_can_know_is_refused_before_any_work(tmp_path):
+    lock, seen = Lock(), []
+
+    def locked(x):
+        with lock:
+            return seen.append(x)
+
+    words = r"the function of a sweep: .*locked uses lock: .*lock.* cannot pickle"
+    with pytest.raises(TensegrityError, match=words):
+        sweep(locked, [1], checkpoint=tmp_path / "x.npz")
+    with pytest.raises(TensegrityError, match=r"no checkpoint can know the case 1 of a sweep"):
+        sweep(type_of, [1, lock], checkpoint=tmp_path / "x.npz")
+    assert not seen
+    assert not [*tmp_path.iterdir()]
+
+
+def test_two_sweeps_with_one_checkpoint_both_end(tmp_path, monkeypatch):
+    """The other one writes, as a whole, while the first one does."""
+    path, replace, inner = tmp_path / "x.npz", os.replace, []
+
+    def later(one, two):
+        if not inner:
+            inner.append(None)
+            inner[:] = sweep(squared, range(5), checkpoint=path)
+        replace(one, two)
+
+    monkeypatch.setattr("os.replace", later)
+    assert sweep(squared, range(5), checkpoint=path) == inner == [0, 1, 4, 9, 16]
+    assert [*tmp_path.iterdir()] == [path]
+    assert sorted(parts(path, "sweep")["numbers"]) == [0, 1, 2, 3, 4]
+
+
+def test_a_checkpoint_of_another_form_is_refused(tmp_path):
+    path = tmp_path / "x.npz"
+    sweep(squared, range(3), checkpoint=path)
+    others = {"of": [{"function": "designs.squared"}], "numbers": [[3], [-1], [0.5]]}
+    for part, value in crafted(path, "sweep", others):
+        if part == "results" and value != "left out":
+            continue  # anything may be
+        with pytest.raises(TensegrityError, match="holds no sweep, or is damaged"):
+            print(part, value, sweep(squared, range(3), checkpoint=path))
 
 
 def by_pairs(x):

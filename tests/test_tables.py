@@ -1,5 +1,8 @@
 """Results as data sets of xarray, tables of pandas and CSV files, each number with its unit."""
 
+import gzip
+import os
+import subprocess
 import sys
 
 import numpy as np
@@ -90,6 +93,45 @@ def test_a_csv_names_columns_members_and_units_and_reads_back(name, tmp_path):
         column = headings.index(f"tension of string {string} [N]")
         assert (values[:, column] == path.tensions[:, string]).all()
         assert "tension of bar 0 [N]" in headings
+
+
+def test_a_csv_that_cannot_be_written_leaves_the_old_one(tmp_path, monkeypatch):
+    path, file = PATHS["prism"](), tmp_path / "path.csv"
+    path.to_csv(file)
+    before = file.read_bytes()
+
+    def full(new, *_, **__):
+        with open(new, "w") as begun:
+            begun.write("# part of a header")
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("numpy.savetxt", full)
+    with pytest.raises(TensegrityError, match=r"path\.csv cannot be written: No space left"):
+        path.to_csv(file)
+    assert [*tmp_path.iterdir()] == [file]
+    assert file.read_bytes() == before
+    monkeypatch.undo()
+    link = tmp_path / "link.csv"
+    link.symlink_to(file)
+    path[:3].to_csv(link)  # what it leads to is replaced, not the link
+    assert link.is_symlink()
+    assert len(file.read_text().splitlines()) == 4
+    packed = tmp_path / "path.csv.gz"
+    path.to_csv(packed)
+    assert gzip.decompress(packed.read_bytes()) == before
+
+
+@pytest.mark.skipif(not os.path.islink("/dev/stdout"), reason="no such device")
+def test_a_csv_goes_to_what_is_no_file():
+    """A device is written, and not replaced."""
+    code = (
+        "from tensegrity import Prism, equilibrium_path\n"
+        "equilibrium_path(Prism(1, 0.7, 0.01, 1)).to_csv('/dev/stdout')"
+    )
+    there = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    path = equilibrium_path(Prism(1, 0.7, 0.01, 1))
+    assert len(there.stdout.splitlines()) == len(path) + 1, there.stderr
+    assert os.path.islink("/dev/stdout")
 
 
 def test_what_is_missing_is_named_with_the_extra_that_has_it(monkeypatch):

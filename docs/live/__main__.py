@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import json
-import os
 import sys
 from argparse import ArgumentParser
 from importlib.resources import files
@@ -12,6 +11,7 @@ from pathlib import Path
 
 from docs.live import kernel, net
 from docs.live.tables import tables
+from tensegrity.check import replacing
 
 FOLDER = Path(__file__).parent
 OUTPUT = FOLDER / "output" / "index.html"
@@ -50,12 +50,8 @@ def main(arguments: list[str]) -> int:
         print(f"no page: {kernel.missing()}", file=sys.stderr)
         return 1
     path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_name(path.name + ".new")
-    try:
-        beside.write_text(page(), encoding="utf-8")
-        os.replace(beside, path)
-    finally:
-        beside.unlink(missing_ok=True)
+    with replacing(path) as new:
+        new.write_text(page(), encoding="utf-8")
     print(f"{path}: {path.stat().st_size} bytes")
     return 0
 

@@ -35,7 +35,8 @@ from tensegrity.runs.sweep import (
     Failed,
     WorkerPool,
     checkpoint_file,
-    name_of,
+    identified,
+    known_by,
     require_same,
     write_checkpoint,
 )
@@ -158,16 +159,16 @@ def _coarse(build: Build | None) -> float:
 
 def _parts(data: dict[str, Any]) -> tuple[dict[str, Any], list[tuple[Any, Array]], str]:
     """The problem, the best design and the forces of each descent, and the digest of a file."""
-    check.kind("of", data["of"], dict)
+    of = known_by(data["of"])
     forces = archive.array("forces", data["forces"], (None,), are_finite=False)
     check.kind("digest", data["digest"], str)
     counts, rows = data.get("counts", ()), data.get("rows", ())
     if len(counts) != len(rows) or (len(counts) and np.sum(counts) != len(forces)):
         raise TensegrityError(f"{len(rows)} descents of {np.sum(counts)} forces, of {len(forces)}")
     if not len(counts):  # of a design each
-        return data["of"], [(None, force) for force in forces[:, None]], data["digest"]
+        return of, [(None, force) for force in forces[:, None]], data["digest"]
     descents = np.split(forces, np.cumsum(counts)[:-1])
-    return data["of"], list(zip(rows, descents, strict=True)), data["digest"]
+    return of, list(zip(rows, descents, strict=True)), data["digest"]
 
 
 class _SearchRecord:
@@ -192,14 +193,11 @@ class _SearchRecord:
         self._path: Path | None = None if path is None else checkpoint_file(path)
         self._old: list[tuple[Any, Array]] = []
         self._old_digest = ""
-        named = "" if problem.build is None or path is None else name_of(problem.build)
-        self._of = {
-            "space": repr(problem.space), "striker": repr(problem.striker),
-            "wall": repr(problem.wall), "t_end": problem.t_end, "dt": problem.dt, "build": named,
-            "method": method, "seed": seed,
-        }  # fmt: skip
-        if problem.scatter is not None:
-            self._of["scatter"] = repr(problem.scatter)
+        self._of: dict[str, Any] = {}
+        if self._path is not None:
+            parts = "space", "striker", "wall", "t_end", "dt", "build", "scatter"
+            given = {name: getattr(problem, name) for name in parts}
+            self._of = identified("search", given | {"method": method, "seed": seed})
         if self._path is not None and self._path.exists():
             of, *old = archive.read(self._path, "search", _parts)
             require_same(self._path, "search", of, self._of)

@@ -190,11 +190,10 @@ class Table:
         """
         table = np.column_stack([np.asarray(c, dtype=float) for c in self.columns.values()])
         header = ",".join(map(self._heading, self.columns))
+        path = check.path("path", path)
         try:
-            np.savetxt(
-                check.path("path", path), table, fmt="%.17g", delimiter=",", header=header,
-                comments="",
-            )  # fmt: skip
+            with check.replacing(path) as new:
+                np.savetxt(new, table, fmt="%.17g", delimiter=",", header=header, comments="")
         except OSError as error:
             raise TensegrityError(f"{path} cannot be written: {error.strerror}") from error
 

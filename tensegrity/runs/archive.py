@@ -2,15 +2,13 @@
 
 The text is JSON.  An object in it is the name of a registered class, with the numbers, arrays and
 other objects it is built from; nothing in a file is evaluated or unpickled.  An object of no
-registered class, such as an energy of the user's own, is stored as its printed form and a
-fingerprint, by which it is recognised when the user supplies it again.
+registered class, such as an energy of the user's own, is stored as its printed form and its
+identity, by which it is recognised when the user supplies it again.
 """
 
 from __future__ import annotations
 
-import hashlib
 import json
-import os
 from dataclasses import fields
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -26,6 +24,7 @@ from tensegrity.prisms.condensed import ElasticPotential
 from tensegrity.prisms.plates import PlateSpring
 from tensegrity.prisms.prism import Prism
 from tensegrity.readonly import Repeated
+from tensegrity.runs.identity import PARTS, identity
 from tensegrity.runs.record import Record
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.dynamics import dynamics
@@ -57,7 +56,7 @@ class PrintedScene:
     text : str
         The printed form of the scene.
     fingerprint : str
-        Digest of its contents; see `fingerprint`.
+        Its identity, see `tensegrity.runs.identity`, or "" if it has none.
     """
 
     def __init__(self, text, fingerprint) -> None:
@@ -99,16 +98,22 @@ def register(kind, take, make=None):
         Rebuilds the object from these, passed by name, sequences as tuples; by default the class.
     """
     KINDS[kind.__name__] = Kind(kind, take, make or kind)
+    PARTS[kind] = take
 
 
-def fingerprint(scene: Any) -> str:
-    """Digest of the contents of an object; equal scenes have equal digests."""
-    writer = _Writer()
-    text = json.dumps([writer.value(scene), writer.objects])
-    digest = hashlib.sha256(text.encode())
-    for array in writer.arrays.values():
-        digest.update(str((array.dtype, array.shape)).encode() + array.tobytes())
-    return digest.hexdigest()
+def storable(scene: Any) -> Any:
+    """A scene, or the printed form of one that no file can hold, to be recognised by.
+
+    Raises
+    ------
+    TensegrityError
+        Such a scene has something in it that has no identity, such as a function with a lock.
+    """
+    if isinstance(scene, PrintedScene):
+        return scene
+    trial = _Writer()
+    trial.value(scene)
+    return PrintedScene(repr(scene), identity(scene)) if trial.opaque else scene
 
 
 def write(path, kind, data):
@@ -135,8 +140,6 @@ def write(path, kind, data):
     text = json.dumps({"format": FORMAT, "kind": kind, "data": parts, "objects": writer.objects})
     with check.replacing(path) as new, open(new, "wb") as file:
         np.savez(file, text=np.array(text), **writer.arrays)
-        file.flush()
-        os.fsync(file.fileno())
 
 
 def read(path, kind, make=dict):
@@ -218,13 +221,13 @@ class _Writer:
 
     def scene(self, scene):
         """A scene, or the printed form of one that cannot be rebuilt."""
+        try:
+            scene = storable(scene)
+        except TensegrityError:  # a file of results holds it all the same; nothing equals it
+            scene = PrintedScene(repr(scene), "")
         if isinstance(scene, PrintedScene):
             return {"printed": scene.text, "fingerprint": scene.fingerprint}
-        trial = _Writer()
-        trial.value(scene)
-        if not trial.opaque:
-            return self.value(scene)
-        return {"printed": repr(scene), "fingerprint": fingerprint(scene)}
+        return self.value(scene)
 
     def value(self, x):
         if x is None or isinstance(x, (bool, int, float, str)):
@@ -249,8 +252,7 @@ class _Writer:
             known = KINDS.get(type(x).__name__)
             parts = known.take(x) if known is not None and known.type is type(x) else None
             if parts is None:
-                self.opaque = True
-                parts = _print_of(x)
+                self.opaque, parts = True, {}
             package = type(x).__module__.split(".")[0]
             made = [package, type(x).__name__, {k: self.value(part) for k, part in parts.items()}]
             self._known[id(x)] = len(self.objects), x  # referenced, so that its id stays its own
@@ -288,25 +290,6 @@ class _Reader:
             values = {key: self.value(one) for key, one in parts.items()}
             self._made[number] = KINDS[name].make(**values)
         return self._made[number]
-
-
-def _print_of(x):
-    """Contents by which objects of unregistered classes are compared."""
-    if type(x).__module__.partition(".")[0] == "sympy":
-        from sympy import srepr
-
-        return {"printed": srepr(x)}
-    if not isinstance(x, Potential):
-        return {"printed": getattr(x, "__qualname__", repr(x))}
-    law = x.law
-    form = [str(getattr(law, name, type(law).__name__)) for name in ("energy", "elongation")]
-    values = {
-        "parameters": x.parameters,
-        "numbers": x.numbers.tolist(),
-        "length": x.length,
-        "domain": x.domain,
-    }
-    return {"law": hashlib.sha256("|".join(form).encode()).hexdigest(), **values}
 
 
 def _fields(x):

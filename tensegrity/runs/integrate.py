@@ -12,6 +12,7 @@ from tensegrity import check
 from tensegrity.engine import methods, native
 from tensegrity.errors import TensegrityError
 from tensegrity.runs import archive
+from tensegrity.runs.identity import identity
 from tensegrity.runs.march import Start
 from tensegrity.runs.motion import MotionState
 from tensegrity.runs.observers import user_observers
@@ -314,10 +315,10 @@ def _same_scene(stored: Any, given: Any, path: Path) -> Any:
         )
     if given is None:
         return stored
-    digest = stored.fingerprint if is_printed else archive.fingerprint(stored)
-    if archive.fingerprint(given) != digest:
+    digest = stored.fingerprint if is_printed else identity(stored)
+    if identity(given) != digest:
         raise TensegrityError(
             f"scene {check.shown(given)} is not that of {path}, which printed {stored!r}: sites, "
-            "masses, springs, drives or their numbers differ"
+            "masses, springs, drives, or numbers or functions in these differ"
         )
     return given

@@ -282,6 +282,8 @@ class Recorder(OutputStates):
         self._in_place = record.is_plain and record.sites is None
         self._rows: Any = None
         self._latest: Any = 0, None  # number of a row, and the states from there on
+        if record.checkpoint_path is not None:  # before any work, which may change what it holds
+            self._scene = archive.storable(problem.scene)
         super().__init__(record, problem, motion, steps)
         of_sites: Any = len(self._sites), *rest
         shapes = {"t": (), "energy": dyn.batch, "u": of_sites, "v": of_sites}
@@ -369,7 +371,7 @@ class Recorder(OutputStates):
         try:
             self._rows.flush()
             archive.write(path, "state", {
-                "scene": problem.scene, "state": problem.state, "t_end": problem.t_end,
+                "scene": self._scene, "state": problem.state, "t_end": problem.t_end,
                 "method": problem.method, "record": problem.record, "choice": problem.choice,
                 "steps": self._steps, "allowed": motion.allowed, "done": point.done,
                 "u": point.u, "v": point.v, "seen": (*point.output, *sums), "count": self.count,

@@ -15,7 +15,6 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -24,6 +23,7 @@ from tensegrity import check
 from tensegrity.errors import CompilerError, TensegrityError
 from tensegrity.notebook import progress
 from tensegrity.runs import archive
+from tensegrity.runs.identity import Identities, described
 
 AHEAD = 1024  # parts of the cases submitted to an executor at a time
 TOGETHER, MOST_TOGETHER = 0.01, 100  # time of the cases that are sent together [s], their number
@@ -73,8 +73,11 @@ def sweep(
     checkpoint : str or path, optional
         File to which results are saved as they are obtained, replaced as a whole each time.  The
         same call with this file continues an interrupted sweep, also with cases appended to the
-        list or removed from its end; the function is known by its name.  Results must be numbers,
-        text, None, arrays, or sequences and dicts of these; sequences are returned as tuples.
+        list or removed from its end.  Cases are known by their contents, a function by its code
+        (of this version of Python), its defaults, and the values that it captures or uses of its
+        module, also in functions that it calls there; of installed packages by its name.  Results
+        must be numbers, text, None, arrays, or sequences and dicts of these; sequences are
+        returned as tuples.  Two sweeps may share a file: each saves what it has itself.
 
     Returns
     -------
@@ -86,7 +89,9 @@ def sweep(
     ------
     TensegrityError
         A function that cannot be called or sent to other processes; not an executor; a checkpoint
-        of other cases.  With a checkpoint, the first result that it cannot store ends the sweep.
+        of other cases or another function; with a checkpoint, cases or a function that have no
+        contents to know them by, such as an open file.  With a checkpoint, the first result that it
+        cannot store ends the sweep.
     CompilerError
         A case that integrates in time found no C compiler.
 
@@ -126,18 +131,14 @@ class _Checkpoint:
         self._fresh, self._due, self._took = False, 0.0, 0.0
         if self._path is None:
             return
-        self._of = {"function": name_of(function)}
-        try:
-            self._cases = [(archive.fingerprint(x), check.text(x)[:NAMED]) for x in cases]
-        except TypeError as error:  # such as complex numbers
-            raise TensegrityError(f"cases that no checkpoint can name: {error}") from error
+        given = {"function": function} | {f"case {k}": x for k, x in enumerate(cases)}
+        self._of = identified("sweep", given)
         if self._path.exists():
-            of, known, self.results = archive.read(self._path, "sweep", _checkpoint_contents)
-            require_same(self._path, "sweep", of, self._of)
-            for k, (old, new) in enumerate(zip(known, self._cases, strict=False)):
-                if old[0] != new[0]:
-                    raise _mismatch(self._path, "sweep", f"case {k}", old[1], new[1])
-            self._cases = max(known, self._cases, key=len)
+            known, self.results = archive.read(self._path, "sweep", _checkpoint_contents)
+            more = known.keys() | {"function"}  # either may have more cases
+            here = {name: x for name, x in self._of.items() if name in more}
+            require_same(self._path, "sweep", known, here)
+            self._of = known | self._of
 
     def add(self, number: int, result: Any) -> None:
         """Store a result, and write the file unless writing takes too large a fraction of time."""
@@ -158,20 +159,17 @@ class _Checkpoint:
         began = time.monotonic()
         numbers = sorted(self.results)
         results = [self.results[k] for k in numbers]
-        known = {"of": self._of, "cases": self._cases}
-        write_checkpoint(self._path, "sweep", known | {"numbers": numbers, "results": results})
+        data = {"of": self._of, "numbers": numbers, "results": results}
+        write_checkpoint(self._path, "sweep", data)
         self._fresh = False
         self._due = time.monotonic() + (time.monotonic() - began) / WRITING
 
 
-def _checkpoint_contents(
-    data: dict[str, Any],
-) -> tuple[dict[str, Any], list[tuple[str, str]], dict[int, Any]]:
-    """The contents of a checkpoint: the name of the function, the cases, and results by number."""
-    check.kind("of", data["of"], dict)
-    cases = [(str(known), str(text)) for known, text in data["cases"]]
-    numbers = [check.whole("number", k, least=0, below=len(cases)) for k in data["numbers"]]
-    return data["of"], cases, dict(zip(numbers, data["results"], strict=True))
+def _checkpoint_contents(data: dict[str, Any]) -> tuple[dict[str, Any], dict[int, Any]]:
+    """The contents of a checkpoint: what it is of, function and cases, and results by number."""
+    known = known_by(data["of"])
+    numbers = [check.whole("number", k, least=0, below=len(known) - 1) for k in data["numbers"]]
+    return known, dict(zip(numbers, data["results"], strict=True))
 
 
 def _is_storable(result: Any) -> bool:
@@ -191,15 +189,43 @@ def checkpoint_file(path: Any) -> Path:
     return path
 
 
-def name_of(function: Any) -> str:
-    """What a checkpoint knows a function by: its name and the arguments held by a `partial`."""
-    if isinstance(function, partial):
-        held = archive.fingerprint((function.args, function.keywords))
-        return f"{name_of(function.func)} with arguments {held}"
-    name = f"{getattr(function, '__module__', '')}.{getattr(function, '__qualname__', '')}"
-    if name.endswith("<lambda>"):  # all of a module have the same
-        raise TensegrityError(f"a checkpoint knows a function by its name, not {name}: use def")
-    return name
+def identified(kind: str, given: dict[str, Any]) -> dict[str, tuple[str, str]]:
+    """What a checkpoint knows a computation by: identity and printed form of all that it is given.
+
+    Parameters
+    ----------
+    kind : str
+        "sweep" or "search".
+    given : dict
+        Functions, cases and other arguments, by their names in messages.
+
+    Returns
+    -------
+    dict of str to (str, str)
+
+    Raises
+    ------
+    TensegrityError
+        Something in an argument has no identity.
+    """
+    identities, known = Identities(), {}
+    for name, value in given.items():
+        try:
+            known[name] = identities.of(value), described(value)[:NAMED]
+        except TensegrityError as error:
+            raise TensegrityError(
+                f"no checkpoint can know the {name} of a {kind}: {error}"
+            ) from error
+    return known
+
+
+def known_by(stored: Any) -> dict[str, tuple[str, str]]:
+    """What `identified` returned, from a file."""
+    check.kind("of", stored, dict)
+    for name, pair in stored.items():
+        if not (isinstance(pair, tuple) and [*map(type, pair)] == [str, str]):
+            raise TensegrityError(f"{name} {check.shown(pair)} is no identity")
+    return stored
 
 
 def write_checkpoint(path: Path, kind: str, data: dict[str, Any]) -> None:
@@ -233,23 +259,21 @@ def require_same(path: Path, kind: str, there: dict[str, Any], here: dict[str, A
     kind : str
         "sweep" or "search".
     there, here : dict
-        Descriptions of the stored and of the present computation.
+        Descriptions of the stored and of the present computation, see `identified`.
 
     Raises
     ------
     TensegrityError
         An entry differs.
     """
-    for name, value in here.items():
-        if there.get(name) != value:
-            raise _mismatch(path, kind, name, check.text(there.get(name)), check.text(value))
-
-
-def _mismatch(path: Path, kind: str, name: str, was: str, now: str) -> TensegrityError:
-    was, now = check.differing(was, now)
-    return TensegrityError(
-        f"checkpoint {path} is of another {kind}: its {name} is {was}, here {now}"
-    )
+    for name, (now, text) in here.items():
+        was, printed = there.get(name, ("", "missing"))
+        if was == now:
+            continue
+        words = "printed as here, but has other contents or other code"
+        if printed != text:
+            words = "{}, here {}".format(*check.differing(printed, text))
+        raise TensegrityError(f"checkpoint {path} is of another {kind}: its {name} is {words}")
 
 
 class WorkerPool:
