@@ -80,8 +80,8 @@ def test_c_text_depends_neither_on_earlier_algebra_nor_on_hashes(tmp_path):
         environment = os.environ | {"XDG_CACHE_HOME": cache, "PYTHONHASHSEED": str(seed)}
         texts.append(
             subprocess.run(
-                [sys.executable, "-c", ALONE + before + TEXTS], cwd=ROOT, env=environment, check=True,
-                capture_output=True,
+                [sys.executable, "-c", ALONE + before + TEXTS], cwd=ROOT, env=environment,
+                check=True, capture_output=True,
             ).stdout
         )  # fmt: skip
     assert len(texts[0]) > 10_000

@@ -91,7 +91,7 @@ def test_numbers_count_as_they_are_written(a, b, r):
 
 def test_equal_numbers_stay_equal_where_pieces_meet():
     edge, stiff = 0.123, 7.77
-    joined = sp.Piecewise((R**2 / 2, R < edge), (edge**2 / 2 + edge * (R - edge)
+    joined = sp.Piecewise((R**2 / 2, edge > R), (edge**2 / 2 + edge * (R - edge)
                           + stiff * (R - edge) ** 2 / 2, True))  # fmt: skip
     ((place, strength, exponent, side),) = Potential(joined, R).kinks
     assert (place, exponent, side) == (edge, 1.0, 1.0)
