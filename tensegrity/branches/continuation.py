@@ -293,7 +293,11 @@ def _follow_branch(stepper, start, p, settings, direction, stop):
             events += _starting_folds(stepper, rows, folds, p)
             folds = []
         before, here = rows[count - 2], rows[count - 1]
-        for kind, point in _events_between(stepper, before, here, p):
+        try:
+            found = list(_events_between(stepper, before, here, p))
+        except KeyboardInterrupt:  # the step whose events are not known is left out
+            return rows[: count - 1], events, INTERRUPTED
+        for kind, point in found:
             events.append((kind, count - 1 - (kind not in stop), point))
             if kind in stop:
                 here[:] = _with_length(stepper, before, point)
