@@ -30,6 +30,7 @@ from pathlib import Path
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
+from tensegrity.once import undisturbed
 
 try:
     import fcntl
@@ -63,7 +64,8 @@ def cached(parts, make):
     """
     sources = made_by()
     if parts is None or sources is None:
-        return json.loads(json.dumps(make()))
+        with undisturbed():
+            return json.loads(json.dumps(make()))
     key = repr(parts) + sources
     path = cache_folder() / f"{hashlib.sha256(key.encode()).hexdigest()}.json"
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
@@ -73,7 +75,8 @@ def cached(parts, make):
             if entry["of"] == key:
                 _touch(path)
                 return entry["value"]
-    value = make()
+    with undisturbed():
+        value = make()
     content = json.dumps({"of": key, "value": value})
     if value is not None:
         _write(path, content.encode())
