@@ -20,13 +20,39 @@ class Polygon:
 
     Attributes
     ----------
-    sides, angle, sine, cosine : sympy.Expr
+    sides : int or sympy.Expr
+        At least 3.
+    angle, sine, cosine : sympy.Expr, optional
+        By default those of the sides.
+
+    Raises
+    ------
+    ValueError
+        If the number of sides is no whole number or below 3.
+
+    Examples
+    --------
+    >>> from derivations.regular import Polygon
+    >>> Polygon(4).circumradius
+    sqrt(2)*l/2
     """
 
     sides: sp.Expr
-    angle: sp.Expr
-    sine: sp.Expr
-    cosine: sp.Expr
+    angle: sp.Expr = None
+    sine: sp.Expr = None
+    cosine: sp.Expr = None
+
+    def __post_init__(self) -> None:
+        sides = sp.sympify(self.sides, strict=True)
+        whole = isinstance(sides, sp.Expr) and sides.is_integer is not False
+        if not whole or (sides.is_number and not sides >= 3):
+            raise ValueError(f"{self.sides} sides of a polygon must be a whole number, at least 3")
+        angle = sp.pi / sides if self.angle is None else self.angle
+        given = {"sides": sides, "angle": angle, "sine": self.sine, "cosine": self.cosine}
+        for name, function in (("sine", sp.sin), ("cosine", sp.cos)):
+            given[name] = function(angle) if given[name] is None else given[name]
+        for name, value in given.items():
+            object.__setattr__(self, name, value)
 
     @property
     def reference_twist(self) -> sp.Expr:
@@ -45,7 +71,7 @@ class Polygon:
         return expression.subs(known)
 
 
-TRIANGLE = Polygon(sp.Integer(3), sp.pi / 3, sp.sqrt(3) / 2, sp.Rational(1, 2))
+TRIANGLE = Polygon(sp.Integer(3))
 ANY = Polygon(number_of_sides, half_angle, half_sine, half_cosine)
 
 

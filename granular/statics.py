@@ -163,6 +163,9 @@ class _Listed:
     def largest(self, u: Array) -> float:
         return max(np.abs(self._forces_at(u)[-1]).max(initial=0.0), np.abs(self._whole.loads).max())
 
+    def allowed(self, u: Array) -> float:
+        return float(CARRIED * np.abs(self._whole.loads).sum())
+
     def carrying(self, u: Array) -> int:
         """Number of contacts that carry."""
         return int(np.count_nonzero(self._forces_at(u)[-1]))

@@ -12,13 +12,14 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from tensegrity.errors import TensegrityError
+from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.typing import Array
 
 DENSE = 450  # most unknowns for which matrices are dense
 STEPS, TRIES = 1000, 60
-CALM = 5  # successive steps that neither lower the energy nor halve the forces, at which to stop
-NOISE = 1e-14  # round-off of an energy over the size of its parts
+CALM = 5  # successive steps without progress at which to stop: lower energy, or half the forces
+GROWN = 1.05  # factor by which forces grow in a step away from a saddle
+NOISE = 1e-14  # round-off of an energy, over forces times lengths
 ROUND_OFF = 1e-14  # residual over the largest force at which to stop
 FIRST = 1e-6  # the least shift
 FACTOR = 10.0  # by which shifts grow and shrink
@@ -35,13 +36,17 @@ class Energy(Protocol):
         """Largest displacement of a site in one step [m], or of each site, (sites,)."""
 
     def energy(self, x: Array) -> tuple[float, float]:
-        """Energy less the work of the loads [J], and the size of its parts."""
+        """Energy less the work of the loads [J], and the forces times lengths that it is made of:
+        the fraction `NOISE` of them is its round-off."""
 
     def forces(self, x: Array) -> Array:
         """Forces on the sites, loads included, in the free directions [N]."""
 
     def largest(self, x: Array) -> float:
         """The largest of all forces that balance one another [N]."""
+
+    def allowed(self, x: Array) -> float:
+        """Unbalanced forces that are left over in an equilibrium [N]."""
 
     def newton(self, x: Array, f: Array) -> Callable[[float], Array | None]:
         """Newton's step under forces f as a function of the shift, relative to a stiffness of the
@@ -51,7 +56,7 @@ class Energy(Protocol):
         """Raise an error where x is out of range."""
 
 
-def settle(of: Energy, x: Array, shift: float = 0.0) -> tuple[Array, Array]:
+def settle(of: Energy, x: Array, steps: int = STEPS, shift: float = 0.0) -> tuple[Array, Array]:
     """Find a minimum of the energy below x, where the forces vanish to round-off.
 
     Parameters
@@ -59,6 +64,8 @@ def settle(of: Energy, x: Array, shift: float = 0.0) -> tuple[Array, Array]:
     of : Energy
     x : ndarray, (sites, dim)
         Initial positions or displacements [m].
+    steps : int, optional
+        Largest number of steps.
     shift : float, optional
         Shift of the first step.
 
@@ -68,8 +75,9 @@ def settle(of: Energy, x: Array, shift: float = 0.0) -> tuple[Array, Array]:
         The minimum [m] and the residual forces [N], which the caller has to check.
     """
     f, (energy, _), calm = of.forces(x), of.energy(x), 0
-    best, least = (x, f), np.linalg.norm(f)
-    for _ in range(STEPS):
+    least = most = np.linalg.norm(f)
+    best = x, f
+    for _ in range(steps):
         of.refuse(x, f)
         if calm == CALM or np.abs(f).max(initial=0.0) <= ROUND_OFF * of.largest(x):
             break
@@ -85,14 +93,26 @@ def settle(of: Energy, x: Array, shift: float = 0.0) -> tuple[Array, Array]:
             shift = max(FACTOR * shift, FIRST)
         else:
             break
-        if shift == first:
-            shift = shift / FACTOR if shift > FIRST else 0.0
         falls, x, f, energy = after < energy - NOISE * size, new, of.forces(new), after
         left = np.linalg.norm(f)
-        calm = 0 if falls or left < 0.5 * least else calm + 1
+        # near a saddle the fall is below round-off, but the forces grow
+        leaves = shift > 0 and left > GROWN * most and least > of.allowed(x)
+        calm, most = 0 if falls or leaves or left < 0.5 * least else calm + 1, max(most, left)
+        if shift == first:
+            shift = shift / FACTOR if shift > FIRST else 0.0
         if falls or left < least:
             best, least = (x, f), left
     return best
+
+
+def refuse_unbalanced(of: Energy, x: Array, f: Array) -> None:
+    """Refuse a state x where the forces f that are left over exceed those allowed."""
+    left, allowed = float(np.abs(f).max(initial=0.0)), of.allowed(x)
+    if not left <= allowed:
+        raise EquilibriumError(
+            f"no equilibrium found: {left:.3g} N of {of.largest(x):.3g} N are unbalanced, must be "
+            f"at most {allowed:.3g} N"
+        )
 
 
 def downhill(matrix: Any, rigid: Array, f: Array) -> Array | None:
@@ -120,8 +140,9 @@ def downhill(matrix: Any, rigid: Array, f: Array) -> Array | None:
     free, count = rigid.shape
     if free <= DENSE:
         inner = complement(rigid)
+        whole = _dense(matrix)
         try:
-            factor = cho_factor(inner.T @ _dense(matrix) @ inner)
+            factor = cho_factor(inner.T @ whole @ inner if count else whole)
         except LinAlgError:
             return None
         pivots = np.diag(factor[0]) ** 2
@@ -136,6 +157,9 @@ def downhill(matrix: Any, rigid: Array, f: Array) -> Array | None:
             options={"SymmetricMode": True},
         )  # fmt: skip
     except RuntimeError:  # exactly singular
+        return None
+    below = np.count_nonzero(factors.U.diagonal() < 0)  # the border alone makes `count` of them
+    if below != count and np.array_equal(factors.perm_r, factors.perm_c):
         return None
     move: Array = factors.solve(np.concatenate([f, np.zeros(count)]))[:free]
     return move if np.isfinite(move).all() and move @ f > 0 else None

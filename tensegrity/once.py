@@ -9,7 +9,10 @@ no two threads wait for each other.
 from __future__ import annotations
 
 import os
+import signal
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import wraps
 from typing import Any
 
@@ -17,6 +20,27 @@ from tensegrity.typing import Function
 
 SIZE = 1024  # results of one function; beyond these the oldest are discarded
 _caches: list[dict[Any, _Entry]] = []
+
+
+@contextmanager
+def undisturbed() -> Iterator[None]:
+    """Ctrl-C waits until the end of some calls of CasADi.
+
+    CasADi converts arguments by calls of Python, and drops a KeyboardInterrupt that is raised in
+    one of them, or raises another error in its place.
+    """
+    before = signal.getsignal(signal.SIGINT)
+    if threading.current_thread() is not threading.main_thread() or not callable(before):
+        yield
+        return
+    pressed: list[tuple[Any, ...]] = []
+    signal.signal(signal.SIGINT, lambda *given: pressed.append(given))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+        if pressed:
+            before(*pressed[0])
 
 
 class _Entry:

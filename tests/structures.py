@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tensegrity import Prism, Structure, catalogue
+from tensegrity import Prism, Structure, catalogue, held
 
 
 def icosahedron(prestrain=0.1, k_bar=100.0):
@@ -96,3 +96,75 @@ class Frame:
             mass=s.mass[self.order],
             natural_lengths=self.size * s.natural_lengths,
         )
+
+
+def _cable(rng):
+    """Pieces in a row, the two ends to be held."""
+    pieces, dim = int(rng.integers(2, 12)), int(rng.integers(2, 4))
+    x = np.zeros((pieces + 1, dim))
+    x[:, 0] = np.cumsum(np.append(0, rng.uniform(0.5, 1.5, pieces)))
+    return x, [], [(i, i + 1) for i in range(pieces)], [0, pieces], None
+
+
+def _truss(rng):
+    """Triangles of bars in a row, two nodes to be held."""
+    nodes = int(rng.integers(4, 10))
+    x = np.array([(0.5 * i, 0.8 * (i % 2)) for i in range(nodes)])
+    x += rng.uniform(-0.1, 0.1, x.shape)
+    bars = [(i, i + j) for i in range(nodes) for j in (1, 2) if i + j < nodes]
+    return x, bars, [], [0, 1], np.zeros(len(bars))
+
+
+def _net(rng):
+    """A saddle of strings, its border to be held."""
+    m = int(rng.integers(3, 6))
+    number = np.arange(m * m).reshape(m, m)
+    inner = number[1:-1, 1:-1].ravel().tolist()
+    along = [*zip(number[:, :-1].ravel(), number[:, 1:].ravel(), strict=True),
+             *zip(number[:-1].ravel(), number[1:].ravel(), strict=True)]  # fmt: skip
+    pairs = [(int(i), int(j)) for i, j in along if i in inner or j in inner]
+    used = sorted({n for pair in pairs for n in pair})
+    x = np.array([(n // m, n % m, 0.2 * (n // m - n % m) * (n // m + n % m - m + 1) / m)
+                  for n in used])  # fmt: skip
+    strings = [(used.index(i), used.index(j)) for i, j in pairs]
+    return x, [], strings, [k for k, n in enumerate(used) if n not in inner], None
+
+
+def _catalogued(rng):
+    """A tensegrity under prestress, some nodes to be held."""
+    s, fixed = [
+        lambda: (catalogue.expandable_octahedron(1.0), range(3)),
+        lambda: (catalogue.tower(int(rng.integers(2, 4))), range(3)),
+        lambda: (catalogue.dome(6, 1), range(6)),
+        lambda: (catalogue.snelson_x(), range(2)),
+    ][int(rng.integers(4))]()
+    tensions = s.self_stress().feasible * s.lengths
+    return s.positions, s.ends[: s.bars], s.ends[s.bars :], list(fixed), tensions
+
+
+def stiff_state(rng, far=0.0, strains=(1e-6, 3e-3)):
+    """A structure at a laboratory's scale, loads that it carries, and its supports.
+
+    EA is 1e3 to 1e8 N, lengths 1e-5 to 100 m, the largest strain without load as given; `far` is
+    the distance from the origin over the length.
+    """
+    shape = (_cable, _truss, _net, _catalogued)[int(rng.integers(4))]
+    x, bars, strings, fixed, tensions = shape(rng)
+    dim, members = x.shape[1], len(bars) + len(strings)
+    size = 10.0 ** rng.uniform(-5, 2)
+    x = size * (x @ turned(rng, dim).T + far * rng.normal(size=dim))
+    ea = 10.0 ** rng.uniform(3, 8) * np.exp(rng.uniform(-0.5, 0.5, members))
+    strain = np.exp(rng.uniform(*np.log(strains)))
+    if tensions is None:
+        strained = strain * rng.uniform(0.5, 1, members)
+    else:
+        strained = strain * tensions / ea / (np.abs(tensions / ea).max() or 1.0)
+    natural = Structure(x, bars, strings).lengths / (1 + strained)
+    k = np.split(ea / natural, [len(bars)])
+    given = {f"k_{name}": of for name, of in zip(("bar", "string"), k, strict=True) if len(of)}
+    s = Structure(x, bars, strings, **given, natural_lengths=natural)
+    part = 10.0 ** rng.uniform(-3, -0.3 if tensions is None else -1.3)
+    free = [n for n in range(s.nodes) if n not in fixed]
+    loaded = rng.choice(free, int(rng.integers(1, len(free) + 1)), replace=False)
+    loads = {int(n): part * strain * ea.min() * rng.normal(size=dim) for n in loaded}
+    return s, loads, held(fixed)

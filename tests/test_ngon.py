@@ -168,3 +168,21 @@ def test_members_of_four_sides_and_of_no_prism():
         Prism.from_members(0.01, 0.09, 0.1525, 2e6, 2.5e4, 4e7, sides=4)
     with pytest.raises(TensegrityError, match="sides 2 must be at least 3"):
         Prism(1.0, 1.0, 0.1, 1.0, sides=2)
+
+
+@pytest.mark.parametrize("sides", [3, 4, 7])
+def test_a_polygon_of_a_number_of_sides_is_the_general_one_there(sides):
+    of, angle = regular.Polygon(sides), sp.pi / sides
+    at = dict(zip((*regular.SIDES, regular.half_angle),
+                  (sides, sp.sin(angle), sp.cos(angle), angle), strict=True))  # fmt: skip
+    for form in (prism.bar_length, prism.cross_length, prism.energy):
+        left = form(of) - form(regular.ANY).subs(at)
+        numbers = {s: 0.7 + 0.1 * k for k, s in enumerate(sorted(left.free_symbols, key=str))}
+        assert abs(sp.N(left.subs(numbers), 20)) < 1e-14
+    assert regular.Polygon(3) == regular.TRIANGLE
+
+
+@pytest.mark.parametrize("sides", [2, -1, 3.5, sp.pi, True])
+def test_what_is_no_number_of_sides_is_refused(sides):
+    with pytest.raises(ValueError, match="must be a whole number, at least 3"):
+        regular.Polygon(sides)

@@ -173,3 +173,34 @@ print(json.dumps(t.refused(pathlib.Path({str(tmp_path)!r}))))"""
     for word in ("time stepping needs a C compiler", "pip install ziglang", "gcc", "clang", "CC"):
         assert word in line
     assert sorted(tmp_path.iterdir()) == sorted([*before, tmp_path / "cache"])
+
+
+INTERRUPTED = """
+import os, signal
+import casadi as ca
+from tensegrity import Prism, equilibrium_path
+
+class Pressed:  # CasADi converts it by a call of Python, in which Ctrl-C comes
+    def __init__(self, of): self.of = of
+    def __DM__(self):
+        os.kill(os.getpid(), signal.SIGINT)
+        return ca.DM(self.of)
+
+def pressing(function, *of): return call(function, Pressed(of[0]), *of[1:])
+
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have ignored it
+soft, call = Prism(1.0, 0.7, 0.1, 1.0, 2.0, 20.0), ca.Function.__call__
+spring, whole = soft.potential(), equilibrium_path(soft)
+for compute in (lambda: spring.tension(0.01), lambda: equilibrium_path(soft)):
+    ca.Function.__call__ = pressing
+    try:
+        compute()
+        print("lost")
+    except KeyboardInterrupt:
+        print("interrupted")
+    ca.Function.__call__ = call
+"""
+
+
+def test_ctrl_c_is_no_other_error_and_is_not_lost_in_casadi(tmp_path):
+    assert outcome(INTERRUPTED, tmp_path) == "interrupted\ninterrupted\n"

@@ -4,8 +4,20 @@ import math
 
 import numpy as np
 import pytest
+import sympy as sp
 
-from tensegrity import Chain, PowerLaw, State, TensegrityError, floquet, periodic_orbit
+from tensegrity import (
+    Chain,
+    Damping,
+    Drive,
+    Network,
+    PowerLaw,
+    State,
+    TensegrityError,
+    floquet,
+    orbit_path,
+    periodic_orbit,
+)
 from tests.test_driven_orbits import PRISM, shaken
 from tests.test_orbits import EDGE, HERTZ, breather, gap_breather
 
@@ -80,3 +92,26 @@ def test_a_breather_does_not_change_with_the_number_of_sites():
     near, far = (breather(sites, 1.2) for sites in (20, 40))
     assert near.energy == pytest.approx(far.energy, rel=5e-9)
     assert np.ptp(near.state.u) == pytest.approx(np.ptp(far.state.u), rel=1e-7)
+
+
+def test_a_scene_in_which_nothing_is_free_is_named():
+    row = Network([(0, 0), (1, 0)], [(0, 1)], [PRISM], held=[0, 1])
+    with pytest.raises(TensegrityError, match="all 2 sites are held or moved, none is free"):
+        periodic_orbit(row, row.at_rest(), period=1.0)
+
+
+@pytest.mark.parametrize(
+    ("until", "words"),
+    [
+        (0, "no period on the way to W 0: its angular frequency, 0 rad/s there, becomes 0"),
+        (-1.0, "no period on the way to W -1"),
+        (1e-5, "must take at most 4096"),
+    ],
+)
+def test_a_path_to_where_a_drive_has_no_period_is_refused(until, words):
+    t, w = sp.symbols("t W")
+    shaker = Drive(force=0.001 * sp.cos(w * t), parameters={"W": 1.65})
+    ends, damping = ("fixed", "free"), Damping(ground=0.02)
+    chain = Chain(PRISM, 2, ends=ends, damping=damping, drive={1: shaker})
+    with pytest.raises(TensegrityError, match=words):
+        orbit_path(periodic_orbit(chain, chain.at_rest()), by="W", until=until)

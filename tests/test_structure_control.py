@@ -179,3 +179,14 @@ def test_searches_for_events_that_run_off_are_silent():
         warnings.simplefilter("error")
         path = control_path(s, {3: 3.0})
     assert path.end == "two bars meet"
+
+
+def test_a_winch_keeps_the_spring_constant_and_says_so():
+    """In series with a spring, in closed form: T = k (span - x - 1), x = b (1 + T/EA)."""
+    supports = held([0, 2]) + held([1], axes=[1])
+    for k, tension in ((1000 / 1.25, 96.0), (1000 / 0.9, 200 * 0.6 / (1 + 200 * 0.9 / 1000))):
+        s = Structure([(0, 0), (1.3, 0), (2.5, 0)], bars=[(1, 2)], strings=[(0, 1)], k_bar=200.0,
+                      k_string=k, natural_lengths=[1.0, 1.25])  # fmt: skip
+        path = control_path(equilibrium(s, None, supports).structure, {1: 0.9}, supports)
+        assert path.tensions[-1] == pytest.approx(tension, rel=1e-12)
+        assert "spring constants k are kept" in str(path)

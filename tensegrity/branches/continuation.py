@@ -266,10 +266,9 @@ def trace(
 def _follow_branch(stepper, start, p, settings, direction, stop):
     """Rows, events (kind, row, point), and the kind of the last event or the failure."""
     first = _first_point(stepper, start, p, settings, direction)
-    bounds = [
-        getattr(settings, x) for x in ("tolerance", "residual", "turn", "largest", "smallest")
-    ]
-    control = np.array([min(settings.first, settings.largest), *bounds])
+    names = "tolerance", "residual", "turn", "largest", "smallest"
+    first_step = min(settings.first, settings.largest)
+    control = np.array([first_step, *(getattr(settings, name) for name in names)])
     most, count, events, folds = settings.points, 1, [], []
     rows = np.empty((min(INITIAL_ROWS, most), stepper.size))
     rows[0], rows[0, stepper.length] = first, control[0]  # the predictor needs a length
@@ -283,20 +282,21 @@ def _follow_branch(stepper, start, p, settings, direction, stop):
     while count < most:
         if count == len(rows):
             rows = np.concatenate([rows, np.empty_like(rows)])[:most]
+        last = count
         try:
-            last, count = count, stepper.steps(rows, count, control, p)
-        except KeyboardInterrupt:
-            return rows[:count], events, INTERRUPTED
+            count = stepper.steps(rows, count, control, p)
+            found = _events_between(stepper, *rows[count - 2 : count], p) if count > last else []
+        except KeyboardInterrupt:  # the events of a last step are not known
+            return rows[: max(count - 1, last)], events, INTERRUPTED
         if count == last:
             return rows[:count], events, f"the step fell below {settings.smallest:g}"
         if folds:
             events += _starting_folds(stepper, rows, folds, p)
             folds = []
-        before, here = rows[count - 2], rows[count - 1]
-        for kind, point in _events_between(stepper, before, here, p):
+        for kind, point in found:
             events.append((kind, count - 1 - (kind not in stop), point))
             if kind in stop:
-                here[:] = _with_length(stepper, before, point)
+                rows[count - 1] = _with_length(stepper, rows[count - 2], point)
                 return rows[:count], events, kind
     return rows, events, f"{most} rows do not reach an end"
 

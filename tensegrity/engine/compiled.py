@@ -14,7 +14,7 @@ from tensegrity.engine.disk_cache import cached
 from tensegrity.engine.law import DERIVATIVES, evaluate, named
 from tensegrity.engine.native import concatenated, library, pointer
 from tensegrity.errors import CompilerError
-from tensegrity.once import once
+from tensegrity.once import once, undisturbed
 
 APART = ("nystrom", "openings")  # kinds of steps that do not depend on the laws
 PREFIX = "tensegrity_"  # of names in C, which must differ from those of libc
@@ -233,7 +233,8 @@ class Functions:
         count = counts[0] if counts else 1
         if self.library is None:
             columns = [x.T if x.ndim == 2 else x for x in rows]
-            result = np.array(self.made()[name](*columns)).reshape(-1, count).T
+            with undisturbed():
+                result = np.array(self.made()[name](*columns)).reshape(-1, count).T
         else:
             result = self._mapped(name, rows, count)
         return result if counts else result[0]

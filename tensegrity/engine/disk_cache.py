@@ -33,6 +33,7 @@ from pathlib import Path
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
+from tensegrity.once import undisturbed
 
 try:
     import fcntl
@@ -68,7 +69,8 @@ def cached(parts, make):
     """
     makers = made_by()
     if parts is None or makers is None:
-        return json.loads(json.dumps(make()))
+        with undisturbed():
+            return json.loads(json.dumps(make()))
     key = repr(parts) + makers
     path = cache_folder() / f"{_digest(key)}.json"
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
@@ -78,8 +80,9 @@ def cached(parts, make):
             if entry["of"] == key:
                 _touch(path)
                 return entry["value"]
-    value = shipped().get(_digest(repr(parts)))
-    value = make() if value is None else json.loads(value)
+    given = shipped().get(_digest(repr(parts)))
+    with undisturbed():
+        value = make() if given is None else json.loads(given)
     content = json.dumps({"of": key, "value": value})
     if value is not None:
         _write(path, content.encode())

@@ -16,7 +16,7 @@ import numpy as np
 from tensegrity.engine import simd
 from tensegrity.engine.disk_cache import cached, maker
 from tensegrity.errors import TensegrityError
-from tensegrity.once import once
+from tensegrity.once import once, undisturbed
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -277,11 +277,12 @@ def functions(law: Any) -> Any:
     """
     import casadi as ca
 
-    r, p, forms = law.forms()
-    return {
-        name: ca.Function(name, [r, p], [form])
-        for name, form in zip(DERIVATIVES, forms, strict=True)
-    }
+    with undisturbed():
+        r, p, forms = law.forms()
+        return {
+            name: ca.Function(name, [r, p], [form])
+            for name, form in zip(DERIVATIVES, forms, strict=True)
+        }
 
 
 def evaluate(law, order, parameters, r):
@@ -305,9 +306,9 @@ def evaluate(law, order, parameters, r):
     p = np.asarray(parameters, dtype=float)[: len(law.parameters)]
     if p.ndim == 2:
         p = np.tile(p, r.size // r.shape[-1])
-    return np.array(function(r.reshape(1, -1), p.reshape(len(p), -1 if p.size else 1))).reshape(
-        r.shape
-    )
+    with undisturbed():
+        values = np.array(function(r.reshape(1, -1), p.reshape(len(p), -1 if p.size else 1)))
+    return values.reshape(r.shape)
 
 
 @once

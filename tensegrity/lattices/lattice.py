@@ -14,8 +14,7 @@ from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.lattices.cell import Cell
 from tensegrity.lattices.stability import Stability, stability
 from tensegrity.lattices.strain import Strained
-from tensegrity.minimum import ROUND_OFF, STEPS, settle
-from tensegrity.structures.members import SETTLED
+from tensegrity.minimum import refuse_unbalanced, settle
 from tensegrity.structures.structure import Structure
 from tensegrity.typing import Indices
 
@@ -104,10 +103,7 @@ class Lattice(Cell):
         start = self.at(self.positions @ f.T, self.vectors @ f.T)
         of, rows = Strained(start, free), start._rows
         x, left = settle(of, rows if free else rows[: self.nodes])
-        unbalanced, size = float(np.abs(left).max()), of.largest(x)
-        if not unbalanced <= max(SETTLED * size, ROUND_OFF * self.stiffnesses.max() * self.span):
-            words = f"{unbalanced:.3g} N of {size:.3g} N are unbalanced after {STEPS} iterations"
-            raise EquilibriumError(f"no equilibrium found: {words}")
+        refuse_unbalanced(of, x, left)
         relaxed = start.at(x[: self.nodes], x[self.nodes :] if free else None)
         carry = np.abs(relaxed.tensions) > STRESSED * self.stiffnesses * self.natural_lengths
         if free and not carry.any() and relaxed.strings:

@@ -28,8 +28,9 @@ class Strained:
         return STEP * self.cell.span
 
     def energy(self, x: Array) -> tuple[float, float]:
-        stored = self.cell._members_at(x).energy(x)
-        return stored, stored
+        members = self.cell._members_at(x)
+        pull = np.abs(members.tensions(x)).sum()
+        return members.energy(x), float(pull * members.reach(x))
 
     def forces(self, x: Array) -> Array:
         members, rigid = self.cell._members_at(x), self.rigid(x)
@@ -46,6 +47,9 @@ class Strained:
 
     def largest(self, x: Array) -> float:
         return float(np.abs(self.cell._members_at(x).tensions(x)).max())
+
+    def allowed(self, x: Array) -> float:
+        return self.cell._members_at(x).unbalanced(x, self.largest(x))
 
     def newton(self, x: Array, f: Array) -> Callable[[float], Array | None]:
         from scipy.sparse import eye_array

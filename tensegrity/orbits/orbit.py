@@ -88,6 +88,7 @@ def periodic_orbit(
     began = guess.state if isinstance(guess, Orbit) else guess
     scene.check(began)
     half_period = HalfPeriod(scene, began.u.ravel())
+    _refuse_held(half_period)
     if not half_period.extent(began.u.ravel()) > 0:
         raise TensegrityError(
             "guess is the undeformed state at rest: give the displacements of a turning point"
@@ -121,11 +122,19 @@ def _driven_orbit(
     began = guess.state if isinstance(guess, Orbit) else guess
     scene.check(began)
     whole = WholePeriod(scene, began, shortest)
+    _refuse_held(whole)
     try:
         x, residual = whole.settled(whole.guess, whole.steps)
     except (NoOrbitError, np.linalg.LinAlgError) as error:
         raise TensegrityError(f"no periodic orbit found: {error}") from None
     return whole.found(x, shortest, residual)
+
+
+def _refuse_held(of: HalfPeriod | WholePeriod) -> None:
+    if not len(of.free):
+        raise TensegrityError(
+            f"periodic_orbit: all {of.scene.sites} sites are held or moved, none is free"
+        )
 
 
 def _in_band(scene: Scene, period: float) -> str:

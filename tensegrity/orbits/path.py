@@ -291,8 +291,10 @@ class _Driven(_Family):
 
     def __init__(self, orbit: Orbit, by: str, until: float, steps: int) -> None:
         whole = WholePeriod(orbit.scene, orbit.state, orbit.period)
-        self.flow, whole.flow.steps = whole.flow, steps
         self._whole, self._first, self._period = whole, orbit.period, DrivePeriod(orbit.scene)
+        last = orbit.period * self._period.factor_to(by, until)
+        needed = WholePeriod(orbit.scene, orbit.state, last).steps
+        self.flow, whole.flow.steps = whole.flow, max(steps, needed)
         begin, size = _names(orbit.scene)[by], float(np.abs(whole.guess).max()) or 1.0
         scale = np.append(np.full(len(whole.guess), size), abs(begin) or abs(until))
         start = np.append(whole.guess, begin)

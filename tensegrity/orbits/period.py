@@ -99,6 +99,23 @@ class DrivePeriod:
         factor = self._at(0, {}) / self._at(0, at)
         return factor, factor * slopes[0]
 
+    def factor_to(self, parameter: str, value: float) -> float:
+        """As `factor`, without the derivative, for the end of a path.
+
+        Raises
+        ------
+        TensegrityError
+            On the way there an angular frequency becomes 0: a drive has no period.
+        """
+        for number, (name, *_) in enumerate(self._rates):
+            rate = self._at(number, {parameter: value})
+            if not rate * self._at(number, {}) > 0:
+                raise TensegrityError(
+                    f"drive {name} has no period on the way to {parameter} {value:g}: its angular "
+                    f"frequency, {rate:g} rad/s there, becomes 0"
+                )
+        return self.factor(parameter, value)[0]
+
 
 def fitting(period: float, shortest: float) -> float:
     """The whole multiple of the drives' period that equals a given period [s], to 1e-9."""

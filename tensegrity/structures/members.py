@@ -9,7 +9,8 @@ length therefore counts as taut, with the stiffness that it has when lengthened.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -19,7 +20,7 @@ from numpy.typing import ArrayLike
 from tensegrity import check
 from tensegrity.engine import forces
 from tensegrity.errors import EquilibriumError, TensegrityError
-from tensegrity.minimum import DENSE, ROUND_OFF, STEPS, downhill
+from tensegrity.minimum import DENSE, ROUND_OFF, STEPS, downhill, refuse_unbalanced
 from tensegrity.minimum import settle as minimised
 from tensegrity.springs.kinks import TAUT
 from tensegrity.structures.supports import Freedom
@@ -27,6 +28,8 @@ from tensegrity.typing import Array, Flags, Indices
 
 SETTLED = 1e-10  # unbalanced force of an equilibrium, over the forces of members and loads
 NO_LENGTH = 1e-300  # of a spring between nodes at one place, to divide by [m]
+QUICK = 60  # steps that are tried first where strings are slack
+SOFTER = 3.0  # largest stiffness times natural length, over the loads, of softer members
 STEP, FARTHEST = 0.2, 100.0  # largest step and largest size, over the structure's own size
 
 
@@ -66,6 +69,15 @@ class Members:
         first, second = positions.take(self.ends.T, axis=0)
         d = second - first + self.shift
         return d, np.maximum(np.sqrt(np.einsum("ij,ij->i", d, d)), NO_LENGTH)
+
+    def reach(self, positions: Array) -> float:
+        """The largest coordinate or length [m], which round-off of the lengths is relative to."""
+        return float(max(np.abs(positions).max(), self.separations(positions)[1].max()))
+
+    def unbalanced(self, positions: Array, size: float) -> float:
+        """Forces left over in an equilibrium of forces up to `size` [N]: small ones, or the
+        round-off of the lengths times the stiffness."""
+        return max(SETTLED * size, ROUND_OFF * float(self.stiffness.max()) * self.reach(positions))
 
     def taut(self, lengths: Array, within: float = TAUT) -> Flags:
         """Which members contribute stiffness, (members,): bars, and strings shorter than their
@@ -112,14 +124,19 @@ class Members:
         result: Array = -forces.scattered(first, second, force, len(positions))
         return result
 
-    def blocks(self, positions: Array, within: float = TAUT) -> Array:
-        """Tangent stiffness of each member [N/m], (members, dim, dim); `within` as for `taut`."""
+    def blocks(
+        self, positions: Array, within: float = TAUT, tensions: Array | None = None
+    ) -> Array:
+        """Tangent stiffness of each member [N/m], (members, dim, dim); see `tangent`."""
         d, lengths = self.separations(positions)
-        density = self.stiffness * self.elongations(lengths) / lengths
-        stiffness = np.where(self.taut(lengths, within), 1.0, self.plateau) * self.stiffness
-        return np.asarray(forces.tangents(d / lengths[:, None], stiffness, density))
+        if tensions is None:
+            taut, tensions = self.taut(lengths, within), self.stiffness * self.elongations(lengths)
+        else:
+            taut = ~self.tension_only | (tensions > 0)
+        stiffness = np.where(taut, 1.0, self.plateau) * self.stiffness
+        return np.asarray(forces.tangents(d / lengths[:, None], stiffness, tensions / lengths))
 
-    def tangent(self, positions: Array, within: float = TAUT) -> Any:
+    def tangent(self, positions: Array, within: float = TAUT, tensions: Array | None = None) -> Any:
         """Hessian of the energy.
 
         Parameters
@@ -128,6 +145,8 @@ class Members:
             [m]
         within : float, optional
             As for `taut`.
+        tensions : ndarray, (members,), optional
+            Tensions [N] in place of those at the positions; strings with tension are taut.
 
         Returns
         -------
@@ -135,7 +154,7 @@ class Members:
             [N/m]
         """
         (sign, row, column), size = self._entries, positions.size
-        values = (sign * self.blocks(positions, within).ravel()).ravel()
+        values = (sign * self.blocks(positions, within, tensions).ravel()).ravel()
         if size <= DENSE:
             return np.bincount(row * size + column, values, size**2).reshape(size, size)
         from scipy.sparse import coo_array
@@ -153,7 +172,7 @@ class Members:
         return all_of.data.reshape(4, -1)[:, :1], *all_of.coords
 
 
-@dataclass(frozen=True)
+@dataclass
 class _LoadedMembers:
     """Members under constant loads, over the permitted motions: a `minimum.Energy`."""
 
@@ -171,26 +190,42 @@ class _LoadedMembers:
     def longest(self) -> float:
         return STEP * self.span
 
+    def freedom_at(self, x: Array) -> Freedom:
+        """The permitted motions; only those on which the loads do no work count as rigid.
+
+        None does if there is none at the start: a cable that is straight between its ends may turn
+        about them once it hangs.
+        """
+        return self.freedom.at(x).under(self.loads) if self.freedom.rigid.size else self.freedom
+
     def energy(self, x: Array) -> tuple[float, float]:
         stored, work = self.members.energy(x), float(np.sum(self.loads * (x - self.start)))
-        return stored - work, stored + abs(work)
+        pull = np.abs(self.members.tensions(x)).sum() + np.abs(self.loads).sum()
+        return stored - work, float(pull * self.members.reach(x))
 
     def forces(self, x: Array) -> Array:
-        motions, rigid = self.freedom.motions, self.freedom.at(x).rigid
+        motions, rigid = self.freedom.motions, self.freedom_at(x).rigid
         left = motions.T @ (self.loads - self.members.gradient(x)).ravel()
         return np.asarray(motions @ (left - rigid @ (rigid.T @ left))).reshape(x.shape)
 
     def largest(self, x: Array) -> float:
-        return max(np.abs(self.members.tensions(x)).max(), np.abs(self.loads).max())
+        return float(max(np.abs(self.members.tensions(x)).max(), np.abs(self.loads).max()))
+
+    def allowed(self, x: Array) -> float:
+        return self.members.unbalanced(x, self.largest(x))
 
     def newton(self, x: Array, f: Array) -> Callable[[float], Array | None]:
-        from scipy.sparse import eye_array
-
         # the margin makes the first step frame-independent; later it would slow convergence down
         within = TAUT if x is self.start else 0.0
-        freedom = self.freedom.at(x)
+        return self.newton_with(self.members.tangent(x, within), x, f)
+
+    def newton_with(self, tangent: Any, x: Array, f: Array) -> Callable[[float], Array | None]:
+        """As `newton`, with a given tangent (nodes dim, nodes dim) [N/m]."""
+        from scipy.sparse import eye_array
+
+        freedom = self.freedom_at(x)
         force = freedom.motions.T @ f.ravel()
-        tangent = freedom.reduced(self.members.tangent(x, within))
+        tangent = freedom.reduced(tangent)
         softest = float(self.members.stiffness.min()) * eye_array(len(force))
 
         def step(shift: float) -> Array | None:
@@ -205,6 +240,59 @@ class _LoadedMembers:
                 "no equilibrium: under these loads the structure grows beyond "
                 f"{FARTHEST * self.span:g} m"
             )
+
+
+@dataclass
+class _StiffMembers(_LoadedMembers):
+    """The same for Newton's method in positions and tensions, for members that hardly stretch.
+
+    Each step predicts the tensions after it, from the elongations to first order, and the next
+    tangent contains these instead of those at the positions, which are k times an error of the
+    lengths.  The energy rises in between, and no step is refused.
+    """
+
+    tensions: Array
+
+    @classmethod
+    def settled(cls, of: _LoadedMembers) -> Array:
+        """The positions of a stable equilibrium, from that of softer members.
+
+        Raises
+        ------
+        EquilibriumError
+            If it is not found, or is not stable.
+        """
+        members = of.members
+        softer = SOFTER * np.linalg.norm(of.loads, axis=1).sum() / members.natural
+        soft = replace(members, stiffness=np.minimum(members.stiffness, softer))
+        x, _ = minimised(replace(of, members=soft), of.start)
+        x, f = minimised(cls(members, of.freedom, of.start, of.loads, soft.tensions(x)), x)
+        refuse_unbalanced(of, x, f)
+        if of.newton(x, f)(0.0) is None:
+            raise EquilibriumError("no equilibrium found: that of softer members is not stable")
+        return x
+
+    def energy(self, x: Array) -> tuple[float, float]:
+        return 0.0, 0.0
+
+    def newton(self, x: Array, f: Array) -> Callable[[float], Array | None]:
+        members, (first, second) = self.members, self.members.ends.T
+        d, lengths = members.separations(x)
+        along, over = d / lengths[:, None], members.stiffness * (lengths - members.natural)
+        strings = members.tension_only
+        pull = np.where(strings & (self.tensions <= 0), 0.0, over)[:, None] * along
+        left = self.loads + forces.scattered(first, second, pull, len(x))
+        newton = self.newton_with(members.tangent(x, tensions=self.tensions), x, left)
+
+        def step(shift: float) -> Array | None:
+            move = newton(shift)
+            if move is not None:
+                longer = np.einsum("ij,ij->i", along, move[second] - move[first])
+                linear = over + members.stiffness * longer
+                self.tensions = np.where(strings, np.maximum(linear, 0.0), linear)
+            return move
+
+        return step
 
 
 def equilibrium_positions(
@@ -235,13 +323,17 @@ def equilibrium_positions(
     """
     freedom.refuse_unbalanced(positions, loads)
     of = _LoadedMembers(members, freedom, positions, loads)
-    x, f = minimised(of, positions)
-    left, size = np.abs(f).max(initial=0.0), of.largest(x)
-    if not left <= max(SETTLED * size, ROUND_OFF * members.stiffness.max() * of.span):
-        raise EquilibriumError(
-            f"no equilibrium found: {left:.3g} N of {size:.3g} N are unbalanced after {STEPS} "
-            "iterations"
-        )
+    loose = members.tension_only & (members.tensions(positions) <= 0)
+    x, f = minimised(of, positions, QUICK if loose.any() and loads.any() else STEPS)
+    try:
+        refuse_unbalanced(of, x, f)
+    except EquilibriumError:
+        if not loads.any():
+            raise
+        with suppress(EquilibriumError):
+            return _StiffMembers.settled(of)
+        x, f = minimised(of, x)
+        refuse_unbalanced(of, x, f)
     return x
 
 

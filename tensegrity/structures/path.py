@@ -225,6 +225,10 @@ def control_path(
 ) -> StructurePath:
     """Equilibrium path as the natural lengths of some members change to given values.
 
+    Spring constants k stay as they are.  A cable on a winch keeps EA instead, and k = EA over
+    natural length grows as it is wound up: at the end of the path tensions are those of such a
+    cable only if k is given for its final natural length, and the work is not.
+
     Parameters
     ----------
     structure : Structure

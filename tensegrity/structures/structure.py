@@ -151,7 +151,8 @@ class Structure(Framework):
     # structures made from this one
 
     def at(self, positions: ArrayLike, **other: Any) -> Structure:
-        """A copy of the structure at other positions, with other arguments replaced by name."""
+        """A copy of the structure at other positions, with other arguments replaced by name; the
+        spring constants stay as they are where natural lengths change."""
         own: dict[str, Any] = {
             "bars": self.ends[: self.bars],
             "strings": self.ends[self.bars :],

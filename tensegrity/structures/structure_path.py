@@ -95,4 +95,6 @@ class StructurePath(Table):
         for event in self.events:
             lines.append(f"  {event.kind} at {self._quantities(event.at, shown[:2])}")
             lines += [f"    {event.note}"] * bool(event.note)
+        if "control" in self.columns:
+            lines.append("  spring constants k are kept: wound cables, which keep EA, get stiffer")
         return filled("\n".join([*lines, f"  ends: {self.end}"]))

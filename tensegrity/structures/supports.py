@@ -329,6 +329,19 @@ class Freedom:
             self.motions, remaining_rigid_motions(self.motions, positions, self.parts), self.parts
         )
 
+    def _driven(self, loads: Array) -> Array | None:
+        """Work of loads on the rigid motions, (count,); None where it is round-off."""
+        work = self.rigid.T @ (self.motions.T @ loads.ravel())
+        return work if np.linalg.norm(work) > WORK * np.abs(loads).sum() else None
+
+    def under(self, loads: Array) -> Freedom:
+        """The same without the rigid motion on which loads (nodes, dim) [N] do work."""
+        work = self._driven(loads)
+        if work is None:
+            return self
+        others = complement(work[:, None] / np.linalg.norm(work))
+        return Freedom(self.motions, self.rigid @ others, self.parts)
+
     def reduced(self, tangent: Any) -> Any:
         """A tangent stiffness projected onto the permitted motions, (free, free)."""
         return self.motions.T @ (self.motions.T @ tangent).T
@@ -363,8 +376,8 @@ class Freedom:
 
     def refuse_unbalanced(self, positions: Array, loads: Array) -> None:
         """Refuse loads that do work on rigid motions that the supports permit."""
-        driven = self.rigid.T @ (self.motions.T @ loads.ravel())
-        if np.linalg.norm(driven) <= WORK * np.abs(loads).sum():
+        driven = self._driven(loads)
+        if driven is None:
             return
         turns = (positions - positions.mean(axis=0)).T @ loads
         turns = turns - turns.T
