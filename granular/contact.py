@@ -96,7 +96,7 @@ class Contact:
             raise TensegrityError("contact forces must be at least 0 N")
         law = self.potential
         if isinstance(law, PowerLaw):
-            return (force / law.values[0]) ** (1 / law.exponent)  # type: ignore[return-value]
+            return (force / law.values[0]) ** (1 / law.exponent)
         return np.vectorize(lambda load: overlap_under(law, load), otypes=[float])(force)[()]
 
     def restitution(self, mass: float, speed: float) -> tuple[float, float]:

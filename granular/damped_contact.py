@@ -61,8 +61,8 @@ def forces_of(
         One for each model that occurs; without places if it occurs only in `others`.
     """
     return [
-        _force(contacts, overlaps, at, partial(_of_model, *kind, on))
-        for kind, at in _alike(contacts, others).items()
+        _force(contacts, overlaps, at, partial(_of_model, model, form, values, on))
+        for (model, form, values), at in _alike(contacts, others).items()
     ]
 
 
@@ -83,8 +83,8 @@ def friction_of(contacts: Sequence[Contact], coefficient: float, speed: float) -
     """
     none, more = [0.0] * len(contacts), {"friction": coefficient, "slip_speed": speed}
     return [
-        _force(contacts, none, at, partial(_of_model, *kind, "walls", True), more)
-        for kind, at in _alike(contacts, rub=True).items()
+        _force(contacts, none, at, partial(_of_model, model, form, values, "walls", True), more)
+        for (model, form, values), at in _alike(contacts, rub=True).items()
     ]
 
 

@@ -280,11 +280,11 @@ def _law_of(scene: Any) -> Any:
     known = {pair[::-1]: contact for pair, contact in known.items()} | known
 
     def contact(one: Bead, other: Bead | Material) -> Contact | None:
-        bead = isinstance(other, Bead)
+        kind, of = ("bead", other.material) if isinstance(other, Bead) else ("wall", other)
         if isinstance(scene, Pack) and (one, other) not in known:
             raise TensegrityError(
-                f"a bead of {one.material.name} touches no {'bead' if bead else 'wall'} of "
-                f"{(other.material if bead else other).name}: a pack of fixed contacts does not "
+                f"a bead of {one.material.name} touches no {kind} of {of.name}: "
+                "a pack of fixed contacts does not "
                 "say by which law they would meet in LAMMPS: take contacts='follow', or hertz"
             )
         return known.get((one, other))

@@ -499,7 +499,7 @@ def beads() -> Run:
     assert_type(hertz(bead, brass), Contact)
     assert_type(hertz(bead, bead).overlap(1.0), float)
     assert_type(hertz(bead, bead).overlap(np.ones(2)), Array)
-    assert_type(hertz(bead, bead).spring(), PowerLaw)
+    assert_type(hertz(bead, bead).spring(), Potential)
     for law in (
         kuwabara_kono(1e-6),
         hunt_crossley(0.1),

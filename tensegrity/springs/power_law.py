@@ -86,8 +86,8 @@ class PowerLaw(Potential):
         return float(self.values[3])
 
     def _with(self, parameters: dict[str, float]) -> PowerLaw:
-        given = (parameters[name] for name in ("stiffness", "exponent", "preload"))
-        return PowerLaw(*given, self._length)
+        stiffness, exponent, preload = (parameters[name] for name in self._varied)
+        return PowerLaw(stiffness, exponent, preload, self._length)
 
     def _shift_from(self, other: Potential) -> float:
         """Shift of the elongation relative to another contact: the difference of their overlaps at

@@ -111,7 +111,7 @@ class SplineLaw(DerivedLaw):
 
     def kinks(self, values: Array, domain: tuple[float, float]) -> tuple[Kink, ...]:
         """Kinks of the force: the bends, and the ends of a table that tangents continue."""
-        count, *powers = self.arguments
+        count, *powers = self.__dict__["arguments"]
         low, high, _, _, per_size, _, _, a2, a3 = values[: len(HEAD)].tolist()
         place, per, *terms = values[len(HEAD) :].reshape(2 + len(powers), count)
         found = []
@@ -279,16 +279,16 @@ def _parameters(x: Array, y: Array, kind: str, rests: bool) -> tuple[Array, Arra
         bends = np.column_stack([bends, side * (right[p] - before) / per**p])
     x = np.interp(np.arange(4 * len(x) - 3) / 4, np.arange(len(x)), x)  # where it is compared
     y = spline(x)
-    found = _without_round_off(x, y, a, bends, powers)
-    if not _misfit(x, y, *found, powers) <= EXACT:
-        found = a, bends
-    if not (error := _misfit(x, y, *found, powers)) <= MISFIT:
+    fewer = _without_round_off(x, y, a, bends, powers)
+    if _misfit(x, y, fewer[0], fewer[1], powers) <= EXACT:
+        a, bends = fewer
+    if not (error := _misfit(x, y, a, bends, powers)) <= MISFIT:
         raise ResolutionError(
             f"a {kind} spline of this table has an error of {error:.2g} of its largest tension, "
             f"must be at most {MISFIT:g}: its spacings are too unequal, or its steps too steep"
         )
-    head = [x[0], x[-1], spline(x[0], 1), spline(x[-1], 1), 1.0, *found[0]]
-    return np.array(head, dtype=float), found[1]
+    head = [x[0], x[-1], spline(x[0], 1), spline(x[-1], 1), 1.0, *a]
+    return np.array(head, dtype=float), bends
 
 
 def _basis(x: Array, bends: Array, powers: Sequence[int]) -> Array:
