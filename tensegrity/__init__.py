@@ -28,6 +28,7 @@ from tensegrity.lattices.lattice import Lattice
 from tensegrity.lattices.moduli import moduli
 from tensegrity.lens.lens import Lens
 from tensegrity.measure.budget import budget
+from tensegrity.measure.collision import phase_shift
 from tensegrity.measure.interfaces import interface, transmission
 from tensegrity.measure.observables import (
     angular_momentum,
@@ -39,7 +40,7 @@ from tensegrity.measure.observables import (
     wall_gaps,
     width,
 )
-from tensegrity.measure.pulses import phase_shift, pulses
+from tensegrity.measure.pulses import pulses
 from tensegrity.measure.records import first_peak, largest_peak, peaks, sampled
 from tensegrity.orbits.orbit import periodic_orbit
 from tensegrity.orbits.path import orbit_path

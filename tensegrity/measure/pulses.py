@@ -41,15 +41,13 @@ STANDING = 1e-6  # of the flow either way: a smaller sum has no direction
 SLOW = 0.5  # of the sound speed: what is slower is no wave that travels
 RANGE = 4.0  # sites that the slowest peak may travel while it passes the next three bonds
 SAME_PLACE = 0.75  # sites from a bond within which a peak is that makes it the largest one
-ALTERED, UNSTEADY = 0.2, 0.02  # of height and speed, by which a peak changes on that way at most
+ALTERED, UNSTEADY = 0.2, 0.01  # of height and speed, by which a peak changes on that way at most
 AGREED = 5e-3  # relative, of the speeds of form and peak, of which that of the form is then given
 DRIVEN = 8  # sites from a driven one, within which a peak feels it before it has passed
 MISFIT = 0.05  # of its largest elongation, velocity or speed, by which a wave may differ
 RIPPLING = 0.01  # of a wave's speed, by which ripples may change it
 LEVEL = 0.05  # of the peak, between which a wave has the width over which it is compared
 DEGREE = 5  # of splines
-ALIKE = 1e-3  # relative difference of amplitudes of one wave, launched and found
-CHANGED = 0.2  # relative change of a wave's amplitude in a collision, at most
 
 
 @dataclass(frozen=True, eq=False)
@@ -266,7 +264,7 @@ class Instant:
             direction = int(np.sign(through))
         one_way = abs(through) >= ONE_WAY * either and 0 < peak < len(self.r) - 1
         permanent = abs(float(mean.sum() / self.r[bonds].sum()))  # speed, were its form permanent
-        sound = self._sound(peak)
+        sound = self._sound_speed(peak)
         travels = direction != 0 and one_way and permanent > SLOW * sound
         speed = None if direction else 0.0
         if travels:
@@ -283,12 +281,12 @@ class Instant:
                 wave = None
         return Pulse(place, amplitude, direction, speed, energy, momentum, first, last, wave)
 
-    def _sound(self, peak: int) -> float:
+    def _sound_speed(self, peak: int) -> float:
         return self.chain.springs[peak].sound_speed(float(self.chain.mass[peak]))
 
     def _moving(self, peak: int, direction: int, permanent: float) -> float | None:
         """Speed from the next bond to the one after it [sites/s]; None where it is not measured."""
-        slowest = min(permanent, self._sound(peak) or permanent)
+        slowest = min(permanent, self._sound_speed(peak) or permanent)
         bonds = [peak + step * direction for step in (1, 2, 3)]
         felt = any(abs(site - peak) <= DRIVEN for site in self.chain.drive)
         run = None if felt else self._ahead(math.ceil(math.log2(RANGE / slowest)))
@@ -300,8 +298,9 @@ class Instant:
         (_, first, second, third), (_, *heights) = zip(*passages, strict=True)
         if not third < math.inf or min(heights) < (1 - ALTERED) * max(heights):
             return None
-        speed = 1 / (second - first)
-        if abs(speed * (third - second) - 1) > UNSTEADY or abs(speed * first - 1) > SAME_PLACE:
+        slowness, later = second - first, third - second  # 1.5 and 2.5 bonds from here
+        speed = 1 / (slowness - 1.5 * (later - slowness))
+        if abs(later / slowness - 1) > UNSTEADY or abs(speed * first - 1) > SAME_PLACE:
             return None
         return permanent if abs(permanent / speed - 1) < AGREED else speed
 
@@ -328,7 +327,7 @@ class Instant:
 
         sign, near = np.sign(self.r[peak]), slice(max(peak - NEIGHBOURS, 0), peak + NEIGHBOURS + 2)
         if velocity:
-            turning = np.diff(self.tension, prepend=0.0, append=0.0) / self.chain.mass
+            turning = self.chain.forces(self.u) / self.chain.mass
             given = self.u, -self.v / velocity, turning / velocity**2
             shape = BPoly.from_derivatives(
                 np.arange(self.chain.sites)[near], np.stack([x[near] for x in given], axis=1)
@@ -360,7 +359,7 @@ class Instant:
         of sound up to sqrt(|V'(a)|/(m a)), as m c^2 a is a mean of |V'| over the wave."""
         secant = float(self.chain.springs[peak].tension(amplitude)) / amplitude
         fastest = math.sqrt(secant / float(self.chain.mass[peak]))
-        low, high = (1 - RIPPLING) * self._sound(peak), (1 + RIPPLING) * fastest
+        low, high = (1 - RIPPLING) * self._sound_speed(peak), (1 + RIPPLING) * fastest
         same = abs(permanent / speed - 1) < MISFIT
         if not (same and low < min(speed, permanent) and max(speed, permanent) < high):
             raise TensegrityError(
@@ -417,82 +416,3 @@ def _passage(run: Run, bond: int, sign: float, after: float) -> tuple[float, flo
     zeros = curve.roots(extrapolate=False)
     at = min(zeros[(zeros > after) & (curve(zeros, 1) < 0)].tolist(), default=math.inf)
     return at, float(np.interp(at, run.t, r))
-
-
-def phase_shift(run: Run, left: SolitaryWave, right: SolitaryWave) -> tuple[float, float]:
-    """Phase shifts of two solitary waves by their collision.
-
-    Parameters
-    ----------
-    run : Run
-        Of a chain with all sites recorded.  Its first recorded row contains the two incident
-        waves, well separated, and nothing else; in its last row they are separated again.
-    left, right : SolitaryWave
-        The incident waves, that at the lower sites first: head-on, or one overtaking the other.
-        Their initial positions are read from the first row.
-
-    Returns
-    -------
-    (float, float)
-        Shifts of the left and of the right wave [sites], > 0 if a wave is ahead, in its direction
-        of travel, of its undisturbed position.  The trajectories of the incident and of the
-        outgoing wave, each with its own speed, are extrapolated to the instant at which the
-        undisturbed waves would coincide.
-
-    Raises
-    ------
-    TensegrityError
-        The waves of the first row are not these, or do not meet within the run; no wave of the
-        last row has the direction of one of them and its amplitude to within a fifth.
-
-    Notes
-    -----
-    Source: M. Toda, J. Phys. Soc. Jpn. 22, 431 (1967), whose lattice shifts waves and leaves
-    nothing else behind.
-    """
-    chain_of(run)
-    for name, wave in (("left", left), ("right", right)):
-        check.kind(name, wave, SolitaryWave)
-    waves, sizes = (left, right), sorted(abs(wave.amplitude) for wave in (left, right))
-    fraction = sizes[0] / sizes[1] / 2
-    incident = pulses(run, 0, fraction)
-    if len(incident) != 2:
-        raise TensegrityError(f"{len(incident)} pulses in the first row, must be 2")
-    for name, pulse, wave in zip(("left", "right"), incident, waves, strict=True):
-        if pulse.wave is None or abs(pulse.amplitude / wave.amplitude - 1) > ALIKE:
-            raise TensegrityError(
-                f"the pulse at {pulse.place:.6g} sites in the first row, of amplitude "
-                f"{pulse.amplitude:.6g} m, is not the {name} wave, of "
-                f"amplitude {wave.amplitude:.6g} m"
-            )
-    velocities = [pulse.direction * wave.speed for pulse, wave in zip(incident, waves, strict=True)]
-    closing = velocities[0] - velocities[1]
-    duration = float(run.t[-1] - run.t[0])
-    meeting = (incident[1].place - incident[0].place) / closing if closing > 0 else math.inf
-    if not meeting < duration:
-        raise TensegrityError(
-            f"the waves meet {meeting:g} s after the first row, must be within {duration:g} s"
-        )
-    place = incident[0].place + velocities[0] * meeting
-    outgoing = pulses(run, -1, fraction)
-    same = [_same(outgoing, pulse) for pulse in incident]
-    shifts = [
-        pulse.direction * (pulse.place - place) - pulse.speed * (duration - meeting)
-        for pulse in same
-    ]
-    return shifts[0], shifts[1]
-
-
-def _same(outgoing: list[Pulse], incident: Pulse) -> Pulse:
-    """The outgoing pulse that an incident one has become."""
-    alike = [
-        pulse for pulse in outgoing
-        if pulse.wave is not None and pulse.direction == incident.direction
-        and abs(pulse.amplitude / incident.amplitude - 1) < CHANGED
-    ]  # fmt: skip
-    if not alike:
-        raise TensegrityError(
-            f"no wave of the last row continues the one at {incident.place:g} of amplitude "
-            f"{incident.amplitude:g} m"
-        )
-    return min(alike, key=lambda pulse: abs(pulse.amplitude - incident.amplitude))
