@@ -87,8 +87,8 @@ class Transmission:
     incident : Pulse
         In the first recorded row.
     reflected, transmitted : tuple of Pulse
-        Those that travel away from the interface, in the chain along which the incident one came
-        and in the other one; in the order of their places.
+        Those that travel away from the interface at a speed that could be measured, in the chain
+        along which the incident one came and in the other one; in the order of their places.
     reflected_delays, transmitted_delays : ndarray, (pulses,)
         Delay of each of them at the interface after the arrival of the incident peak [s],
         extrapolated by its speed.
