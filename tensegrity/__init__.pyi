@@ -24,6 +24,7 @@ from .lattices.lattice import Lattice
 from .lattices.moduli import moduli
 from .lens.lens import Lens
 from .measure.budget import budget
+from .measure.collision import phase_shift
 from .measure.interfaces import interface, transmission
 from .measure.observables import (
     angular_momentum,
@@ -35,7 +36,7 @@ from .measure.observables import (
     wall_gaps,
     width,
 )
-from .measure.pulses import phase_shift, pulses
+from .measure.pulses import pulses
 from .measure.records import first_peak, largest_peak, peaks, sampled
 from .orbits.orbit import periodic_orbit
 from .orbits.path import orbit_path

@@ -23,6 +23,7 @@ from tensegrity import (
     gradient,
     notebook,
     objective,
+    pulses,
     simulate,
     solitary_wave,
     sweep,
@@ -166,6 +167,7 @@ CALLS = {
     "run to a tolerance": lambda: simulate(*long_chain(), tol=1e-8),
     "gradient": lambda: gradient(objective.peak(objective.load(bond=9)), *long_chain(), dt=0.02),
     "sweep": lambda: sweep(lambda dt: simulate(*long_chain(), dt=dt).steps, [0.02, 0.025]),
+    "pulses": lambda: pulses(run(), fraction=0.01),
     "paths": lambda: equilibrium_paths([ELASTIC] * 3),
     "run that locks": lambda: simulate(Chain(SPRING, 3000), wild(), 2000.0, dt=0.02),
 }

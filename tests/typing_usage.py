@@ -530,6 +530,8 @@ def sensed(run: Run) -> Array:
     assert_type(force, Array)
     assert_type(first_peak(run.t, force, between=(0.0, 1.0)), tuple[float, float])
     assert_type(largest_peak(run.t, force, between=(0.0, 1.0)), tuple[float, float])
+    assert_type(first_peak(run.t, force, noise=0.1).instant_error, float)
+    assert_type(peaks(run.t, force, noise=0.1).height_error, Array)
     assert_type(sampled(run.t, force, interval=1e-6), tuple[Array, Array])
     assert_type(peaks(run.t, force), tuple[Array, Array])
     assert_type(energies(run).parts, dict[str, Array])

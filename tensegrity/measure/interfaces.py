@@ -87,8 +87,8 @@ class Transmission:
     incident : Pulse
         In the first recorded row.
     reflected, transmitted : tuple of Pulse
-        Those that travel away from the interface, in the chain along which the incident one came
-        and in the other one; in the order of their places.
+        Those that travel away from the interface at a speed that could be measured, in the chain
+        along which the incident one came and in the other one; in the order of their places.
     reflected_delays, transmitted_delays : ndarray, (pulses,)
         Delay of each of them at the interface after the arrival of the incident peak [s],
         extrapolated by its speed.
@@ -175,7 +175,7 @@ def transmission(run: Run, row: int = -1, fraction: float = FRACTION) -> Transmi
     if incident.direction < 0:
         parts, energies = parts[::-1], energies[::-1]
     back, on = (
-        tuple(pulse for pulse in part if pulse.direction == direction and pulse.speed > 0)
+        tuple(pulse for pulse in part if pulse.direction == direction and pulse.speed)
         for part, direction in zip(parts, (-incident.direction, incident.direction), strict=True)
     )
 
@@ -208,7 +208,7 @@ def _incident(pulses: list[Pulse], site: int) -> Pulse:
     if len(pulses) != 1:
         raise TensegrityError(f"{len(pulses)} pulses in the first row, must be 1")
     (pulse,) = pulses
-    if not (site - pulse.place) * pulse.direction > 0 or not pulse.speed > 0:
+    if not (site - pulse.place) * pulse.direction > 0 or not pulse.speed:
         raise TensegrityError(
             f"the pulse at {pulse.place:g} of the first row, direction {pulse.direction}, is not "
             f"on its way to the interface at {site}"

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from tensegrity import check
 from tensegrity.engine import forces
 from tensegrity.errors import TensegrityError
+from tensegrity.measure.noise import noise_of
 from tensegrity.measure.pulses import peak_bonds, sites_around
 from tensegrity.root import polynomial_through, root
 from tensegrity.runs.run import Run
@@ -349,12 +350,18 @@ def width(x: Array, profile: ArrayLike, level: float = 0.05) -> float:
     Raises
     ------
     TensegrityError
-        Bad input; a profile that does not fall to the level on both sides.
+        Bad input; a profile that does not fall to the level on both sides, or has noise, which
+        crosses the level at once.
     """
     level = check.number("level", level, above=0, below=1)
     x, profile = _columns(x=x, profile=profile)
     if not np.all(np.diff(x) > 0):
         raise TensegrityError(f"x must increase, not by {np.diff(x).min():g}")
+    noise = noise_of(x, profile)
+    if noise:
+        raise TensegrityError(
+            f"the profile has noise of {noise:.3g}: smooth it, as by scipy.signal.savgol_filter"
+        )
     size = np.abs(profile)
     top = int(np.argmax(size))
     left = np.flatnonzero(size[: top + 1] < level * size[top])

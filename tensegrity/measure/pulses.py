@@ -3,11 +3,11 @@
 A wave of a chain is known at sites and bonds only, and its peak lies between them.  It is recovered
 from the exact solitary wave of the same springs and masses that has the energy of the pulse; its
 position is a least-squares fit to elongations and velocities over the width of that wave.  If no
-wave fits, the displacement between two sites is the polynomial of fifth degree with the
-displacements, slopes -v/c and curvatures a/c^2 at both, as of a wave that travels at the speed c,
-the ratio of its momentum to mass times total elongation.  Energy flows through a bond at the rate
--T v, where T is its tension and v the mean velocity of its two sites; the direction of a pulse is
-that of its energy flow.
+wave fits, the chain is advanced until the peak has passed the next bonds, which gives its speed c,
+and the displacement between two sites is the polynomial of fifth degree with the displacements,
+slopes -v/c and curvatures a/c^2 at both, as of a wave that travels at that speed.  Energy flows
+through a bond at the rate -T v, where T is its tension and v the mean velocity of its two sites;
+the direction of a pulse is that of its energy flow.
 """
 
 from __future__ import annotations
@@ -20,10 +20,13 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
+from tensegrity.notebook import progress
 from tensegrity.printing import printed
+from tensegrity.runs.integrate import simulate
 from tensegrity.runs.run import Run
 from tensegrity.scenes.chain import Chain
-from tensegrity.scenes.scene import State
+from tensegrity.scenes.force import depends_on_time
+from tensegrity.scenes.scene import State, varied
 from tensegrity.typing import Array
 from tensegrity.waves.family import Family
 from tensegrity.waves.solitary import SolitaryWave, solitary_wave
@@ -36,11 +39,15 @@ NEIGHBOURS = 8  # bonds on either side of a peak, through which its shape is int
 ONE_WAY = 0.9  # of the flow either way: a larger sum is that of a wave that travels
 STANDING = 1e-6  # of the flow either way: a smaller sum has no direction
 SLOW = 0.5  # of the sound speed: what is slower is no wave that travels
-MISFIT = 0.05  # of its largest elongation and velocity, by which a wave may differ
+RANGE = 4.0  # sites that the slowest peak may travel while it passes the next three bonds
+SAME_PLACE = 0.75  # sites from a bond within which a peak is that makes it the largest one
+ALTERED, UNSTEADY = 0.2, 0.01  # of height and speed, by which a peak changes on that way at most
+AGREED = 5e-3  # relative, of the speeds of form and peak, of which that of the form is then given
+DRIVEN = 8  # sites from a driven one, within which a peak feels it before it has passed
+MISFIT = 0.05  # of its largest elongation, velocity or speed, by which a wave may differ
+RIPPLING = 0.01  # of a wave's speed, by which ripples may change it
 LEVEL = 0.05  # of the peak, between which a wave has the width over which it is compared
-DEGREE = 5  # of the spline where nothing travels
-ALIKE = 1e-3  # relative difference of amplitudes of one wave, launched and found
-CHANGED = 0.2  # relative change of a wave's amplitude in a collision, at most
+DEGREE = 5  # of splines
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,9 +63,12 @@ class Pulse:
     direction : int
         1 towards higher sites, -1 towards lower ones; 0 if there is no net flow of energy, as
         when two equal waves collide.
-    speed : float
-        [sites/s], >= 0: that of `wave` or, without one, |momentum| over mass times total
-        elongation, which is the speed of any wave of permanent form.
+    speed : float or None
+        [sites/s], >= 0: that of `wave` or, without one, that at which the peak moves on, to 0.5 %:
+        from the next bond to the one after it, as the chain is advanced from this instant, or of a
+        pulse of permanent form |momentum| over mass times total elongation.  0 without a direction.
+        None where it was not measured: energy flows both ways, the peak changes too much on this
+        way, or is near an end of the chain or a driven site.
     energy : float
         Energy of its sites [J].
     momentum : float
@@ -73,7 +83,7 @@ class Pulse:
     place: float
     amplitude: float
     direction: int
-    speed: float
+    speed: float | None
     energy: float
     momentum: float
     first: int
@@ -216,6 +226,7 @@ class Instant:
         self.least = max(least, ROUND_OFF * float(np.abs(state.u).max()))
         self.site_energy = chain.site_energy(state)
         self.tension = chain.bond_tension(state.u)
+        self._runs: dict[int, Run | None] = {}
 
     def pulses(self, fraction: float, first: int = 0, last: int | None = None) -> list[Pulse]:
         """Pulses whose peaks lie in a range of bonds.
@@ -233,36 +244,77 @@ class Instant:
         list of Pulse
             In the order of their positions.
         """
-        part = self.r[first:last]
-        return [self.pulse(first + peak) for peak in peak_bonds(part, fraction, self.least)]
+        peaks = peak_bonds(self.r[first:last], fraction, self.least)
+        found = []
+        with progress(len(peaks), "pulse") as bar:
+            for peak in peaks:
+                found.append(self.pulse(first + peak))
+                bar.update()
+        return found
 
     def pulse(self, peak: int) -> Pulse:
         """The pulse with a peak at a bond."""
         first, last = sites_around(self.r, peak)
-        inside, mass, speed, direction = slice(first, last + 1), self.chain.mass, 0.0, 0
-        momentum = float((mass * self.v)[inside].sum())
-        flows = -self.tension[first:last] * (self.v[:-1] + self.v[1:])[first:last]
+        inside, bonds, direction = slice(first, last + 1), slice(max(first - 1, 0), last + 1), 0
+        momentum = float((self.chain.mass * self.v)[inside].sum())
+        mean = (self.v[:-1] + self.v[1:])[bonds] / 2
+        flows = -self.tension[bonds] * mean
         through, either = float(flows.sum()), float(np.abs(flows).sum())
         if abs(through) > STANDING * either:
             direction = int(np.sign(through))
-            longer = float((mass[:-1] * self.r)[first:last].sum())
-            speed = abs(momentum / longer) if longer else 0.0
-        travels = abs(through) >= ONE_WAY * either and self._is_fast(peak, speed)
-        place, amplitude = self._interpolated(peak, direction * speed if travels else 0.0)
+        one_way = abs(through) >= ONE_WAY * either and 0 < peak < len(self.r) - 1
+        permanent = abs(float(mean.sum() / self.r[bonds].sum()))  # speed, were its form permanent
+        sound = self._sound_speed(peak)
+        travels = direction != 0 and one_way and permanent > SLOW * sound
+        speed = None if direction else 0.0
+        if travels:
+            speed = self._moving(peak, direction, permanent)
+        slope = speed if speed and permanent < sound else permanent
+        place, amplitude = self._interpolated(peak, direction * slope if travels else 0.0)
         energy, wave = float(self.site_energy[inside].sum()), None
         if travels:
             try:
+                self._refuse_other_speed(peak, speed or permanent, permanent, amplitude)
                 wave, place = self._fitted(peak, direction, energy)
                 amplitude, speed = wave.amplitude, wave.speed
             except TensegrityError:  # none fits
                 wave = None
         return Pulse(place, amplitude, direction, speed, energy, momentum, first, last, wave)
 
-    def _is_fast(self, peak: int, speed: float) -> bool:
-        """Whether a pulse travels as fast as a wave may; not at an end of the chain."""
-        inside = 0 < peak < len(self.r) - 1
-        sound = self.chain.springs[peak].sound_speed(float(self.chain.mass[peak]))
-        return inside and speed > SLOW * sound
+    def _sound_speed(self, peak: int) -> float:
+        return self.chain.springs[peak].sound_speed(float(self.chain.mass[peak]))
+
+    def _moving(self, peak: int, direction: int, permanent: float) -> float | None:
+        """Speed from the next bond to the one after it [sites/s]; None where it is not measured."""
+        slowest = min(permanent, self._sound_speed(peak) or permanent)
+        bonds = [peak + step * direction for step in (1, 2, 3)]
+        felt = any(abs(site - peak) <= DRIVEN for site in self.chain.drive)
+        run = None if felt else self._ahead(math.ceil(math.log2(RANGE / slowest)))
+        if run is None or not 0 <= bonds[-1] < len(self.r):
+            return None
+        passages = [(0.0, 0.0)]
+        for bond in bonds:
+            passages.append(_passage(run, bond, np.sign(self.r[peak]), passages[-1][0]))
+        (_, first, second, third), (_, *heights) = zip(*passages, strict=True)
+        if not third < math.inf or min(heights) < (1 - ALTERED) * max(heights):
+            return None
+        slowness, later = second - first, third - second  # 1.5 and 2.5 bonds from here
+        speed = 1 / (slowness - 1.5 * (later - slowness))
+        if abs(later / slowness - 1) > UNSTEADY or abs(speed * first - 1) > SAME_PLACE:
+            return None
+        return permanent if abs(permanent / speed - 1) < AGREED else speed
+
+    def _ahead(self, octave: int) -> Run | None:
+        """The chain 2**octave seconds on, without its drives; None where it gets to no end."""
+        if octave not in self._runs:
+            try:
+                chain, state = varied(self.chain, drive={}), State(self.u, self.v)
+                self._runs[octave] = (
+                    None if depends_on_time(chain) else simulate(chain, state, 2.0**octave)
+                )
+            except TensegrityError:
+                self._runs[octave] = None
+        return self._runs[octave]
 
     def _interpolated(self, peak: int, velocity: float) -> tuple[float, float]:
         """Place and value of the extremum next to a bond.
@@ -275,7 +327,7 @@ class Instant:
 
         sign, near = np.sign(self.r[peak]), slice(max(peak - NEIGHBOURS, 0), peak + NEIGHBOURS + 2)
         if velocity:
-            turning = np.diff(self.tension, prepend=0.0, append=0.0) / self.chain.mass
+            turning = self.chain.forces(self.u) / self.chain.mass
             given = self.u, -self.v / velocity, turning / velocity**2
             shape = BPoly.from_derivatives(
                 np.arange(self.chain.sites)[near], np.stack([x[near] for x in given], axis=1)
@@ -300,6 +352,21 @@ class Instant:
         )  # fmt: skip
         return float(extreme.x), float(-sign * extreme.fun)
 
+    def _refuse_other_speed(
+        self, peak: int, speed: float, permanent: float, amplitude: float
+    ) -> None:
+        """Refuse what does not move as a solitary wave does: at the speed of its form, from that
+        of sound up to sqrt(|V'(a)|/(m a)), as m c^2 a is a mean of |V'| over the wave."""
+        secant = float(self.chain.springs[peak].tension(amplitude)) / amplitude
+        fastest = math.sqrt(secant / float(self.chain.mass[peak]))
+        low, high = (1 - RIPPLING) * self._sound_speed(peak), (1 + RIPPLING) * fastest
+        same = abs(permanent / speed - 1) < MISFIT
+        if not (same and low < min(speed, permanent) and max(speed, permanent) < high):
+            raise TensegrityError(
+                f"speed {speed:g} sites/s of the pulse must be that of its form, {permanent:g}, "
+                f"and from {low:g} to {high:g}"
+            )
+
     def _fitted(self, peak: int, direction: int, energy: float) -> tuple[SolitaryWave, float]:
         """The exact wave that fits a pulse and the place of its peak; an error where none does."""
         from scipy.optimize import least_squares
@@ -320,10 +387,10 @@ class Instant:
     def _gaps(self, wave: SolitaryWave, peak: int, direction: int) -> Callable[[float], Array]:
         """Differences from a wave with its peak at a place, over its largest values."""
         half = max(wave.width(LEVEL) / 2, 1.0)
+        if peak - half < 0 or peak + half > self.chain.sites - 2:  # it may be 1e9 sites wide
+            raise TensegrityError(f"the wave at bond {peak} is cut by an end of the chain")
         bonds = np.arange(math.ceil(peak - half), math.floor(peak + half) + 1)
         sites = np.append(bonds, bonds[-1] + 1)
-        if bonds[0] < 0 or sites[-1] >= self.chain.sites:
-            raise TensegrityError(f"the wave at bond {peak} is cut by an end of the chain")
         if any(self.chain.springs[bond] != wave.potential for bond in bonds.tolist()) or np.any(
             self.chain.mass[sites] != wave.mass
         ):
@@ -340,80 +407,12 @@ class Instant:
         return gaps
 
 
-def phase_shift(run: Run, left: SolitaryWave, right: SolitaryWave) -> tuple[float, float]:
-    """Phase shifts of two solitary waves by their collision.
+def _passage(run: Run, bond: int, sign: float, after: float) -> tuple[float, float]:
+    """Instant at which the next peak of a sign passes a bond, inf if none does, and its height."""
+    from scipy.interpolate import PPoly, make_interp_spline
 
-    Parameters
-    ----------
-    run : Run
-        Of a chain with all sites recorded.  Its first recorded row contains the two incident
-        waves, well separated, and nothing else; in its last row they are separated again.
-    left, right : SolitaryWave
-        The incident waves, that at the lower sites first: head-on, or one overtaking the other.
-        Their initial positions are read from the first row.
-
-    Returns
-    -------
-    (float, float)
-        Shifts of the left and of the right wave [sites], > 0 if a wave is ahead, in its direction
-        of travel, of its undisturbed position.  The trajectories of the incident and of the
-        outgoing wave, each with its own speed, are extrapolated to the instant at which the
-        undisturbed waves would coincide.
-
-    Raises
-    ------
-    TensegrityError
-        The waves of the first row are not these, or do not meet within the run; no wave of the
-        last row has the direction of one of them and its amplitude to within a fifth.
-
-    Notes
-    -----
-    Source: M. Toda, J. Phys. Soc. Jpn. 22, 431 (1967), whose lattice shifts waves and leaves
-    nothing else behind.
-    """
-    chain_of(run)
-    for name, wave in (("left", left), ("right", right)):
-        check.kind(name, wave, SolitaryWave)
-    waves, sizes = (left, right), sorted(abs(wave.amplitude) for wave in (left, right))
-    fraction = sizes[0] / sizes[1] / 2
-    incident = pulses(run, 0, fraction)
-    if len(incident) != 2:
-        raise TensegrityError(f"{len(incident)} pulses in the first row, must be 2")
-    for name, pulse, wave in zip(("left", "right"), incident, waves, strict=True):
-        if pulse.wave is None or abs(pulse.amplitude / wave.amplitude - 1) > ALIKE:
-            raise TensegrityError(
-                f"the pulse at {pulse.place:.6g} sites in the first row, of amplitude "
-                f"{pulse.amplitude:.6g} m, is not the {name} wave, of "
-                f"amplitude {wave.amplitude:.6g} m"
-            )
-    velocities = [pulse.direction * wave.speed for pulse, wave in zip(incident, waves, strict=True)]
-    closing = velocities[0] - velocities[1]
-    duration = float(run.t[-1] - run.t[0])
-    meeting = (incident[1].place - incident[0].place) / closing if closing > 0 else math.inf
-    if not meeting < duration:
-        raise TensegrityError(
-            f"the waves meet {meeting:g} s after the first row, must be within {duration:g} s"
-        )
-    place = incident[0].place + velocities[0] * meeting
-    outgoing = pulses(run, -1, fraction)
-    same = [_same(outgoing, pulse) for pulse in incident]
-    shifts = [
-        pulse.direction * (pulse.place - place) - pulse.speed * (duration - meeting)
-        for pulse in same
-    ]
-    return shifts[0], shifts[1]
-
-
-def _same(outgoing: list[Pulse], incident: Pulse) -> Pulse:
-    """The outgoing pulse that an incident one has become."""
-    alike = [
-        pulse for pulse in outgoing
-        if pulse.wave is not None and pulse.direction == incident.direction
-        and abs(pulse.amplitude / incident.amplitude - 1) < CHANGED
-    ]  # fmt: skip
-    if not alike:
-        raise TensegrityError(
-            f"no wave of the last row continues the one at {incident.place:g} of amplitude "
-            f"{incident.amplitude:g} m"
-        )
-    return min(alike, key=lambda pulse: abs(pulse.amplitude - incident.amplitude))
+    r, rate = (sign * (x[:, bond + 1] - x[:, bond]) for x in (run.u, run.v))
+    curve = PPoly.from_spline(make_interp_spline(run.t, rate, DEGREE))
+    zeros = curve.roots(extrapolate=False)
+    at = min(zeros[(zeros > after) & (curve(zeros, 1) < 0)].tolist(), default=math.inf)
+    return at, float(np.interp(at, run.t, r))

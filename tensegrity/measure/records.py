@@ -2,18 +2,21 @@
 
 Peaks lie between the recorded instants; they are located by interpolating splines of degree 5, the
 first one by the polynomial through the rows around it, as SciPy takes longer to import than most
-first calls of this package.
+first calls of this package.  Interpolation is for computed rows.  Rows with noise are fitted, see
+`tensegrity.measure.noise`.
 """
 
 from __future__ import annotations
 
 import math
+from typing import Any, Generic, NamedTuple, TypeVar, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
+from tensegrity.measure.noise import fitted_peaks, noise_of, refuse_plateau
 from tensegrity.measure.observables import PEAK_FRACTION
 from tensegrity.root import root
 from tensegrity.typing import Array, Flags
@@ -23,10 +26,62 @@ LEVEL = 0.05  # of the largest peak: smaller ones do not count
 AROUND = 7  # rows by which the first peak is located
 ROUND_OFF = 1e-9  # of the clock, by which rows may be farther apart
 NOISE = 1e-9  # of the largest force: maxima below it are round-off
+DISTINCT = 0.25  # of its height, by which a peak stands above what surrounds it
+
+Number = TypeVar("Number")
 
 
+class _Pair(NamedTuple, Generic[Number]):
+    instant: Number
+    height: Number
+
+
+class Peak(_Pair[Number]):
+    """Instant [s] and height [N] of a peak, or of several as arrays, and what noise leaves open.
+
+    Attributes
+    ----------
+    instant_error, height_error : float or ndarray
+        Standard deviations of both; 0 where the rows are interpolated.
+    noise : float
+        Standard deviation of each row, given or estimated; 0 of computed rows.
+    """
+
+    instant_error: Number
+    height_error: Number
+    noise: float
+
+    def __new__(
+        cls, instant: Any, height: Any, instant_error: Any = None, height_error: Any = None,
+        noise: float = 0.0,
+    ) -> Peak[Number]:  # fmt: skip
+        self = super().__new__(cls, instant, height)
+        none = np.zeros(np.shape(instant)) if np.ndim(instant) else 0.0
+        self.__dict__.update(
+            instant_error=none if instant_error is None else instant_error,
+            height_error=none if height_error is None else height_error,
+            noise=noise,
+        )
+        return self
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError(f"{name} of a peak cannot be set")
+
+
+@overload
 def first_peak(
-    t: ArrayLike, force: ArrayLike, between: tuple[float, float] = (-math.inf, math.inf)
+    t: ArrayLike, force: ArrayLike, between: tuple[float, float] = ..., *, noise: None = ...
+) -> tuple[float, float]: ...
+@overload
+def first_peak(
+    t: ArrayLike, force: ArrayLike, between: tuple[float, float] = ..., *, noise: float
+) -> Peak[float]: ...
+def first_peak(
+    t: ArrayLike,
+    force: ArrayLike,
+    between: tuple[float, float] = (-math.inf, math.inf),
+    *,
+    noise: float | None = None,
 ) -> tuple[float, float]:
     """Instant and height of the first large peak of a recorded force.
 
@@ -36,11 +91,14 @@ def first_peak(
         [s], [N].
     between : (float, float)
         Interval of time that is searched [s].
+    noise : float, optional
+        Standard deviation of each row [N]; by default estimated, 0 if the rows are smooth.
 
     Returns
     -------
     instant, height : float
-        Located between the rows by the polynomial through the seven rows around.
+        Located between the rows by the polynomial through the seven rows around; of a record with
+        noise, as by `peaks`, with the attributes `instant_error` and `height_error`.
 
     Raises
     ------
@@ -56,11 +114,15 @@ def first_peak(
     >>> [round(x, 4) for x in first_peak(t, force, between=(0.5, 1.0))]
     [0.702, 0.5]
     """
-    t, force = _record(t, force)
+    t, force, noise = _record(t, force, noise)
     inside = _within(t, between)
     if inside.sum() < 12:
         raise TensegrityError(f"{inside.sum()} instants between {between} s are too few for a peak")
     t, force = t[inside], force[inside]
+    if noise:
+        found = fitted_peaks(t, force, noise, PEAK_FRACTION, DISTINCT)[:, 0]
+        return Peak(*found.tolist(), noise)
+    _refuse_no_peak(t, force)
     large = force >= PEAK_FRACTION * force.max()
     tops = np.flatnonzero((np.diff(force[:-1]) >= 0) & (np.diff(force[1:]) < 0) & large[1:-1])
     if not len(tops):
@@ -71,11 +133,23 @@ def first_peak(
     flat = np.roots(np.polyder(curve))
     flat = np.append(flat.real[(flat.imag == 0) & (np.abs(flat) < 1)], 0.0)
     heights = np.polyval(curve, flat)
-    return float(t[top] + flat[heights.argmax()] * unit), float(heights.max())
+    return Peak(float(t[top] + flat[heights.argmax()] * unit), float(heights.max()))
 
 
+@overload
 def largest_peak(
-    t: ArrayLike, force: ArrayLike, between: tuple[float, float] = (-math.inf, math.inf)
+    t: ArrayLike, force: ArrayLike, between: tuple[float, float] = ..., *, noise: None = ...
+) -> tuple[float, float]: ...
+@overload
+def largest_peak(
+    t: ArrayLike, force: ArrayLike, between: tuple[float, float] = ..., *, noise: float
+) -> Peak[float]: ...
+def largest_peak(
+    t: ArrayLike,
+    force: ArrayLike,
+    between: tuple[float, float] = (-math.inf, math.inf),
+    *,
+    noise: float | None = None,
 ) -> tuple[float, float]:
     """Instant and height of the largest force of a record, at a row or between two rows.
 
@@ -87,12 +161,16 @@ def largest_peak(
     t, force : ndarray, (T,)
         [s], [N].
     between : (float, float)
-        Interval of time that is searched [s]; a maximum at its end is that of the last row there.
+        Interval of time that is searched [s]; a maximum at its end is that of the last row there,
+        if the record has no noise.
+    noise : float, optional
+        Standard deviation of each row [N]; by default estimated, 0 if the rows are smooth.
 
     Returns
     -------
     instant, height : float
-        [s], [N].
+        [s], [N]; of a record with noise as by `peaks`, with the attributes `instant_error` and
+        `height_error`.
 
     Raises
     ------
@@ -108,12 +186,18 @@ def largest_peak(
     >>> [round(x, 4) for x in largest_peak(t, force)]
     [0.303, 1.0]
     """
-    t, force = _with_maxima(*_record(t, force))
+    t, force, noise = _record(t, force, noise)
     inside = _within(t, between)
     if not inside.any():
         raise TensegrityError(f"no instant of the record lies between {between} s")
+    if noise:
+        found = fitted_peaks(t[inside], force[inside], noise, PEAK_FRACTION, DISTINCT)
+        return Peak(*found[:, found[1].argmax()].tolist(), noise)
+    refuse_plateau(t[inside], force[inside], 0.0)
+    t, force = _with_maxima(t, force)
+    inside = _within(t, between)
     top = int(np.argmax(force[inside]))
-    return float(t[inside][top]), float(force[inside][top])
+    return Peak(float(t[inside][top]), float(force[inside][top]))
 
 
 def _with_maxima(t: Array, force: Array) -> tuple[Array, Array]:
@@ -162,7 +246,7 @@ def sampled(
     """
     from scipy.interpolate import CubicSpline
 
-    t, force = _record(t, force)
+    t, force, _ = _record(t, force)
     interval = check.number("sampling interval", interval, above=0, unit="s")
     phase = check.number("phase", phase, least=0, unit="s")
     if phase >= t[-1] - t[0]:
@@ -180,7 +264,15 @@ def sampled(
         raise TensegrityError(f"forces to {np.abs(force).max():g} N: {error}") from error
 
 
-def peaks(t: ArrayLike, force: ArrayLike, level: float = LEVEL) -> tuple[Array, Array]:
+@overload
+def peaks(
+    t: ArrayLike, force: ArrayLike, level: float = ..., *, noise: None = ...
+) -> tuple[Array, Array]: ...
+@overload
+def peaks(t: ArrayLike, force: ArrayLike, level: float = ..., *, noise: float) -> Peak[Array]: ...
+def peaks(
+    t: ArrayLike, force: ArrayLike, level: float = LEVEL, *, noise: float | None = None
+) -> tuple[Array, Array]:
     """Instants and heights of all peaks above a fraction of the largest.
 
     Two neighbouring peaks count as two if the force between them falls below three quarters of
@@ -192,17 +284,30 @@ def peaks(t: ArrayLike, force: ArrayLike, level: float = LEVEL) -> tuple[Array, 
         [s], [N].
     level : float
         Fraction of the largest peak below which peaks are ignored, between 0 and 1.
+    noise : float, optional
+        Standard deviation of each row [N]; by default estimated, 0 if the rows are smooth.
 
     Returns
     -------
     instants, heights : ndarray, (peaks,)
-        [s], [N]; located between the rows as by `first_peak`.
+        [s], [N]; located between the rows by a spline.  Rows with noise are fitted by polynomials,
+        down to half the height of each peak: the attributes `instant_error` and `height_error` are
+        standard deviations, and peaks below six of those of the smoothed record do not count.
 
     Raises
     ------
     TensegrityError
         A level not between 0 and 1; instants that do not increase, forces that are not finite, or
-        arrays of different lengths.
+        arrays of different lengths; forces of reversed polarity; a peak that is clipped; with
+        noise, no peak that stands out from it, or one of fewer than five rows.
+
+    Notes
+    -----
+    Heights count from 0: subtract an offset, or a drift, of the record before.  The noise is taken
+    to be independent from row to row and equal in all rows; it is estimated from the deviations
+    of each row from the polynomial through its neighbours, at least 40 rows and no smooth signal
+    with fewer than about five rows to a peak.  A record whose values are all multiples of one
+    step, as those of a converter of up to 15 bits, has the noise of its rounding, step/sqrt(12).
 
     Examples
     --------
@@ -213,20 +318,46 @@ def peaks(t: ArrayLike, force: ArrayLike, level: float = LEVEL) -> tuple[Array, 
     >>> instants, heights = peaks(t, force)
     >>> print(instants.round(4), heights.round(4))
     [0.303 0.702] [1.  0.5]
+
+    With noise of 1 % the errors of both are known:
+
+    >>> noisy = force + 0.01 * np.random.default_rng(1).normal(size=101)
+    >>> found = peaks(t, noisy, noise=0.01)
+    >>> print(found.instant.round(3), found.instant_error.round(4))
+    [0.303 0.702] [0.0004 0.0007]
     """
     from scipy.signal import find_peaks
 
     level = check.number("level", level, above=0, below=1)
-    t, force = _with_maxima(*_record(t, force))
+    t, force, noise = _record(t, force, noise)
+    if noise:
+        return Peak(*fitted_peaks(t, force, noise, level, DISTINCT), noise)
+    _refuse_no_peak(t, force)
+    t, force = _with_maxima(t, force)
     top = force.max()
     padded = np.concatenate([[0.0], force, [0.0]])
     peaks, facts = find_peaks(padded, height=level * top, prominence=0)
-    distinct = facts["prominences"] >= facts["peak_heights"] / 4
-    return t[peaks[distinct] - 1], facts["peak_heights"][distinct]
+    distinct = facts["prominences"] >= DISTINCT * facts["peak_heights"]
+    return Peak(t[peaks[distinct] - 1], facts["peak_heights"][distinct])
 
 
-def _record(t: ArrayLike, force: ArrayLike) -> tuple[Array, Array]:
-    """Instants and forces as arrays (T,), T >= 2, once they are found to form a record."""
+def _refuse_no_peak(t: Array, force: Array) -> None:
+    """Refuse a record without noise of reversed polarity, or whose largest peak is clipped."""
+    if force.max() <= 0 and force.min() < 0:
+        raise TensegrityError(
+            f"no force is above 0, the last one is {force[-1]:g} N: give -force where the polarity "
+            "is reversed"
+        )
+    refuse_plateau(t, force, 0.0)
+
+
+def _record(
+    t: ArrayLike, force: ArrayLike, noise: float | None = 0.0
+) -> tuple[Array, Array, float]:
+    """Instants and forces as arrays (T,), T >= 2, once they are found to form a record, and the
+    standard deviation of its rows: given, or estimated if it is None."""
+    if noise is not None:
+        noise = check.number("noise", noise, least=0, unit="N")
     t, force = check.floats("instants", t), check.floats("forces", force)
     if t.ndim != 1 or len(t) < 2 or force.shape != t.shape:
         raise TensegrityError(
@@ -239,4 +370,4 @@ def _record(t: ArrayLike, force: ArrayLike) -> tuple[Array, Array]:
             raise TensegrityError(f"{name} {x[row]} of row {row} must be finite")
     if not np.all(np.diff(t) > 0):
         raise TensegrityError(f"instants must increase, not by {np.diff(t).min():g} s")
-    return t, force
+    return t, force, noise_of(t, force) if noise is None else noise

@@ -385,6 +385,12 @@ def checked_forces(scene: Any, forces: Any) -> tuple[Force, ...]:
     return given
 
 
+def depends_on_time(scene: Any) -> bool:
+    """Whether a scene has a drive, or a force that contains `t`."""
+    terms = [one for force in scene._forces if not force.stores for one in force._expressions]
+    return bool(scene.drive) or any("t" in map(str, one.free_symbols) for one in terms)
+
+
 def dashpots(scene: Any) -> list[Force]:
     """The dashpots of a scene as forces."""
     import sympy as sp
