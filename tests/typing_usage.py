@@ -543,7 +543,7 @@ def sensed(run: Run) -> Array:
     found = energies(run)
     assert_type(found.fractions + found.effective_number, Array)
     assert_type(found.participation_ratio + found.virial_ratio, Array)
-    first_peak(run.t)  # type: ignore[call-arg]
+    first_peak(run.t)  # type: ignore[call-overload]
     sensor_force(run, 3, "stem 1")  # type: ignore[call-overload]
     energies(run.final)  # type: ignore[arg-type]
     return run.momentum()[:, 0] + sensor_force(run, [1])[:, 0]

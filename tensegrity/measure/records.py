@@ -120,8 +120,8 @@ def first_peak(
         raise TensegrityError(f"{inside.sum()} instants between {between} s are too few for a peak")
     t, force = t[inside], force[inside]
     if noise:
-        found = fitted_peaks(t, force, noise, PEAK_FRACTION, DISTINCT)[:, 0]
-        return Peak(*found.tolist(), noise)
+        instant, height, *errors = fitted_peaks(t, force, noise, PEAK_FRACTION, DISTINCT)[:, 0]
+        return Peak(float(instant), float(height), *map(float, errors), noise=noise)
     _refuse_no_peak(t, force)
     large = force >= PEAK_FRACTION * force.max()
     tops = np.flatnonzero((np.diff(force[:-1]) >= 0) & (np.diff(force[1:]) < 0) & large[1:-1])
@@ -192,7 +192,8 @@ def largest_peak(
         raise TensegrityError(f"no instant of the record lies between {between} s")
     if noise:
         found = fitted_peaks(t[inside], force[inside], noise, PEAK_FRACTION, DISTINCT)
-        return Peak(*found[:, found[1].argmax()].tolist(), noise)
+        instant, height, *errors = found[:, found[1].argmax()]
+        return Peak(float(instant), float(height), *map(float, errors), noise=noise)
     refuse_plateau(t[inside], force[inside], 0.0)
     t, force = _with_maxima(t, force)
     inside = _within(t, between)
@@ -331,7 +332,8 @@ def peaks(
     level = check.number("level", level, above=0, below=1)
     t, force, noise = _record(t, force, noise)
     if noise:
-        return Peak(*fitted_peaks(t, force, noise, level, DISTINCT), noise)
+        instant, height, *errors = fitted_peaks(t, force, noise, level, DISTINCT)
+        return Peak(instant, height, *errors, noise=noise)
     _refuse_no_peak(t, force)
     t, force = _with_maxima(t, force)
     top = force.max()
