@@ -4,6 +4,7 @@ import ctypes
 import errno
 import multiprocessing
 import os
+import platform
 import re
 import select
 import shutil
@@ -20,7 +21,7 @@ import pytest
 
 from tensegrity import PowerLaw, Prism, TensegrityError
 from tensegrity.__main__ import main
-from tensegrity.engine import disk_cache, native
+from tensegrity.engine import disk_cache, intrinsics, native
 from tensegrity.engine.law import law_properties
 
 COMPILER = native.compilers()[0]
@@ -461,3 +462,37 @@ def test_contacts_are_computed_in_simd_registers():
     for spring in (PowerLaw(1.0, 1.5), Prism(1.0, 0.7, 0.01, 1.0).potential()):
         assert law_properties(spring.law)["packed"]
     assert not law_properties(PowerLaw(1.0, 2.0).law)["packed"]
+
+
+ASKED = (
+    "import threading\n"
+    "from tensegrity import Chain, PowerLaw, simulate\n"
+    "chain = Chain(PowerLaw(1.0, 1.5, 0.01), 8)\n"
+    "def run():\n"
+    "    simulate(chain, chain.at_rest({0: 0.05}), 1.0, dt=0.02)\n"
+    "threads = [threading.Thread(target=run) for _ in range(4)]\n"
+    "[one.start() for one in threads]; [one.join() for one in threads]\n"
+)
+
+
+def test_processes_and_threads_that_ask_at_once_get_one_build_of_each_kernel(tmp_path):
+    log, compiler = tmp_path / "log", tmp_path / "cc"
+    compiler.write_text(f'#!/bin/sh\necho "$*" >> {log}\nexec cc "$@"\n')
+    compiler.chmod(0o755)
+    environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path / "cache"), "CC": str(compiler)}
+    command = [sys.executable, "-c", ASKED]
+    asked = [subprocess.Popen(command, env=environment) for _ in range(3)]
+    assert [one.wait() for one in asked] == [0, 0, 0]
+    built = [line for line in log.read_text().splitlines() if " -o " in line]
+    kernels = list((tmp_path / "cache" / "tensegrity").glob("*/kernel.so"))
+    assert 3 <= len(built) == len(kernels)
+
+
+def test_a_text_that_the_short_header_does_not_serve_is_built_with_the_whole_one(cache):
+    text = (
+        "#include <immintrin.h>\n"
+        "int tensegrity_probe; double answer(void) { return _mm_cvtsd_f64(_mm_set1_pd(42.0)); }"
+    )
+    assert intrinsics.INCLUDE in text
+    if platform.machine() in ("x86_64", "AMD64"):
+        assert answer(text) == 42

@@ -24,6 +24,7 @@ import shutil
 import stat
 import sys
 import tempfile
+import threading
 import time
 import warnings
 import zlib
@@ -49,6 +50,11 @@ MOST = "500"  # MB
 YOUNG = 600.0  # s since the last use, within which no entry is removed
 LOCKS = "locks"
 
+BUILDS = 1 << 32  # where the bytes of the lock file begin that are locked while an entry is built
+
+_builders: dict[str, threading.Lock] = {}  # one for each entry that is built
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_builders.clear)
 loaded = set()  # names of the entries that this process uses, which its own locks do not protect
 
 
@@ -151,6 +157,19 @@ def use(entry):
         _lock(entry, "LOCK_SH")
 
 
+@contextlib.contextmanager
+def building(entry):
+    """Wait until no other thread builds an entry, and no other process if files can be locked."""
+    with _builders.setdefault(entry.name, threading.Lock()):
+        with contextlib.suppress(OSError):
+            _lock(entry, "LOCK_EX", first=BUILDS)
+        try:
+            yield
+        finally:
+            with contextlib.suppress(OSError):
+                _lock(entry, "LOCK_UN", first=BUILDS)
+
+
 def trim(most, age=YOUNG):
     """Remove the least recently used entries until the folder is below a size.
 
@@ -199,11 +218,11 @@ def _removed(path):
     return True
 
 
-def _lock(path, *kinds):
-    """Lock or unlock the byte of the lock file that belongs to a path."""
+def _lock(path, *kinds, first=0):
+    """Lock or unlock the byte of the lock file that belongs to a path, of those from `first` on."""
     if fcntl is not None:
         kind = sum(getattr(fcntl, name) for name in kinds)
-        fcntl.lockf(_locks(path.parent), kind, 1, zlib.crc32(path.name.encode()))
+        fcntl.lockf(_locks(path.parent), kind, 1, first + zlib.crc32(path.name.encode()))
 
 
 @cache

@@ -21,14 +21,14 @@ import signal
 import subprocess
 import sys
 import tempfile
-from functools import cache
+from functools import cache, partial
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from tensegrity.engine.disk_cache import cache_folder, cached, size_limit, trim, use
+from tensegrity.engine.disk_cache import building, cache_folder, cached, size_limit, trim, use
 from tensegrity.engine.intrinsics import shortened
 from tensegrity.errors import CompilerError
 from tensegrity.once import once
@@ -49,6 +49,7 @@ FLAGS = (
     "-fno-math-errno",
     "-fno-trapping-math",
     "-ffp-contract=fast",
+    "-Werror=implicit-function-declaration",
 )
 NATIVE = "-march=native"
 WIDE = ("-mprefer-vector-width=512",) if platform.machine() in ("x86_64", "AMD64") else ()
@@ -58,8 +59,8 @@ RENAMES = 50
 LIMIT = 120.0  # s: a compiler that takes longer is ended, and not used again
 LIBRARY, DIGEST, SOURCE = "kernel.so", "kernel.sha256", "kernel.c"
 
-
 timed_out = set()  # compilers that took longer than LIMIT in this process
+_first_byte = ctypes.c_char.from_buffer
 
 
 def address(array):
@@ -95,9 +96,6 @@ def aligned_copy(array, first=0):
     made = aligned(array.shape, array.dtype, first)
     made[...] = array
     return made
-
-
-_first_byte = ctypes.c_char.from_buffer
 
 
 def pointer(function):
@@ -167,10 +165,6 @@ def _identity(command):
         return _output_of(command)
     parts = "compiler", command[0], path, state.st_size, state.st_mtime_ns
     return cached(parts, lambda: _output_of(command))
-
-
-def _preprocessed(command):
-    return _call(command, subprocess.DEVNULL)
 
 
 def _output_of(command):
@@ -297,13 +291,11 @@ def _load(text, command, identity, flags):
     if not _intact(entry):
         most = size_limit()
         try:
-            short = shortened(text, command, flags, identity, _preprocessed)
-            try:
-                build(short, command, flags, entry)
-            except CompilerError:
-                if short == text or command in timed_out:
-                    raise
-                build(text, command, flags, entry)
+            with building(entry):
+                if not _intact(entry):  # nobody else has built it meanwhile
+                    call = partial(_call, errors=subprocess.DEVNULL)
+                    short = shortened(text, command, flags, identity, call)
+                    _build_either(short, text, command, flags, entry)
         except OSError as error:
             raise CompilerError(
                 f"a kernel cannot be stored in {entry.parent}: {error.strerror}"
@@ -315,6 +307,16 @@ def _load(text, command, identity, flags):
         raise CompilerError(
             f"the library made by {shlex.join(command)} cannot be loaded: {error}"
         ) from error
+
+
+def _build_either(short, text, command, flags, entry):
+    """Build an entry from a text with the short header, or else with the whole one."""
+    try:
+        build(short, command, flags, entry)
+    except CompilerError:
+        if short == text or command in timed_out:
+            raise
+        build(text, command, flags, entry)
 
 
 def _intact(entry):
