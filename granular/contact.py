@@ -136,7 +136,7 @@ class Contact:
             )
         if loss.constant:
             refuse_attraction(self, f"it has losses of {loss.model}")
-        scale, values = (deepest, speed, work / deepest), tuple(law.values.tolist())
+        scale, values = (deepest, speed, work / deepest), tuple(law.parameters.values())
         value, time = collision(loss.model, loss.power, form_of(law), values, loss.constant, scale)
         return value, time / speed * deepest
 

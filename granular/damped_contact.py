@@ -111,7 +111,7 @@ def _kind(one: Contact, rubs: bool) -> tuple[Dissipation, Any, tuple[float, ...]
         return None
     refuse_attraction(one, "it rubs" if rubs else f"it has losses of {loss.model}")
     form, law = form_of(one.potential), one.potential
-    values = () if isinstance(law, PowerLaw) else tuple(law.values.tolist())
+    values = () if isinstance(law, PowerLaw) else tuple(law.parameters.values())
     return replace(loss, constant=float(bool(loss.constant))), form, values
 
 

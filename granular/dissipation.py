@@ -103,9 +103,11 @@ def form_of(potential: Potential) -> Any:
     """What of a contact's potential shapes its force: the exponent of a power law, or the law."""
     if isinstance(potential, PowerLaw):
         return potential.exponent
-    if not isinstance(potential.law, Law) or potential.law.through:
+    law = potential.law
+    if not getattr(law, "is_expression", False) or law.through:
         raise TensegrityError(f"{potential!r} is no expression of which losses could be made")
-    return potential.law
+    given = len(potential.parameters)
+    return Law(potential.expression, law.elongation, tuple(law.parameters[:given]))
 
 
 def elastic_of(form: Any) -> tuple[Callable[[Any], Any], list[Any]]:
@@ -126,10 +128,10 @@ def elastic_of(form: Any) -> tuple[Callable[[Any], Any], list[Any]]:
         stiffness, n = sp.Symbol("stiffness"), exact(form)
         return lambda d: stiffness * d**n, [stiffness]
     x, r, symbols = sp.Symbol("overlap_", positive=True), form.elongation, list(form.parameters)
-    names = [sp.Symbol(f"{s}_elastic") for s in symbols]
+    names = [sp.Symbol(f"{s}_elastic") for s in symbols]  # of parameters, which differ by name
     closed = form.energy.xreplace({r: -x, **dict(zip(symbols, names, strict=True))})
     steps = (sp.Heaviside, lambda y, *_: sp.Piecewise((1, y > 0), (0, True)))
-    force = sp.diff(closed.replace(*steps), x)
+    force = sp.powsimp(sp.diff(closed.replace(*steps), x))  # without quotients by the overlap
     return lambda d: force.subs(x, d), names
 
 
@@ -181,10 +183,11 @@ def collision(
 
     d, rate, c = sp.symbols("d rate c")
     elastic, symbols = elastic_of(form)
-    known: dict[Any, Any] = dict(zip(symbols, values or (sp.Integer(1),), strict=True))
+    general = isinstance(form, Law)
+    known: dict[Any, Any] = dict(zip(symbols, values if general else (1,), strict=True))
     formula = elastic(d) + Dissipation(model, constant, power).force(d, rate, elastic, c)
     unlimited = sp.lambdify((d, rate, c), formula.subs(known), "math")
-    (length, speed, force), may_pull = scale, values and not constant
+    (length, speed, force), may_pull = scale, general and not constant
 
     def total(y: Any) -> float:
         return float(unlimited(length * max(y[0], 0.0), speed * y[1], constant)) / force
@@ -198,7 +201,7 @@ def collision(
     def separated(t: float, y: Any) -> float:
         return y[0] if y[1] < 0 else 1.0
 
-    released.terminal = not values  # type: ignore[attr-defined]  # a table may press again
+    released.terminal = not general  # type: ignore[attr-defined]  # a table may press again
     separated.terminal = True  # type: ignore[attr-defined]
     run = solve_ivp(
         rates, (0.0, 1e9), (0.0, 1.0), "DOP853", events=(released, separated), rtol=RTOL, atol=ATOL

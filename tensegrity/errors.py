@@ -12,8 +12,8 @@ SAID: dict[str, Callable[[str], str]] = {"message": str}  # by `units`, in the n
 class TensegrityError(ValueError):
     """Base of all errors raised by this toolkit."""
 
-    def __str__(self) -> str:
-        return SAID["message"](super().__str__())
+    def __init__(self, *given: object) -> None:
+        super().__init__(*(SAID["message"](x) if isinstance(x, str) else x for x in given))
 
 
 class CompilerError(TensegrityError):

@@ -135,3 +135,14 @@ def law_of(kind, s):
         return {"DMT": DMT, "old DMT": OldDMT}[kind](k, pull=k * s**1.5)
 
     return law
+
+
+@dataclass(frozen=True)
+class Given(Contact):
+    """A contact of a potential."""
+
+    law: Potential | None = None
+
+    @property
+    def potential(self):
+        return self.law

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import sympy as sp
-from contact_laws import DMT, KINDS, Table, law_of
+from contact_laws import DMT, KINDS, Given, Table, law_of
 from scipy.integrate import solve_ivp
 
 from granular import (
@@ -38,6 +38,7 @@ from granular.lammps import to_lammps
 from tensegrity import (
     Chain,
     Potential,
+    PowerLaw,
     Record,
     Run,
     TensegrityError,
@@ -441,3 +442,25 @@ def test_laws_hold_at_many_scales(kind):
     for seed in range(100, 110):
         check_following(kind, seed)
     print(f"{kind}: 100 rows, 200 packs at rest, 10 collisions")
+
+
+@pytest.mark.parametrize("loss", [viscous(1.0), hunt_crossley(0.1), kuwabara_kono(1e-6)])
+def test_numbers_and_parameters_of_a_law_lose_the_same(loss):
+    """Also where a parameter has the name that a number goes by, a power is a float, or a number is
+    negative."""
+    r, k = sp.Symbol("r"), sp.Symbol("constant 0")
+    cubic = sp.Float(2.3e10) * (-r) ** 3 / 3
+    laws = [
+        Potential(sp.Heaviside(-r) * (k * r**2 / 2 + cubic), r, {"constant 0": 3.7e6}),
+        Potential(sp.Heaviside(-r) * (sp.Float(3.7e6) * r**2 / 2 + cubic), r),
+        Potential(sp.Float(3.7e6) * sp.Max(-r, 0) ** sp.Float(2.37), r),
+        PowerLaw(3.7e6 * 2.37, 1.37),
+    ]
+    found, bead = [], Bead(4.76e-3, materials["steel"])
+    for law in laws:
+        contact = Given(1.0, 1.5, loss(bead, bead).dissipation, law)
+        row = chain([bead] * 3, striker=Striker(bead, speed=0.5), law=lambda *_, c=contact: c)
+        end = simulate(row, row.start(), 2e-5, dt=1e-8).final.v
+        found.append([*contact.restitution(1e-3, 1.0), *end])
+    assert found[0] == pytest.approx(found[1], rel=1e-9)
+    assert found[2] == pytest.approx(found[3], rel=1e-9)

@@ -136,3 +136,36 @@ def test_a_contact_varies_in_what_it_was_given():
     assert contact.varied({"exponent": 1.6}) == PowerLaw(2.0, 1.6, 0.1)
     with pytest.raises(TensegrityError, match="'overlap' is not an argument"):
         contact.varied({"overlap": 0.3})
+
+
+def test_a_contact_as_a_force_keeps_its_exponent():
+    with pytest.raises(TensegrityError, match="parameter exponent of it does not exist"):
+        Force(PowerLaw(1.0, 1.5), parameters={"exponent": 2.0})
+    springs = [PowerLaw(1.0, 1.5), PowerLaw(1.0, 2.3)]
+    chain = Chain(Potential(0 * R**2, R), 2, ground=springs)
+    start = chain.at_rest({0: -0.3, 1: -0.3})
+    together = simulate(chain, start, 1.0, dt=0.01).final.u
+    for k, spring in enumerate(springs):
+        alone = Chain(Potential(0 * R**2, R), 2, ground=spring)
+        assert together[k] == simulate(alone, start, 1.0, dt=0.01).final.u[k]
+
+
+def test_limits_of_sums_stay_whole():
+    k = sp.Symbol("k", integer=True)
+    spring = Potential(sp.Sum(R**k / 100**k, (k, 2, 100)), R)
+    x = 0.1 / 100
+    assert float(spring.tension(0.1)) == pytest.approx((1 / (1 - x) ** 2 - 1) / 100, rel=1e-13)
+
+
+def test_numbers_beyond_floats_are_refused():
+    with pytest.raises(TensegrityError, match="number in the energy inf is not finite"):
+        Potential(sp.Float("1e400") * R**2, R)
+
+
+def test_what_is_no_expression_is_refused_by_name():
+    x = np.linspace(-1, 1, 21)
+    table = Potential.from_table(x, x + x**3)
+    for call in (lambda: Force(table), lambda: table.expression,
+                 lambda: Chain(PowerLaw(1.0, 1.5), 3, ground=table)):  # fmt: skip
+        with pytest.raises(TensegrityError, match="is no expression"):
+            call()

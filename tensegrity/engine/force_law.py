@@ -262,7 +262,10 @@ def _onset(law: ForceLaw) -> Onset | None:
     closed = tension.subs(sp.Max(gap, 0), d).subs(r, gap + r - d)
     positive = {one: sp.Symbol(one.name, positive=True) for one in law.parameters}
     back = {new: old for old, new in positive.items()}
-    first = closed.subs(rate, -q).xreplace(positive).as_leading_term(d)
+    try:
+        first = closed.subs(rate, -q).xreplace(positive).as_leading_term(d)
+    except NotImplementedError:  # it depends on values of the parameters
+        return None
     strength, power = first.as_coeff_exponent(d)
     if strength.has(d, sp.Max, sp.Piecewise) or not (power.is_number and 0 <= power < 1):
         return None

@@ -55,6 +55,7 @@ class Law:
     through: tuple[tuple[sp.Symbol, sp.Expr, sp.Expr], ...] = ()
     general: Any = None
     compiled = DERIVATIVES  # derivatives that are compiled outside the loop
+    is_expression = True  # whether `energy` says all, and may be put to other uses
     name = ""  # identifies the law in other processes, if not empty
 
     def forms(self) -> tuple[Any, Any, Sequence[Any]]:

@@ -38,9 +38,11 @@ def lifted(expressions: Sequence[Any]) -> tuple[list[Any], tuple[Constant, ...],
     numbers : tuple of sympy.Number
         Their values, as written.
     """
-    powers = {one.exp for e in expressions for one in e.atoms(sp.Pow) if one.exp.is_Integer}
+    whole = {one.exp for e in expressions for one in e.atoms(sp.Pow) if one.exp.is_Integer}
+    for e in expressions:  # exponents, and limits of sums, which must stay whole
+        whole |= {x for limits in e.atoms(sp.Tuple) for x in limits.atoms(sp.Rational)}
     atoms = set().union(*(e.atoms(sp.Float, sp.Rational) for e in expressions))
-    found = {x for x in atoms if _is_large(x)} - powers
+    found = {x for x in atoms if _is_large(x)} - whole
     outlines: dict[Any, str] = {}
 
     def outline(e: Any) -> str:

@@ -17,7 +17,6 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.engine.force_law import BOND, SITE, AppliedForce, ForceLaw
-from tensegrity.engine.law import Law
 from tensegrity.errors import TensegrityError
 from tensegrity.printing import concise
 from tensegrity.readonly import FixedDict, fixed
@@ -232,8 +231,8 @@ class Force:
         if unknown or self.on != "sites":
             words = f"parameter {unknown[0]} of it does not exist" if unknown else "on other places"
             raise TensegrityError(f"a force of {spring!r} acts on sites: {words}")
-        if not isinstance(spring.law, Law):
-            raise TensegrityError(f"{spring!r} has inner unknowns and holds no site to the ground")
+        if not getattr(spring.law, "is_expression", False):
+            raise TensegrityError(f"{spring!r} is no expression and holds no site to the ground")
         every = {name: _values(name, x) for name, x in known.items()} | values
         object.__setattr__(self, "parameters", FixedDict(every))
         law, more = spring.law, sp.symbols("t v speed")

@@ -252,8 +252,13 @@ class Potential:
     @property
     def expression(self) -> sp.Expr:
         """The energy as a SymPy expression of `law.elongation` and the `parameters`."""
+        import sympy as sp
+
+        if not getattr(self.law, "is_expression", False):
+            raise TensegrityError(f"{check.shown(self)} is no expression")
         constants = self.law.parameters[len(self.law.parameters) - len(self._numbers) :]
-        return self.law.energy.xreplace(dict(zip(constants, self._numbers, strict=True)))
+        numbers = map(sp.sympify, self._numbers)
+        return self.law.energy.xreplace(dict(zip(constants, numbers, strict=True)))
 
     def energy(self, r: ArrayLike) -> Array:
         """Energy V [J] at elongations r [m] of any shape, the ends of the domain included."""

@@ -75,6 +75,7 @@ class PowerLaw(Potential):
         domain = (-math.inf, math.inf)
         own = exponent if (4 * exponent).is_integer() and exponent <= LARGEST else None
         self._set(DerivedLaw(_power_law, own), values, length, domain)
+        self._numbers = (exponent,)
         self.kinks = ((overlap, stiffness, exponent, -1.0),)
         given: dict[str, Any] = {"stiffness": stiffness, "exponent": exponent, "preload": preload}
         given |= {} if length is None else {"length": self._length}
@@ -86,7 +87,8 @@ class PowerLaw(Potential):
         return float(self.values[3])
 
     def _with(self, parameters: dict[str, float]) -> PowerLaw:
-        stiffness, exponent, preload = (parameters[name] for name in self._varied)
+        stiffness, preload = parameters["stiffness"], parameters["preload"]
+        exponent = parameters.get("exponent", self.exponent)
         return PowerLaw(stiffness, exponent, preload, self._length)
 
     def _shift_from(self, other: Potential) -> float:

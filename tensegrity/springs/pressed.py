@@ -123,12 +123,13 @@ class Pressed(Potential):
         import sympy as sp
 
         law, (low, high) = touching.law, touching.domain
-        if not isinstance(law, Law) or law.through:
+        if not getattr(law, "is_expression", False) or law.through:
             raise TensegrityError(f"{touching!r} is no expression that a preload could shift")
         taken, r = {str(s) for s in (*law.parameters, law.elongation)}, law.elongation
-        load, place = (
-            sp.Symbol(name + "_" * (name in taken), real=True) for name in ("preload", "overlap")
-        )
+        names = ["preload", "overlap"]
+        while taken & {*names}:
+            names = [f"{name}_" for name in names]
+        load, place = sp.symbols(names, real=True)
         energy = law.energy.xreplace({r: r - place}) - law.energy.xreplace({r: -place}) + load * r
         tension = None if law.tension is None else law.tension.xreplace({r: r - place}) + load
         given = len(touching.parameters)

@@ -106,6 +106,8 @@ class SplineLaw(DerivedLaw):
     *powers : int
     """
 
+    is_expression = False
+
     def __init__(self, bends: int, *powers: int) -> None:
         super().__init__(spline_forms, bends, *powers)
 

@@ -65,4 +65,5 @@ def written(
     (shape,), constants, numbers = lifted([energy])
     law = Law(shape, elongation, (*symbols, *constants))
     check_law(law)
-    return law, [*values, *map(float, numbers)], numbers
+    values += [check.number("number in the energy", float(x)) for x in numbers]
+    return law, values, numbers
