@@ -67,7 +67,7 @@ test-slow: .venv/with-test
 
 # Derivations of known laws, which come with the package: tensegrity/engine/derived.gz.
 derived: .venv/with-test
-	$(BIN)/python -m tests.derived
+	$(BIN)/python -m granular.derived
 
 # Breaks a copy of the code at random places, one at a time, and counts what tests notice; hours.
 faults: .venv/with-test

@@ -34,7 +34,7 @@ from tensegrity.engine.kernel import bind
 from tensegrity.engine.law import functions
 from tensegrity.engine.threaded import ThreadedChain
 from tensegrity.scenes.dynamics import dynamics
-from tensegrity.springs.potential import potential_of_law
+from tensegrity.springs.provenance import potential_of_law
 
 SITES, STEPS, DT = 1000, 1000, 0.1
 TIMED = 1000  # steps of one timed call

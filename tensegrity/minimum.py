@@ -106,7 +106,18 @@ def settle(of: Energy, x: Array, steps: int = STEPS, shift: float = 0.0) -> tupl
 
 
 def refuse_unbalanced(of: Energy, x: Array, f: Array) -> None:
-    """Refuse a state x where the forces f that are left over exceed those allowed."""
+    """Refuse a state where the forces that are left over exceed those allowed.
+
+    Parameters
+    ----------
+    of : Energy
+    x, f : ndarray
+        The state, and the forces [N].
+
+    Raises
+    ------
+    EquilibriumError
+    """
     left, allowed = float(np.abs(f).max(initial=0.0)), of.allowed(x)
     if not left <= allowed:
         raise EquilibriumError(

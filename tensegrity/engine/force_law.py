@@ -102,13 +102,11 @@ class ForceLaw:
         shapes, constants, numbers = lifted(self.expressions)
         if not constants or self.onset is not None:
             return self
+        values, parameters = tuple(map(float, numbers)), (*self.parameters, *constants)
         return replace(
-            self,
-            expressions=tuple(shapes),
-            parameters=(*self.parameters, *constants),
-            numbers=tuple(map(float, numbers)),
+            self, expressions=tuple(shapes), parameters=parameters, numbers=values,
             written=self.expressions,
-        )
+        )  # fmt: skip
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -144,8 +142,7 @@ class ForceLaw:
         """See `continuity`; of what the steps do not correct at the onset of contacts."""
         import sympy as sp
 
-        left = self.written or self.expressions
-        left = left if self.onset is None else (self.onset.rest,)
+        left = (self.onset.rest,) if self.onset else self.written or self.expressions
         length, smooth = (
             self.state[-1],
             True,

@@ -142,8 +142,7 @@ def gradient(
         Step [s], as for `simulate`.  A gradient is that of one run with one step: find the step
         that a tolerance needs with `simulate(..., tol=)` first.
     wanted : sequence of str, optional
-        Names for which `Gradient.by` will be called; by default all but "exponent" of power laws
-        that are compiled for theirs, such as Hertz's: powers cost more than roots.
+        Names for `Gradient.by`, fewer cost less; by default all but the exponent of Hertz's law.
     exact : bool, optional
         Round every increment to a grid of about 1e-16 of the largest displacement and velocity, so
         that the reverse pass returns to the initial state to the last bit.
@@ -386,9 +385,7 @@ def _requested(
     of_springs = {name: None for spring in table.different for name in result.names(spring)}
     of_beads = dict.fromkeys(dynamics(scene).arguments)
     known = of_springs | of_beads | dict.fromkeys(of_forces)
-    dear = {"exponent"} if any(getattr(one, "general", None) for one in laws) else set()
-    chosen = tuple(name for name in known if name not in dear)
-    names = chosen if wanted is None else _checked(wanted, known, laws)
+    names = result.usual(known, laws) if wanted is None else _checked(wanted, known, laws)
     moved = {*names, *(("stiffness", "preload") if of_beads.keys() & names else ())}
     slopes = [result.slopes(table, name) for name in moved & of_springs.keys()]
     depends = np.any(slopes, axis=0) if slopes else np.zeros(parameters.shape, dtype=bool)
@@ -424,8 +421,8 @@ def _window(one: Objective, steps: int, dt: float) -> tuple[int, int]:
     first = math.ceil(min(one.over[0] / dt * (1 - 1e-12), steps))
     last = math.floor(min(one.over[1] / dt * (1 + 1e-12), steps))
     if last < first:
-        raise TensegrityError(f"no step of {dt:g} s ends between {one.over[0]:g} s and "
-                              f"{one.over[1]:g} s")  # fmt: skip
+        over = f"{one.over[0]:g} s and {one.over[1]:g} s"
+        raise TensegrityError(f"no step of {dt:g} s ends between {over}")
     return first, last
 
 

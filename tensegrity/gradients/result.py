@@ -29,7 +29,7 @@ from tensegrity.springs.pressed import Pressed
 from tensegrity.unit_names import unit_text
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
     from typing import Any
 
     from matplotlib.axes import Axes
@@ -252,6 +252,13 @@ def names(spring: Potential) -> tuple[str, ...]:
     if isinstance(spring, Pressed):
         return tuple(spring.parameters)[:-1]
     return tuple(spring.parameters)
+
+
+def usual(known: Mapping[str, Any], laws: Sequence[Any]) -> tuple[str, ...]:
+    """Names by which springs are differentiated if none are given: not by exponents where the roots
+    of a law would become powers."""
+    dear = "exponent" if any(getattr(one, "general", None) for one in laws) else None
+    return tuple(name for name in known if name != dear)
 
 
 def slopes(table: Springs, name: str) -> Array:

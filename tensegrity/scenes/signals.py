@@ -217,8 +217,18 @@ def _functions(expression: Any, names: tuple[str, ...] = (), by: str | None = No
 
 
 def signals_of_force(force: Any, x: float = 0.0, rate: float = 0.0) -> list[list[Expression]]:
-    """The components of an `AppliedForce` as functions of time in each of its places, at
-    displacements or elongations x [m] and velocities `rate` [m/s]."""
+    """The components of a force as functions of time in each of its places.
+
+    Parameters
+    ----------
+    force : AppliedForce
+    x, rate : float, optional
+        Displacements or elongations [m], and velocities [m/s].
+
+    Returns
+    -------
+    list of list of Expression
+    """
     law, signals = force.law, []
     state = {s: rate if s in law.rates else x for s in law.state}
     components = [one.xreplace(state) for one in law.expressions]
@@ -255,8 +265,21 @@ def time_signals(scene: Any) -> list[Any]:
 
 
 def frequency_of_drives(scene: Any, state: Any, t_end: float) -> float:
-    """Largest estimate of an angular frequency of drives, of springs that change, and of forces
-    that depend on time, with displacements and velocities like those of a state [rad/s]."""
+    """Largest estimate of an angular frequency of drives, of springs and forces that change.
+
+    Parameters
+    ----------
+    scene : Scene
+    state : State
+        With displacements and velocities like those of which the forces depend.
+    t_end : float
+        [s]
+
+    Returns
+    -------
+    float
+        [rad/s]
+    """
     largest = largest_frequency(time_signals(scene), t_end)
     x, rate = (float(np.max(np.abs(values))) or 1.0 for values in (state.u, state.v))
     for one in getattr(scene, "scenes", (scene,)):

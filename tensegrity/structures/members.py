@@ -28,7 +28,9 @@ from tensegrity.typing import Array, Flags, Indices
 
 SETTLED = 1e-10  # unbalanced force of an equilibrium, over the forces of members and loads
 NO_LENGTH = 1e-300  # of a spring between nodes at one place, to divide by [m]
-QUICK = 60  # steps that are tried first where strings are slack
+QUICK = (
+    400  # steps that are tried first where strings are slack: they stay on the side of the start
+)
 SOFTER = 3.0  # largest stiffness times natural length, over the loads, of softer members
 STEP, FARTHEST = 0.2, 100.0  # largest step and largest size, over the structure's own size
 
@@ -127,7 +129,22 @@ class Members:
     def blocks(
         self, positions: Array, within: float = TAUT, tensions: Array | None = None
     ) -> Array:
-        """Tangent stiffness of each member [N/m], (members, dim, dim); see `tangent`."""
+        """Tangent stiffness of each member; see `tangent`.
+
+        Parameters
+        ----------
+        positions : ndarray, (nodes, dim)
+            [m]
+        within : float, optional
+            As of `taut`.
+        tensions : ndarray, (members,), optional
+            Where they are not those of the elongations [N].
+
+        Returns
+        -------
+        ndarray, (members, dim, dim)
+            [N/m]
+        """
         d, lengths = self.separations(positions)
         if tensions is None:
             taut, tensions = self.taut(lengths, within), self.stiffness * self.elongations(lengths)

@@ -1,4 +1,4 @@
-"""Write the derivations of known laws that come with the package: `make derived`.
+"""Writes the derivations of known laws that come with the package: `make derived`.
 
 They are what is derived for the scenes below in an empty cache: power laws, rigid and elastic
 prisms, guides and packs, by default steps, tolerances and gradients.
@@ -6,11 +6,10 @@ prisms, guides and packs, by default steps, tolerances and gradients.
 
 import json
 import os
-import sys
 import tempfile
 
 
-def scenes():
+def scenes() -> None:
     """Calls whose first use should derive nothing."""
     import numpy as np
 
@@ -60,7 +59,7 @@ def scenes():
         simulate(net, net.at_rest({0: (0.01,) * dim}), 1.0, tol=1e-6)
 
 
-def main():
+def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         os.environ["XDG_CACHE_HOME"] = folder
         from tensegrity.engine import disk_cache
@@ -76,4 +75,4 @@ def main():
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()
