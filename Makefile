@@ -52,14 +52,14 @@ live: .venv/with-cc
 
 # Two processes, each with one thread of linear algebra: the matrices are small.
 test: .venv/with-test
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -rs -m "not slow" -n 2 --dist loadfile
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -rs -m "not slow" -n 2 --dist worksteal
 
 # What one runs after each edit, in less than a minute: every room by some of its tests.
 QUICK = golden house layers one_engine network network_energies ensemble driven following methods \
 	record_times clearance lattice continuation response condensed prism structure solitary \
-	waves granular_contact granular_layout gradient_input gradient_networks search identity
+	waves forces resume shape granular_contact granular_layout gradient_input gradient_networks search identity
 quick: .venv/with-test
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m "not slow" -n 2 --dist loadfile \
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m "not slow" -n 2 --dist worksteal \
 		$(QUICK:%=tests/test_%.py)
 
 test-slow: .venv/with-test
