@@ -18,6 +18,7 @@ def scenes() -> None:
     from tensegrity import (
         Chain,
         Network,
+        Potential,
         PowerLaw,
         Prism,
         equilibrium_path,
@@ -30,7 +31,7 @@ def scenes() -> None:
     steel, metal = Bead(4.76e-3, materials["steel"], mass=0.45e-3), materials["steel"]
     striker = Striker(steel, speed=0.5)
     rigid = Prism(1.0, 0.7, 0.1, 1.0)
-    springs = [PowerLaw(1.0, n, 0.01) for n in (1.5, 1.37, 1.0, 2.0, 2.5, 3.0)]
+    springs: list[Potential] = [PowerLaw(1.0, n, 0.01) for n in (1.5, 1.37, 1.0, 2.0, 2.5, 3.0)]
     springs += [rigid.potential(), Prism(1.0, 0.7, 0.1, 1.0, sides=4).potential()]
     elastic = [Prism(1.0, 0.7, 0.1, 1.0, 20.0, 100.0), Prism(1.0, 0.5, 0.4, 1.0, k_base=5.0),
                Prism(1.0, 0.5, 0.4, 1.0, k_bar=20.0)]  # fmt: skip
@@ -64,7 +65,7 @@ def main() -> None:
         os.environ["XDG_CACHE_HOME"] = folder
         from tensegrity.engine import disk_cache
 
-        disk_cache.shipped = dict  # what was shipped before is derived again
+        disk_cache.shipped = dict  # type: ignore[assignment]  # what was shipped before is derived again
         scenes()
         paths = sorted(disk_cache.cache_folder().glob("*.json"))
         disk_cache.write_shipped(
