@@ -42,7 +42,6 @@ from tensegrity.once import once
 FLAGS = (
     "-O2",
     "-ftree-vectorize",
-    "-fvect-cost-model=dynamic",
     "-fPIC",
     "-shared",
     "-fno-semantic-interposition",
@@ -51,8 +50,10 @@ FLAGS = (
     "-ffp-contract=fast",
     "-Werror=implicit-function-declaration",
 )
+OF_GCC = "-fvect-cost-model=dynamic"  # which zig refuses
 NATIVE = "-march=native"
 WIDE = ("-mprefer-vector-width=512",) if platform.machine() in ("x86_64", "AMD64") else ()
+ATTEMPTS = (*FLAGS, OF_GCC, NATIVE, *WIDE), (*FLAGS, NATIVE, *WIDE), (*FLAGS, NATIVE), FLAGS
 
 CACHE = 8  # numbers in a cache line
 RENAMES = 50
@@ -242,7 +243,7 @@ def library(text, extra_flags=()):
         if identity is None:
             complaints.append(f"{shlex.join(command)} cannot be run")
             continue
-        for flags in ((*FLAGS, NATIVE, *WIDE), (*FLAGS, NATIVE), FLAGS):
+        for flags in ATTEMPTS:
             try:
                 return _declared(_load(text, command, identity, (*flags, *extra_flags)), text)
             except CompilerError as error:
