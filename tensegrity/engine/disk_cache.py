@@ -49,6 +49,7 @@ SHIPPED = Path(__file__).with_name("derived.gz")
 MOST = "500"  # MB
 YOUNG = 600.0  # s since the last use, within which no entry is removed
 LOCKS = "locks"
+WAIT = 0.01  # s between two attempts to lock
 
 BUILDS = 1 << 32  # where the bytes of the lock file begin that are locked while an entry is built
 
@@ -162,12 +163,22 @@ def building(entry):
     """Wait until no other thread builds an entry, and no other process if files can be locked."""
     with _builders.setdefault(entry.name, threading.Lock()):
         with contextlib.suppress(OSError):
-            _lock(entry, "LOCK_EX", first=BUILDS)
+            while not _locked(entry):  # waiting in the system, threads of two processes could
+                time.sleep(WAIT)  # wait for each other
         try:
             yield
         finally:
             with contextlib.suppress(OSError):
                 _lock(entry, "LOCK_UN", first=BUILDS)
+
+
+def _locked(entry):
+    """Lock an entry while it is built; False where another process has locked it."""
+    try:
+        _lock(entry, "LOCK_EX", "LOCK_NB", first=BUILDS)
+    except BlockingIOError:
+        return False
+    return True
 
 
 def trim(most, age=YOUNG):
