@@ -53,7 +53,6 @@ from tensegrity import (
     EquilibriumError,
     Force,
     Lattice,
-    Lens,
     LockingError,
     Network,
     NoLocking,
@@ -381,15 +380,8 @@ def waves(spring: Potential, chain: Chain) -> State:
     assert_type(catalogue.x_plate().network((2, 2)), Network)
     bands("x", [[0.1]])  # type: ignore[arg-type]
     dispersion("x", 1.0, [0.1])  # type: ignore[arg-type]
-    lens = Lens(Prism(1.0, 0.8, 0.01, 1.0), chains=3)
-    assert_type(lens.chain_prestrains, Array)
-    assert_type(lens.run(), Run)
-    assert_type(lens.pressure(lens.focus, lens.focus_time), Array)
-    assert_type(lens.focusing().gain, float)
-    lens.run(record="x")  # type: ignore[arg-type]
     assert_type(predict(spring)["compression"].speeds, tuple[float, float])
     assert_type(predict(spring)["compression"].curve(excess=[0.1, 0.2]).width, Array)
-    assert_type(phase_shift(lens.run(), wave, wave), tuple[float, float])
     assert_type(interface(spring, spring, (40, 60), mass=(1.0, 2.0)), Chain)
     interface(chain, spring)  # type: ignore[arg-type]
     assert_type(wave.excess, float)
@@ -418,6 +410,9 @@ def measured(chain: Chain, run: Run) -> float:
     assert_type(passed.momentum_error, float)
     assert_type(pulses(run, fraction=0.2), list[Pulse])
     assert_type(pulses(run)[0].wave, SolitaryWave | None)
+    found = pulses(run)[0].wave
+    assert found is not None
+    assert_type(phase_shift(run, found, found), tuple[float, float])
     assert_type(transmission(run, row=-1), Transmission)
     assert_type(transmission(run).reflected, tuple[Pulse, ...])
     assert_type(transmission(run).transmitted_delays, Array)
