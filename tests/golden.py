@@ -1,4 +1,5 @@
-"""Results of runs and gradients as they are: `python tests/golden.py` writes them to golden.npz.
+"""Results as they are: `python tests/golden.py [START ...]` writes to golden.npz all of them, or
+those of the cases whose names begin so, and leaves out what is no case any more.
 
 What stays the same while the machinery changes is held against this file by `test_golden`: to the
 bit on the machine, the compiler and the NumPy that made it, else to `ROUND_OFF`.  It is written
@@ -7,6 +8,7 @@ anew only where a result is meant to change, and the commit says which and why.
 
 import math
 import platform
+import sys
 import tempfile
 from pathlib import Path
 
@@ -239,7 +241,11 @@ def stored():
 
 if __name__ == "__main__":
     kept = {"machine": np.array(machine())}
+    before = stored() if sys.argv[1:] else {}
     for name, case in cases().items():
+        if before and not name.startswith(tuple(sys.argv[1:])):
+            kept |= {k: x for k, x in before.items() if k.startswith(f"{name}|")}
+            continue
         kept |= {f"{name}|{field}": value for field, value in results(case).items()}
     index = [f"{k}\t{x.dtype.str}\t{' '.join(map(str, x.shape))}" for k, x in kept.items()]
     # all bytes as one array: 3,000 entries of a zip file would be as large as what they hold
