@@ -1,7 +1,9 @@
 """What else `golden.py` keeps, room by room: {name: function that gives numbers and texts}."""
 
+import contextlib
 import hashlib
 import re
+import tempfile
 from functools import partial
 
 import numpy as np
@@ -371,7 +373,7 @@ ADDRESS = re.compile(r"0x[0-9a-f]+|/[\w./-]*/")  # of objects and temporary file
 
 
 def refused():
-    """{callable: texts}, with one wrong value for each of its arguments.
+    """{callable: texts}, with two wrong values for each of its arguments.
 
     Calls and wrong values are those of `test_bad_input`, imported here since it runs scenes.
     """
@@ -386,10 +388,9 @@ def refused():
         for argument in examples:
             number = hashlib.sha256(f"{name} {argument}".encode()).digest()[0]
             for kind in np.roll(BAD, number)[:2]:
-                try:
-                    answer = bad.outcome(function, good | {argument: bad.WRONG[kind]})
-                except TypeError as error:
-                    answer = error
+                wrong = good | {argument: bad.WRONG[kind]}
+                with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
+                    answer = bad.outcome(function, wrong)  # some wrong paths are paths
                 if isinstance(answer, Exception):
                     lines.append(f"{argument} = {kind}: {ADDRESS.sub('', str(answer))}")
         key = name if name not in found else f"{name} of {' '.join(given)}"
