@@ -14,6 +14,7 @@ BASE = [
     "errors",
     "typing",
     "check",
+    "checked",
     "once",
     "readonly",
     "root",
