@@ -12,11 +12,12 @@ Source: J. L. Marin, S. Aubry, Nonlinearity 9, 1501 (1996).
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TypeAlias
+from typing import Annotated, TypeAlias
 
 import numpy as np
 
 from tensegrity import check
+from tensegrity.checked import checked
 from tensegrity.errors import TensegrityError
 from tensegrity.orbits.driven_orbit import WholePeriod
 from tensegrity.orbits.half_period import HalfPeriod
@@ -24,6 +25,7 @@ from tensegrity.orbits.period import DrivePeriod, fitting
 from tensegrity.orbits.shooting import NoOrbitError, Orbit, is_reversible
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.scene import Scene, State
+from tensegrity.typing import Duration
 
 Family: TypeAlias = HalfPeriod | WholePeriod
 
@@ -31,12 +33,13 @@ HARMONICS = 6  # number of harmonics compared with the bands
 CROWDED = 4.0  # neighbouring modes closer than so many mean distances form a band
 
 
+@checked
 def periodic_orbit(
     scene: Scene,
     guess: State | Orbit,
     *,
-    period: float | None = None,
-    energy: float | None = None,
+    period: Duration | None = None,
+    energy: Annotated[float, "> 0", "J"] | None = None,
 ) -> Orbit:
     """A time-periodic orbit of a scene: of an undriven one, at rest twice in a period, or the
     response of one with drives, dashpots and forces of its own.
@@ -79,7 +82,6 @@ def periodic_orbit(
     >>> f"{orbit.energy:.9f} J"
     '0.014267564 J'
     """
-    check.kind("scene", scene, Scene)
     if not isinstance(guess, (State, Orbit)):
         raise TensegrityError(f"guess {check.shown(guess)} is not a State or an Orbit")
     if dynamics(scene).follows:
@@ -92,19 +94,18 @@ def periodic_orbit(
         raise TensegrityError("give exactly one of period and energy")
     began = guess.state if isinstance(guess, Orbit) else guess
     scene.check(began)
-    if energy is not None:
+    if period is None:
         if not isinstance(guess, Orbit):
             raise TensegrityError(
                 "an energy requires an Orbit as guess, whose period starts the search"
             )
-        energy, time = check.number("energy", energy, above=0, unit="J"), guess.period
-    else:
-        time = check.number("period", period, above=0, unit="s")
-    half_period = HalfPeriod(scene, began.u.ravel(), time, energy)
+        period = guess.period
+    half_period = HalfPeriod(scene, began.u.ravel(), period, energy)
     if len(half_period.free) and not half_period.extent(began.u.ravel()) > 0:
         raise TensegrityError(
             "guess is the undeformed state at rest: give the displacements of a turning point"
         )
+    time = period
     return _orbit(half_period, lambda: _in_band(scene, time))
 
 
@@ -118,7 +119,7 @@ def _driven_orbit(
         raise TensegrityError("the energy of a driven orbit cannot be given: its drives set it")
     shortest = DrivePeriod(scene).value
     if period is not None:
-        shortest = fitting(check.number("period", period, above=0, unit="s"), shortest)
+        shortest = fitting(period, shortest)
     began = guess.state if isinstance(guess, Orbit) else guess
     scene.check(began)
     return _orbit(WholePeriod(scene, began, shortest), str)

@@ -17,6 +17,7 @@ from tensegrity import check
 from tensegrity.branches.continuation import Branch, ContinuationError, Settings, trace
 from tensegrity.branches.many import ManyProblem
 from tensegrity.branches.table import INTERRUPTED, Event, Table
+from tensegrity.checked import checked
 from tensegrity.errors import TensegrityError
 from tensegrity.orbits.driven_orbit import drive_parameters
 from tensegrity.orbits.orbit import Family, family_of
@@ -69,6 +70,7 @@ class OrbitPath(Table):
     _units: ClassVar = {"period": "s", "energy": "J", "amplitude": "m"}
 
 
+@checked
 def orbit_path(orbit: Orbit, by: str, until: float) -> OrbitPath:
     """Follow a periodic orbit in its period, its energy, or a parameter of its drives.
 
@@ -106,7 +108,6 @@ def orbit_path(orbit: Orbit, by: str, until: float) -> OrbitPath:
     >>> [f"{event.kind} at {event.value:.9f}" for event in path.events]
     ['fold at 1.726272601', 'fold at 1.698961890']
     """
-    check.kind("orbit", orbit, Orbit)
     driven = not is_reversible(orbit.scene)
     undriven = {"period": orbit.period, "energy": orbit.energy}
     names = drive_parameters(orbit.scene) if driven else undriven
@@ -114,7 +115,7 @@ def orbit_path(orbit: Orbit, by: str, until: float) -> OrbitPath:
         raise TensegrityError(
             f"by {check.shown(by)} is not one of {', '.join(names) or 'any parameters of drives'}"
         )
-    begin, until = names[by], check.number("until", until)
+    begin = names[by]
     if math.isclose(until, begin) or (not driven and until <= 0):
         words = "differ from it" if driven else "differ from it and be above 0"
         raise TensegrityError(f"until {until:g} must {words}: the path begins at {by} {begin:g}")
