@@ -217,10 +217,6 @@ class Chain(Scene):
         """Tension of each bond [N]; u of shape (..., sites) gives (..., sites - 1)."""
         return self._per_bond("tension", u)
 
-    def bond_stiffness(self, u: ArrayLike) -> Array:
-        """Tangent stiffness of each bond [N/m]; u of shape (..., sites) gives (..., sites - 1)."""
-        return self._per_bond("stiffness", u)
-
     def _per_bond(self, name: str, u: ArrayLike) -> Array:
         return dynamics(self).springs.evaluate(name, self.elongation(u))
 
