@@ -14,10 +14,9 @@ import numpy as np
 
 from granular import sensitivity
 from granular.contact import contact_of
-from granular.crystal import Crystal, needed_velocities
+from granular.crystal import Crystal, WithWalls
 from granular.damped_contact import forces_of
 from tensegrity import Network, PowerLaw, State, TensegrityError, check
-from tensegrity.measure.observables import contact_rates
 from tensegrity.readonly import Repeated
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.forcing import start_driven_sites
@@ -50,11 +49,10 @@ class Assembly(Crystal, Network):
         Name of each wall; the forces on walls of the same name are added.
     """
 
-    wall_names: tuple[str, ...]
     _wall_materials: tuple[Material, ...]
     _rest: Array  # displacements [m] in equilibrium under the loads
+    _carried = _pressed = 0.0
     _hertzian: bool  # of a pack: whether the law is Hertz's
-    _losses: Sequence[Force]  # of contacts that dissipate
 
     def at_rest(self, velocity: Mapping[int, Sequence[float]] | None = None) -> State:
         """Equilibrium under the loads, with velocities [m/s] of some sites: {site: (dim,)}.
@@ -72,33 +70,22 @@ class Assembly(Crystal, Network):
         return AssemblyDynamics(self)
 
     def contact_forces(self, u: ArrayLike, v: ArrayLike | None = None) -> Array:
-        """Compressive force in each listed contact [N], those with walls last; (..., contacts).
-
-        Contacts that may form are those of `listed(u)`.  Contacts that dissipate need the
-        velocities v [m/s] too, of the shape of u.
-        """
-        bonds, u = len(self.bonds), check.rows("displacements", u, self.shape)
-        if dynamics(self).follows:
-            fixed = self.listed(u)
-            forces, walls = fixed.contact_forces(u, v), fixed.wall_contacts
-            faces = dynamics(self).clearance.faces(self.positions + u, walls)
-            forces[..., len(fixed.bonds) :] *= faces
-            return forces
-        forces = np.concatenate([-self.bond_tension(u), self.wall_load(u)], axis=-1)
-        if not self._losses:
-            return forces
-        r, rate = dynamics(self).elongations(u), contact_rates(self, u, needed_velocities(self, v))
-        for loss in self._losses:
-            sign, first = (1, bonds) if loss.on == "walls" else (-1, 0)
-            at = np.asarray(loss.at, dtype=int) + first
-            if len(at):
-                forces[..., at] += sign * loss.values(r[..., at], rate[..., at])
+        if not dynamics(self).follows:
+            return super().contact_forces(u, v)
+        u = check.rows("displacements", u, self.shape)
+        fixed = self.listed(u)
+        forces, walls = fixed.contact_forces(u, v), fixed.wall_contacts
+        forces[..., len(fixed.bonds) :] *= dynamics(self).clearance.faces(self.positions + u, walls)
         return forces
 
-    def overlaps(self, u: ArrayLike) -> Array:
-        """Overlap of each contact of two beads, as in `contact_forces` [m], < 0 for a gap."""
-        u = check.rows("displacements", u, self.shape)
-        return -self.listed(u).elongation(u)
+    def _with_walls(self) -> WithWalls:
+        """The listed contacts with walls."""
+        first = len(self.bonds)
+        return WithWalls(first + np.arange(len(self.wall_contacts)), *self.wall_contacts.T)
+
+    def _stored_energies(self, u: Array) -> Array:
+        """Energy that each listed contact stores [J]; (..., contacts)."""
+        return dynamics(self).evaluate("energy", u)
 
 
 class AssemblyDynamics(NetworkDynamics):

@@ -19,11 +19,12 @@ import numpy as np
 from granular import sensitivity
 from granular.beads import Bead, Striker, beads_of
 from granular.contact import checked_law, contact_of, hertz
-from granular.crystal import Crystal, needed_velocities
+from granular.crystal import Crystal, WithWalls
 from granular.damped_contact import forces_of
 from granular.materials import Material
 from tensegrity import Chain, State, TensegrityError, check
 from tensegrity.scenes.chain import ChainDynamics
+from tensegrity.springs.collection import Springs
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -83,6 +84,7 @@ class BeadChain(Crystal, Chain):
         if walls[1]:
             parts["wall"] = (sites - 1,)
         self.parts, self.bodies = parts, tuple(bodies)
+        self.wall_names = ("start",) * walls[0] + ("end",) * walls[1]
         pairs = list(pairwise(bodies))
         self._contacts = [
             contact_of(law, *((a, b) if isinstance(a, Bead) else (b, a))) for a, b in pairs
@@ -97,8 +99,8 @@ class BeadChain(Crystal, Chain):
         masses = [x.mass if isinstance(x, Bead) else WALL_MASS for x in bodies]
         ends = tuple("fixed" if wall else "free" for wall in walls)
         carried = zip(self._contacts, self._carried, strict=True)
-        losses = forces_of(self._contacts, [c.overlap(force) for c, force in carried])
-        self._losses = losses
+        self._pressed = np.array([c.overlap(force) for c, force in carried])
+        self._losses = losses = forces_of(self._contacts, self._pressed)
         forcing: dict[str, Any] = {"drive": drive, "damping": damping}
         super().__init__(springs, sites, masses, ends, forces=(*losses, *forces), **forcing)  # type: ignore[arg-type]
         away = _away(self._contacts, gaps) if len(gaps) else np.zeros(sites)
@@ -141,26 +143,18 @@ class BeadChain(Crystal, Chain):
         """The law of each contact."""
         return tuple(self._contacts)
 
-    def contact_forces(self, u: ArrayLike, v: ArrayLike | None = None) -> Array:
-        """Compressive force in each contact [N]; u of shape (..., sites) gives (..., sites - 1).
+    def _with_walls(self) -> WithWalls:
+        """The contacts with walls, which stand for sites."""
+        last = self.sites - 2
+        ends = [(0, 1)] * ("start wall" in self.parts) + [(last, last)] * ("wall" in self.parts)
+        contacts, sites = np.reshape(ends, (-1, 2)).astype(int).T
+        return WithWalls(contacts, sites, np.arange(len(ends)))
 
-        Contacts that dissipate need the velocities v [m/s] too, of the same shape.
-        """
-        elastic = self._carried - self.bond_tension(u)
-        if not self._losses:
-            return elastic
-        u, v = check.rows("displacements", u, self.shape), needed_velocities(self, v)
-        rate = v[..., 1:] - v[..., :-1]
-        for loss in self._losses:
-            elastic[..., loss.at] -= loss.values(
-                self.elongation(u)[..., loss.at], rate[..., loss.at]
-            )
-        return elastic
-
-    def overlaps(self, u: ArrayLike) -> Array:
-        """Overlap of each contact [m], < 0 for a gap; shapes as for `contact_forces`."""
-        at_rest = [c.overlap(f) for c, f in zip(self._contacts, self._carried, strict=True)]
-        return at_rest - self.elongation(u)
+    def _stored_energies(self, u: Array) -> Array:
+        """Energy that each contact stores, without the potential of the loads [J]; (..., sites - 1)
+        of u (..., sites)."""
+        laws = Springs([contact.potential for contact in self._contacts])
+        return laws.evaluate("energy", -self.overlaps(u))
 
 
 def _away(contacts: Sequence[Contact], gaps: Sequence[float]) -> Array:

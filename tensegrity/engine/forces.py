@@ -52,6 +52,25 @@ def bond_elongations(bonds, u):
     return elongations
 
 
+def rates(bonds, u, v):
+    """Rate of the elongation of each bond and of the gap of each contact with a wall [m/s].
+
+    Parameters
+    ----------
+    bonds : Bonds
+    u, v : ndarray, (..., rows, dim), of a chain (..., sites)
+        Displacements [m] and velocities [m/s].
+
+    Returns
+    -------
+    ndarray, (..., bonds)
+    """
+    first, second, pair, geometry = connectivity(bonds)
+    x, of = (y if bonds.dim else y[..., None] for y in (u, v))
+    along = _along(bonds, geometry, pair, _between(x, first, second, pair))
+    return np.sum(along * _between(of, first, second, pair), axis=-1)
+
+
 def _between(u, first, second, pair):
     """Displacement of the second end of each bond from the first, or from a wall."""
     return u[..., second, :] - np.where(pair[:, None], u[..., np.where(pair, first, 0), :], 0)

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from tensegrity.engine.energies import Energies
     from tensegrity.scenes.force import Force
     from tensegrity.scenes.forcing import Damping, Drive, Tune
-    from tensegrity.typing import Array, Motion
+    from tensegrity.typing import Array, Indices, Motion
 
 ENDS = ("free", "fixed")
 
@@ -156,6 +156,11 @@ class Chain(Scene):
         return f"chain has ({self.sites},) sites"
 
     @property
+    def bonds(self) -> Indices:
+        """The two sites of each bond; (sites - 1, 2)."""
+        return np.stack([np.arange(self.sites - 1), np.arange(1, self.sites)], axis=1)
+
+    @property
     def held(self) -> list[int]:
         """Indices of the sites that are held at u = 0."""
         return [s for s, end in zip((0, self.sites - 1), self.ends, strict=True) if end == "fixed"]
@@ -211,18 +216,15 @@ class Chain(Scene):
 
     def bond_energy(self, u: ArrayLike) -> Array:
         """Energy of each bond [J]; u of shape (..., sites) gives (..., sites - 1)."""
-        return self._per_bond("energy", u)
+        return dynamics(self).evaluate("energy", u)
 
     def bond_tension(self, u: ArrayLike) -> Array:
         """Tension of each bond [N]; u of shape (..., sites) gives (..., sites - 1)."""
-        return self._per_bond("tension", u)
+        return dynamics(self).evaluate("tension", u)
 
     def bond_stiffness(self, u: ArrayLike) -> Array:
         """Tangent stiffness of each bond [N/m]; u of shape (..., sites) gives (..., sites - 1)."""
-        return self._per_bond("stiffness", u)
-
-    def _per_bond(self, name: str, u: ArrayLike) -> Array:
-        return dynamics(self).springs.evaluate(name, self.elongation(u))
+        return dynamics(self).evaluate("stiffness", u)
 
     def site_energy(self, state: Motion) -> Array:
         """Kinetic energy of each site, half the energy of its bonds, and that of its spring to the

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tensegrity import check
 from tensegrity.engine import kernel
 from tensegrity.engine.bonds import BLOCK, Bonds, by_spring
 from tensegrity.engine.force_law import BOND, SITE
@@ -26,7 +27,7 @@ from tensegrity.scenes.force import applied_forces
 from tensegrity.springs.collection import Springs
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterator, Sequence
     from typing import Any
 
     from tensegrity.engine.energies import Energies
@@ -237,6 +238,10 @@ class Dynamics:
         """Dynamics with the contacts that can act near displacements u: all, for fixed bonds."""
         return self
 
+    def listings(self, u: Array) -> Iterator[tuple[slice, Dynamics]]:
+        """Slices of u (T, *shape), each with dynamics with the contacts that can act in it."""
+        yield slice(len(u)), self
+
     def nearest(self, u: Array) -> Dynamics:
         """Dynamics with the contacts that can be expected to form in a run from displacements u."""
         return self
@@ -263,6 +268,10 @@ class Dynamics:
         total = total.reshape(u.shape) + sites.reshape(u.shape)
         total[list(scene.held)] = 0
         return total + self.forces(u)
+
+    def evaluate(self, name: str, u: Array) -> Array:
+        """Energy [J], tension [N] or stiffness [N/m] of each contact; (..., springs)."""
+        return self.springs.evaluate(name, check.finite("elongation", self.elongations(u)))
 
     # bounds
 

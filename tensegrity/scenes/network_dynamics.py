@@ -182,10 +182,6 @@ class NetworkDynamics(Dynamics):
         u = check.rows("displacements", u, self.shape, are_finite=False)
         return forces.bond_elongations(self.contact_bonds, u)
 
-    def evaluate(self, name: str, u: ArrayLike) -> Array:
-        """Energy [J] or tension [N] of each bond and wall contact; (..., springs)."""
-        return self.springs.evaluate(name, check.finite("elongation", self.elongations(u)))
-
     def energies(self, u: Array, v: Array) -> Array:
         """Total energy of each state [J], (states,); u and v (states, sites, dim)."""
         if self.follows:
