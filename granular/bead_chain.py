@@ -12,16 +12,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 
 from granular import sensitivity
 from granular.beads import Bead, Striker, beads_of
-from granular.contact import checked_law, contact_of, hertz
+from granular.contact import contact_of
 from granular.crystal import Crystal, WithWalls
 from granular.damped_contact import forces_of
 from granular.materials import Material
+from granular.surroundings import OfChain, Surroundings, accepted, surrounded
 from tensegrity import Chain, State, TensegrityError, check
 from tensegrity.scenes.chain import ChainDynamics
 from tensegrity.springs.collection import Springs
@@ -202,21 +203,19 @@ def _gravity(chain: BeadChain) -> float:
     return loads[site] / chain.beads[site].mass
 
 
+@surrounded(OfChain)
 def chain(
     beads: Sequence[Bead],
     *,
     striker: Striker | None = None,
-    gravity: float = 0.0,
-    preload: float = 0.0,
-    gaps: ArrayLike = 0.0,
     start_wall: Material | None = None,
     end: Material | None = None,
-    law: ContactLaw = hertz,
-    drive: Mapping[int, Drive] | None = None,
-    damping: Damping | None = None,
-    forces: Sequence[Force] = (),
+    **surroundings: Unpack[OfChain],
 ) -> BeadChain:
     """A straight chain of beads that touch, or that gaps separate.
+
+    With a striker, gravity requires an `end`: no constant force balances the last bead both before
+    and after the striker's weight arrives.
 
     Parameters
     ----------
@@ -224,29 +223,14 @@ def chain(
         In the order of the axis; with striker and walls at least two sites.
     striker : Striker, optional
         Becomes site 0, in contact with the first bead.
-    gravity : float, optional
-        [m/s^2], >= 0, along the axis towards the far end.  With a striker it requires an `end`: no
-        constant force balances the last bead both before and after the striker's weight arrives.
-    preload : float, optional
-        Constant force on the first bead (not on the striker) towards the far end [N], >= 0.
-    gaps : float or array_like, (contacts,), optional
-        Initial separation in each contact [m], >= 0: in that of the striker first, in that of the
-        wall last.  Displacements count from the positions in which all beads touch; those of the
-        states `start` and `at_rest` contain the gaps.  Gaps exclude gravity and preload, which
-        would set the beads in motion, and walls at both ends, whose distance is that of the beads
-        in contact.
     start_wall : Material, optional
         Material of a plane wall before the first bead, which becomes site 0 and is held.  It
         excludes a striker.
     end : Material, optional
         Material of a plane wall behind the last bead.  By default that bead is free and, under
         loads, supported by a constant force.
-    law : callable (Bead, Bead or Material) -> Contact, optional
-        `hertz`, or `power(constant, exponent)`.
-    drive : dict of int to Drive, optional
-        {site: Drive}: prescribed motions, and forces that depend on time.
-    damping : Damping, optional
-        Dashpots to the ground and in the contacts, which also act while these are open.
+    **surroundings
+        See `Surroundings`.
 
     Returns
     -------
@@ -279,20 +263,21 @@ def chain(
     others = sum(x is not None for x in (striker, start_wall, end))
     if not beads or len(beads) + others < 2:
         raise TensegrityError(f"a chain of {len(beads)} beads has no contact: give more beads")
-    gravity = check.number("gravity", gravity, least=0, unit="m/s^2")
-    preload = check.number("preload", preload, least=0, unit="N")
+    around = Surroundings(**accepted(chain, surroundings))
+    gravity = around.gravity
     if striker is not None and gravity > 0 and end is None:
         raise TensegrityError(
             f"gravity {gravity:g} m/s^2 with a striker needs an end: without a wall the chain "
             "is not at rest until the striker's weight reaches the last bead"
         )
     weights = [gravity * bead.mass for bead in ((striker.bead,) if striker else ()) + beads]
-    weights[1 if striker else 0] += preload
-    law = checked_law(law)
-    separations = initial_gaps(gaps, len(beads) + others - 1, any(weights), start_wall and end)
+    weights[1 if striker else 0] += around.push
+    contacts = len(beads) + others - 1
+    separations = initial_gaps(around.gaps, contacts, any(weights), start_wall and end)
     return BeadChain(
-        beads, striker, weights, end, law, start_wall, drive, damping, separations, forces
-    )
+        beads, striker, weights, end, around.law, start_wall, around.drive, around.damping,
+        separations, around.forces,
+    )  # fmt: skip
 
 
 def initial_gaps(

@@ -195,7 +195,18 @@ def hertz(bead: Bead, other: Bead | Material) -> Contact:
 
 
 def is_hertz(law: Potential, one: Bead | Material, other: Bead | Material) -> bool:
-    """Whether a potential is that of Hertz's contact of two partners, whatever its preload."""
+    """Whether a potential is that of Hertz's contact of two partners, whatever its preload.
+
+    Parameters
+    ----------
+    law : Potential
+    one, other : Bead or Material
+        One a bead at least; a Material stands for a plane wall.
+
+    Returns
+    -------
+    bool
+    """
     bead, partner = (one, other) if isinstance(one, Bead) else (other, one)
     like = hertz(bead, partner).potential  # type: ignore[arg-type]
     is_power = isinstance(law, PowerLaw) and law.exponent == like.exponent  # type: ignore[attr-defined]
