@@ -20,7 +20,6 @@ from tensegrity import Network, PowerLaw, State, TensegrityError, check
 from tensegrity.readonly import Repeated
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.forcing import start_driven_sites
-from tensegrity.scenes.network_dynamics import NetworkDynamics
 from tensegrity.springs.collection import numbered
 from tensegrity.springs.pressed import rest_overlaps
 
@@ -49,6 +48,7 @@ class Assembly(Crystal, Network):
         Name of each wall; the forces on walls of the same name are added.
     """
 
+    _arguments_of_sites = sensitivity.NAMES
     _wall_materials: tuple[Material, ...]
     _rest: Array  # displacements [m] in equilibrium under the loads
     _carried = _pressed = 0.0
@@ -66,9 +66,6 @@ class Assembly(Crystal, Network):
             self.check(state)
         return state
 
-    def _dynamics(self) -> AssemblyDynamics:
-        return AssemblyDynamics(self)
-
     def contact_forces(self, u: ArrayLike, v: ArrayLike | None = None) -> Array:
         if not dynamics(self).follows:
             return super().contact_forces(u, v)
@@ -78,6 +75,33 @@ class Assembly(Crystal, Network):
         forces[..., len(fixed.bonds) :] *= dynamics(self).clearance.faces(self.positions + u, walls)
         return forces
 
+    def _by_argument(
+        self, name: str, by_mass: Array, by_spring: Callable[[str], Array], by_gap: Any
+    ) -> Array:
+        """Derivatives with respect to an argument of every bead; see `granular.sensitivity`.
+
+        Loads depend on the diameters too: they are refused.
+        """
+        if np.any(self.loads):
+            raise TensegrityError("no derivatives by beads under loads, which depend on them too")
+        walls = [(int(k), self._wall_materials[wall]) for k, wall in self.wall_contacts.tolist()]
+        pairs = [*map(tuple, self.bonds.tolist()), *walls]
+        return sensitivity.by_beads(
+            name, self.beads, pairs, self.springs, by_spring("stiffness"), by_mass, by_gap
+        )
+
+    def _hidden_energy(self, state: State) -> float:
+        """The potential of the loads [J], which may be negative, measured from the initial
+        positions, and what contacts could store by attraction."""
+        return float(np.sum(self.loads * state.u)) + self._attraction
+
+    @cached_property
+    def _attraction(self) -> float:
+        """Energy [J] below 0 that all contacts could store by attraction."""
+        springs = dynamics(self).springs
+        rest = rest_overlaps(springs)
+        return -float(springs.evaluate("energy", -rest).sum()) if rest.any() else 0.0
+
     def _with_walls(self) -> WithWalls:
         """The listed contacts with walls."""
         first = len(self.bonds)
@@ -86,61 +110,6 @@ class Assembly(Crystal, Network):
     def _stored_energies(self, u: Array) -> Array:
         """Energy that each listed contact stores [J]; (..., contacts)."""
         return dynamics(self).evaluate("energy", u)
-
-
-class AssemblyDynamics(NetworkDynamics):
-    """Equations of motion of beads; see `tensegrity.scenes.dynamics`."""
-
-    arguments = sensitivity.NAMES
-
-    def by_argument(
-        self, name: str, by_mass: Array, by_spring: Callable[[str], Array], by_gap: Any
-    ) -> Array:
-        """Derivatives with respect to an argument of every bead; see `granular.sensitivity`.
-
-        Parameters
-        ----------
-        name : {"diameter", "modulus"}
-        by_mass : ndarray, (sites,)
-            Derivatives by the masses [1/kg].
-        by_spring : callable (name) -> ndarray, (contacts,)
-            Derivatives by a parameter of each contact.
-        by_gap : ndarray, (contacts,), or None
-            Derivatives by the gaps [1/m].
-
-        Returns
-        -------
-        ndarray, (sites,)
-            Per metre or per pascal.
-
-        Raises
-        ------
-        TensegrityError
-            Beads under constant loads, which depend on the diameters too.
-        """
-        scene = self.scene
-        if np.any(scene.loads):
-            raise TensegrityError("no derivatives by beads under loads, which depend on them too")
-        walls = [(int(k), scene._wall_materials[wall]) for k, wall in scene.wall_contacts.tolist()]
-        pairs = [*map(tuple, scene.bonds.tolist()), *walls]
-        return sensitivity.by_beads(
-            name, scene.beads, pairs, scene.springs, by_spring("stiffness"), by_mass, by_gap
-        )
-
-    def available_energy(self, state: State, energy: float | None = None) -> float:
-        """Kinetic and contact energy [J], an upper bound on the energy of any one contact.
-
-        The potential of the loads is left out: measured from the initial positions, it may be
-        negative.
-        """
-        loaded = float(np.sum(self.scene.loads * state.u))
-        return super().available_energy(state, energy) + loaded + self._bound
-
-    @cached_property
-    def _bound(self) -> float:
-        """Energy [J] below 0 that all contacts could store by attraction."""
-        rest = rest_overlaps(self.springs)
-        return -float(self.springs.evaluate("energy", -rest).sum()) if rest.any() else 0.0
 
 
 def _acting_in_touch(contact: Contact) -> Potential:

@@ -24,7 +24,6 @@ from granular.damped_contact import forces_of
 from granular.materials import Material
 from granular.surroundings import OfChain, Surroundings, accepted, surrounded
 from tensegrity import Chain, State, TensegrityError, check
-from tensegrity.scenes.chain import ChainDynamics
 from tensegrity.springs.collection import Springs
 
 if TYPE_CHECKING:
@@ -54,6 +53,8 @@ class BeadChain(Crystal, Chain):
     bodies : tuple of Bead or Material
         One for each site: a Material stands for a wall.
     """
+
+    _arguments_of_sites = sensitivity.NAMES
 
     def __init__(
         self,
@@ -117,9 +118,6 @@ class BeadChain(Crystal, Chain):
                     "prescribed: let its drive begin there, and leave out the gaps"
                 )
 
-    def _dynamics(self) -> _Dynamics:
-        return _Dynamics(self)
-
     def at_rest(self, velocity: Mapping[int, float] | None = None) -> State:
         """The initial separations, with velocities [m/s] of some sites; see `tensegrity.Chain`."""
         state = super().at_rest(velocity)
@@ -144,6 +142,28 @@ class BeadChain(Crystal, Chain):
         """The law of each contact."""
         return tuple(self._contacts)
 
+    def _by_argument(
+        self, name: str, by_mass: Array, by_spring: Callable[[str], Array], by_gap: Any
+    ) -> Array:
+        """Derivatives with respect to an argument of every bead; see `granular.sensitivity`.
+
+        The weight of a bead depends on its mass, and with it the preloads of the contacts.
+        """
+        end = self._arguments["end"]
+        if self._arguments["start_wall"] is not None:
+            raise TensegrityError("no derivatives by beads of a chain with a start wall")
+        neighbours = [*range(1, len(self.beads)), *([] if end is None else [end])]
+        pairs = list(zip(range(len(self.beads)), neighbours, strict=False))
+        if name == "diameter" and self._carried.any():
+            by_mass = by_mass.copy()
+            pulled = np.cumsum(by_spring("preload")[::-1])[::-1]  # by the weight of each bead
+            gravity = _gravity(self)
+            by_mass[: len(pulled)] += gravity * pulled if gravity else 0.0
+        by_constant = by_spring("stiffness")
+        return sensitivity.by_beads(
+            name, self.beads, pairs, self.springs, by_constant, by_mass, None
+        )
+
     def _with_walls(self) -> WithWalls:
         """The contacts with walls, which stand for sites."""
         last = self.sites - 2
@@ -162,34 +182,6 @@ def _away(contacts: Sequence[Contact], gaps: Sequence[float]) -> Array:
     """Displacement of each site from rest to its gaps [m]: partners that attract overlap there."""
     pairs = zip(contacts, gaps, strict=True)
     return np.cumsum([0.0, *(gap + c.overlap(0.0) if gap else 0.0 for c, gap in pairs)])
-
-
-class _Dynamics(ChainDynamics):
-    """Equations of motion of beads in a line; see `tensegrity.scenes.dynamics`."""
-
-    arguments = sensitivity.NAMES
-
-    def by_argument(
-        self, name: str, by_mass: Array, by_spring: Callable[[str], Array], by_gap: Any
-    ) -> Array:
-        """Derivatives with respect to an argument of every bead; see `granular.sensitivity`.
-
-        The weight of a bead depends on its mass, and with it the preloads of the contacts.
-        """
-        scene, end = self.scene, self.scene._arguments["end"]
-        if scene._arguments["start_wall"] is not None:
-            raise TensegrityError("no derivatives by beads of a chain with a start wall")
-        neighbours = [*range(1, len(scene.beads)), *([] if end is None else [end])]
-        pairs = list(zip(range(len(scene.beads)), neighbours, strict=False))
-        if name == "diameter" and scene._carried.any():
-            by_mass = by_mass.copy()
-            pulled = np.cumsum(by_spring("preload")[::-1])[::-1]  # by the weight of each bead
-            gravity = _gravity(scene)
-            by_mass[: len(pulled)] += gravity * pulled if gravity else 0.0
-        by_constant = by_spring("stiffness")
-        return sensitivity.by_beads(
-            name, scene.beads, pairs, scene.springs, by_constant, by_mass, None
-        )
 
 
 def _gravity(chain: BeadChain) -> float:

@@ -10,12 +10,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from functools import cached_property
 from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 
-from granular.assembly import Assembly, AssemblyDynamics, SharedSprings
+from granular.assembly import Assembly, SharedSprings
 from granular.bead_chain import initial_gaps
 from granular.beads import Bead, Striker
 from granular.damped_contact import friction_of
@@ -134,19 +133,12 @@ class Guide(Assembly):
             rest = settled.u if striker is None else np.concatenate([settled.u[:1], settled.u])
         self._rest = rest
 
-    def _dynamics(self) -> _Dynamics:
-        return _Dynamics(self)
+    def _clearance(self, follows: bool) -> Clearance:
+        return _Clearance(self)
 
     def start(self) -> State:
         """Initial state: the striker in contact and moving along the axis, all else at rest."""
         return self.at_rest({} if self.striker is None else {0: (self.striker.speed, 0.0)})
-
-
-class _Dynamics(AssemblyDynamics):
-    @cached_property
-    def clearance(self) -> Clearance | None:
-        """Monitor of contacts that are not listed; None if the beads have no radius."""
-        return None if self.scene.radius is None else _Clearance(self.scene)
 
 
 class _Clearance(Clearance):
@@ -157,7 +149,7 @@ class _Clearance(Clearance):
 
     def __init__(self, guide: Guide) -> None:
         listed = guide.wall_contacts
-        radius: Any = guide.radius  # never None here, see `clearance`
+        radius: Any = guide.radius  # of all beads, never None
         super().__init__(guide.positions, radius, guide.bonds, guide.walls, listed)
         pieces = guide.layout.walls
         self._behind = {
