@@ -218,11 +218,14 @@ def _shared(scene: Any, energies: Array) -> Array:
     """Energies of contacts, (..., contacts), in equal parts on two beads, or on that at a wall;
     (..., sites)."""
     by_site, at_walls = np.zeros((*energies.shape[:-1], scene.sites)), scene._with_walls()
-    half = energies[..., : len(scene.bonds)] / 2
-    half[..., at_walls.contacts[at_walls.contacts < len(scene.bonds)]] = 0.0
+    half, within = energies[..., : len(scene.bonds)] / 2, at_walls.contacts < len(scene.bonds)
     for end in scene.bonds.T:
         _added(by_site, end, half)
-    return _added(by_site, at_walls.sites, energies[..., at_walls.contacts])
+    standing, beads = at_walls.contacts[within], at_walls.sites[within]
+    by_site[..., scene.bonds[standing].sum(axis=1) - beads] = 0.0  # sites that stand for walls
+    _added(by_site, beads, half[..., standing])
+    others = at_walls.contacts[~within]
+    return _added(by_site, at_walls.sites[~within], np.take(energies, others, axis=-1))
 
 
 def _added(total: Array, sites: Indices, values: Array) -> Array:
