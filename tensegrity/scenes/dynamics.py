@@ -184,7 +184,7 @@ class Dynamics:
         w[list(self.scene.held)] = 0
         return fixed(w)
 
-    @property
+    @cached_property
     def is_driven(self) -> bool:
         """Whether forces depend on time or velocity, or motion is prescribed."""
         return is_driven(self.scene)
