@@ -518,6 +518,8 @@ def beads() -> Run:
     granular.chain(bead)  # type: ignore[arg-type]
     y_guide(bead=bead, branches=bead)  # type: ignore[arg-type]
     y_guide(bead=bead, law=1.5)  # type: ignore[arg-type]
+    granular.chain([bead] * 2, gravty=9.81)  # type: ignore[call-arg]
+    granular.chain([bead] * 2, friction=(0.2, 0.01))  # type: ignore[call-arg]
     power("hertz", 1.5)  # type: ignore[arg-type]
     hertz(bead, 1.0)  # type: ignore[arg-type]
     return run

@@ -26,8 +26,9 @@ from tensegrity.printing import printed
 from tensegrity.runs.integrate import simulate
 from tensegrity.runs.run import Run
 from tensegrity.scenes.chain import Chain
+from tensegrity.scenes.dynamics import varied
 from tensegrity.scenes.force import depends_on_time
-from tensegrity.scenes.scene import State, varied
+from tensegrity.scenes.scene import State
 from tensegrity.typing import Array
 from tensegrity.waves.family import Family
 from tensegrity.waves.solitary import SolitaryWave, solitary_wave

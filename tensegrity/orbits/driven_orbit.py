@@ -18,8 +18,9 @@ from tensegrity.orbits.flow import DrivenFlow
 from tensegrity.orbits.period import DrivePeriod
 from tensegrity.orbits.shooting import FINEST, Multipliers, Orbit, Shooting, descending
 from tensegrity.readonly import FixedDict
+from tensegrity.scenes.dynamics import varied
 from tensegrity.scenes.forcing import driven_entries
-from tensegrity.scenes.scene import Scene, State, varied
+from tensegrity.scenes.scene import Scene, State
 from tensegrity.typing import Array
 
 LEAST = 16  # steps of a period

@@ -13,8 +13,8 @@ from tensegrity.errors import TensegrityError
 from tensegrity.readonly import FixedDict
 from tensegrity.runs.integrate import simulate
 from tensegrity.runs.run import Run
-from tensegrity.scenes.dynamics import dynamics
-from tensegrity.scenes.scene import Scene, State, varied
+from tensegrity.scenes.dynamics import dynamics, varied
+from tensegrity.scenes.scene import Scene, State
 from tensegrity.structures.supports import orthonormal, rigid_motions
 from tensegrity.typing import Array
 

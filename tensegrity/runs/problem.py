@@ -39,15 +39,15 @@ class AprioriBounds:
     """
 
     def __init__(self, dynamics: Dynamics, state: State, energy: float | None = None) -> None:
-        self._dynamics, self._state, self._given = dynamics, state, energy
+        self.dynamics, self._state, self._given = dynamics, state, energy
         self._known: tuple[Dynamics, float] | None = None
 
     @property
     def nearest(self) -> tuple[Dynamics, float]:
         """The dynamics with contacts that may form, and the energy a spring can receive [J]."""
         if self._known is None:
-            nearest = self._dynamics.nearest(self._state.u)
-            given = self._given if nearest is self._dynamics else None
+            nearest = self.dynamics.nearest(self._state.u)
+            given = self._given if nearest is self.dynamics else None
             self._known = nearest, nearest.available_energy(self._state, given)
         return self._known
 
@@ -156,17 +156,18 @@ class Problem:
 
     def __post_init__(self):
         if self.a_priori is None:
-            object.__setattr__(self, "a_priori", AprioriBounds(self.dynamics, self.state))
+            bounds = AprioriBounds(dynamics(self.scene), self.state)
+            object.__setattr__(self, "a_priori", bounds)
 
     @property
     def dynamics(self):
-        """Dynamics of the scene."""
-        return dynamics(self.scene)
+        """Dynamics of the scene, obtained once for the whole run."""
+        return self.a_priori.dynamics
 
     @property
     def loop_dynamics(self):
         """Dynamics of the scene that the loop advances: the surrogate, if there is one."""
-        return dynamics(self.scene if self.surrogate is None else self.surrogate)
+        return self.dynamics if self.surrogate is None else dynamics(self.surrogate)
 
     @property
     def is_forced(self):

@@ -6,6 +6,10 @@ import sys
 
 import numpy as np
 
+from tensegrity.engine.force_law import BOND, SITE
+from tensegrity.engine.forces import scattered_forces
+from tensegrity.scenes.force import applied_forces
+
 FAINT = 1e-6  # largest motion over a length in the first steps of a scene that may be at rest
 # Distance from the equilibrium over a length that counts as round-off.
 REST = 64 * sys.float_info.epsilon
@@ -30,7 +34,7 @@ def length_at_rest(problem, seen):
     if np.max(np.abs(seen[1] - u)) > FAINT * length:
         return None
     stiffness = dyn.stiffness_bounds(dyn.ranges_at(u))
-    forces = dyn.static_forces(u) if dyn.has_forces else dyn.forces(u)
+    forces = _static_forces(dyn, u) if dyn.has_forces else dyn.forces(u)
     largest_force = np.max(np.abs(forces), initial=0.0)
     return length if largest_force <= REST * np.max(stiffness, initial=0.0) * length else None
 
@@ -42,3 +46,23 @@ def _changes(dyn):
     return (
         dyn.batch or scene.drive or scene.tune or any(one.law.varies for one in dyn.further_forces)
     )
+
+
+def _static_forces(dyn, u):
+    """Forces on all sites with further forces, at rest at t = 0 [N]; not for ensembles."""
+    scene = dyn.scene
+    _, r, along = scene._elongated(u)
+    tension, sites = np.zeros(r.shape), np.zeros((scene.sites, scene.dim))
+    for one in applied_forces(scene, as_forces=True):
+        x = u.reshape(sites.shape).T if one.law.on == SITE else r[None]
+        state = np.zeros((len(one.law.state), len(one.places)))
+        state[: len(x)] = x[:, one.places]
+        found = np.array(one.law.function()(0.0, state, one.values))
+        if one.law.on == BOND:
+            tension[one.places] += found[0]
+        elif one.law.law is None:  # that of a potential is among the forces of the scene
+            sites[one.places] += found.T
+    total = scattered_forces(dyn.contact_bonds, tension, along)[: scene.sites]
+    total = total.reshape(u.shape) + sites.reshape(u.shape)
+    total[list(scene.held)] = 0
+    return total + dyn.forces(u)
