@@ -33,10 +33,11 @@ from tensegrity.notebook import one_bar, progress
 from tensegrity.runs import archive
 from tensegrity.runs.sweep import (
     Failed,
-    WorkerPool,
     checkpoint_file,
     identified,
     known_by,
+    outcomes,
+    require_executor,
     require_same,
     write_checkpoint,
 )
@@ -141,8 +142,9 @@ def search(
     dt = t_end / objective.step_count(unit, t_end, longest)
     native.require()
     problem = Problem(space, striker, wall, t_end, dt, build, scatter)
-    with WorkerPool(executor) as workers, one_bar("design"):
-        trail = _SearchRecord(problem, workers, budget, checkpoint, name, seed)
+    require_executor(executor)
+    with one_bar("design"):
+        trail = _SearchRecord(problem, executor, budget, checkpoint, name, seed)
         try:
             with progress(budget, "design", trail.begun) as trail.bar:
                 trail.follow(propose(space, np.random.default_rng(seed)))
@@ -179,9 +181,9 @@ class _SearchRecord:
     """
 
     def __init__(
-        self, problem: Problem, workers: WorkerPool, budget: int, path: Any, method: str, seed: int
+        self, problem: Problem, executor: Any, budget: int, path: Any, method: str, seed: int
     ) -> None:
-        self._problem, self._workers, self._budget = problem, workers, budget
+        self._problem, self._executor, self._budget = problem, executor, budget
         self._method, self._seed, self.failed = method, seed, 0
         self.bar: Any = None
         self._leads = Descents(problem) if method == "gradient" else problem
@@ -312,12 +314,12 @@ class _SearchRecord:
         """Ways from rows in their order, in lists of those that one worker computes; `number` is
         that of the first."""
         size = leads.part
-        if size > 1 and not self._workers.is_remote:
+        if size > 1 and self._executor is None:
             size = max(1, len(rows))
         parts = [rows[k : k + size] for k in range(0, len(rows), size)]
         done: dict[int, list[Descent]] = {}
         given = 0
-        for k, result in self._workers.outcomes(leads, parts):
+        for k, result in outcomes(self._executor, leads, dict(enumerate(parts))):
             if isinstance(result, Failed):
                 if not result.lost:
                     raise TensegrityError(f"{leads.unit} {number + k * size}: {result.error}")

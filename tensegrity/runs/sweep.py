@@ -12,12 +12,16 @@ import json
 import os
 import pickle
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
-from dataclasses import dataclass, replace
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import ExitStack
+from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
-from types import TracebackType
 from typing import Any
+
+import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import CompilerError, TensegrityError
@@ -104,18 +108,13 @@ def sweep(
     if not callable(function):
         raise TensegrityError(f"function {check.shown(function)} cannot be called")
     cases = check.sequence("cases", cases, "cases")
+    require_executor(executor)
     results_so_far = _Checkpoint(checkpoint, function, cases)
-    left = [k for k in range(len(cases)) if k not in results_so_far.results]
-    with (
-        WorkerPool(executor) as workers,
-        progress(len(cases), "case", len(cases) - len(left)) as bar,
-    ):
+    left = {k: case for k, case in enumerate(cases) if k not in results_so_far.results}
+    with progress(len(cases), "case", len(cases) - len(left)) as bar:
         try:
-            for number, result in workers.outcomes(function, [cases[k] for k in left]):
-                k = left[number]
-                results_so_far.add(
-                    k, replace(result, number=k) if isinstance(result, Failed) else result
-                )
+            for number, result in outcomes(executor, function, left):
+                results_so_far.add(number, result)
                 bar.update()
         finally:
             results_so_far.write()
@@ -276,140 +275,109 @@ def require_same(path: Path, kind: str, there: dict[str, Any], here: dict[str, A
         raise TensegrityError(f"checkpoint {path} is of another {kind}: its {name} is {words}")
 
 
-class WorkerPool:
-    """Workers of an executor, or this process alone; the pool survives the death of a worker."""
-
-    def __init__(self, executor: Executor | None) -> None:
-        if executor is not None and not isinstance(executor, Executor):
-            raise TensegrityError(
-                f"executor {check.shown(executor)} is not a concurrent.futures.Executor"
-            )
-        self._executor, self._own = executor, False
-
-    @property
-    def is_remote(self) -> bool:
-        """Whether the cases are computed by an executor instead of this thread."""
-        return self._executor is not None
-
-    def __enter__(self) -> WorkerPool:
-        return self
-
-    def __exit__(
-        self, kind: type | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        if self._own and self._executor is not None:
-            self._executor.shutdown(cancel_futures=True)
-
-    def outcomes(
-        self, function: Callable[[Any], Any], cases: Sequence[Any]
-    ) -> Iterator[tuple[int, Any]]:
-        """(number, result or Failed) of each case, in the order of completion."""
-        if self._executor is None:
-            for number, case in enumerate(cases):
-                yield _numbered(number, _attempt(function, case))
-            return
-        self._require_sendable(function)
-        ahead = AHEAD
-        if isinstance(self._executor, ProcessPoolExecutor):
-            ahead = 2 * (os.cpu_count() or 1) + 2  # if one process dies, all of these are lost
-        first, size, running = 0, 1, dict[Future[Any], range]()
-        try:
-            while True:
-                lost = []
-                while len(running) < ahead and first < len(cases):
-                    fair = -(-(len(cases) - first) // ahead)  # so that all workers end together
-                    chunk = range(len(cases))[first : first + min(size, fair)]
-                    first = chunk.stop
-                    try:
-                        running[self._submitted(self._executor, function, cases, chunk)] = chunk
-                    except RuntimeError:  # the executor broke, or was shut down
-                        lost.append(chunk)
-                        break
-                done = wait(running, return_when=FIRST_COMPLETED).done if running else set()
-                for future in done:
-                    chunk = running.pop(future)
-                    error = future.exception()
-                    if error is None:
-                        answers, seconds = future.result()
-                        size = _chunk_size(seconds / len(chunk))
-                        yield from map(_numbered, chunk, answers)
-                    elif isinstance(error, CompilerError):
-                        raise error
-                    else:  # an error of the worker; those of the function are caught in `_attempt`
-                        lost.append(chunk)
-                for chunk in lost:
-                    yield from self._retried(chunk, function, cases)
-                if not (running or done or lost):
-                    return
-        finally:
-            for future in running:
-                future.cancel()
-
-    @staticmethod
-    def _submitted(executor: Any, function: Any, cases: Sequence[Any], chunk: range) -> Future[Any]:
-        return executor.submit(_attempt_all, function, [cases[k] for k in chunk])
-
-    def _retried(self, chunk: range, function: Any, cases: Sequence[Any]) -> Iterator[Any]:
-        """Results of lost cases, computed again, together and, if they are lost again, one by one;
-        a broken pool is replaced."""
-        try:
-            if isinstance(self._executor, ProcessPoolExecutor):
-                with ProcessPoolExecutor(1) as alone:
-                    answers, _ = self._submitted(alone, function, cases, chunk).result()
-                self._replace_broken()
-            else:
-                answers, _ = self._submitted(self._executor, function, cases, chunk).result()
-        except Exception as error:
-            self._replace_broken()
-            if len(chunk) == 1:
-                lost = Failed(chunk[0], f"{type(error).__name__}: {error}", lost=True)
-                yield chunk[0], lost
-                return
-            for number in chunk:
-                yield from self._retried(range(number, number + 1), function, cases)
-            return
-        yield from map(_numbered, chunk, answers)
-
-    def _replace_broken(self) -> None:
-        if not isinstance(self._executor, ProcessPoolExecutor):
-            return
-        try:
-            self._executor.submit(int).result()
-        except RuntimeError:
-            self._executor, self._own = ProcessPoolExecutor(), True
-
-    def _require_sendable(self, function: Callable[[Any], Any]) -> None:
-        if not isinstance(self._executor, ProcessPoolExecutor):
-            return
-        try:
-            pickle.dumps(function)
-        except Exception as error:
-            raise TensegrityError(
-                f"function {check.shown(function)} cannot be sent to other processes: {error}"
-            ) from error
+def require_executor(executor: Any) -> None:
+    """Refuse what cannot take cases, unless it is None."""
+    if executor is not None and not isinstance(executor, Executor):
+        raise TensegrityError(
+            f"executor {check.shown(executor)} is not a concurrent.futures.Executor"
+        )
 
 
-def _attempt(function: Callable[[Any], Any], case: Any) -> tuple[bool, Any]:
-    """(True, result) of a case, or (False, message of its error)."""
+def outcomes(
+    executor: Any, function: Callable[[Any], Any], cases: Mapping[int, Any]
+) -> Iterator[tuple[int, Any]]:
+    """Results of a function of each case, as they are obtained.
+
+    Parameters
+    ----------
+    executor : concurrent.futures.Executor or None
+        None computes the cases one after the other in this thread.
+    function : callable
+    cases : mapping of int
+        The cases by their numbers.
+
+    Yields
+    ------
+    (int, object)
+        Number and result, or a `Failed`, in the order of completion.
+
+    Raises
+    ------
+    TensegrityError
+        A function that cannot be sent to other processes.
+    CompilerError
+        A case found no C compiler.
+    """
+    if executor is None:
+        for pair in cases.items():
+            yield from _attempted(function, [pair])[0]
+        return
+    ahead = AHEAD
+    if isinstance(executor, ProcessPoolExecutor):
+        ahead = 2 * (os.cpu_count() or 1) + 2  # if one process dies, all of these are lost
+        _require_sendable(function)
+    left, waiting, size = iter(cases.items()), len(cases), 1
+    running: dict[Future[Any], list[tuple[int, Any]]] = {}
+    with ExitStack() as own:
+        own.callback(lambda: [future.cancel() for future in running])
+        while waiting or running:
+            while waiting and len(running) < ahead:
+                fair = -(-waiting // ahead)  # so that all workers end together
+                some = list(islice(left, min(size, fair)))
+                waiting -= len(some)
+                try:
+                    future = executor.submit(_attempted, function, some)
+                except BrokenProcessPool:
+                    executor = own.enter_context(ProcessPoolExecutor())
+                    future = executor.submit(_attempted, function, some)
+                running[future] = some
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                some, error = running.pop(future), future.exception()
+                if isinstance(error, CompilerError):
+                    raise error
+                if error is None:
+                    results, seconds = future.result()
+                    size = int(np.clip(TOGETHER * len(some) / max(seconds, 1e-9), 1, MOST_TOGETHER))
+                else:  # an error of the worker; those of the function are caught in `_attempted`
+                    results = _repeated(executor, function, some)
+                yield from results
+
+
+def _repeated(executor: Any, function: Any, some: list[tuple[int, Any]]) -> list[tuple[int, Any]]:
+    """Results of cases whose worker was lost, computed again, together and, if they are lost again,
+    one by one; where they could break a pool, in one of their own."""
     try:
-        return True, function(case)
+        with ExitStack() as own:
+            if isinstance(executor, ProcessPoolExecutor):
+                executor = own.enter_context(ProcessPoolExecutor(1))
+            found: list[tuple[int, Any]] = executor.submit(_attempted, function, some).result()[0]
+            return found
     except CompilerError:
         raise
     except Exception as error:
-        return False, f"{type(error).__name__}: {error}"
+        if len(some) > 1:
+            return [one for pair in some for one in _repeated(executor, function, [pair])]
+        number = some[0][0]
+        return [(number, Failed(number, f"{type(error).__name__}: {error}", lost=True))]
 
 
-def _attempt_all(function: Callable[[Any], Any], cases: Sequence[Any]) -> tuple[list[Any], float]:
-    """The same for several cases, and the time that they take [s]."""
-    began = time.monotonic()
-    return [_attempt(function, case) for case in cases], time.monotonic() - began
+def _require_sendable(function: Callable[[Any], Any]) -> None:
+    try:
+        pickle.dumps(function)
+    except Exception as error:
+        raise TensegrityError(
+            f"function {check.shown(function)} cannot be sent to other processes: {error}"
+        ) from error
 
 
-def _chunk_size(seconds: float) -> int:
-    """Number of cases, of which one takes this time, to send together."""
-    return int(min(max(TOGETHER / max(seconds, 1e-9), 1), MOST_TOGETHER))
-
-
-def _numbered(number: int, answer: tuple[bool, Any]) -> tuple[int, Any]:
-    good, result = answer
-    return number, result if good else Failed(number, result)
+def _attempted(function: Callable[[Any], Any], some: list[tuple[int, Any]]) -> Any:
+    """(number, result or `Failed`) of some cases, and the time that they take [s]."""
+    began, found = time.monotonic(), list[tuple[int, Any]]()
+    for number, case in some:
+        try:
+            found.append((number, function(case)))
+        except CompilerError:
+            raise
+        except Exception as error:
+            found.append((number, Failed(number, f"{type(error).__name__}: {error}")))
+    return found, time.monotonic() - began
