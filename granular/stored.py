@@ -7,7 +7,6 @@ of its calls, and are returned again when the scene is rebuilt.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import fields
 from typing import Any
 
 from granular.assembly import SharedSprings
@@ -26,15 +25,11 @@ from tensegrity.runs.identity import PARTS
 def register_scenes() -> None:
     """Register scenes of beads, so that files can contain them."""
     for kind in (Material, Bead, Striker, Contact, Dissipation, Piece, Layout):
-        register(kind, _fields)
+        register(kind)
     for kind in (BeadChain, Guide):
         register(kind, _scene, _again(kind))
     register(Pack, _pack, _pack_again)
     PARTS[SharedSprings] = lambda x: x._law  # its answers follow from it
-
-
-def _fields(x: Any) -> dict[str, Any]:
-    return {field.name: getattr(x, field.name) for field in fields(x)}
 
 
 def _scene(x: Any) -> dict[str, Any]:

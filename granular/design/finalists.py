@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from tensegrity import TensegrityError
-from tensegrity.printing import filled
+from tensegrity.printing import Lines, Printed
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -46,8 +46,8 @@ class Again(NamedTuple):
     force: float
 
 
-@dataclass(frozen=True, eq=False)
-class Best:
+@dataclass(frozen=True, eq=False, repr=False)
+class Best(Printed):
     """Result of a search.
 
     Attributes
@@ -85,26 +85,20 @@ class Best:
     method: str
     seed: int
 
-    def __str__(self) -> str:
-        lines = [
-            f"{self.peak_force:.6g} N, {self.method}, seed {self.seed}, "
-            f"{self.evaluations} designs computed"
-        ]
-        lines += [
-            f"in {one.t_end:.4g} s at dt = {one.dt:.3g} s: {one.force:.6g} N" for one in self.again
-        ]
+    def _lines(self) -> Lines:
+        of = f"{self.peak_force:.6g} N, {self.method}, seed {self.seed}"
+        yield f"{of}, {self.evaluations} designs computed"
+        for one in self.again:
+            yield f"in {one.t_end:.4g} s at dt = {one.dt:.3g} s: {one.force:.6g} N"
         if self.failed:
-            lines.append(f"{self.failed} designs were lost with their workers")
+            yield f"{self.failed} designs were lost with their workers"
         if self.rejected:
-            lines.append(f"{self.rejected} better ones were rejected: their force changes with dt")
+            yield f"{self.rejected} better ones were rejected: their force changes with dt"
         if not self.converged_in_time:
-            lines.append(
+            yield (
                 f"not converged in time: these differ by more than {MOVED:g}; take a longer "
                 "t_end, or this force as an estimate"
             )
-        return filled("\n".join(lines))
-
-    __repr__ = __str__
 
 
 def chosen(

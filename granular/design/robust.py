@@ -14,12 +14,13 @@ from granular.design.spaces import Designs
 from granular.materials import Material
 from tensegrity import TensegrityError, check
 from tensegrity.engine import native
+from tensegrity.printing import Lines, Printed
 from tensegrity.readonly import fixed
 from tensegrity.typing import Array
 
 
-@dataclass(frozen=True, eq=False)
-class Robustness:
+@dataclass(frozen=True, eq=False, repr=False)
+class Robustness(Printed):
     """Peak forces of a design that is not made exactly.
 
     Attributes
@@ -50,14 +51,12 @@ class Robustness:
         """
         return float(np.quantile(self.peaks, fraction("quantile", q)))
 
-    def __str__(self) -> str:
+    def _lines(self) -> Lines:
         low, middle, high = (self.quantile(q) for q in (0.1, 0.5, 0.9))
-        return (
+        yield (
             f"{len(self.peaks)} draws: median {middle:.6g} N, "
             f"a tenth below {low:.6g} N and a tenth above {high:.6g} N"
         )
-
-    __repr__ = __str__
 
 
 def robustness(

@@ -13,7 +13,6 @@ import os
 from collections.abc import Iterator
 from concurrent.futures import Executor
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -31,16 +30,7 @@ from tensegrity import TensegrityError, check
 from tensegrity.engine import native
 from tensegrity.notebook import one_bar, progress
 from tensegrity.runs import archive
-from tensegrity.runs.sweep import (
-    Failed,
-    checkpoint_file,
-    identified,
-    known_by,
-    outcomes,
-    require_executor,
-    require_same,
-    write_checkpoint,
-)
+from tensegrity.runs.sweep import Checkpoint, Failed, outcomes, require_executor
 from tensegrity.typing import Array
 
 COARSE = 4.0  # steps of a search of chains over the default ones: they rank designs alike
@@ -159,18 +149,17 @@ def _coarse(build: Build | None) -> float:
     return COARSE if build is None else BUILT
 
 
-def _parts(data: dict[str, Any]) -> tuple[dict[str, Any], list[tuple[Any, Array]], str]:
-    """The problem, the best design and the forces of each descent, and the digest of a file."""
-    of = known_by(data["of"])
-    forces = archive.array("forces", data["forces"], (None,), are_finite=False)
-    check.kind("digest", data["digest"], str)
-    counts, rows = data.get("counts", ()), data.get("rows", ())
+def _descents(
+    forces: Any, digest: Any, count: int, counts: Any = (), rows: Any = ()
+) -> tuple[list[tuple[Any, Array]], str]:
+    """The best design and the forces of each descent, and the digest, of a file."""
+    forces = archive.array("forces", forces, (None,), are_finite=False)
+    check.kind("digest", digest, str)
     if len(counts) != len(rows) or (len(counts) and np.sum(counts) != len(forces)):
         raise TensegrityError(f"{len(rows)} descents of {np.sum(counts)} forces, of {len(forces)}")
     if not len(counts):  # of a design each
-        return of, [(None, force) for force in forces[:, None]], data["digest"]
-    descents = np.split(forces, np.cumsum(counts)[:-1])
-    return of, list(zip(rows, descents, strict=True)), data["digest"]
+        return [(None, force) for force in forces[:, None]], digest
+    return list(zip(rows, np.split(forces, np.cumsum(counts)[:-1]), strict=True)), digest
 
 
 class _SearchRecord:
@@ -191,20 +180,14 @@ class _SearchRecord:
         self._known: dict[bytes, tuple[Array, float]] = {}  # the best design of each row
         self._best, self._best_forces = np.empty((0, problem.space.count)), np.empty(0)
         self._whole: list[tuple[Any, int]] = []  # best design of a descent, and count
-        self._written, self._digest = 0, hashlib.sha256()
-        self._path: Path | None = None if path is None else checkpoint_file(path)
-        self._old: list[tuple[Any, Array]] = []
-        self._old_digest = ""
-        self._of: dict[str, Any] = {}
-        if self._path is not None:
-            parts = "space", "striker", "wall", "t_end", "dt", "build", "scatter"
-            given = {name: getattr(problem, name) for name in parts}
-            self._of = identified("search", given | {"method": method, "seed": seed})
-        if self._path is not None and self._path.exists():
-            of, *old = archive.read(self._path, "search", _parts)
-            require_same(self._path, "search", of, self._of)
-            self._old, self._old_digest = old
-            self._written = len(self._old)
+        self._digest = hashlib.sha256()
+        parts = "space", "striker", "wall", "t_end", "dt", "build", "scatter"
+        given = {name: getattr(problem, name) for name in parts}
+        given |= {"method": method, "seed": seed}
+        self._file = Checkpoint(path, "search", given, {}, _descents)
+        old: tuple[list[tuple[Any, Array]], str] = self._file.found or ([], "")
+        self._old, self._old_digest = old
+        self._written = len(self._old)
 
     @property
     def begun(self) -> int:
@@ -282,23 +265,20 @@ class _SearchRecord:
 
     def _write(self) -> None:
         """Write new designs to the file."""
-        if self._path is None or len(self._whole) <= self._written:
+        if not self._file or len(self._whole) <= self._written:
             return
         self._written = len(self._whole)
         rows, counts = zip(*self._whole, strict=True)
-        data = {
-            "of": self._of, "forces": np.array(self.forces[: sum(counts)]),
-            "digest": self._digest.hexdigest(),
-        }  # fmt: skip
+        found = {"forces": np.array(self.forces[: sum(counts)]), "digest": self._digest.hexdigest()}
         if isinstance(self._leads, Descents):
-            data |= {"counts": np.array(counts), "rows": np.array(rows)}
-        write_checkpoint(self._path, "search", data)
+            found |= {"counts": np.array(counts), "rows": np.array(rows)}
+        self._file.write(**found)
 
     def _require_same_digest(self) -> None:
         if self._digest.hexdigest() != self._old_digest:
             raise TensegrityError(
-                f"checkpoint {self._path}: its designs are not those that this search proposes; "
-                "was it written with other versions of the libraries?"
+                f"checkpoint {self._file.path}: its designs are not those that this search "
+                "proposes; was it written with other versions of the libraries?"
             )
 
     def _refuse_early(self, rows: Array) -> None:

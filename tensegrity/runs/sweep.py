@@ -8,7 +8,6 @@ once, alone where a pool of processes broke, and counts as failed if its worker 
 
 from __future__ import annotations
 
-import json
 import os
 import pickle
 import time
@@ -17,8 +16,8 @@ from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExe
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 from itertools import islice
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -54,7 +53,7 @@ class Failed:
     lost: bool = False
 
 
-archive.register(Failed, vars)
+archive.register(Failed)
 
 
 def sweep(
@@ -109,170 +108,149 @@ def sweep(
         raise TensegrityError(f"function {check.shown(function)} cannot be called")
     cases = check.sequence("cases", cases, "cases")
     require_executor(executor)
-    results_so_far = _Checkpoint(checkpoint, function, cases)
-    left = {k: case for k, case in enumerate(cases) if k not in results_so_far.results}
+    so_far = _Results(checkpoint, function, cases)
+    left = {k: case for k, case in enumerate(cases) if k not in so_far.found}
     with progress(len(cases), "case", len(cases) - len(left)) as bar:
         try:
             for number, result in outcomes(executor, function, left):
-                results_so_far.add(number, result)
+                so_far.add(number, result)
                 bar.update()
         finally:
-            results_so_far.write()
-    return [results_so_far.results[k] for k in range(len(cases))]
+            so_far.write()
+    return [so_far.found[k] for k in range(len(cases))]
 
 
-class _Checkpoint:
+class _Results:
     """Results obtained so far, in memory and in a file."""
 
     def __init__(self, path: Any, function: Any, cases: Sequence[Any]) -> None:
-        self._path = None if path is None else checkpoint_file(path)
-        self.results: dict[int, Any] = {}
-        self._fresh, self._due, self._took = False, 0.0, 0.0
-        if self._path is None:
-            return
-        given = {"function": function} | {f"case {k}": x for k, x in enumerate(cases)}
-        self._of = identified("sweep", given)
-        if self._path.exists():
-            known, self.results = archive.read(self._path, "sweep", _checkpoint_contents)
-            more = known.keys() | {"function"}  # either may have more cases
-            here = {name: x for name, x in self._of.items() if name in more}
-            require_same(self._path, "sweep", known, here)
-            self._of = known | self._of
+        numbered = {f"case {k}": x for k, x in enumerate(cases)}
+        self._file = Checkpoint(path, "sweep", {"function": function}, numbered, _by_number)
+        self.found: dict[int, Any] = self._file.found or {}
+        self._fresh, self._due = False, 0.0
 
     def add(self, number: int, result: Any) -> None:
         """Store a result, and write the file unless writing takes too large a fraction of time."""
-        if self._path is not None and not _is_storable(result):
+        if self._file and not archive.holds(result):
             raise TensegrityError(
                 f"the result of case {number} is {check.shown(result)}, which a checkpoint "
                 "cannot store: return numbers, text or arrays, such as the columns of a path, or "
                 "leave out the checkpoint"
             )
-        self.results[number], self._fresh = result, True
+        self.found[number], self._fresh = result, True
         if time.monotonic() >= self._due:
             self.write()
 
     def write(self) -> None:
         """Write the file if there are new results."""
-        if self._path is None or not self._fresh:
-            return
-        began = time.monotonic()
-        numbers = sorted(self.results)
-        results = [self.results[k] for k in numbers]
-        data = {"of": self._of, "numbers": numbers, "results": results}
-        write_checkpoint(self._path, "sweep", data)
+        if self._file and self._fresh:
+            began, numbers = time.monotonic(), sorted(self.found)
+            self._file.write(numbers=numbers, results=[self.found[k] for k in numbers])
+            self._due = time.monotonic() + (time.monotonic() - began) / WRITING
         self._fresh = False
-        self._due = time.monotonic() + (time.monotonic() - began) / WRITING
 
 
-def _checkpoint_contents(data: dict[str, Any]) -> tuple[dict[str, Any], dict[int, Any]]:
-    """The contents of a checkpoint: what it is of, function and cases, and results by number."""
-    known = known_by(data["of"])
-    numbers = [check.whole("number", k, least=0, below=len(known) - 1) for k in data["numbers"]]
-    return known, dict(zip(numbers, data["results"], strict=True))
+def _by_number(numbers: Any, results: Any, count: int) -> dict[int, Any]:
+    """The results in a file by the numbers of their cases."""
+    numbers = [check.whole("number", k, least=0, below=count - 1) for k in numbers]
+    return dict(zip(numbers, results, strict=True))
 
 
-def _is_storable(result: Any) -> bool:
-    trial = archive._Writer()
-    try:
-        json.dumps(trial.value(result))
-    except TypeError:  # such as complex numbers
-        return False
-    return not trial.opaque
-
-
-def checkpoint_file(path: Any) -> Path:
-    """A path as that of a checkpoint, if it lies in a folder."""
-    path = check.path("checkpoint", path)
-    if not path.parent.is_dir():
-        raise TensegrityError(f"checkpoint {path}: there is no folder {path.parent}")
-    return path
-
-
-def identified(kind: str, given: dict[str, Any]) -> dict[str, tuple[str, str]]:
-    """What a checkpoint knows a computation by: identity and printed form of all that it is given.
+class Checkpoint:
+    """A file of what a computation has found so far, which only the same computation continues.
 
     Parameters
     ----------
+    path : str or path, or None
+        None for no file: such a checkpoint is false.
     kind : str
         "sweep" or "search".
     given : dict
-        Functions, cases and other arguments, by their names in messages.
+        Functions and arguments by their names in messages: the file knows a computation by the
+        identity and the printed form of each.
+    further : dict
+        The same for what either may have more of.
+    make : callable
+        Makes `found` of what `write` stored, and of `count`, the number of all that is given; it
+        raises an error where these do not fit.
 
-    Returns
-    -------
-    dict of str to (str, str)
+    Attributes
+    ----------
+    found : object
+        What `make` returned, or None where there is no such file yet.
 
     Raises
     ------
     TensegrityError
-        Something in an argument has no identity.
+        Something given that has no identity; a path without a folder; a file that is damaged, or
+        of another computation, which names the first difference.
     """
-    identities, known = Identities(), {}
-    for name, value in given.items():
-        try:
-            known[name] = identities.of(value), described(value)[:NAMED]
-        except TensegrityError as error:
+
+    def __init__(
+        self,
+        path: Any,
+        kind: str,
+        given: Mapping[str, Any],
+        further: Mapping[str, Any],
+        make: Callable[..., Any],
+    ) -> None:
+        self.path, self._kind = path, kind
+        self.found: Any = None
+        if path is None:
+            return
+        self.path = check.path("checkpoint", path)
+        if not self.path.parent.is_dir():
+            raise TensegrityError(f"checkpoint {path}: there is no folder {self.path.parent}")
+        self._of, identities = dict[str, tuple[str, str]](), Identities()
+        for name, value in {**given, **further}.items():
+            try:
+                self._of[name] = identities.of(value), described(value)[:NAMED]
+            except TensegrityError as error:
+                raise TensegrityError(
+                    f"no checkpoint can know the {name} of a {kind}: {error}"
+                ) from error
+        if self.path.exists():
+            of, self.found = archive.read(self.path, kind, partial(_of_file, make))
+            self._require_same(of, further)
+            self._of = of | self._of
+
+    def __bool__(self) -> bool:
+        return self.path is not None
+
+    def _require_same(self, of: Mapping[str, tuple[str, str]], further: Mapping[str, Any]) -> None:
+        for name, (now, text) in self._of.items():
+            was, printed = of.get(name, (now, text) if name in further else ("", "missing"))
+            if was == now:
+                continue
+            words = "printed as here, but has other contents or other code"
+            if printed != text:
+                words = "{}, here {}".format(*check.differing(printed, text))
             raise TensegrityError(
-                f"no checkpoint can know the {name} of a {kind}: {error}"
-            ) from error
-    return known
+                f"checkpoint {self.path} is of another {self._kind}: its {name} is {words}"
+            )
+
+    def write(self, **found: Any) -> None:
+        """Replace the file as a whole.
+
+        Raises
+        ------
+        TensegrityError
+            It cannot be written; the one before stays.
+        """
+        try:
+            archive.write(self.path, self._kind, {"of": self._of, **found})
+        except OSError as error:
+            raise TensegrityError(f"checkpoint {self.path}: {error.strerror}") from error
 
 
-def known_by(stored: Any) -> dict[str, tuple[str, str]]:
-    """What `identified` returned, from a file."""
-    check.kind("of", stored, dict)
-    for name, pair in stored.items():
+def _of_file(make: Callable[..., Any], data: dict[str, Any]) -> tuple[dict[str, Any], Any]:
+    """What a checkpoint is of, and what it has found."""
+    of = data.pop("of")
+    check.kind("of", of, dict)
+    for name, pair in of.items():
         if not (isinstance(pair, tuple) and [*map(type, pair)] == [str, str]):
             raise TensegrityError(f"{name} {check.shown(pair)} is no identity")
-    return stored
-
-
-def write_checkpoint(path: Path, kind: str, data: dict[str, Any]) -> None:
-    """Write a checkpoint to a temporary file and rename it.
-
-    Parameters
-    ----------
-    path : Path
-    kind : str
-        "sweep" or "search".
-    data : dict
-        Contents that `archive.write` accepts.
-
-    Raises
-    ------
-    TensegrityError
-        The file cannot be written.
-    """
-    try:
-        archive.write(path, kind, data)
-    except OSError as error:
-        raise TensegrityError(f"checkpoint {path}: {error.strerror}") from error
-
-
-def require_same(path: Path, kind: str, there: dict[str, Any], here: dict[str, Any]) -> None:
-    """Refuse a checkpoint that belongs to another computation, naming the difference.
-
-    Parameters
-    ----------
-    path : Path
-    kind : str
-        "sweep" or "search".
-    there, here : dict
-        Descriptions of the stored and of the present computation, see `identified`.
-
-    Raises
-    ------
-    TensegrityError
-        An entry differs.
-    """
-    for name, (now, text) in here.items():
-        was, printed = there.get(name, ("", "missing"))
-        if was == now:
-            continue
-        words = "printed as here, but has other contents or other code"
-        if printed != text:
-            words = "{}, here {}".format(*check.differing(printed, text))
-        raise TensegrityError(f"checkpoint {path} is of another {kind}: its {name} is {words}")
+    return of, make(**data, count=len(of))
 
 
 def require_executor(executor: Any) -> None:
