@@ -35,7 +35,6 @@ ROOMS = [  # inside tensegrity: each may import what stands before it
     "waves",
     "orbits",
     "measure",
-    "lens",
     "gradients",
 ]
 ABOVE = ["objective", "animation", "__main__"]  # modules for users that no room uses
