@@ -20,7 +20,7 @@ from tensegrity.engine.force_law import SITE, AppliedForce
 from tensegrity.engine.forced import values_on_chain
 from tensegrity.errors import TensegrityError
 from tensegrity.printing import printed
-from tensegrity.runs.run import Run
+from tensegrity.runs.run import Run, require_all_sites
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.force import applied_forces
@@ -100,8 +100,7 @@ def budget(run: Run, bond: int) -> Budget:
             "the work of springs that change in time does not pass through a bond"
         )
     bond = check.whole("bond", bond, least=0, below=chain.sites - 1)
-    if run.sites != tuple(range(chain.sites)):
-        raise TensegrityError(f"{len(run.sites)} of {chain.sites} sites recorded: record all")
+    require_all_sites(run)
     if chain.ends[1] != "free":
         raise TensegrityError("the last site is fixed: its force is not part of this budget")
     if len(run.t) <= DEGREE:

@@ -23,7 +23,7 @@ from tensegrity.errors import TensegrityError
 from tensegrity.notebook import progress
 from tensegrity.printing import printed
 from tensegrity.runs.integrate import simulate
-from tensegrity.runs.run import Run
+from tensegrity.runs.run import Run, require_all_sites
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.force import depends_on_time
 from tensegrity.scenes.scene import State, varied
@@ -163,8 +163,7 @@ def chain_of(run: Run) -> Chain:
         )
     if chain.tune:
         raise TensegrityError("the springs change in time: pulses require constant ones")
-    if run.sites != tuple(range(chain.sites)):
-        raise TensegrityError(f"{len(run.sites)} of {chain.sites} sites recorded: record all")
+    require_all_sites(run)
     return chain
 
 

@@ -31,13 +31,17 @@ if TYPE_CHECKING:
     Frozen = TypeVar("Frozen")
 
 
+def require_all_sites(run: Any, what: str = "") -> None:
+    """Refuse a run in which some sites were not recorded, or in another order."""
+    sites = run.scene.sites
+    if run.sites != tuple(range(sites)):
+        raise TensegrityError(f"{len(run.sites)} of {sites} sites recorded: record all{what}")
+
+
 def energy_density(run: Any, ax: Axes | None = None) -> Axes:
     """See `Run.plot`."""
     scene = run.scene
-    if run.sites != tuple(range(scene.sites)):
-        raise TensegrityError(
-            f"{len(run.sites)} of {scene.sites} sites recorded: record all to plot"
-        )
+    require_all_sites(run, " to plot")
     drawn: Axes = plotting.axes(ax)
     density = scene.site_energy(run)
     if isinstance(scene, Network):
