@@ -178,7 +178,6 @@ class _SearchRecord:
         self._leads = Descents(problem) if method == "gradient" else problem
         self.forces: list[float] = []
         self._known: dict[bytes, tuple[Array, float]] = {}  # the best design of each row
-        self._best, self._best_forces = np.empty((0, problem.space.count)), np.empty(0)
         self._whole: list[tuple[Any, int]] = []  # best design of a descent, and count
         self._digest = hashlib.sha256()
         parts = "space", "striker", "wall", "t_end", "dt", "build", "scatter"
@@ -218,7 +217,6 @@ class _SearchRecord:
             mine = [keys[next(waiting)] for _ in ends]
             for key, descent in zip(mine, ends, strict=True):
                 self._take(key, descent)
-            self._rank([self._known[key] for key in mine if key in self._known])
             self._write()
             if len(self.forces) >= self._budget:
                 break
@@ -253,15 +251,6 @@ class _SearchRecord:
             self._whole.append((best, len(forces)))
             if len(self._whole) == len(self._old):
                 self._require_same_digest()
-
-    def _rank(self, designs: list[tuple[Array, float]]) -> None:
-        """Update the list of the best designs."""
-        if not designs:
-            return
-        rows, values = (np.array(x) for x in zip(*designs, strict=True))
-        top, forces = np.concatenate([self._best, rows]), np.append(self._best_forces, values)
-        order = np.argsort(forces, kind="stable")[:CANDIDATES]
-        self._best, self._best_forces = top[order].astype(rows.dtype), forces[order]
 
     def _write(self) -> None:
         """Write new designs to the file."""
@@ -321,9 +310,12 @@ class _SearchRecord:
 
     def best(self) -> Best:
         """The best design whose force does not change with the step, also in the longer window."""
-        problem, some = self._problem, np.isfinite(self._best_forces)
-        if not some.any():
+        problem, found = self._problem, [x for x in self._known.values() if np.isfinite(x[1])]
+        if not found:
             raise TensegrityError(f"no design of {len(self.forces)} has a force at the wall")
+
+        top = sorted(found, key=lambda x: x[1])[:CANDIDATES]
+        rows, forces = (np.array(x) for x in zip(*top, strict=True))
 
         def force(t_end: float, dt: float, rows: Array) -> Array:
             parts = self._computed(replace(problem, t_end=t_end, dt=dt), rows)
@@ -334,8 +326,8 @@ class _SearchRecord:
             problem.t_end,
             problem.dt,
             problem.dt / _coarse(problem.build),
-            self._best[some],
-            self._best_forces[some],
+            rows,
+            forces,
         )
         return Best(
             beads=problem.space.beads(row), peak_force=again[-2].force,
