@@ -352,12 +352,18 @@ def replacing(path: Path) -> Iterator[Path]:
 
     The file's name is its own, so that two processes can replace one file, and has the same ending,
     by which some writers know a format.  A link is followed; what is no file, such as /dev/stdout,
-    is written directly.
+    is written directly.  An `OSError` in the context is a `TensegrityError` that names the file.
     """
-    if path.exists() and not path.is_file():
-        yield path
-        return
-    path = Path(os.path.realpath(path))
+    try:
+        if path.exists() and not path.is_file():
+            yield path
+        else:
+            yield from _beside(Path(os.path.realpath(path)))
+    except OSError as error:
+        raise TensegrityError(f"{path} cannot be written: {error.strerror or error}") from error
+
+
+def _beside(path: Path) -> Iterator[Path]:
     new = path.with_name(f".{path.stem[:99]}.{secrets.token_hex(4)}{path.suffix}")
     try:
         yield new

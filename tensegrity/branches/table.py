@@ -179,11 +179,8 @@ class Table(Printed):
         table = np.column_stack([np.asarray(c, dtype=float) for c in self.columns.values()])
         header = ",".join(map(self._heading, self.columns))
         path = check.path("path", path)
-        try:
-            with check.replacing(path) as new:
-                np.savetxt(new, table, fmt="%.17g", delimiter=",", header=header, comments="")
-        except OSError as error:
-            raise TensegrityError(f"{path} cannot be written: {error.strerror}") from error
+        with check.replacing(path) as new:
+            np.savetxt(new, table, fmt="%.17g", delimiter=",", header=header, comments="")
 
     def plot(self, ax: Axes | None = None, *, x: str | None = None, y: str | None = None) -> Axes:
         """Draw one column against another, with the events marked, and dashed where a column

@@ -137,7 +137,7 @@ def write(path, kind, data):
 
     Raises
     ------
-    OSError
+    TensegrityError
         The file cannot be written; an existing file stays unchanged.
     """
     writer, path = _Writer(), check.path("path", path)

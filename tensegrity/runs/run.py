@@ -191,10 +191,7 @@ class Run(Printed):
         TensegrityError
             If the file cannot be written.
         """
-        try:
-            archive.write(path, "run", {f.name: getattr(self, f.name) for f in fields(self)})
-        except OSError as error:
-            raise TensegrityError(f"run not saved to {path}: {error.strerror}") from error
+        archive.write(path, "run", {f.name: getattr(self, f.name) for f in fields(self)})
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> Self:

@@ -237,10 +237,7 @@ class Checkpoint:
         TensegrityError
             It cannot be written; the one before stays.
         """
-        try:
-            archive.write(self.path, self._kind, {"of": self._of, **found})
-        except OSError as error:
-            raise TensegrityError(f"checkpoint {self.path}: {error.strerror}") from error
+        archive.write(self.path, self._kind, {"of": self._of, **found})
 
 
 def _of_file(make: Callable[..., Any], data: dict[str, Any]) -> tuple[dict[str, Any], Any]:
