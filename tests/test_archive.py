@@ -235,7 +235,7 @@ def test_a_file_is_replaced_whole_or_not_at_all(tmp_path, monkeypatch):
         run.save(path)
     assert path.read_bytes() == before
     assert [x.name for x in tmp_path.iterdir()] == ["run.npz"]
-    with pytest.raises(TensegrityError, match="no folder/run.npz cannot be written"):
+    with pytest.raises(TensegrityError, match=r"no folder/run\.npz cannot be written"):
         run.save(tmp_path / "no folder" / "run.npz")
 
 
