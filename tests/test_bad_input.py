@@ -26,6 +26,7 @@ from granular import contact_network, design
 from granular.lammps import run_lammps, to_lammps
 from granular.layout import diamond_layout, y_layout
 from tensegrity import objective
+from tensegrity.checked import declared
 from tensegrity.engine import methods
 from tensegrity.measure import observables
 from tensegrity.prisms.fold_curve import limit_load
@@ -471,6 +472,21 @@ def faults(name, function, given):
                 yield f"{words} gives NaN: {answer!r:.200}"
 
 
+def beside_bounds(said):
+    """(number, words of its refusal, whether it is refused) on both sides of each bound that an
+    argument declares."""
+    beside = (lambda x, to: x + int(math.copysign(1, to))) if said.kind is int else math.nextafter
+    for sign, bound in said.keywords.items():
+        if sign in ("above", "below"):
+            words = f"must be {sign} {bound:g}"
+            yield bound, words, True
+            yield beside(bound, math.inf if sign == "above" else -math.inf), words, False
+        elif sign == "least":
+            words = f"must be at least {bound:g}"
+            yield bound, words, False
+            yield beside(bound, -math.inf), words, True
+
+
 def takes_others(name, kind):
     """Whether an argument is one number or several of them."""
     several = ("r", "x", "mass", "bond", "rate")
@@ -486,6 +502,20 @@ def test_wrong_arguments_meet_a_tensegrity_error_or_a_finite_answer(
 ):
     monkeypatch.chdir(tmp_path)  # some wrong paths are paths
     assert list(faults(name, function, given)) == []
+
+
+DECLARING = [case for case in CASES if declared(case[1])]
+
+
+@pytest.mark.parametrize("case", DECLARING, ids=[name for name, *_ in DECLARING])
+def test_numbers_are_refused_at_declared_bounds_and_taken_beside_them(case):
+    good, _ = completed(*case)
+    for argument, said in declared(case[1]).items():
+        for value, words, refused in beside_bounds(said):
+            answer = outcome(case[1], good | {argument: value})
+            answer = str(answer) if isinstance(answer, ts.TensegrityError) else ""
+            is_named = answer.startswith(f"{argument} {value:g}")
+            assert (is_named and answer.endswith(words)) is refused, f"{argument} {value}: {answer}"
 
 
 def test_a_new_argument_without_an_example_is_named():

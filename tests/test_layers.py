@@ -19,6 +19,7 @@ BASE = [
     "errors",
     "typing",
     "check",
+    "checked",
     "once",
     "readonly",
     "root",
