@@ -285,7 +285,7 @@ def outcomes(
     """
     if executor is None:
         for pair in cases.items():
-            yield from _attempted(function, [pair])[0]
+            yield _attempt(function, *pair)
         return
     ahead = AHEAD
     if isinstance(executor, ProcessPoolExecutor):
@@ -313,7 +313,7 @@ def outcomes(
                 if error is None:
                     results, seconds = future.result()
                     size = int(np.clip(TOGETHER * len(some) / max(seconds, 1e-9), 1, MOST_TOGETHER))
-                else:  # an error of the worker; those of the function are caught in `_attempted`
+                else:  # an error of the worker; those of the function are caught in `_attempt`
                     results = _repeated(executor, function, some)
                 yield from results
 
@@ -347,12 +347,14 @@ def _require_sendable(function: Callable[[Any], Any]) -> None:
 
 def _attempted(function: Callable[[Any], Any], some: list[tuple[int, Any]]) -> Any:
     """(number, result or `Failed`) of some cases, and the time that they take [s]."""
-    began, found = time.monotonic(), list[tuple[int, Any]]()
-    for number, case in some:
-        try:
-            found.append((number, function(case)))
-        except CompilerError:
-            raise
-        except Exception as error:
-            found.append((number, Failed(number, f"{type(error).__name__}: {error}")))
-    return found, time.monotonic() - began
+    began = time.monotonic()
+    return [_attempt(function, *pair) for pair in some], time.monotonic() - began
+
+
+def _attempt(function: Callable[[Any], Any], number: int, case: Any) -> tuple[int, Any]:
+    try:
+        return number, function(case)
+    except CompilerError:
+        raise
+    except Exception as error:
+        return number, Failed(number, f"{type(error).__name__}: {error}")
