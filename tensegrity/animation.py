@@ -13,7 +13,8 @@ import numpy as np
 
 from tensegrity import check, plotting
 from tensegrity.errors import TensegrityError
-from tensegrity.runs.run import Run, require_all_sites
+from tensegrity.runs.record import require_all_sites
+from tensegrity.runs.run import Run
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.ensemble import Ensemble
 from tensegrity.scenes.network import Network

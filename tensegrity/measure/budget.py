@@ -20,7 +20,8 @@ from tensegrity.engine.force_law import SITE, AppliedForce
 from tensegrity.engine.forced import values_on_chain
 from tensegrity.errors import TensegrityError
 from tensegrity.printing import printed
-from tensegrity.runs.run import Run, require_all_sites
+from tensegrity.runs.record import require_all_sites
+from tensegrity.runs.run import Run
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.force import applied_forces

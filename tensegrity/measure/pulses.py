@@ -23,7 +23,8 @@ from tensegrity.errors import TensegrityError
 from tensegrity.notebook import progress
 from tensegrity.printing import printed
 from tensegrity.runs.integrate import simulate
-from tensegrity.runs.run import Run, require_all_sites
+from tensegrity.runs.record import require_all_sites
+from tensegrity.runs.run import Run
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.force import depends_on_time
 from tensegrity.scenes.scene import State, varied

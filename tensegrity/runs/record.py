@@ -232,6 +232,13 @@ def _evenly(every: int, total: int, t_end: float) -> OutputTimes:
     return OutputTimes(step, np.zeros(len(step)), step * (t_end / (total or 1)), step)
 
 
+def require_all_sites(run: Any, what: str = "") -> None:
+    """Refuse a run in which some sites were not recorded, or in another order."""
+    sites = run.scene.sites
+    if run.sites != tuple(range(sites)):
+        raise TensegrityError(f"{len(run.sites)} of {sites} sites recorded: record all{what}")
+
+
 def require_memory(size):
     """Refuse a record of more bytes than there is free memory."""
     if size > SMALL:

@@ -11,6 +11,7 @@ from tensegrity import check, plotting
 from tensegrity.errors import TensegrityError
 from tensegrity.printing import GLUE, Lines, Printed
 from tensegrity.runs import archive
+from tensegrity.runs.record import require_all_sites
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.ensemble import Ensemble
 from tensegrity.scenes.network import Network
@@ -29,13 +30,6 @@ if TYPE_CHECKING:
     from tensegrity.typing import Array
 
     Frozen = TypeVar("Frozen")
-
-
-def require_all_sites(run: Any, what: str = "") -> None:
-    """Refuse a run in which some sites were not recorded, or in another order."""
-    sites = run.scene.sites
-    if run.sites != tuple(range(sites)):
-        raise TensegrityError(f"{len(run.sites)} of {sites} sites recorded: record all{what}")
 
 
 def energy_density(run: Any, ax: Axes | None = None) -> Axes:

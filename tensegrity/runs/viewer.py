@@ -18,7 +18,7 @@ import numpy as np
 from tensegrity.errors import TensegrityError
 from tensegrity.prisms.closed import rigid_path
 from tensegrity.prisms.elastic_path import elastic_path
-from tensegrity.runs.run import require_all_sites
+from tensegrity.runs.record import require_all_sites
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.picture import edge
