@@ -23,6 +23,7 @@ from tensegrity.engine.forced import values_between
 from tensegrity.errors import TensegrityError
 from tensegrity.measure.observables import directions
 from tensegrity.printing import printed
+from tensegrity.runs.record import require_all_sites
 from tensegrity.runs.run import Run
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.dynamics import dynamics
@@ -115,8 +116,7 @@ def _recorded_whole(run: Run, *kinds: Any) -> Any:
         raise TensegrityError(
             "the work of springs that change in time does not pass through a bond"
         )
-    if run.sites != tuple(range(scene.sites)):
-        raise TensegrityError(f"{len(run.sites)} of {scene.sites} sites recorded: record all")
+    require_all_sites(run)
     return scene
 
 

@@ -24,6 +24,7 @@ from tensegrity.errors import TensegrityError
 from tensegrity.notebook import progress
 from tensegrity.printing import printed
 from tensegrity.runs.integrate import simulate
+from tensegrity.runs.record import require_all_sites
 from tensegrity.runs.run import Run
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.dynamics import varied
@@ -174,8 +175,7 @@ def chain_of(run: Run) -> Chain:
         )
     if chain.tune:
         raise TensegrityError("the springs change in time: pulses require constant ones")
-    if run.sites != tuple(range(chain.sites)):
-        raise TensegrityError(f"{len(run.sites)} of {chain.sites} sites recorded: record all")
+    require_all_sites(run)
     return chain
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity.errors import TensegrityError
+from tensegrity.printing import Lines, Printed
 from tensegrity.readonly import FixedDict
 from tensegrity.runs.integrate import simulate
 from tensegrity.runs.run import Run
@@ -29,8 +30,8 @@ FINEST = 4096  # steps of the flow
 FIXED = 1e-9  # fraction of a motion that counts as zero
 
 
-@dataclass(frozen=True, eq=False)
-class Orbit:
+@dataclass(frozen=True, eq=False, repr=False)
+class Orbit(Printed):
     """A time-periodic motion, computed by `periodic_orbit`.
 
     Attributes
@@ -61,14 +62,10 @@ class Orbit:
     opens: bool
     steps: int = field(repr=False)
 
-    def __str__(self) -> str:
-        opens = "; springs pass kinks" if self.opens else ""
-        return (
-            f"periodic orbit of {self.scene.sites} sites, period {self.period:.6g} s, energy "
-            f"{self.energy:.6g} J\nresidual {self.residual:.1e}{opens}"
-        )
-
-    __repr__ = __str__
+    def _lines(self) -> Lines:
+        of = f"periodic orbit of {self.scene.sites} sites"
+        yield f"{of}, period {self.period:.6g} s, energy {self.energy:.6g} J"
+        yield f"residual {self.residual:.1e}" + "; springs pass kinks" * self.opens
 
     def run(self, tol: float = 1e-9) -> Run:
         """A run of one period from `state`; arguments as of `simulate`."""

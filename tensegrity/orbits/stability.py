@@ -29,6 +29,7 @@ from tensegrity.errors import ResolutionError, TensegrityError
 from tensegrity.orbits.flow import DrivenFlow, Flow
 from tensegrity.orbits.orbit import family_of
 from tensegrity.orbits.shooting import Multipliers, Orbit, descending
+from tensegrity.printing import Lines, Printed
 from tensegrity.scenes.chain import Chain
 from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array
@@ -47,8 +48,8 @@ LARGEST = 700  # sites of a window
 AROUND = 12  # sites beyond it, where elongations are perturbed, or more if sound is faster
 
 
-@dataclass(frozen=True, eq=False)
-class Floquet:
+@dataclass(frozen=True, eq=False, repr=False)
+class Floquet(Printed):
     """Multipliers of small perturbations of a wave or of a periodic orbit.
 
     Attributes
@@ -70,15 +71,11 @@ class Floquet:
     growth: float
     stable: bool
 
-    def __str__(self) -> str:
+    def _lines(self) -> Lines:
         largest = ", ".join(f"{x:.6g}" for x in self.multipliers[:3]) or "only neutral ones"
         verdict = "stable" if self.stable else f"unstable, growth {self.growth:.6g} 1/s"
-        return (
-            f"{verdict}; multipliers {largest}\n"
-            f"neutral ones within {np.abs(self.neutral - 1).max(initial=0):.1e} of 1"
-        )
-
-    __repr__ = __str__
+        yield f"{verdict}; multipliers {largest}"
+        yield f"neutral ones within {np.abs(self.neutral - 1).max(initial=0):.1e} of 1"
 
 
 def floquet(of: SolitaryWave | TransitionWave | Orbit) -> Floquet:
