@@ -12,18 +12,20 @@ import secrets
 import sys
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import lru_cache
 from numbers import Integral, Real
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tensegrity.errors import TensegrityError
 
+T = TypeVar("T")
 LONGEST = 80  # most characters of a value in a message
+LEAST = -sys.maxsize
 NESTED = list, tuple, np.ndarray
 
 
@@ -90,7 +92,7 @@ def _missed(value: float, above: float | None, least: float | None, below: float
     return ""
 
 
-def whole(name: str, value: object, *, least: int, below: int | None = None) -> int:
+def whole(name: str, value: object, *, least: int = LEAST, below: int | None = None) -> int:
     """Convert to an int a whole number within its bounds.
 
     Parameters
@@ -98,8 +100,8 @@ def whole(name: str, value: object, *, least: int, below: int | None = None) -> 
     name : str
         Name in messages.
     value : object
-    least, below : int
-        The number must be >= least and, if given, < below.
+    least, below : int, optional
+        The number must be >= least and < below.
 
     Returns
     -------
@@ -129,8 +131,8 @@ def truth(name: str, value: object) -> bool:
     return bool(value)
 
 
-def kind(name: str, value: object, wanted: type, words: str = "") -> None:
-    """Refuse a value that is not an instance of a class.
+def kind(name: str, value: T, wanted: type, words: str = "") -> T:
+    """A value, if it is an instance of a class.
 
     Parameters
     ----------
@@ -141,6 +143,10 @@ def kind(name: str, value: object, wanted: type, words: str = "") -> None:
     words : str, optional
         End of the message, such as an example.
 
+    Returns
+    -------
+    object
+
     Raises
     ------
     TensegrityError
@@ -149,6 +155,7 @@ def kind(name: str, value: object, wanted: type, words: str = "") -> None:
         article = "an" if wanted.__name__[0] in "AEIOU" else "a"
         words = words or made_by(value, wanted)
         raise TensegrityError(f"{name} {shown(value)} is not {article} {wanted.__name__}{words}")
+    return value
 
 
 def made_by(value: object, wanted: type) -> str:
@@ -352,20 +359,21 @@ def replacing(path: Path) -> Iterator[Path]:
 
     The file's name is its own, so that two processes can replace one file, and has the same ending,
     by which some writers know a format.  A link is followed; what is no file, such as /dev/stdout,
-    is written directly.
+    is written directly.  An `OSError` in the context is a `TensegrityError` that names the file.
     """
-    if path.exists() and not path.is_file():
-        yield path
-        return
-    path = Path(os.path.realpath(path))
-    new = path.with_name(f".{path.stem[:99]}.{secrets.token_hex(4)}{path.suffix}")
+    is_file, there = path.is_file() or not path.exists(), Path(os.path.realpath(path))
+    new = there.with_name(f".{there.stem[:99]}.{secrets.token_hex(4)}{there.suffix}")
     try:
-        yield new
-        with open(new, "rb+") as file:
-            os.fsync(file.fileno())
-        os.replace(new, path)
-    except BaseException:
-        new.unlink(missing_ok=True)
+        yield new if is_file else path
+        if is_file:
+            with open(new, "rb+") as file:
+                os.fsync(file.fileno())
+            os.replace(new, there)
+    except BaseException as error:
+        with suppress(OSError):
+            new.unlink()
+        if isinstance(error, OSError):
+            raise TensegrityError(f"{path} cannot be written: {error.strerror or error}") from error
         raise
 
 

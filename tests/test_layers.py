@@ -19,6 +19,7 @@ BASE = [
     "errors",
     "typing",
     "check",
+    "checked",
     "once",
     "readonly",
     "root",
@@ -40,7 +41,6 @@ ROOMS = [  # inside tensegrity: each may import what stands before it
     "waves",
     "orbits",
     "measure",
-    "lens",
     "gradients",
 ]
 ABOVE = ["objective", "animation", "__main__"]  # modules for users that no room uses

@@ -10,16 +10,19 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity import check
+from tensegrity.checked import checked
 from tensegrity.errors import TensegrityError
 from tensegrity.once import once
-from tensegrity.printing import filled
+from tensegrity.printing import Lines, Printed
 from tensegrity.root import root
 from tensegrity.springs.potential import Potential
+from tensegrity.typing import Mass, Positive
 from tensegrity.waves.asymptotics import decay_rate
 from tensegrity.waves.curve import FamilyCurve, along, falling, stability_in_words
 from tensegrity.waves.family import NEAREST, SIGNS, STEADY, Family
@@ -30,8 +33,8 @@ FARTHER = 2.0**11  # ratio of the two distances from the wall at which its expon
 CLOSEST = 4e-3  # fraction of the stroke that remains at the peak of the largest computed wave
 
 
-@dataclass(frozen=True)
-class Hypothesis:
+@dataclass(frozen=True, repr=False)
+class Hypothesis(Printed):
     """A condition of a prediction.
 
     Attributes
@@ -48,14 +51,12 @@ class Hypothesis:
     value: float
     holds: bool
 
-    def __str__(self) -> str:
-        return filled(f"{self.statement}: {self.value:.6g}, {'holds' if self.holds else 'FAILS'}")
-
-    __repr__ = __str__
+    def _lines(self) -> Lines:
+        yield f"{self.statement}: {self.value:.6g}, {'holds' if self.holds else 'FAILS'}"
 
 
-@dataclass(frozen=True)
-class PredictedFamily:
+@dataclass(frozen=True, repr=False)
+class PredictedFamily(Printed):
     """A family of solitary waves between two limits.
 
     Attributes
@@ -170,13 +171,13 @@ class PredictedFamily:
         """The result of `unstable` from fewer waves, as text; computed once, in 0.1 to 2 s."""
         return stability_in_words(self.unstable)
 
-    def small_peak(self, excess: float) -> float:
+    @checked
+    def small_peak(self, excess: Positive) -> float:
         """Peak elongation [m] of a wave with c/cs - 1 = `excess`, to second order in `excess`.
 
         To leading order if V'''(0) is 0 or jumps.  Raises `TensegrityError` if no waves start from
         rest, or the sound speed is 0.
         """
-        excess = check.number("excess", excess, above=0)
         if excess >= 1:
             raise TensegrityError(f"excess {excess:g} must be below 1: the wave is not small")
         stiffness, slope, bend = self._rest
@@ -191,13 +192,13 @@ class PredictedFamily:
         size = float(_form("small_peak_of_power")(stiffness, excess, power, growth))
         return SIGNS[self.name.split()[0]] * size
 
-    def wall_peak(self, speed: float) -> float:
+    @checked
+    def wall_peak(self, speed: Annotated[float, "> 0", "sites/s"]) -> float:
         """Peak elongation [m] of a fast wave [sites/s] of a family that ends with a tent.
 
         The relative error of the distance to the wall is O(1/c).  Raises `TensegrityError` for
         other families.
         """
-        speed = check.number("speed", speed, above=0, unit="sites/s")
         power, strength = self.wall
         if self.ends != "tent" or not power > 0:
             raise TensegrityError(
@@ -219,23 +220,19 @@ class PredictedFamily:
         left = math.exp(root(mismatch, low, high, 1e-14))
         return math.copysign(stroke - left, self.crests[1])
 
-    def __str__(self) -> str:
+    def _lines(self) -> Lines:
         low, high = self.speeds
         first, last = self.crests
         start = f"about {first:.6g} m" if self.starts == "threshold" else "0"
         end = "no end" if self.ends == "none" else self.ends
-        lines = [f"{self.name} waves:",
-            f"  peak elongation from {start} ({self.starts}) to {last:.6g} m ({end})",
-            f"  speed from {low:.6g} to {high:.6g} sites/s",
-            f"  {self.stability}", f"  {self.why}",
-            *(f"  {h}" for h in self.hypotheses)]  # fmt: skip
-        return filled("\n".join(lines))
-
-    __repr__ = __str__
+        yield f"{self.name} waves:"
+        yield f"  peak elongation from {start} ({self.starts}) to {last:.6g} m ({end})"
+        yield f"  speed from {low:.6g} to {high:.6g} sites/s"
+        yield from (f"  {words}" for words in (self.stability, self.why, *self.hypotheses))
 
 
-@dataclass(frozen=True)
-class Prediction:
+@dataclass(frozen=True, repr=False)
+class Prediction(Printed):
     """The families of solitary waves of a chain of equal masses and springs.
 
     Attributes
@@ -264,17 +261,16 @@ class Prediction:
         known = ", ".join(f.name for f in self.families) or "none"
         raise TensegrityError(f"family {check.shown(name)} is not one of {known}")
 
-    def __str__(self) -> str:
-        head = (
+    def _lines(self) -> Lines:
+        yield (
             f"solitary waves for masses of {self.mass:g} kg, by the energy V of a spring at the "
             f"elongation r; speed of sound {self.sound_speed:.6g} sites/s"
         )
-        return filled("\n".join([head, *map(str, self.families), *self.absent.values()]))
-
-    __repr__ = __str__
+        yield from (*map(str, self.families), *self.absent.values())
 
 
-def predict(potential: Potential, mass: float = 1.0) -> Prediction:
+@checked
+def predict(potential: Potential, mass: Mass = 1.0) -> Prediction:
     """The families of solitary waves that a chain carries, with their limits and the reasons.
 
     Parameters
@@ -308,8 +304,6 @@ def predict(potential: Potential, mass: float = 1.0) -> Prediction:
     compression from rest: 0.550 to 3.513 sites/s
     rarefaction from threshold: 0.550 to 2.941 sites/s
     """
-    check.kind("potential", potential, Potential)
-    mass = check.number("mass", mass, above=0, unit="kg")
     families, absent = [], {}
     nonlinear_part(potential)  # says where the spring is not at rest
     sound = potential.sound_speed(mass)  # refuses one that does not return to it

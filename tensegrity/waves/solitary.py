@@ -16,14 +16,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity import check, plotting
+from tensegrity.checked import checked
 from tensegrity.errors import TensegrityError
-from tensegrity.notebook import page
+from tensegrity.printing import Lines, Printed, drawn
 from tensegrity.root import root
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.network import Network
 from tensegrity.scenes.scene import State
 from tensegrity.springs.potential import Potential
-from tensegrity.typing import Array
+from tensegrity.typing import Array, Fraction, Mass
 from tensegrity.unit_names import in_units
 from tensegrity.waves.by_speed import by_speed
 from tensegrity.waves.by_target import near, sign_and_number, stiffness_above
@@ -40,8 +41,8 @@ LEAST_LEVEL = 1e-8  # of the peak, at which a width is computed
 PLOTTED = 1e-3  # of the peak, where a picture ends
 
 
-@dataclass(frozen=True, eq=False)
-class TravellingWave:
+@dataclass(frozen=True, eq=False, repr=False)
+class TravellingWave(Printed):
     """A wave of permanent form in a chain of equal masses and springs; see `SolitaryWave`."""
 
     potential: Potential | Network = field(repr=False)
@@ -97,8 +98,9 @@ class TravellingWave:
         column of each coordinate, (2,)."""
         return self._shape.shift
 
+    @checked
     def launch(
-        self, chain: Chain | Network, at: float, direction: int = 1, tail: float = 1e-12
+        self, chain: Chain | Network, at: float, direction: int = 1, tail: Fraction = 1e-12
     ) -> State:
         """The state of a chain that is at rest except for this wave.
 
@@ -135,8 +137,7 @@ class TravellingWave:
         wanted = Chain if isinstance(self.potential, Potential) else Network
         if not isinstance(chain, wanted):
             raise TensegrityError(f"chain is {type(chain).__name__}, not a {wanted.__name__}")
-        at = check.number("at", at)
-        if check.whole("direction", direction, least=-1) == 0 or direction > 1:
+        if direction not in (-1, 1):
             raise TensegrityError(f"direction {direction} must be 1 or -1")
         self._check_place(chain, at, self.reach(tail), tail)
         x = np.arange(chain.sites) - at
@@ -188,16 +189,12 @@ class TravellingWave:
             "residual": f"{self.residual:.1e}",
         }
 
-    def __str__(self) -> str:
+    def _lines(self) -> Lines:
         first, *others = (f"{name} {value}" for name, value in self._texts().items())
-        pairs = (", ".join(others[k : k + 2]) for k in range(0, len(others), 2))
-        return "\n".join([f"{self._title}, {first}", *pairs])
+        yield f"{self._title}, {first}"
+        yield from (", ".join(others[k : k + 2]) for k in range(0, len(others), 2))
 
-    __repr__ = __str__
-
-    def _repr_html_(self) -> str:
-        title = self._title[0].upper() + self._title[1:]
-        return page(title, self._texts(), lambda figure: self.plot(figure.subplots()))
+    _draw = drawn
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Elongation against the distance from the peak, extension > 0.
@@ -279,9 +276,9 @@ class SolitaryWave(TravellingWave):
         error is 1e-9 or less of it, or about 1e-3 where the stiffness has a pole in the wave."""
         return self._by_speed[0]
 
-    def width(self, level: float = 0.05) -> float:
+    @checked
+    def width(self, level: Fraction = 0.05) -> float:
         """Distance in sites between the two points where the elongation is `level` of the peak."""
-        level = check.number("level", level, above=0, below=1)
         below = np.flatnonzero(np.atleast_2d(self._halves[0])[0] / self.amplitude < level)
         if below.size == 0 or level < LEAST_LEVEL:
             raise TensegrityError(f"level {level:g} must be at least {LEAST_LEVEL:g}")
@@ -289,17 +286,18 @@ class SolitaryWave(TravellingWave):
         places = self.x[first - 1], self.x[first]
         return 2 * root(lambda x: self._first(x) - level, *places, 1e-13)
 
-    def reach(self, tail: float = 1e-12) -> float:
+    @checked
+    def reach(self, tail: Fraction = 1e-12) -> float:
         """Distance from the peak [sites] beyond which the wave is below `tail` times the peak."""
-        tail = check.number("tail", tail, above=0, below=1)
         both = [np.abs(np.atleast_2d(half)).max(axis=0) for half in self._halves]
         left = np.maximum(*(half / half.max() for half in both)) >= tail
         return float(self.x[len(self.x) // 2 + np.flatnonzero(left)[-1]])
 
 
+@checked
 def solitary_wave(
     potential: Potential | Network,
-    mass: float = 1.0,
+    mass: Mass = 1.0,
     *,
     speed: float | None = None,
     speed_ratio: float | None = None,
@@ -364,7 +362,6 @@ def solitary_wave(
     """
     if not isinstance(potential, Network):
         check.kind("potential", potential, Potential)
-    mass = check.number("mass", mass, above=0, unit="kg")
     given = {
         "speed": speed, "speed_ratio": speed_ratio, "excess": excess, "amplitude": amplitude,
         "energy": energy,
@@ -375,7 +372,6 @@ def solitary_wave(
             f"{' and '.join(targets) or 'nothing'} given: give exactly one of {', '.join(given)}"
         )
     ((name, value),) = targets.items()
-    value = check.number(name, value)
     if isinstance(potential, Network):
         return _of_line(potential, mass, family, name, value)
     label, sound = f"{name} {value:g}", potential.sound_speed(mass)
