@@ -54,13 +54,15 @@ live: .venv/with-cc
 test: .venv/with-test
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -rs -m "not slow" -n 2 --dist worksteal
 
-# What one runs after each edit, in less than a minute: every room by some of its tests.
+# What one runs after each edit, in a minute: every room by some of its tests.
 QUICK = golden house layers one_engine network network_energies ensemble driven following methods \
-	record_times clearance lattice continuation response condensed prism structure solitary \
-	waves forces resume shape granular_contact granular_layout gradient_input gradient_networks search identity
+	record_times clearance lattice continuation response prism structure waves forces \
+	forces_following shape archive network_orbits granular_contact granular_layout \
+	gradient_input gradient_networks search
+RESUMED = tests/test_resume.py::test_an_interrupted_run_goes_on_to_the_same_bits
 quick: .venv/with-test
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m "not slow" -n 2 --dist worksteal \
-		$(QUICK:%=tests/test_%.py)
+		$(QUICK:%=tests/test_%.py) $(RESUMED)
 
 test-slow: .venv/with-test
 	$(BIN)/python -m pytest -m slow

@@ -64,9 +64,9 @@ def test_energy_slope_is_that_of_neighbouring_waves_also_beyond_a_kink(spring, p
         more, less = (solitary_wave(spring, amplitude=peak + s) for s in (step, -step))
         return (more.energy - less.energy) / (more.speed - less.speed)
 
-    extrapolated = (4 * slope(1e-4) - slope(2e-4)) / 3
+    near = slope(1e-4) if error > 1e-4 else (4 * slope(1e-4) - slope(2e-4)) / 3
     found = solitary_wave(spring, amplitude=peak).energy_slope
-    assert found == pytest.approx(extrapolated, rel=error)
+    assert found == pytest.approx(near, rel=error)
 
 
 @pytest.mark.parametrize(
@@ -256,7 +256,7 @@ def test_unstable_speeds_do_not_depend_on_units(length, stiffness, mass):
     assert [low / sound, high / sound] == pytest.approx([1, CRITICAL], rel=1e-10)
 
 
-@pytest.mark.parametrize("prestrain", [0.01, 0.1, 0.4])
+@pytest.mark.parametrize("prestrain", [0.01, 0.1, pytest.param(0.4, marks=pytest.mark.slow)])
 def test_the_energy_of_waves_of_prisms_rises_with_their_speed(prestrain):
     families = predict(Prism(1.0, 0.7, prestrain, 1.0).potential()).families
     assert [family.name for family in families] == ["compression", "rarefaction"]

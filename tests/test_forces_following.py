@@ -78,7 +78,11 @@ def loose(count, seed, **more):
     return scene, scene.at_rest({i: draw.uniform(-3, 3, 2) for i in range(count**2)})
 
 
-@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=pytest.mark.slow) for name in ("hunt_crossley", "viscous")]
+    + ["kuwabara_kono", "carretero_gonzalez"],
+)
 def test_a_list_that_changes_gives_what_a_list_of_all_pairs_gives(name):
     """Nine beads in a box, every one with all others and all walls; sensors of the walls too."""
     law = LAWS[name]

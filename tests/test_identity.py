@@ -316,7 +316,8 @@ def test_identities_are_those_of_another_process():
     """Whose hashes of texts, and so orders of sets, are others."""
     here = os.path.dirname(__file__)
     path = os.pathsep.join([here, os.path.dirname(here)])
-    for seed in "1", "2":
+    others = {os.environ.get("PYTHONHASHSEED")}
+    for seed in [seed for seed in ("1", "2") if seed not in others][:1]:
         environment = os.environ | {"PYTHONPATH": path, "PYTHONHASHSEED": seed}
         code = "import json, test_identity; print(json.dumps(test_identity.digests()))"
         there = subprocess.run(

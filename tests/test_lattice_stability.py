@@ -190,7 +190,7 @@ def test_long_waves_of_compressed_octahedra_go_first():  # B13
     def state(e):
         return start.equilibrium(np.diag([1, 1, 1 - e]))
 
-    critical = brentq(lambda e: state(e).stability().long, 0.08, 0.12, xtol=1e-8)
+    critical = brentq(lambda e: state(e).stability().long, 0.08, 0.12, xtol=1e-4)
     after = state(critical + 1e-3)
     each = 2 * np.pi * np.arange(6) / 6
     grid = [q for q in itertools.product(each, each, each) if any(q)]
@@ -239,7 +239,8 @@ def test_stiffness_against_uniform_strain_under_pressure():
     [
         (catalogue.x_strip(k_bar=10), "4-strip"), (catalogue.x_plate(k_bar=10), "4-xplate"),
         (catalogue.octahedra(1.0, 0.1, 20), "5-octahedra-1.0-0.1"),
-        (catalogue.octahedra(1.0, 0.01, 20), "5-octahedra-1.0-0.01"),
+        pytest.param(catalogue.octahedra(1.0, 0.01, 20), "5-octahedra-1.0-0.01",
+                     marks=pytest.mark.slow),
         (catalogue.octahedra(1.0, 0.1, 20, layers=1), "5-plate"),
         (catalogue.resonators(1.0, 0.1, 20, 5, 1, (1, 2)), "6-resonator-0.1"),
         (PRISM.column(periodic=True), "3-column-alternate"),

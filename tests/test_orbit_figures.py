@@ -41,6 +41,7 @@ def test_a_stable_wave_meets_its_own_radiation_on_a_ring():
     assert np.sort(alone)[-3:] == pytest.approx([0.98974456, 1, 1], abs=2e-5)
 
 
+@pytest.mark.slow
 def test_a_breather_on_a_light_bead_is_unstable_where_its_energy_falls_with_its_frequency():
     _, orbits = breathers.family("light")
     energy = np.array([one.energy for one in orbits])

@@ -147,7 +147,10 @@ class Energy:
         return np.linalg.eigvalsh(rows)[0]
 
 
-@pytest.mark.parametrize("prestrain", [0.003, 0.01, WINDOW, 0.1])
+@pytest.mark.parametrize(
+    "prestrain",
+    [0.003, WINDOW, *(pytest.param(x, marks=pytest.mark.slow) for x in (0.01, 0.1))],
+)
 @pytest.mark.parametrize("kind", ["plates", "held", "guided"])
 def test_minima_next_to_each_state_are_the_next_state_of_the_path(prestrain, kind):
     """Also beyond each event, and whatever the path has made of it."""

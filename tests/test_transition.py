@@ -129,7 +129,7 @@ def test_predict_names_the_front_in_which_a_family_ends(a, b):
     assert front.speed**2 == pytest.approx(1 + 2 * a**2 / (9 * b), rel=1e-12)
 
 
-@pytest.mark.parametrize("dashpot", [0.5, 1.0])
+@pytest.mark.parametrize("dashpot", [pytest.param(0.5, marks=pytest.mark.slow), 1.0])
 def test_a_supersonic_front_has_the_speed_of_rankine_and_hugoniot(dashpot):
     front = transition_wave(PHASES, ahead=0.0, behind=1.3, damping=Damping(bond=dashpot))
     assert front.speed**2 == pytest.approx(1.32, rel=1e-14)

@@ -21,6 +21,22 @@ SHORTER = 12  # parts of a common period that are tried as periods
 SAMPLES = 64  # instants of that trial
 
 
+class _Rate:
+    """An angular frequency, of symbols with these names."""
+
+    def __init__(self, expression: Any) -> None:
+        import sympy as sp
+
+        symbols = sorted(expression.free_symbols, key=str)
+        self.names = [str(one) for one in symbols]
+        forms = [expression, *(expression.diff(one) for one in symbols)]
+        self._forms = sp.lambdify(symbols, forms, "math")
+
+    def values(self, given: Mapping[str, float]) -> list[float]:
+        """Of the frequency [rad/s] and of its derivatives by all symbols."""
+        return [float(x) for x in self._forms(*(given[name] for name in self.names))]
+
+
 class DrivePeriod:
     """The shortest common period of all drives and forces of a scene.
 
@@ -40,13 +56,13 @@ class DrivePeriod:
     """
 
     def __init__(self, scene: Scene) -> None:
-        rates: list[tuple[str, Any, dict[str, float]]] = []
+        rates: list[tuple[str, _Rate, dict[str, float]]] = []
         signals = time_signals(scene)
         for signal in signals:
-            rates += [(str(signal), *one) for one in _angular_rates(signal)]
+            rates += [(str(signal), _Rate(x), given) for x, given in _angular_rates(signal)]
         forces = [one for one in dynamics(scene).further_forces if not one.stores]
         for force in forces:
-            rates += [(str(force.expression), *one) for one in _of_force(force)]
+            rates += [(str(force.expression), _Rate(x), given) for x, given in _of_force(force)]
         if not rates:
             raise TensegrityError(
                 "the scene has no periodic drive: only the state at rest is periodic"
@@ -75,7 +91,7 @@ class DrivePeriod:
     def _at(self, number: int, values: Mapping[str, float]) -> float:
         """An angular frequency [rad/s] at other values of parameters."""
         _, rate, given = self._rates[number]
-        return float(rate.subs(given | {k: x for k, x in values.items() if k in given}))
+        return rate.values({**given, **values})[0]
 
     def factor(self, parameter: str, value: float) -> tuple[float, float]:
         """The period with another value of a parameter of the drives over the original one, and its
@@ -87,10 +103,9 @@ class DrivePeriod:
             A parameter that changes the ratio of periods.
         """
         slopes, at = [], {parameter: value}
-        for number, (_, rate, given) in enumerate(self._rates):
-            by = [s for s in rate.free_symbols if str(s) == parameter and parameter in given]
-            slope = float(rate.diff(by[0]).subs(given | at)) if by else 0.0
-            slopes.append(-slope / self._at(number, at))
+        for _, rate, given in self._rates:
+            here, *by = rate.values(given | at)
+            slopes.append(-dict(zip(rate.names, by, strict=True)).get(parameter, 0.0) / here)
         if max(slopes) - min(slopes) > FIT * max(map(abs, slopes)):
             raise TensegrityError(
                 f"parameter {parameter} changes the ratio of the periods of the drives: nothing "
