@@ -7,7 +7,6 @@ of its calls, and are returned again when the scene is rebuilt.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import fields
 from functools import partial
 from typing import Any
 
@@ -27,14 +26,10 @@ from tensegrity.runs.identity import PARTS
 def register_scenes() -> None:
     """Register scenes of beads, so that files can contain them."""
     for kind in (Material, Bead, Striker, Contact, Dissipation, Piece, Layout):
-        register(kind, _fields)
+        register(kind)
     for kind, name in ((BeadChain, "contacts"), (Guide, "contacts"), (Pack, "answers")):
         register(kind, partial(_scene, name), partial(_again, kind, name))
     PARTS[SharedSprings] = lambda x: x._law  # its answers follow from it
-
-
-def _fields(x: Any) -> dict[str, Any]:
-    return {field.name: getattr(x, field.name) for field in fields(x)}
 
 
 def _scene(name: str, x: Any) -> dict[str, Any] | None:

@@ -20,7 +20,7 @@ from tensegrity import check
 from tensegrity.branches.table import Event, Table
 from tensegrity.errors import TensegrityError
 from tensegrity.notebook import progress
-from tensegrity.printing import filled
+from tensegrity.printing import Lines
 from tensegrity.prisms.closed import rigid_path
 from tensegrity.prisms.elastic_path import elastic_path
 from tensegrity.prisms.prism import Prism
@@ -112,20 +112,20 @@ class EquilibriumPath(Table):
         super().__init__(columns, events, end)
         self.prism, self.begin = prism, begin
 
-    def __str__(self) -> str:
+    def _lines(self) -> Lines:
         first, last = self[0], self[-1]
-        lines = [
-            f"{self.prism}",
+        yield f"{self.prism}"
+        yield (
             f"  {len(self)} equilibria from height {first['height']:.6g} m, "
             f"load {first['load']:.6g} N to height {last['height']:.6g} m, "
-            f"load {last['load']:.6g} N",
-        ]
+            f"load {last['load']:.6g} N"
+        )
         if self.begin:
-            lines.append(f"  begins: {self.begin}")
+            yield f"  begins: {self.begin}"
         for event in self.events:
-            lines.append(f"  {event.kind} at {self._quantities(event.at, COLUMNS[:4])}")
-            lines += [f"    {event.note}"] * bool(event.note)
-        return filled("\n".join([*lines, f"  ends: {self.end}"]))
+            yield f"  {event.kind} at {self._quantities(event.at, COLUMNS[:4])}"
+            yield from [f"    {event.note}"] * bool(event.note)
+        yield f"  ends: {self.end}"
 
 
 @overload

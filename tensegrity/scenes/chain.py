@@ -204,10 +204,6 @@ class Chain(Scene):
                     f"velocity {state.v[site]:g} m/s"
                 )
 
-    def bond_stiffness(self, u: ArrayLike) -> Array:
-        """Tangent stiffness of each bond [N/m]; u of shape (..., sites) gives (..., sites - 1)."""
-        return dynamics(self).evaluate("stiffness", u)
-
     def site_energy(self, state: Motion) -> Array:
         """Kinetic energy of each site, half the energy of its bonds, and that of its spring to the
         ground [J], of a state or of the rows of a run; (..., sites)."""

@@ -337,18 +337,8 @@ class Network(Scene):
         return picture.ax
 
     def _repr_html_(self) -> str:
-        rows = {
-            "sites": f"{self.sites} in {self.dim} dimensions",
-            "bonds": len(self.bonds),
-            "walls": f"{len(self.walls)} with {len(self.wall_contacts)} contacts",
-            "mass": f"{self.mass.sum():.6g} kg",
-        }
-        return page(
-            "Network",
-            rows,
-            lambda figure: self.plot(figure.subplots()),
-            size=(3.4, 3.4),
-        )
+        lines = str(self), f"mass: {self.mass.sum():.6g} kg"
+        return page(lines, lambda figure: self.plot(figure.subplots()), size=(3.4, 3.4))
 
     def __repr__(self) -> str:
         return (
