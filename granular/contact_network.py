@@ -66,22 +66,22 @@ class Contacts:
     """The contacts of a scene, numbered as its `contact_forces`."""
 
     def __init__(self, scene: Any) -> None:
-        self.scene = scene
+        self.scene, self._bonds, self._at_walls = scene, scene.bonds, scene._with_walls()
 
     def of_site(self, site: int) -> list[int]:
         """Numbers of the contacts of a bead, those with the walls of guides and packs last."""
-        at_walls = self.scene._with_walls()
-        pairs = np.flatnonzero((self.scene.bonds == site).any(axis=1)).tolist()
-        return sorted({*pairs, *at_walls.contacts[at_walls.sites == site].tolist()})
+        pairs = np.nonzero(self._bonds == site)[0].tolist()
+        walls = self._at_walls.contacts[self._at_walls.sites == site].tolist()
+        return sorted({*pairs, *walls})
 
     def within(self, part: str | None) -> list[int]:
         """Numbers of the contacts between sites of a part, or between any."""
         sites = range(self.scene.sites) if part is None else members(self.scene, part)
-        return np.flatnonzero(np.isin(self.scene.bonds, list(sites)).all(axis=1)).tolist()
+        return np.flatnonzero(np.isin(self._bonds, list(sites)).all(axis=1)).tolist()
 
     def neighbours(self, site: int) -> list[int]:
         """Sites on which the contacts of a bead depend: all where contacts come."""
-        bonds = self.scene.bonds
+        bonds = self._bonds
         if dynamics(self.scene).follows:
             return list(range(self.scene.sites))
         return sorted({site, *bonds[(bonds == site).any(axis=1)].ravel().tolist()})
@@ -103,7 +103,9 @@ class Contacts:
 
         def forces(scene: Any, rows: Array, rates: Array) -> Array:
             of, load = Contacts(scene), scene.contact_forces(rows, rates)
-            parts = [load[..., of.of_site(s)] * of.cosines(rows, s) for s in sites]
+            parts = [load[..., of.of_site(s)] for s in sites]
+            if len(scene.shape) > 1:
+                parts = [one * of.cosines(rows, s) for one, s in zip(parts, sites, strict=True)]
             return np.stack([one.sum(axis=-1) / 2 for one in parts], axis=-1)
 
         return self._each(u, forces, v)
@@ -111,11 +113,9 @@ class Contacts:
     def cosines(self, u: Array, site: int) -> Array:
         """|n . k| of each contact of a bead, k along its displacement; (..., contacts).
 
-        0 for a bead that has not moved; 1 in a chain.
+        0 for a bead that has not moved; not of a chain, where all are 1.
         """
-        scene, count = self.scene, len(self.scene.bonds)
-        if len(scene.shape) == 1:
-            return np.ones(len(self.of_site(site)))
+        scene, count = self.scene, len(self._bonds)
         size = np.linalg.norm(u[..., site, :], axis=-1, keepdims=True)
         k = u[..., site, :] / np.where(size > 0, size, 1.0)
         numbers = np.array(self.of_site(site), dtype=int)
@@ -144,7 +144,7 @@ class Contacts:
 
     def of_wall(self, name: str) -> list[int]:
         """Sites on which the forces on the walls of a name depend: all if contacts may form."""
-        numbers, at_walls = self._walls(name), self.scene._with_walls()
+        numbers, at_walls = self._walls(name), self._at_walls
         if dynamics(self.scene).follows:
             return list(range(self.scene.sites))
         return sorted(set(at_walls.sites[np.isin(at_walls.walls, numbers)].tolist()))
@@ -171,6 +171,7 @@ class Contacts:
             by_site = np.zeros((*loads.shape[:-1], scene.sites))
             return _added(by_site, at_walls.sites[chosen], loads)
 
+        u = check.rows("displacements", u, self.scene.shape)
         if not self.scene._losses:
             return self._each(u, forces)
         return self._each(u, forces, needed_velocities(self.scene, v))
@@ -183,17 +184,18 @@ class Contacts:
             raise TensegrityError(f"wall {check.shown(name)} is not one of this scene's: {listed}")
         return [k for k, given in enumerate(names) if given == name]
 
-    def _each(self, u: ArrayLike, function: Callable[..., Array], *more: Array) -> Array:
+    def _each(self, u: Array, function: Callable[..., Array], *more: Array) -> Array:
         """`function(scene, rows, ..)` of all rows, by the contacts that are listed there."""
         shape = self.scene.shape
-        u = check.rows("displacements", u, shape)
         flat, others = u.reshape(-1, *shape), [one.reshape(-1, *shape) for one in more]
         listings = dynamics(self.scene).listings(flat)
         parts = [
             function(listed.scene, flat[rows], *(one[rows] for one in others))
             for rows, listed in listings
         ]
-        values = np.concatenate(parts) if parts else np.zeros((0, *shape[:1]))
+        values = (
+            parts[0] if len(parts) == 1 else np.concatenate(parts or [np.zeros((0, *shape[:1]))])
+        )
         return values.reshape((*u.shape[: u.ndim - len(shape)], *values.shape[1:]))
 
 

@@ -74,7 +74,7 @@ class Guide(Assembly):
         end: Material | None = None,
         **surroundings: Unpack[OfGuide],
     ) -> None:
-        around = Surroundings(**accepted(Guide, surroundings))
+        around = Surroundings(**accepted(Guide.__init__, surroundings))
         gravity, preload, friction = around.gravity, around.push, around.friction
         _check(layout, beads, wall, striker, end, gravity, preload)
         sides, first, given = len(layout.walls), int(striker is not None), layout

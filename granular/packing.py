@@ -90,7 +90,7 @@ class Pack(Assembly):
         **surroundings: Unpack[OfPlaces],
     ) -> None:
         surroundings.setdefault("preload", None)
-        around = Surroundings(**accepted(Pack, surroundings))
+        around = Surroundings(**accepted(Pack.__init__, surroundings))
         places = check.floats("places", places)
         if places.ndim != 2 or places.shape[1] not in (1, 2, 3) or not len(places):
             raise TensegrityError(

@@ -164,14 +164,13 @@ def accepted(build: Any, surroundings: Given) -> Given:
     TypeError
         A name that is not among its arguments.
     """
-    known = inspect.signature(build).parameters
+    known = build.__signature__.parameters
     for name in surroundings:  # type: ignore[attr-defined]
         if name not in known:
             close = get_close_matches(name, known, 1)
             words = f": did you mean {close[0]!r}?" if close else ""
-            raise TypeError(
-                f"{build.__qualname__}() got an unexpected keyword argument {name!r}{words}"
-            )
+            name_of = build.__qualname__.removesuffix(".__init__")
+            raise TypeError(f"{name_of}() got an unexpected keyword argument {name!r}{words}")
     return surroundings
 
 

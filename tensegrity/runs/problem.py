@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from tensegrity.engine.force_law import BOND, SITE
-from tensegrity.engine.forces import scattered_forces
+from tensegrity.engine.forces import elongations, scattered_forces
 from tensegrity.engine.methods import Method
 from tensegrity.errors import StabilityError
 from tensegrity.scenes.dynamics import dynamics
@@ -362,7 +362,7 @@ def _changes(dyn: Any) -> bool:
 def _static_forces(dyn: Any, u: Array) -> Array:
     """Forces on all sites with further forces, at rest at t = 0 [N]; not for ensembles."""
     scene = dyn.scene
-    _, r, along = scene._elongated(u)
+    r, along = elongations(dyn.contact_bonds, u)
     tension, sites = np.zeros(r.shape), np.zeros((scene.sites, scene.dim))
     for one in applied_forces(scene, as_forces=True):
         x = u.reshape(sites.shape).T if one.law.on == SITE else r[None]

@@ -21,7 +21,7 @@ from tensegrity.scenes.on_site import on_site
 from tensegrity.typing import Motion
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
     from typing import Any
 
     from numpy.typing import ArrayLike
@@ -137,6 +137,9 @@ class Scene(HasDynamics):
         def momentum(self, state: State) -> Any: ...
         def at_rest(self, velocity: Any = None) -> State: ...
         def _check_sites(self, state: State) -> None: ...
+        def _by_argument(
+            self, name: str, by_mass: Array, by_spring: Callable[[str], Array], by_gap: Any
+        ) -> Array: ...
 
     def _set_forcing(self, drive: Any, damping: Any, tune: Any = None, forces: Any = ()) -> None:
         """Set the validated attributes `drive`, `damping`, `tune` and `_forces`."""
