@@ -13,7 +13,7 @@ from typing import Any, overload
 
 import numpy as np
 
-from granular.contact_network import contacts_of, wall_forces, wall_sites
+from granular.contact_network import contacts_of, kinetic, wall_forces, wall_sites
 from granular.crystal import Crystal, beads_by_site, crystal_of, rows, whole
 from tensegrity import TensegrityError, check
 from tensegrity.measure.observables import speed_in
@@ -252,8 +252,5 @@ def energies(run: Run) -> BeadEnergies:
         for part, sites in scene.parts.items()
         if part != "wall"
     }
-    kinetic = 0.5 * run.scene.mass * (v**2 if v.ndim == 2 else np.sum(v**2, axis=-1))
-    stored = contacts.stored(u)
-    return BeadEnergies(
-        kinetic[:, beads], stored[:, beads], {**parts, "walls": contacts.wall_energy(u)}
-    )
+    moving, stored = kinetic(scene, v)[:, beads], contacts.stored(u)[:, beads]
+    return BeadEnergies(moving, stored, {**parts, "walls": contacts.wall_energy(u)})

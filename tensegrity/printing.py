@@ -58,7 +58,7 @@ def units(
     Returns
     -------
     context manager
-        The names hold from the call on; in a `with` statement, until it ends.
+        The names hold from the call on, in this thread; in a `with` statement, until it ends.
 
     Raises
     ------
@@ -83,10 +83,17 @@ def units(
     for name, text in (("mass", mass), ("energy", energy)):
         check.kind(name, text, str)
     SAID["message"] = unit_names.in_units
+    names = {"m": length, "kg": mass, "s": time, "N": force, "J": energy}
+    unit_names.given.set((*unit_names.given.get(), names))
     after = ExitStack()
-    after.callback(unit_names.names.update, dict(unit_names.names))
-    unit_names.names.update({"m": length, "kg": mass, "s": time, "N": force, "J": energy})
+    after.callback(_ended, names)
     return after
+
+
+def _ended(names: dict[str, str]) -> None:
+    """End the hold of some names, whichever were given since."""
+    left = tuple(one for one in unit_names.given.get() if one is not names)
+    unit_names.given.set(left)
 
 
 def _joined(one: str, other: str, mark: str) -> str:
