@@ -90,6 +90,13 @@ def test_objects_show_a_table_and_a_picture(name):
     assert "nan" not in words
 
 
+def test_a_result_without_a_picture_is_a_table_of_what_it_prints():
+    found = ELASTIC.structure().self_stress()
+    words, pictures = read(found._repr_html_())
+    assert words.split() == str(found).replace(": ", " ").split()
+    assert pictures == []
+
+
 def test_a_part_of_a_path_says_that_it_is_one():
     path = equilibrium_path(ELASTIC)[:5]
     words, _ = read(path._repr_html_())

@@ -10,7 +10,7 @@ from threading import Lock
 
 import numpy as np
 import pytest
-from crafted import crafted, parts
+from crafted import crafted, parts, written
 from designs import square_or_die, square_or_die_once, squared
 from test_design_search import ROOT, run_and_kill
 from test_identity import PAIRS, tables
@@ -189,6 +189,17 @@ def test_a_checkpoint_of_another_form_is_refused(tmp_path):
             continue  # anything may be
         with pytest.raises(TensegrityError, match="holds no sweep, or is damaged"):
             print(part, value, sweep(squared, range(3), checkpoint=path))
+
+
+def test_a_checkpoint_that_does_not_say_of_which_function_is_refused(tmp_path):
+    path = tmp_path / "x.npz"
+    sweep(squared, range(3), checkpoint=path)
+    whole = parts(path, "sweep")
+    cases = {name: known for name, known in whole["of"].items() if name != "function"}
+    one = {"of": cases, "numbers": whole["numbers"][:1], "results": whole["results"][:1]}
+    written(path, "sweep", one)
+    with pytest.raises(TensegrityError, match="of another sweep: its function is missing, here"):
+        sweep(squared, range(3), checkpoint=path)
 
 
 def by_pairs(x):
