@@ -58,6 +58,12 @@ class ArclengthStepper:
         row[: self.m], row[self.m : 2 * self.m], row[self.length] = z, tangent, length
         return row
 
+    def data(self, rows):
+        """Unknowns and tabulated values of rows (n, size), (n, m + values)."""
+        table = rows[:, self.m : self.residual].copy()
+        table[:, : self.m] = np.sinh(rows[:, : self.m]) * self.scale  # in the place of tangents
+        return table
+
     def before(self, here):
         """A fictitious point before the first one, for which the cubic predictor is the tangent."""
         m = self.m

@@ -270,14 +270,14 @@ class _Scaled:
         def scaled(expression):
             return ca.substitute(ca.SX(expression), problem.z, scale * ca.sinh(z))
 
-        self.g = scaled(problem.residual)
+        self.g = scaled(problem.equations)
         self.jacobian = ca.jacobian(self.g, z)
         self.size = scaled(problem.size) if problem.size is not None else ca.SX.ones(m - 1)
-        self.roots = ca.vertcat(*(scaled(e) for e in problem.roots.values()))
-        self.values = ca.vertcat(*(scaled(e) for e in problem.values.values()))
+        self.roots = ca.vertcat(*(scaled(e) for e in problem.events.values()))
+        self.values = ca.vertcat(*(scaled(e) for e in problem.columns.values()))
         folds = [scaled(e) for e in problem.folds.values()]
         self.slopes = [ca.gradient(f, z) / (ca.norm_2(ca.gradient(f, z)) + TINY) for f in folds]
-        self._of_root = dict(zip(problem.roots, range(len(problem.roots)), strict=True))
+        self._of_root = dict(zip(problem.events, range(len(problem.events)), strict=True))
         self._of_fold = dict(zip(problem.folds, self.slopes, strict=True))
 
     def newton(self, kind):

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensegrity.branches.continuation import Problem
+from tensegrity.branches.problem import Problem
 from tensegrity.branches.table import Event
 from tensegrity.typing import Array
 
@@ -37,7 +37,7 @@ def fold_problem(problem: Problem, fold: str, free: int) -> Problem:
     def released(expression: Any) -> Any:
         return ca.substitute(ca.SX(expression), p[free], freed)
 
-    g, function = released(problem.residual), released(problem.folds[fold])
+    g, function = released(problem.equations), released(problem.folds[fold])
     scaled = tangent * ca.DM(scale)
     system = ca.vertcat(
         g,
@@ -46,15 +46,16 @@ def fold_problem(problem: Problem, fold: str, free: int) -> Problem:
         ca.dot(tangent, tangent) - 1,
     )
     size = ca.SX.ones(m - 1) if problem.size is None else released(problem.size)
+    names = (*problem.unknowns, *(f"d {name}" for name in problem.unknowns), "free")
+    symbols = ca.vertsplit(ca.vertcat(problem.z, tangent, freed))
     return Problem(
-        (*problem.unknowns, *(f"d {name}" for name in problem.unknowns), "free"),
-        ca.vertcat(problem.z, tangent, freed),
-        p,
+        dict(zip(names, symbols, strict=True)),
         system,
-        (*scale, *(1.0,) * m, 1.0),
+        p=p,
+        scale=(*scale, *(1.0,) * m, 1.0),
         size=ca.vertcat(size, 1 + size, 1 + ca.norm_2(ca.gradient(function, problem.z)), 1),
-        roots={"end": freed - p[free]},
-        values={name: released(value) for name, value in problem.values.items()},
+        events={"end": freed - p[free]},
+        columns={name: released(value) for name, value in problem.columns.items()},
     )
 
 

@@ -8,7 +8,7 @@ evaluates residual and Jacobian as arrays and solves by LAPACK, for tens to hund
 from __future__ import annotations
 
 import math
-from typing import Any, Protocol, Self
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -20,17 +20,20 @@ from tensegrity.branches.arclength import (
     error_and_arc,
     step_control,
 )
+from tensegrity.errors import TensegrityError
 from tensegrity.typing import Array, Indices
 
 CONSTANT = 1e-13  # component of a unit tangent below which an unknown is constant
 SAME_POINT = 1e-12  # last correction up to which its Jacobian is that of the corrected point
+DIFFERENCE = 1e-3  # step of differences, over the unknown or its scale
+STENCIL = (1, 2 / 3), (2, -1 / 12)  # multiples of it, and weights: order 4
 SECANT, LARGEST_SECANT = 1e-4, 0.2  # first and largest secant step, in scaled unknowns
 
 
 class Equations(Protocol):
     """Equations of a branch in unknowns u (m,); the last one sets the direction at the start."""
 
-    names: tuple[str, ...]
+    unknowns: tuple[str, ...]
     scale: Array
     roots: tuple[str, ...]
     folds: dict[str, int]  # name of the event, and number of the unknown that is stationary
@@ -49,21 +52,51 @@ class Equations(Protocol):
         """Gradient of one event function, (m,); may be missing."""
 
 
+class PlainEquations:
+    """Equations and events that a `Problem` states by functions of the unknowns."""
+
+    leaving = np.zeros(0, dtype=int)
+
+    def __init__(self, problem: Any) -> None:
+        self.unknowns, self.scale = tuple(problem.unknowns), np.array(problem.scale)
+        self.roots, self._problem = tuple(problem.events), problem
+        self.folds = {kind: self.unknowns.index(name) for kind, name in problem.folds.items()}
+
+    def residual(self, u: Array) -> Array:
+        """Scaled residual (m - 1,)."""
+        size = 1.0 if self._problem.size is None else np.asarray(self._problem.size(u))
+        residual = np.ravel(np.asarray(self._problem.equations(u), dtype=float) / size)
+        if len(residual) != len(u) - 1:
+            raise TensegrityError(
+                f"{len(residual)} equations do not suit {len(u)} unknowns, must be {len(u) - 1}"
+            )
+        return residual
+
+    def linearised(self, u: Array) -> tuple[Array, Array]:
+        """Scaled residual (m - 1,), and its Jacobian (m - 1, m) by central differences."""
+        steps = DIFFERENCE * np.hypot(self.scale, u)
+        slopes = [
+            sum(w * (self.residual(u + k * step) - self.residual(u - k * step)) for k, w in STENCIL)
+            for step in np.diag(steps)
+        ]
+        return self.residual(u), np.array(slopes).T / steps
+
+    def tests(self, u: Array) -> Array:
+        """Event functions (roots,)."""
+        return np.array([float(event(u)) for event in self._problem.events.values()])
+
+
 class ManyProblem(ArclengthStepper):
     """A problem for `trace` from `Equations`, without parameters, in unknowns asinh(u/scale)."""
 
     numbers = 0
 
     def __init__(self, equations: Any) -> None:
-        super().__init__(equations.names, equations.scale, equations.roots, equations.folds)
+        super().__init__(equations.unknowns, equations.scale, equations.roots, equations.folds)
         self.equations, self._stationary = equations, list(equations.folds.values())
         self._unmoved = np.arange(self.m)
         for number in equations.leaving:
             self.vanishing[number] = math.inf
-
-    @property
-    def _stepper(self) -> Self:
-        return self
 
     def unknowns(self, z: Array) -> Array:
         """Unknowns u of scaled unknowns z, (m,)."""

@@ -47,6 +47,7 @@ class Event:
     at: dict[str, float] = field(repr=False)
     note: str = ""
     units: Mapping[str, str] = field(default_factory=dict, repr=False)
+    multiplicity: int = 1
 
     @property
     def value(self) -> float:
@@ -84,9 +85,12 @@ class Table:
     _by_row: tuple[str, ...] = ()  # further arrays with one entry per row
     _units: ClassVar[Mapping[str, str]] = {}  # of columns
 
-    def __init__(self, columns: Mapping[str, Any], events: Iterable[Event], end: str) -> None:
+    def __init__(
+        self, columns: Mapping[str, Any], events: Iterable[Event], end: str, **about: Any
+    ) -> None:
         self.events = tuple(replace(e, units=self._units) for e in events)
         self.columns, self.end = dict(columns), end
+        self.__dict__.update(about, **{name: self.columns.pop(name) for name in self._by_row})
 
     def __getattr__(self, name: str) -> Any:
         columns = self.__dict__.get("columns", {})

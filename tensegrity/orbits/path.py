@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from tensegrity import check
-from tensegrity.branches.continuation import Branch, ContinuationError, Settings, trace
+from tensegrity.branches.continuation import ContinuationError, Located, Part, Settings
 from tensegrity.branches.many import ManyProblem
-from tensegrity.branches.table import INTERRUPTED, Event, Table
+from tensegrity.branches.problem import Problem, trace
+from tensegrity.branches.table import INTERRUPTED, Table
 from tensegrity.errors import TensegrityError
 from tensegrity.orbits.driven_orbit import WholePeriod
 from tensegrity.orbits.half_period import HalfPeriod
@@ -27,6 +28,9 @@ from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.scene import Scene
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from tensegrity.branches.table import Event
     from tensegrity.orbits.stability import Multipliers
     from tensegrity.typing import Array, Flags
 
@@ -76,7 +80,12 @@ class OrbitPath(Table):
     _units: ClassVar = {"period": "s", "energy": "J", "amplitude": "m"}
 
 
-def orbit_path(orbit: Orbit, by: str, until: float) -> OrbitPath:
+def orbit_path(
+    orbit: Orbit,
+    by: str,
+    until: float | Mapping[str, Any],
+    at: Mapping[str, Any] | None = None,
+) -> OrbitPath:
     """Follow a periodic orbit in its period, its energy, or a parameter of its drives.
 
     Parameters
@@ -85,8 +94,11 @@ def orbit_path(orbit: Orbit, by: str, until: float) -> OrbitPath:
         The orbit at which the path begins.
     by : str
         "period" or "energy" of an undriven orbit, or the name of a parameter of the drives.
-    until : float
-        Value at which the path ends; it sets the initial direction.
+    until : float or dict of str to float
+        Value at which the path ends; it sets the initial direction.  Or values of columns, as for
+        `trace`: without one of `by` this quantity grows at first.
+    at : dict of str to float, optional
+        Values of columns of which the places become events; see `trace`.
 
     Returns
     -------
@@ -120,34 +132,24 @@ def orbit_path(orbit: Orbit, by: str, until: float) -> OrbitPath:
         raise TensegrityError(
             f"by {check.shown(by)} is not one of {', '.join(names) or 'any parameters of drives'}"
         )
-    begin, until = names[by], check.number("until", until)
-    if math.isclose(until, begin) or (not driven and until <= 0):
+    begin, goals = names[by], dict(until) if isinstance(until, dict) else {by: until}
+    end = check.number("until", goals.pop(by)) if by in goals else None
+    if end is not None and (math.isclose(end, begin) or (not driven and end <= 0)):
         words = "differ from it" if driven else "differ from it and be above 0"
-        raise TensegrityError(f"until {until:g} must {words}: the path begins at {by} {begin:g}")
-    steps, towards = orbit.steps * (1 if orbit.opens else FINER), 1 if until > begin else -1
-    for _ in range(REFINED):
-        family = (_Driven if driven else _Reversible)(orbit, by, until, steps)
-        problem, settings = ManyProblem(family), Settings(points=POINTS, largest=family.longest)
-        try:
-            branch = trace(problem, family.start, (), settings, towards, ("end",))
-        except ContinuationError as error:
-            words = f"the path by {by} does not reach {until:g}"
-            raise TensegrityError(f"{words}: {family.stopped(error)}") from None
-        except KeyboardInterrupt as error:
-            if (begun := getattr(error, "branch", None)) is None:
-                raise
-            return family.path(begun, INTERRUPTED)
-        # errors at kinks hardly decrease with the step, and the first orbit has many steps
-        if orbit.opens or family.resolved(_events_and_ends(family, branch)[1]):
-            break
-        steps *= FINER
-    return family.path(branch, f"{by} {until:g}")
-
-
-def _events_and_ends(family: _Family, branch: Branch) -> tuple[list[Array], list[Array]]:
-    """Unknowns of the events of a branch, and of these and both ends."""
-    at = [np.array([event.at[name] for name in family.names]) for event in branch.events]
-    return at, [branch.z[0], branch.z[-1], *at]
+        raise TensegrityError(f"until {end:g} must {words}: the path begins at {by} {begin:g}")
+    family = (_Driven if driven else _Reversible)(orbit, by, end)
+    try:
+        return trace(family, until=goals, at=at)
+    except ContinuationError as error:
+        goal = f"{end:g}" if end is not None else ", ".join(f"{k} {x:g}" for k, x in goals.items())
+        words = f"the path by {by} does not reach {goal}"
+        raise TensegrityError(f"{words}: {family.stopped(error)}") from None
+    except KeyboardInterrupt as error:
+        begun: OrbitPath | None = getattr(error, "branch", None)
+        if begun is None:
+            raise
+        begun.end = INTERRUPTED
+        return begun
 
 
 def _names(scene: Scene) -> dict[str, float]:
@@ -162,7 +164,7 @@ def _names(scene: Scene) -> dict[str, float]:
     return values
 
 
-class _Family:
+class _Family(Problem):
     """Equations of a family of orbits, as `tensegrity.branches.many` takes them."""
 
     kinds: tuple[str, ...] = ("doubling", "torus")  # of events of the multipliers
@@ -172,18 +174,53 @@ class _Family:
     flow: Any
 
     def __init__(
-        self, orbit: Orbit, by: str, until: float, start: Array, scale: Array, count: int
+        self, orbit: Orbit, by: str, goal: float | None, start: Array, scale: Array, count: int
     ) -> None:
-        self.by, self.until, self.start, self.scale, self._count = by, until, start, scale, count
-        self.roots = ("end", *(f"{kind} {k}" for kind in self.kinds for k in range(count)))
-        self.names = (*(f"unknown {k}" for k in range(len(start) - 1)), by)
-        self.folds = {"fold": len(start) - 1}
-        self._last: tuple[bytes, Any] = (b"", None)
+        self.__dict__.update(
+            by=by, goal=goal, start=start, scale=scale, until={}, _count=count, _opens=orbit.opens,
+            direction=1 if goal is None or goal > start[-1] else -1,
+            stop=("end",), settings=Settings(points=POINTS, largest=self.longest),
+            roots=("end", *(f"{kind} {k}" for kind in self.kinds for k in range(count))),
+            unknowns=(*(f"unknown {k}" for k in range(len(start) - 1)), by),
+            folds={"fold": len(start) - 1}, _last=(b"", None), _listed={},
+        )  # fmt: skip
+        stepper = ManyProblem(self)
+        self.__dict__["_build_stepper"] = lambda: stepper
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """See `Problem.names`."""
+        return tuple(dict.fromkeys((self.by, "amplitude", "period", "energy", "multiplier")))
+
+    def followed(self, until: Mapping[str, Any], at: Mapping[str, Any]) -> Part:
+        """See `Problem.followed`: repeated with more steps of the flow until they do not matter."""
+        for last in range(REFINED):
+            self._listed.clear()
+            part = super().followed(until, at)
+            # errors at kinks hardly decrease with the step, and the first orbit has many steps
+            points = [part.data[0], part.data[-1], *(event.point for event in part.events)]
+            if self._opens or last == REFINED - 1 or self.resolved(points):
+                break
+            self.flow.steps *= FINER
+            self.__dict__["_last"] = b"", None
+        listed: list[Located] = []
+        for event in part.events:
+            kind = "stability" if event.kind == "bifurcation" else event.kind.split()[0]
+            if kind == "end" or not self.is_event(kind, self.multipliers(event.point)):
+                continue
+            same = (x for x in listed[-self._count :] if x.kind == kind)
+            value = float(event.point[-1])
+            if not any(math.isclose(x.point[-1], value, rel_tol=SAME_PLACE) for x in same):
+                listed.append(event._replace(kind=kind))
+        part.events = listed
+        if part.end == "end":
+            part.end = f"{self.by} {self.goal:g}"
+        return part
 
     def found(self, u: Array) -> Any:
         """The result of `_evaluated` at the last unknowns, computed once."""
         if self._last[0] != u.tobytes():
-            self._last = u.tobytes(), self._evaluated(u)
+            self.__dict__["_last"] = u.tobytes(), self._evaluated(u)
         return self._last[1]
 
     def _evaluated(self, u: Array) -> tuple[Array, Array]:
@@ -221,7 +258,7 @@ class _Family:
         rows = np.full((len(self.kinds), self._count), 1.0)
         for row, values in zip(rows, self.distances(self.multipliers(u)), strict=True):
             row[: len(values)] = np.sort(values)[: self._count]
-        return np.append(u[-1] - self.until, rows)
+        return np.append(1.0 if self.goal is None else u[-1] - self.goal, rows)
 
     def distances(self, multipliers: Multipliers) -> tuple[Array, ...]:
         """For each kind of event, any number of values that change their sign there."""
@@ -244,9 +281,10 @@ class _Family:
 
     def stopped(self, error: ContinuationError) -> str:
         """Text on the last orbit before an error, and a possible reason why it is the last."""
-        if error.branch is None:
+        part: Part | None = getattr(error, "part", None)
+        if part is None:
             return str(error)
-        orbit, row = self.row(error.branch.z[-1])
+        orbit, row = self.row(part.data[-1])
         low, high = dynamics(orbit.scene).springs.computable_domain.T
         left = np.minimum(self.flow.ranges[:, 0] - low, high - self.flow.ranges[:, 1])
         near = left < NEAR_END * np.ptp(self.flow.ranges, axis=1)
@@ -254,28 +292,38 @@ class _Family:
             "a spring is close to the end of its domain there": near.any(),
             "springs pass kinks, at which tangents are not smooth": orbit.opens,
             f"its residual is {orbit.residual:.1e}": orbit.residual > CLOSED,
-            f"it has {POINTS} rows": len(error.branch.z) >= POINTS,
+            f"it has {POINTS} rows": len(part.data) >= POINTS,
         }
         causes = [words for words, holds in reasons.items() if holds]
         at = ", ".join(f"{name} {row[name]:.6g}" for name in (self.by, "amplitude", "period"))
         why = "; ".join(causes) or "the steps became too short, as they do near other branches"
         return f"its last orbit is that of {at}: {why}"
 
-    def path(self, branch: Branch, end: str) -> OrbitPath:
-        """The orbits of a branch, its events in terms of the orbits, and why it ends."""
-        rows, events = [self.row(u) for u in branch.z], list[Event]()
-        for event, u in zip(branch.events, _events_and_ends(self, branch)[0], strict=True):
-            kind = "stability" if event.kind == "bifurcation" else event.kind.split()[0]
-            if kind == "end" or not self.is_event(kind, self.multipliers(u)):
-                continue
-            new = Event(kind, event.row, self.row(u)[1])
-            if not any(kind == x.kind and math.isclose(x.value, new.value, rel_tol=SAME_PLACE)
-                       for x in events[-self._count :]):  # fmt: skip
-                events.append(new)
-        columns = {name: np.array([row[name] for _, row in rows]) for name in rows[0][1]}
-        path = OrbitPath(columns, events, end)
-        path.orbits = tuple(one for one, _ in rows)
-        return path
+    def measure(self, data: Array) -> dict[str, Array]:
+        """See `Problem.measure`."""
+        rows = [self._row(u)[1] for u in data]
+        return {name: np.array([row[name] for row in rows]) for name in rows[0]}
+
+    def rows(self, part: Part) -> dict[str, Array]:
+        """See `Problem.rows`."""
+        orbits = np.empty(len(part.data), dtype=object)
+        for k, u in enumerate(part.data):
+            orbits[k] = self._row(u)[0]
+        return {"orbits": orbits}
+
+    def table(
+        self, columns: dict[str, Any], events: list[Event], end: str, begin: str
+    ) -> OrbitPath:
+        """See `Problem.table`."""
+        columns["orbits"] = tuple(columns["orbits"])
+        return OrbitPath(columns, events, end)
+
+    def _row(self, u: Array) -> tuple[Orbit, dict[str, float]]:
+        """The result of `row`, computed once."""
+        if u.tobytes() not in self._listed:
+            self._listed[u.tobytes()] = self.row(u)
+        found: tuple[Orbit, dict[str, float]] = self._listed[u.tobytes()]
+        return found
 
     def row(self, u: Array) -> tuple[Orbit, dict[str, float]]:
         """The orbit of given unknowns, and its row of the table."""
@@ -289,16 +337,17 @@ class _Family:
 class _Driven(_Family):
     """Unknowns are those of `WholePeriod`, and the parameter."""
 
-    def __init__(self, orbit: Orbit, by: str, until: float, steps: int) -> None:
+    def __init__(self, orbit: Orbit, by: str, goal: float | None) -> None:
         whole = WholePeriod(orbit.scene, orbit.state, orbit.period)
-        self._whole, self._first, self._period = whole, orbit.period, DrivePeriod(orbit.scene)
-        last = orbit.period * self._period.factor_to(by, until)
-        needed = WholePeriod(orbit.scene, orbit.state, last).steps
-        self.flow, whole.flow.steps = whole.flow, max(steps, needed)
         begin, size = _names(orbit.scene)[by], float(np.abs(whole.guess).max()) or 1.0
-        scale = np.append(np.full(len(whole.guess), size), abs(begin) or abs(until))
+        goal_or_begin, period = begin if goal is None else goal, DrivePeriod(orbit.scene)
+        last = orbit.period * period.factor_to(by, goal_or_begin)
+        needed = WholePeriod(orbit.scene, orbit.state, last).steps
+        whole.flow.steps = max(_steps(orbit), needed)
+        self.__dict__.update(_whole=whole, _first=orbit.period, _period=period, flow=whole.flow)
+        scale = np.append(np.full(len(whole.guess), size), abs(begin) or abs(goal_or_begin) or 1.0)
         start = np.append(whole.guess, begin)
-        super().__init__(orbit, by, until, start, scale, len(whole.guess))
+        super().__init__(orbit, by, goal, start, scale, len(whole.guess))
 
     def _evaluated(self, u: Array) -> tuple[Array, Array]:
         whole, values = self._whole, {self.by: float(u[-1])}
@@ -329,15 +378,16 @@ class _Reversible(_Family):
 
     longest, settled = 0.1, 1e-9
 
-    def __init__(self, orbit: Orbit, by: str, until: float, steps: int) -> None:
-        self._half = half = HalfPeriod(orbit.scene, orbit.state.u.ravel())
-        self.flow, half.flow.steps, self._first = half.flow, steps, orbit.period
+    def __init__(self, orbit: Orbit, by: str, goal: float | None) -> None:
+        half = HalfPeriod(orbit.scene, orbit.state.u.ravel())
+        half.flow.steps = _steps(orbit)
         u, size = orbit.state.u.ravel()[half.free], half.extent(orbit.state.u.ravel())
         more = [orbit.period, orbit.energy][: 1 + (by == "energy")]
         scale = np.append(np.full(len(u), size), more)
         pairs = len(u) - 1 - half.shifts.shape[1]
-        self.kinds = ("doubling", "stability", *(("torus",) if pairs <= MEETING else ()))
-        super().__init__(orbit, by, until, np.append(u, more), scale, pairs)
+        kinds = ("doubling", "stability", *(("torus",) if pairs <= MEETING else ()))
+        self.__dict__.update(_half=half, _first=orbit.period, flow=half.flow, kinds=kinds)
+        super().__init__(orbit, by, goal, np.append(u, more), scale, pairs)
 
     def _state(self, u: Array) -> tuple[Array, float]:
         """u(0) of all entries, and T/2."""
@@ -393,6 +443,11 @@ class _Reversible(_Family):
     def amplitude(self, orbit: Orbit) -> float:
         u = orbit.state.u.ravel()
         return float(np.abs(self._half.flow.end(u, 0 * u, orbit.period / 2)[0] - u).max() / 2)
+
+
+def _steps(orbit: Orbit) -> int:
+    """Steps of the flow with which a path from an orbit begins."""
+    return orbit.steps * (1 if orbit.opens else FINER)
 
 
 def _sums(multipliers: Multipliers) -> Multipliers:

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from tensegrity import check
-from tensegrity.branches.continuation import Problem, Settings, trace
+from tensegrity.branches.continuation import Settings
 from tensegrity.branches.folds import fold_problem, fold_start, refined_fold
+from tensegrity.branches.problem import Problem, trace
 from tensegrity.branches.table import Table
 from tensegrity.errors import TensegrityError
 from tensegrity.once import once
@@ -34,7 +35,7 @@ def _values(rigid_base: bool, any_sides: bool) -> Callable[..., Any]:
     import casadi as ca
 
     of = problem(rigid_base, any_sides)
-    values = [of.values[name] for name in ("height", "twist", "base", "load")]
+    values = [of.columns[name] for name in ("height", "twist", "base", "load")]
     return ca.Function("values", [of.z, of.p], [ca.vertcat(*values)])
 
 
@@ -83,9 +84,9 @@ def limit_load(prism: Prism, prestrain: float) -> Table:
     height, twist, base, load = np.hstack([np.array(_values(*kind)(*state)) for state in states])
     columns = {
         "prestrain": branch.free,
-        "height": height * prism.base,
+        "height": height,
         "twist": twist,
-        "base": base * prism.base,
-        "load": load * prism.k_cross * prism.base,
+        "base": base,
+        "load": load,
     }
     return Table(columns, (), "the requested prestrain is reached")

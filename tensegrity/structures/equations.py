@@ -231,9 +231,10 @@ class Loading:
         names = [f"string {s}" for s in self.strings.tolist()]
         names += [f"contact {a} {b}" for a, b in self.pairs.tolist()]
         names += self.at_plates[0]
-        names += [name for name, end in zip(("load", "height"), self.limits, strict=True)
+        last = "shortening" if self.pattern is not None else "control"
+        names += [f"end {name}" for name, end in zip(("load", last), self.limits, strict=True)
                   if np.isfinite(end)]  # fmt: skip
-        return (*names, *(["back"] if self.pattern is None else []))
+        return (*names, *(["end back"] if self.pattern is None else []))
 
 
 def _cross(a: Array, b: Array) -> Array:
@@ -264,7 +265,7 @@ class SmoothPiece:
         self.leaving = np.searchsorted(self.strings, critical)
         loaded = loading.pattern is not None
         names = [f"w{i}" for i in range(loading.free - loaded)]
-        self.names = (*names, *(("load", "shortening") if loaded else ("control",)))
+        self.unknowns = (*names, *(("load", "shortening") if loaded else ("control",)))
         last = [loading.force, loading.span] if loaded else [1.0]
         self.scale = np.array([loading.span] * len(names) + last)
         self.folds = {"fold": -2, "turn": -1} if loaded else {"fold": -1}
@@ -377,12 +378,12 @@ class SmoothPiece:
                 row[-1] = -lengths[member] * loading.change[member] / natural**2
             return row
         name, *rest = self.roots[number].split()
-        if name == "load":
+        if rest == ["load"]:
             row[-2] = 1 / loading.force
-        elif name == "height":
-            row[-1] = 2 * u[-1] / loading.limits[1] ** 2
-        elif name == "back":
+        elif rest == ["back"]:
             row[-1] = 1.0
+        elif name == "end":
+            row[-1] = 2 * u[-1] / loading.limits[1] ** 2
         elif name == "contact":
             row = self._volume_gradient(loading.positions_at(u), *map(int, rest))
         else:
