@@ -130,16 +130,17 @@ class Part:
     def cut(self, event: Located, end: str) -> None:
         """End at an event, with it as the last row."""
         kept = event.row + 1
-
-        def rows(of: Array) -> Array:
-            return np.concatenate([of[:kept], of[event.row : kept]])
-
-        self.tangent, self.arc, self.residual = map(rows, (self.tangent, self.arc, self.residual))
-        self.more = {name: rows(of) for name, of in self.more.items()}
-        self.data = np.concatenate([self.data[:kept], event.point[None]])
+        self.take([*range(kept), event.row])
+        self.data[-1] = event.point
         number = next(k for k, other in enumerate(self.events) if other is event)
         self.events = [*self.events[:number], event._replace(row=kept)]
         self.end, self.following = end, None
+
+    def take(self, rows: Any) -> None:
+        """Keep some of the rows; those of events stay as they are."""
+        for name in ("data", "tangent", "arc", "residual"):
+            setattr(self, name, getattr(self, name)[rows])
+        self.more = {name: column[rows] for name, column in self.more.items()}
 
 
 def follow(

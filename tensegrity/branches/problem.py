@@ -402,14 +402,13 @@ class _Joined:
     def add(self, problem: Problem, part: Part, skip: int) -> None:
         """Join a part without the first `skip` rows."""
         first = self.rows - skip
-        if part.events:
-            at = problem.measure(np.array([event.point for event in part.events]))
-        for k, (kind, row, _, note, multiplicity) in enumerate(part.events):
-            there = {name: float(column[k]) for name, column in at.items() if column.ndim == 1}
-            self.events.append(Event(kind, row + first, there, note, multiplicity=multiplicity))
-        columns = problem.measure(part.data) | problem.rows(part)
-        self.columns.append({name: column[skip:] for name, column in columns.items()})
-        self.rows += len(part.data) - skip
+        for kind, row, point, note, multiplicity in part.events:
+            at = {name: float(x[0]) for name, x in problem.measure(point[None]).items()}
+            self.events.append(Event(kind, row + first, at, note, multiplicity=multiplicity))
+        if skip:
+            part.take(slice(skip, None))
+        self.columns.append(problem.measure(part.data) | problem.rows(part))
+        self.rows += len(part.data)
 
     def whole(self) -> dict[str, Array]:
         """The joined columns."""
@@ -417,12 +416,12 @@ class _Joined:
 
     def reversed(self) -> _Joined:
         """In the other sense, without the start, which becomes the last row."""
-        new = _Joined()
-        new.columns = [{name: column[:0:-1] for name, column in self.whole().items()}]
+        new, columns = _Joined(), self.whole()
+        new.columns = [{name: column[:0:-1] for name, column in columns.items()}]
         new.rows = self.rows - 1
-        new.events = [
-            replace(event, row=max(new.rows - 1 - event.row, 0))
-            for event in self.events[::-1]
-            if event.row > 0
-        ]
+        for event in self.events[::-1]:
+            name, value = next(iter(event.at.items()))
+            before = columns[name][event.row] != value  # not at a row, but beyond it
+            if event.row > 0:
+                new.events.append(replace(event, row=new.rows - event.row - before))
         return new
