@@ -7,13 +7,11 @@ measures the fourth derivative of the branch, hence the error of cubic interpola
 rows, which controls the step.  A point is accepted if its residual is at round-off and both the
 correction and the angle between the tangents are small; otherwise the step is reduced.  The step
 is also reduced where the bordered determinant changes sign, as between a branch and another one
-close to it.  Limit points (folds) are located on their extended system (Moore & Spence 1980), roots
-of user functions on the equations extended by the function.
+close to it.
 
 Steps between two events are a single call if they are compiled (`follow.c`).  An event is bracketed
-where its function changes sign; Newton's method starts from the cubic, bisection follows where it
-fails.  Given values of columns, at which a branch ends or which are wanted, are bracketed between
-the points and found on the branch itself.
+where its function changes sign, and given values of columns where these pass them; both are found
+by Chandrupatla's method as functions of the place on the branch between the two points.
 """
 
 from __future__ import annotations
@@ -25,9 +23,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from tensegrity import check
+from tensegrity.branches.arclength import TINY
 from tensegrity.branches.table import INTERRUPTED
 from tensegrity.errors import TensegrityError
-from tensegrity.root import root
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -35,10 +33,10 @@ if TYPE_CHECKING:
 
     from tensegrity.typing import Array
 
-    Level = tuple[str, float, Callable[[Array], Array]]  # column, value, function of `Part.data`
+    Level = tuple[str, float, int | Callable[[Array], Array]]  # name, value, place or function
 
 START_ITERATIONS = 50
-BISECTIONS = 45  # where Newton's method does not locate an event
+BISECTIONS = 45  # that locate a bifurcation
 INITIAL_ROWS = 256  # rows allocated at first
 CHUNK = 16  # steps between two looks at the values at which a branch ends
 SINGULAR = 1e-3  # singular value at a bifurcation over that at the row before, below which it is 0
@@ -160,8 +158,9 @@ def follow(
         Initial sense of the last unknown; at a limit point, of the largest component.
     stop : collection of str
         Kinds of event at which the branch ends, with that event as its last row.
-    until, at : sequence of (column, value, function), optional
-        Values of columns at which it ends, or which become events of that name.
+    until, at : sequence of (name, value, column), optional
+        Values of columns, as `ArclengthStepper.locate` takes them, at which it ends, or which
+        become events of that name.
 
     Returns
     -------
@@ -270,28 +269,19 @@ def _first_reached(stepper, until, rows, last, count, found, p):
 
 
 def _reached(stepper, column, value, numbers, nodes, p, first=False):
-    """The points (row, point) at which a column has a value, the first one alone if wanted; the
-    start counts only if all are."""
-    away = column(stepper.data(nodes)) - value
+    """The points (row, point) at which a column has a value: the first one beyond the start alone,
+    or all."""
+    away = stepper.column(nodes, column) - value
     crossed = (away[:-1] * away[1:] < 0) | (away[1:] == 0)
     if not first and away[0] == 0:
         yield numbers[0], nodes[0]
     for k in np.flatnonzero(crossed).tolist()[: 1 if first else None]:
         start, end = nodes[k], _with_length(stepper, nodes[k], nodes[k + 1])
-        ends = {0.0: float(away[k]), 1.0: float(away[k + 1])}
-
-        def point(part, start=start, end=end):
-            return stepper.corrected(*stepper.interpolated(start, end, part), p)
-
-        def left(part, point=point, ends=ends):
-            if part in ends:
-                return ends[part]
-            return float(column(stepper.data(point(part)[None]))[0]) - value
-
-        part = root(left, 0.0, 1.0)
-        found = end if part == 1 else point(part)
-        stepper.on_curve(found, start, end)
-        yield numbers[k], found
+        ends = float(away[k]), float(away[k + 1])
+        yield (
+            numbers[k],
+            end if ends[1] == 0 else stepper.locate(start, end, column, value, ends, p),
+        )
 
 
 def _checked(stepper, start, parameters, direction, stop):
@@ -361,7 +351,9 @@ def _events_between(stepper, before, here, p):
     crossed = [i for i, test in enumerate(tests) if signs[i] * test < 0]
 
     def event(i, start, end):
-        return stepper.kinds[i], _locate(stepper, start, end, i, signs[i], p)
+        place = stepper.tests + i
+        ends = float(start[place]) or signs[i] * TINY, float(end[place])
+        return stepper.kinds[i], stepper.locate(start, end, place, 0.0, ends, p)
 
     def ordered(events):
         return sorted(events, key=lambda event: _place(stepper, before, event[1]))
@@ -387,27 +379,6 @@ def _with_length(stepper, start, end):
     end = end.copy()
     end[stepper.length] = math.dist(start[: stepper.m].tolist(), end[: stepper.m].tolist())
     return end
-
-
-def _locate(stepper, before, here, number, sign, p):
-    """The point between two others where an event function vanishes."""
-    test = stepper.tests + number
-    low = 0.0, float(before[test]), before
-    high = 1.0, float(here[test]), here
-    for _ in range(BISECTIONS):
-        part = low[0] + (high[0] - low[0]) * low[1] / (low[1] - high[1])
-        ends = low[2], high[2]
-        point = stepper.locate_event(stepper.kinds[number], before, here, part, ends, p)
-        if point is not None:
-            return point
-        part = (low[0] + high[0]) / 2
-        middle = stepper.corrected(*stepper.interpolated(before, here, part), p)
-        if middle[test] * sign > 0:
-            low = part, float(middle[test]), middle
-        else:
-            high = part, float(middle[test]), middle
-    stepper.on_curve(middle, before, here)
-    return middle
 
 
 def _bifurcation(stepper, before, here, p):

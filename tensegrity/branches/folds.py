@@ -11,6 +11,8 @@ from tensegrity.branches.problem import Problem
 from tensegrity.branches.table import Event
 from tensegrity.typing import Array
 
+NEARBY = 1e-3  # distance in scaled unknowns within which a limit point is refined
+
 
 def fold_problem(problem: Problem, fold: str, free: int) -> Problem:
     """The continuation of a limit point in a second parameter, as a problem of its own.
@@ -84,8 +86,8 @@ def fold_start(problem: Problem, event: Event, parameters: ArrayLike, free: int)
     return np.concatenate([z, tangent / np.linalg.norm(tangent), [p[free]]])
 
 
-def refined_fold(problem: Problem, fold: str, z: ArrayLike, parameters: ArrayLike) -> Array | None:
-    """The limit point close to given unknowns, located on the extended system.
+def refined_fold(problem: Problem, fold: str, z: ArrayLike, parameters: ArrayLike) -> Array:
+    """The limit point next to given unknowns, located along the branch.
 
     Parameters
     ----------
@@ -98,13 +100,17 @@ def refined_fold(problem: Problem, fold: str, z: ArrayLike, parameters: ArrayLik
 
     Returns
     -------
-    ndarray, (m,), or None
-        Unknowns; None if Newton's method fails.
+    ndarray, (m + values,)
+        Unknowns and tabulated values.
     """
-    p, scale = np.asarray(parameters, dtype=float), np.array(problem.scale)
-    z = np.arcsinh(np.asarray(z, dtype=float) / scale)
-    z = problem._stepper.polish(fold, z, _tangent(problem, z, p), p)
-    return None if z is None else np.sinh(z) * scale
+    stepper, p = problem._stepper, np.asarray(parameters, dtype=float)
+    z = np.arcsinh(np.asarray(z, dtype=float) / stepper.scale)
+    along, place = _tangent(problem, z, p), stepper.tests + stepper.kinds.index(fold)
+    before, here = (stepper.corrected(z + x * along, along, p) for x in (-NEARBY, NEARBY))
+    here[stepper.length] = np.linalg.norm((here - before)[: stepper.m])
+    ends = before[place], here[place]
+    row = stepper.locate(before, here, place, 0.0, ends, p) if ends[0] * ends[1] < 0 else before
+    return np.asarray(stepper.data(row[None])[0])
 
 
 def _tangent(problem: Problem, z: Array, p: Array) -> Array:

@@ -16,7 +16,6 @@ from tensegrity.branches.arclength import (
     ITERATIONS,
     NUMBERS,
     ArclengthStepper,
-    converged,
     error_and_arc,
     step_control,
 )
@@ -27,7 +26,6 @@ CONSTANT = 1e-13  # component of a unit tangent below which an unknown is consta
 SAME_POINT = 1e-12  # last correction up to which its Jacobian is that of the corrected point
 DIFFERENCE = 1e-3  # step of differences, over the unknown or its scale
 STENCIL = (1, 2 / 3), (2, -1 / 12)  # multiples of it, and weights: order 4
-SECANT, LARGEST_SECANT = 1e-4, 0.2  # first and largest secant step, in scaled unknowns
 
 
 class Equations(Protocol):
@@ -47,9 +45,6 @@ class Equations(Protocol):
 
     def tests(self, u: Array) -> Array:
         """Event functions, each of which vanishes at its events, (roots,)."""
-
-    def test_gradient(self, u: Array, number: int) -> Array:
-        """Gradient of one event function, (m,); may be missing."""
 
 
 class PlainEquations:
@@ -106,10 +101,6 @@ class ManyProblem(ArclengthStepper):
         """Residual (m - 1,) and Jacobian (m - 1, m) in scaled unknowns."""
         g, jacobian = self.equations.linearised(self.unknowns(z))
         return g, jacobian * (np.cosh(z) * self.scale)
-
-    def values(self, z: Array, p: Any) -> Any:
-        """No further tabulated values."""
-        return ()
 
     @np.errstate(all="ignore")  # divergence is detected by non-finite values
     def advance(self, before: Array, here: Array, control: Array, p: Any) -> Array:
@@ -173,52 +164,3 @@ class ManyProblem(ArclengthStepper):
         row = self.row(z, np.zeros(self.m), 0.0)
         row[self.residual] = math.inf
         return np.append(row, [0.0, control[0] / 10])
-
-    @np.errstate(all="ignore")
-    def polish(self, kind: str, z: Array, tangent: Array, p: Any) -> Array | None:
-        """An event by Newton's method on the extended system, or by the secant method for folds
-        and for other functions without gradients.
-
-        Parameters
-        ----------
-        kind : str
-        z, tangent : ndarray, (m,)
-            Initial scaled unknowns, and a tangent of the branch.
-        p : ignored
-
-        Returns
-        -------
-        ndarray, (m,), or None
-            Scaled unknowns; None if the iteration fails.
-        """
-        if kind not in self.roots or not hasattr(self.equations, "test_gradient"):
-            return self._vanishing_at(self.tests + self.kinds.index(kind), z, tangent)
-        number = self.roots.index(kind)
-
-        def step(z: Array) -> tuple[Array, float]:
-            u = self.unknowns(z)
-            rates = np.cosh(z) * self.scale
-            g, jacobian = self.equations.linearised(u)
-            row = self.equations.test_gradient(u, number) * rates
-            right = np.append(g, self.equations.tests(u)[number])
-            try:
-                new = z - np.linalg.solve(np.vstack([jacobian * rates, row]), right)
-            except np.linalg.LinAlgError:
-                return z, math.nan
-            return new, float(np.linalg.norm((new - z) / (1 + np.abs(new))))
-
-        return converged(step, z)
-
-    def _vanishing_at(self, place: int, z: Array, tangent: Array) -> Array | None:
-        """The point where one entry of the rows vanishes, by the secant method, or None."""
-
-        def secant(x: tuple[Array, float, float]) -> tuple[Any, float]:
-            row, step, largest = x
-            z, tangent = row[: self.m], row[self.m : 2 * self.m]
-            new = self.corrected(z + step * tangent, tangent, None)
-            step *= -new[place] / (new[place] - row[place])
-            good = new[self.m : 2 * self.m].any() and abs(step) < max(largest / 2, 1e-11)
-            return (new, step, abs(step)), abs(step) if good else math.nan
-
-        x = converged(secant, (self.corrected(z, tangent, None), SECANT, LARGEST_SECANT))
-        return None if x is None else x[0][: self.m] + x[1] * x[0][self.m : 2 * self.m]

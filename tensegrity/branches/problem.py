@@ -7,6 +7,7 @@ CasADi expressions, which are compiled, or of plain functions.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Protocol, Self, TypeVar
@@ -198,7 +199,7 @@ class Problem:
         """
         until, at = (
             [
-                (name, value, self._column(name))
+                (name, *self._column(name, value))
                 for name, values in given.items()
                 for value in np.atleast_1d(values).tolist()
             ]
@@ -207,13 +208,15 @@ class Problem:
         given = self.start, self.parameters, self.settings, self.direction, self.stop
         return follow(self._stepper, *given, until, at)
 
-    def _column(self, name: str) -> Callable[[Array], Array]:
+    def _column(self, name: str, value: float) -> tuple[float, Any]:
+        """A value of a column, and the column, as `ArclengthStepper.locate` takes them."""
         stepper = self._stepper
-        listed = (*stepper.names, *stepper.tabulated)
-        if name in listed:
-            place = listed.index(name)
-            return lambda data: data[:, place]
-        return lambda data: self.measure(data)[name]
+        if name in stepper.names:
+            place = stepper.names.index(name)
+            return math.asinh(value / stepper.scale[place]), place
+        if name in stepper.tabulated:
+            return value, 2 * stepper.m + stepper.tabulated.index(name)
+        return value, lambda data: self.measure(data)[name]
 
     def measure(self, data: Array) -> dict[str, Array]:
         """Columns of unknowns and tabulated values (rows, m + values)."""

@@ -365,42 +365,12 @@ class SmoothPiece:
         ends += [(u[-1] / farthest) ** 2 - 1] if np.isfinite(farthest) else []
         return np.concatenate([*parts, ends, [u[-1] - BACK] if loading.pattern is None else []])
 
-    def test_gradient(self, u: Array, number: int) -> Array:
-        """Gradient of one event function where it vanishes, (m,)."""
-        loading, strings = self.loading, len(self.strings)
-        row = np.zeros(len(u))
-        if number < strings:
-            member = self.strings[number]
-            d, lengths = self.separations(u)
-            natural = self.natural(u)[member]
-            row = (d[member] / lengths[member]) @ loading.gain[member] / natural
-            if loading.pattern is None:
-                row[-1] = -lengths[member] * loading.change[member] / natural**2
-            return row
-        name, *rest = self.roots[number].split()
-        if rest == ["load"]:
-            row[-2] = 1 / loading.force
-        elif rest == ["back"]:
-            row[-1] = 1.0
-        elif name == "end":
-            row[-1] = 2 * u[-1] / loading.limits[1] ** 2
-        elif name == "contact":
-            row = self._volume_gradient(loading.positions_at(u), *map(int, rest))
-        else:
-            names, _, rows = loading.at_plates
-            row = rows[names.index(self.roots[number])]
-        return row
-
-    def _volume_gradient(self, x: Array, one: int, other: int) -> Array:
-        """Gradient of the scaled volume of `Loading.crossing`, (m,)."""
-        loading, ends = self.loading, self.loading.members.ends
-        (a, b), (c, d) = ends[one], ends[other]
-        first, second, separations = x[b] - x[a], x[d] - x[c], x[c] - x[a]
-        rows = loading.by_node
-        change = (
-            np.cross(first, second) @ (rows[c] - rows[a])
-            + np.cross(second, separations) @ (rows[b] - rows[a])
-            + np.cross(separations, first) @ (rows[d] - rows[c])
-        )
-        size = np.linalg.norm(first) * np.linalg.norm(second) * loading.span
-        return np.asarray(change / size)
+    def strain_gradient(self, u: Array, number: int) -> Array:
+        """Gradient of the strain of a string, by its place in `strings`, (m,)."""
+        loading, member = self.loading, self.strings[number]
+        d, lengths = self.separations(u)
+        natural = self.natural(u)[member]
+        row = (d[member] / lengths[member]) @ loading.gain[member] / natural
+        if loading.pattern is None:
+            row[-1] = -lengths[member] * loading.change[member] / natural**2
+        return np.asarray(row)
