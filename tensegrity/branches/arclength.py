@@ -164,7 +164,7 @@ class ArclengthStepper:
         some = sizes > 1e-15 * sizes[0]
         return ((g @ left)[some] / sizes[some]) @ right[:-1][some], right[-1]
 
-    def steps(self, rows, count, control, p):
+    def steps(self, rows, count, control, p, levels=None):
         """Take one step, or none if none is accepted; a compiled stepper steps on until a step
         contains an event or the rows are full.
 

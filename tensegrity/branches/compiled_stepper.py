@@ -51,7 +51,7 @@ class CompiledStepper(ArclengthStepper):
         self.library = self.functions.library
         if self.library:
             pointer, number = ctypes.c_void_p, ctypes.c_longlong
-            self.library.steps.argtypes = [*[pointer] * 3, number, number]
+            self.library.steps.argtypes = [*[pointer] * 3, number, number, pointer, pointer, number]
             self.library.corrected.argtypes = [pointer] * 4
             self.library.least_norm.argtypes = [pointer] * 3
             numbers = [number, *[ctypes.c_double] * 3]
@@ -161,8 +161,9 @@ class CompiledStepper(ArclengthStepper):
         self.library.corrected(*map(address, (p, z, tangent, result)))
         return result
 
-    def steps(self, rows, count, control, p):
-        """Step on until a step contains an event, no step is accepted, or the rows are full.
+    def steps(self, rows, count, control, p, levels=()):
+        """Step on until a step contains an event or a level, no step is accepted, or the rows are
+        full.
 
         Parameters
         ----------
@@ -173,6 +174,8 @@ class CompiledStepper(ArclengthStepper):
             As for `ArclengthStepper.steps`; its step is updated in place.
         p : ndarray, (k,)
             Parameters.
+        levels : sequence of (int, float)
+            Places in a row, and values there.
 
         Returns
         -------
@@ -181,7 +184,12 @@ class CompiledStepper(ArclengthStepper):
         """
         if not self.library:
             return super().steps(rows, count, control, p)
-        return self.library.steps(*map(address, (p, control, rows)), count, len(rows))
+        given = (*map(address, (p, control, rows)), count, len(rows))
+        if not levels:
+            return self.library.steps(*given, None, None, 0)
+        places = np.array([place for place, _ in levels], dtype=np.int64)
+        values = np.array([value for _, value in levels])
+        return self.library.steps(*given, address(places), address(values), len(levels))
 
     def locate(self, before, here, column, value, ends, p):
         """See `ArclengthStepper.locate`."""

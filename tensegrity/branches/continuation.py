@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 START_ITERATIONS = 50
 BISECTIONS = 45  # that locate a bifurcation
 INITIAL_ROWS = 256  # rows allocated at first
-CHUNK = 16  # steps between two looks at the values at which a branch ends
+CHUNK = 16  # steps between two looks at the values of computed columns
 SINGULAR = 1e-3  # singular value at a bifurcation over that at the row before, below which it is 0
 
 
@@ -204,12 +204,14 @@ def _follow(stepper, start, p, settings, direction, stop, until):
                 folds.append(i)
             else:
                 events.append((stepper.kinds[i], 0, first))
+    levels = [(column, value) for _, value, column in until if not callable(column)]
+    computed = len(levels) < len(until)
     while count < most:
         if count == len(rows):
             rows = np.concatenate([rows, np.empty_like(rows)])[:most]
-        last, room = count, count + CHUNK if until else most
+        last, room = count, count + CHUNK if computed else most
         try:
-            count = stepper.steps(rows[:room], count, control, p)
+            count = stepper.steps(rows[:room], count, control, p, levels)
             found = _events_between(stepper, *rows[count - 2 : count], p) if count > last else []
         except KeyboardInterrupt:  # the events of a last step are not known
             return rows[: max(count - 1, last)], events, INTERRUPTED, True

@@ -84,7 +84,8 @@ static const double *preceding(const double *here, double *before)
 }
 
 /* See ArclengthStepper.steps. */
-int steps(const double *p, double *control, double *rows, integer count, integer room)
+int steps(const double *p, double *control, double *rows, integer count, integer room,
+          const integer *places, const double *values, integer levels)
 {
     while (count < room) {
         double *here = rows + SIZE * (count - 1), *row = here + SIZE;
@@ -104,6 +105,8 @@ int steps(const double *p, double *control, double *rows, integer count, integer
                 row[kind] = ROOT_AT_START * here[kind];
             quiet &= !(here[kind] * row[kind] < 0);
         }
+        for (int k = 0; k < levels; k++)
+            quiet &= (here[places[k]] - values[k]) * (row[places[k]] - values[k]) > 0;
         if (!quiet)
             break;
     }
@@ -137,11 +140,11 @@ void locate(const double *p, const double *before, const double *here, integer p
             double low, double high, double *row)
 {
     double a = 0, at_a = low, b = 1, at_b = high, c = a, at_c = at_a, part = low / (low - high);
-    double found[2 + M];
-    for (int k = 0; k < BISECTIONS && at_a != 0; k++) {
+    double found[2 + M], noise = ROUND_OFF / 2 * fmax(fabs(low), fabs(high));
+    for (int k = 0; k < BISECTIONS; k++) {
         double best = fabs(at_a) < fabs(at_b) ? a : b;
         double least = 2 * ROUND_OFF * best / fabs(b - a);
-        if (at_b == 0 || least > 0.5)
+        if (fmin(fabs(at_a), fabs(at_b)) <= noise || least > 0.5)
             break;
         double x = a + fmin(fmax(part, least), 1 - least) * (b - a);
         if (x == a || x == b)
@@ -159,7 +162,8 @@ void locate(const double *p, const double *before, const double *here, integer p
             part += (c - a) / (b - a) * at_a / (at_c - at_a) * at_b / (at_c - at_b);
         }
     }
-    away(p, before, here, fabs(at_a) < fabs(at_b) ? a : b, place, value, row);
+    if (a == 0 || fabs(at_b) < fabs(at_a)) /* else the row is that of a */
+        away(p, before, here, fabs(at_a) < fabs(at_b) ? a : b, place, value, row);
     call(tensegrity_deviation, found, row, before, here, 0);
     if (found[1] < ALIGNED)
         memcpy(row + M, found + 2, M * sizeof(double));

@@ -201,7 +201,7 @@ class Problem:
             [
                 (name, *self._column(name, value))
                 for name, values in given.items()
-                for value in np.atleast_1d(values).tolist()
+                for value in ((values,) if isinstance(values, float) else np.ravel(values).tolist())
             ]
             for given in ({**self.until, **until}, at)
         )
@@ -341,7 +341,8 @@ def trace(
     given = {"start": start, "parameters": parameters, "settings": settings}
     given |= {"direction": direction, "stop": stop}
     of: Any = problem
-    of = of.changed(**{name: x for name, x in given.items() if x is not None})
+    changes = {name: x for name, x in given.items() if x is not None}
+    of = of.changed(**changes) if changes else of
     kind = until.removeprefix(FIRST) if isinstance(until, str) else None
     levels = _values("until", of, {} if kind or until is None else until)
     wanted = _values("at", of, {} if at is None else at)
@@ -415,7 +416,8 @@ class _Joined:
 
     def whole(self) -> dict[str, Array]:
         """The joined columns."""
-        return {name: np.concatenate([x[name] for x in self.columns]) for name in self.columns[0]}
+        first, *more = self.columns
+        return {n: np.concatenate([x, *(y[n] for y in more)]) for n, x in first.items()}
 
     def reversed(self) -> _Joined:
         """In the other sense, without the start, which becomes the last row."""

@@ -59,11 +59,16 @@ def stable(z: Array, p: Sequence[float], rigid_base: bool) -> tuple[Flags, Flags
     rows, m = z.shape
     matrices = functions(rigid_base, len(p) > 6)("tangent", z, p).reshape(rows, m, m)
 
-    def only_multiplier(part):
-        values = np.linalg.eigvalsh((part + part.transpose(0, 2, 1)) / 2)
-        return (values < -ROUND_OFF).sum(axis=1) == 1
+    matrices = (matrices + matrices.transpose(0, 2, 1)) / 2
 
-    return only_multiplier(matrices), only_multiplier(matrices[:, :-1, :-1])
+    def only_multiplier(part):
+        return (np.linalg.eigvalsh(part) < -ROUND_OFF).sum(axis=1) == 1
+
+    by_load = only_multiplier(matrices)
+    by_height = by_load.copy()  # of fewer motions not more are unstable
+    if not by_load.all():
+        by_height[~by_load] = only_multiplier(matrices[~by_load, :-1, :-1])
+    return by_load, by_height
 
 
 @dataclass(frozen=True)
