@@ -65,12 +65,11 @@ def costs(name, chain, state, chosen, method="verlet", steps=STEPS):
         "chosen": lambda: gradient(peak, *run_of, **how, wanted=chosen),
         "none": lambda: gradient(peak, *run_of, **how, wanted=()),
         "all": lambda: gradient(peak, *run_of, **how),
-        "exact": lambda: gradient(peak, *run_of, **how, wanted=chosen, exact=True),
         "ten": lambda: gradient([o.load(bond=k) for k in range(0, last, last // 8)], *run_of,
                                 **how, wanted=chosen),
     })  # fmt: skip
     ratios = [times[k] / times[base] for base in ("run", "loop")
-              for k in ("chosen", "none", "all", "exact", "ten")]  # fmt: skip
+              for k in ("chosen", "none", "all", "ten")]  # fmt: skip
     ns = 1e9 * times["loop"] / (steps * (last + 1))
     return (f"{name}, {method}", ns, *ratios)
 
@@ -102,11 +101,11 @@ def stored(peer, steps):
 
 def main():
     """Print ratios with their targets."""
-    kinds = ("chosen", "none", "all", "exact", "8 in one")
+    kinds = ("chosen", "none", "all", "8 in one")
     rows = [costs(name, *one, method) for name, one in scenes().items()
             for method in ("verlet", "rkn6")]  # fmt: skip
     part = len(kinds) + 2
-    table("value and gradient over the run (aim: prisms 4, Hertz 3, at most 6; `exact` apart)",
+    table("value and gradient over the run (aim: prisms 4, Hertz 3, at most 6)",
           ["", "ns a bond", *kinds], [row[:part] for row in rows], ours=kinds)  # fmt: skip
     table("the same over the bare loop", ["", "ns a bond", *kinds],
           [(*row[:2], *row[part:]) for row in rows], ours=kinds)  # fmt: skip

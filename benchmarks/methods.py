@@ -1,4 +1,4 @@
-"""Force evaluations per unit of time that each method needs for an error: which ones to keep.
+"""Force evaluations per unit of time that each method needs for an error.
 
 Two smooth scenes on 128 prisms, a blow and a solitary wave; error of the last state against
 Blanes and Moan's method in extended precision with far smaller steps.  Evaluations, not seconds:
@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchmarks._candidates import GRADIENTS, SPLITTINGS, evaluations, run_gradient
 from benchmarks._charts import FOLDER, charted
 from tensegrity import METHODS, Chain, Prism, TensegrityError, solitary_wave
 from tensegrity.engine.compiled import Compiled
@@ -19,7 +18,7 @@ from tensegrity.scenes.dynamics import dynamics
 SITES = 128
 LEVELS = 10.0 ** -np.arange(2.0, 13.0)
 FINER = 1.25  # ratio of the numbers of steps of two runs
-MOST = 500.0  # evaluations per unit of 1/omega; a fifth for what runs in NumPy
+MOST = 500.0  # evaluations per unit of 1/omega
 REFERENCE = 500.0  # evaluations per unit of 1/omega, method of order 6
 EXTENDED = bool(np.finfo(np.longdouble).eps < np.finfo(float).eps)
 
@@ -61,16 +60,14 @@ def gap(found, exact):
     return float(max(parts)) if np.isfinite(parts).all() else np.inf
 
 
-def candidates():
-    """{name: (order, evaluations per step, stability limit, runner)}."""
+def explicit_methods():
+    """{name: (order, evaluations per step, method)}; the last kick of a step serves the next."""
     found = {}
-    for name, method in (METHODS | SPLITTINGS).items():
-        if not method.explicit:
-            continue
-        per_step = evaluations(method.kicks) if hasattr(method, "kicks") else method.stages
-        found[name] = method.order, per_step, method.stability_limit, method
-    for name, method in GRADIENTS.items():
-        found[name] = method.order, method.evaluations, method.limit, method
+    for name, method in METHODS.items():
+        if method.explicit:
+            kicks = getattr(method, "kicks", None)
+            per_step = sum(b != 0 for b in kicks) - (kicks[0] != 0) if kicks else method.stages
+            found[name] = method.order, per_step, method
     return found
 
 
@@ -83,14 +80,12 @@ def measure(scene, levels=LEVELS):
     steps = int(REFERENCE * scale / METHODS["rkn6"].stages)
     exact = final(chain, state, METHODS["rkn6"], t_end / steps, steps, engine)
     found = {}
-    for name, (_, per_step, limit, method) in candidates().items():
-        counts, errors, steps = [], [], int(1.02 * scale / limit) + 1
-        most = scale * (MOST / 5 if name in GRADIENTS else MOST)
-        while per_step * steps < most and (not errors or min(errors) > levels[-1] / 2):
+    for name, (_, per_step, method) in explicit_methods().items():
+        counts, errors, steps = [], [], int(1.02 * scale / method.stability_limit) + 1
+        while per_step * steps < scale * MOST and (not errors or min(errors) > levels[-1] / 2):
             dt = t_end / steps
-            run = run_gradient if name in GRADIENTS else final
             try:
-                error = gap(run(chain, state, method, dt, steps), exact)
+                error = gap(final(chain, state, method, dt, steps), exact)
             except TensegrityError:  # a spring beyond its domain
                 error = np.inf
             counts.append(per_step * steps / t_end)
@@ -118,34 +113,6 @@ def needed(counts, errors, level):
     return counts[i] * (counts[i + 1] / counts[i]) ** share
 
 
-KEPT_FOR = {
-    "verlet": "rough looks, and the widest use",
-    "rkn6": "smooth scenes, and networks",
-    "rk4": "results that were made with it",
-}
-CLEARLY = 0.97  # of another's cost
-
-
-def verdict(name, costs):
-    """What a method costs against the cheapest kept one, and what became of it."""
-    mine = np.array([several[name] for several in costs.values()])
-    kept = np.array(
-        [np.nanmin([x for n, x in c.items() if n in KEPT_FOR and n != name], axis=0)
-         for c in costs.values()]
-    )  # fmt: skip
-    with np.errstate(invalid="ignore"):
-        ratio = mine / kept
-    better = (ratio < CLEARLY).any(axis=0)
-    least, most = np.nanmin(ratio), np.nanmax(ratio)
-    what = f"{least:.2f} to {most:.2f} of the cheapest {'other ' * (name in KEPT_FOR)}method kept"
-    if better.any():
-        what += f", less at {', '.join(f'{level:.0e}' for level in LEVELS[better])}"
-    if name in KEPT_FOR:
-        return f"kept for {KEPT_FOR[name]}: {what}"
-    reason = "; it takes a loop with gradients of its own" if name in GRADIENTS else ""
-    return f"not kept: {what}{reason}"
-
-
 def chart(found, folder=FOLDER):
     """Evaluations against error, as PNG and CSV; the files written."""
     rows = [
@@ -160,11 +127,8 @@ def chart(found, folder=FOLDER):
         several = figure.subplots(1, len(found), sharex=True)
         for axes, (scene, methods) in zip(np.atleast_1d(several), found.items(), strict=True):
             for number, (name, (counts, errors)) in enumerate(methods.items()):
-                kept = name in METHODS
-                axes.loglog(
-                    errors, counts, "-" if kept else ":", color=f"C{number % 10}",
-                    lw=2 if kept else 1, marker="osv^D*"[number % 6], ms=3, label=name,
-                )  # fmt: skip
+                marker = "osv^D*"[number % 6]
+                axes.loglog(errors, counts, lw=2, marker=marker, ms=3, label=name)
             axes.set_xlim(1, LEVELS[-1] / 10)
             axes.set_xlabel(f"error of the last state, {scene} [1]")
         np.atleast_1d(several)[0].set_ylabel("evaluations of the forces per unit of time [1/s]")
@@ -173,7 +137,7 @@ def chart(found, folder=FOLDER):
 
 
 def main():
-    """Print what each method costs at each error, and what became of it."""
+    """Print what each method costs at each error."""
     found = {name: measure(scene) for name, scene in scenes().items()}
     costs = {
         scene: {n: np.array([needed(*r, level) for level in LEVELS]) for n, r in several.items()}
@@ -185,9 +149,9 @@ def main():
         for name, row in several.items():
             print(f"{name:>22}" + "".join("        -" if np.isnan(x) else f"{x:9.3g}" for x in row))
     print()
-    for name, (order, per_step, limit, _) in candidates().items():
+    for name, (order, per_step, method) in explicit_methods().items():
         print(
             f"{name:>22}: order {order}, {per_step:4.3g} evaluations a step, stable to "
-            f"dt omega {limit:.3f}; {verdict(name, costs)}"
+            f"dt omega {method.stability_limit:.3f}"
         )
     print(*chart(found), sep="\n")

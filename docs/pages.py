@@ -42,7 +42,6 @@ ROOMS = {  # page: (title, modules whose public names it holds, modules document
     "waves": ("Solitary waves", ["tensegrity.waves", "tensegrity.orbits"],
               ["tensegrity.waves.asymptotics", "tensegrity.waves.limit",
                "tensegrity.waves.solitary"]),
-    "lens": ("Lenses of chains", ["tensegrity.lens"], ["tensegrity.lens.radiation"]),
     "structures": ("Structures", ["tensegrity.structures"], ["tensegrity.catalogue"]),
     "gradients": ("Gradients", ["tensegrity.gradients"], ["tensegrity.objective"]),
     "measure": ("Measures and films", ["tensegrity.measure", "tensegrity.animation"], []),

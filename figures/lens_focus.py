@@ -10,7 +10,8 @@ from functools import cache
 import numpy as np
 
 from figures._draw import name_curves
-from tensegrity import Lens, Prism, plotting
+from figures._lens import Lens
+from tensegrity import Prism, plotting
 
 NAME = "lens_focus"
 GROUP = "lens"
@@ -39,7 +40,7 @@ def top(t, pressure):
 
 def around(before, after, step=0.02):
     """Instants about that at which the pulses meet."""
-    return lens().focus_time + np.arange(-before, after + step / 2, step)
+    return lens().design.time + np.arange(-before, after + step / 2, step)
 
 
 def grid(shape):
@@ -51,26 +52,26 @@ def grid(shape):
 def data():
     """Chains; pressures at the focus and along the axis; fields."""
     one, t = lens(), around(14.0, 10.0)
-    axis = np.stack([0 * ALONG, ALONG], axis=1)
+    design, axis = one.design, np.stack([0 * ALONG, ALONG], axis=1)
     single = one.pressures(one.focus, t)
-    equal = {f"{name} [Pa]": one.pressure(one.focus, t, one.chain_prestrains[k])
+    equal = {f"{name} [Pa]": one.pressure(one.focus, t, design.prestrains[k])
              for name, k in EQUAL.items()}  # fmt: skip
     return {
         "chains": {
-            "x [m]": one.places, "prestrain": one.chain_prestrains,
-            "width [s]": one.pulse_widths, "late by [s]": one.focus_arrivals - one.focus_time,
+            "x [m]": one.places, "prestrain": design.prestrains,
+            "width [s]": design.widths, "late by [s]": design.peaks - design.time,
             "peak [Pa]": [top(t, p)[1] for p in single],
         },
         "pressure": {"t [s]": t, "lens [Pa]": one.pressure(one.focus, t), **equal},
         "along": {"y [m]": ALONG,
                   "peak [Pa]": one.pressure(axis, around(13.0, 13.0, 0.05)).max(axis=0)},
         "numbers": {
-            "coupling": [one.coupling], "focus time [s]": [one.focus_time],
-            "largest delay [s]": [float(one.delays.max())],
-            "energy error": [one.run().energy_error],
-            **{name: [value] for name, value in vars(one.focusing()).items()},
+            "coupling": [one.coupling], "focus time [s]": [design.time],
+            "largest delay [s]": [float(np.ptp(one.rays))],
+            "energy error": [one.run(design.prestrains, design.until).energy_error],
+            **{name: [value] for name, value in one.focusing().items()},
         },
-        "frames": {f"{s:.3f} s": one.pressure(grid(GRID), one.focus_time + s)
+        "frames": {f"{s:.3f} s": one.pressure(grid(GRID), design.time + s)
                    for s in np.linspace(-BEFORE, AFTER, INSTANTS)},
     }  # fmt: skip
 

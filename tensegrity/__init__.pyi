@@ -23,7 +23,6 @@ from .lattices.effective import effective_mass
 from .lattices.evanescent import decay
 from .lattices.lattice import Lattice
 from .lattices.moduli import moduli
-from .lens.lens import Lens
 from .measure.budget import budget
 from .measure.collision import phase_shift
 from .measure.interfaces import interface, transmission
@@ -83,7 +82,6 @@ __all__ = [
     "EquilibriumError",
     "Force",
     "Lattice",
-    "Lens",
     "LockingError",
     "Network",
     "NoLocking",

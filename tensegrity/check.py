@@ -16,14 +16,16 @@ from contextlib import contextmanager
 from functools import lru_cache
 from numbers import Integral, Real
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tensegrity.errors import TensegrityError
 
+T = TypeVar("T")
 LONGEST = 80  # most characters of a value in a message
+LEAST = -sys.maxsize
 NESTED = list, tuple, np.ndarray
 
 
@@ -90,7 +92,7 @@ def _missed(value: float, above: float | None, least: float | None, below: float
     return ""
 
 
-def whole(name: str, value: object, *, least: int, below: int | None = None) -> int:
+def whole(name: str, value: object, *, least: int = LEAST, below: int | None = None) -> int:
     """Convert to an int a whole number within its bounds.
 
     Parameters
@@ -98,8 +100,8 @@ def whole(name: str, value: object, *, least: int, below: int | None = None) -> 
     name : str
         Name in messages.
     value : object
-    least, below : int
-        The number must be >= least and, if given, < below.
+    least, below : int, optional
+        The number must be >= least and < below.
 
     Returns
     -------
@@ -129,8 +131,8 @@ def truth(name: str, value: object) -> bool:
     return bool(value)
 
 
-def kind(name: str, value: object, wanted: type, words: str = "") -> None:
-    """Refuse a value that is not an instance of a class.
+def kind(name: str, value: T, wanted: type, words: str = "") -> T:
+    """A value, if it is an instance of a class.
 
     Parameters
     ----------
@@ -141,6 +143,10 @@ def kind(name: str, value: object, wanted: type, words: str = "") -> None:
     words : str, optional
         End of the message, such as an example.
 
+    Returns
+    -------
+    object
+
     Raises
     ------
     TensegrityError
@@ -149,6 +155,7 @@ def kind(name: str, value: object, wanted: type, words: str = "") -> None:
         article = "an" if wanted.__name__[0] in "AEIOU" else "a"
         words = words or made_by(value, wanted)
         raise TensegrityError(f"{name} {shown(value)} is not {article} {wanted.__name__}{words}")
+    return value
 
 
 def made_by(value: object, wanted: type) -> str:

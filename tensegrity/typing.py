@@ -1,13 +1,14 @@
 """Types used in signatures, and the protocols between subpackages.
 
 Arguments that are converted are `numpy.typing.ArrayLike`; results are the arrays below, whose
-shapes and units are given in the docstrings.
+shapes and units are given in the docstrings.  `Mass` and the like are numbers with bounds; see
+`tensegrity.checked`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Protocol, TypeAlias, TypeVar, runtime_checkable
+from typing import Annotated, Any, Protocol, TypeAlias, TypeVar, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,17 @@ Flags: TypeAlias = NDArray[np.bool_]
 Indices: TypeAlias = NDArray[np.int64]
 Function = TypeVar("Function", bound=Callable[..., Any])
 Number = TypeVar("Number", float, Array)  # the result has the type of the argument
+
+# arguments of what is `checked`
+Positive: TypeAlias = Annotated[float, "> 0"]
+NotNegative: TypeAlias = Annotated[float, ">= 0"]
+Fraction: TypeAlias = Annotated[float, "> 0", "< 1"]
+Length: TypeAlias = Annotated[float, "> 0", "m"]
+Duration: TypeAlias = Annotated[float, "> 0", "s"]
+Mass: TypeAlias = Annotated[float, "> 0", "kg"]
+Stiffness: TypeAlias = Annotated[float, "> 0", "N/m"]
+Count: TypeAlias = Annotated[int, ">= 1"]
+Index: TypeAlias = Annotated[int, ">= 0"]
 
 
 @runtime_checkable

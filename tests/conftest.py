@@ -1,7 +1,12 @@
+import gc
+
 import numpy as np
 import pytest
+import unchanged
 
 import tensegrity
+
+gc.set_threshold(100_000, 50, 100)  # trees of syntax and of SymPy are many objects in no cycle
 
 EXTENDED = np.finfo(np.longdouble).nmant > 60
 
@@ -9,6 +14,10 @@ EXTENDED = np.finfo(np.longdouble).nmant > 60
 @pytest.fixture
 def rng():
     return np.random.default_rng(20)
+
+
+def pytest_configure(config):
+    config.pluginmanager.register(unchanged)
 
 
 def pytest_collection_modifyitems(items):

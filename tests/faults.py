@@ -59,7 +59,6 @@ NEAREST = {  # folders and files, and the tests of what stands there; those of i
     "tensegrity/engine": "golden one_engine network openings corners driven methods limits"
     " integrate gradients",
     "tensegrity/gradients": "gradients gradient_input gradient_networks downhill golden",
-    "tensegrity/lens": "lens",
     "tensegrity/measure": "budget observables pulses interfaces waves",
     "tensegrity/prisms": "prism response condensed fit continuation structure ngon units",
     "tensegrity/runs": "integrate golden resume record_times record_faults observe tolerance sweep"

@@ -1,16 +1,21 @@
-"""Results of runs and gradients as they are: `python tests/golden.py` writes them to golden.npz.
+"""Results as they are: `python tests/golden.py [START ...]` writes to golden.npz all of them, or
+those of the cases whose names begin so, and leaves out what is no case any more.
 
 What stays the same while the machinery changes is held against this file by `test_golden`: to the
 bit on the machine, the compiler and the NumPy that made it, else to `ROUND_OFF`.  It is written
 anew only where a result is meant to change, and the commit says which and why.
 """
 
+import math
 import platform
+import sys
 import tempfile
 from pathlib import Path
 
 import numpy as np
 import sympy as sp
+from golden_rooms import rooms
+from golden_scenes import SCENES as MORE
 from random_scenes import KINDS
 from structures import icosahedron
 
@@ -98,6 +103,11 @@ def different():
 
 OWN = {f.__name__: f for f in (driven, gas, structure, beads, plane_pack, different)}
 SCENES = {name: lambda f=f: f(np.random.default_rng(3)) for name, f in KINDS.items()} | OWN
+SCENES |= MORE
+RESUMED = {
+    "locking": {"dt": 1 / 300, "method": "rkn6"}, "beads": {"tol": 1e-6}, "lossy rows": {},
+    "following": {"dt": 1 / 100}, "forces": {"tol": 1e-8}, "driven": {"tol": 1e-4},
+}  # fmt: skip
 
 
 def numbers_of(run):
@@ -124,13 +134,18 @@ def of_run(scene, step, record):
     return numbers_of(simulate(scene, state, t_end, **step, record=Record(**record)))
 
 
-def of_file():
-    """A run to a file, broken off by its own end and gone on with."""
-    scene, state, t_end = SCENES["locking"]()
+def of_file(scene, step):
+    """A run to a file, broken off half way and gone on with."""
+    scene, state, t_end = SCENES[scene]()
+
+    def half_way(t, *_):
+        return t > t_end / 2
+
     with tempfile.TemporaryDirectory() as folder:
         record = Record(every=2, path=f"{folder}/rows.npy", checkpoint=0)
-        simulate(scene, state, t_end, dt=t_end / 300, method="rkn6", record=record)
-        return numbers_of(resume(record.path))
+        step = step | ({"dt": step["dt"] * t_end} if "dt" in step else {})
+        simulate(scene, state, t_end, **step, record=record, observe=half_way)
+        return numbers_of(resume(record.path, scene))
 
 
 def of_gradient(scene, method):
@@ -174,20 +189,22 @@ ERRORS = {
 
 
 def cases():
-    """{name: function that gives its numbers}."""
+    """{name: function that gives its numbers}; names begin with those of rooms."""
     found = {}
     for k, scene in enumerate(SCENES):
-        for n in range(4):
-            step, record = RUNS[(k + 2 * n) % len(RUNS)]
+        chosen = [RUNS[(k + 2 * n) % len(RUNS)] for n in range(4)]
+        for step, record in [RUNS[1], *RUNS[3:]] if scene in MORE else chosen:
             what = ", ".join(map(str, (*step.items(), *record.items())))
-            found[f"{scene}: {what}"] = lambda s=scene, a=step, b=record: of_run(s, a, b)
+            found[f"scenes {scene}: {what}"] = lambda s=scene, a=step, b=record: of_run(s, a, b)
     for scene in ("locking", "contacts", "pack"):
         for method in ("verlet", "rkn6"):
-            found[f"gradient {scene} {method}"] = lambda s=scene, m=method: of_gradient(s, m)
+            found[f"gradients {scene} {method}"] = lambda s=scene, m=method: of_gradient(s, m)
     for scene in ("locking", "contacts", "guide"):
         for name, how in ERRORS.items():
-            found[f"error {scene} {name}"] = lambda s=scene, h=how: of_error(s, h)
-    return found | {"file": of_file, "tuned": of_tuned}
+            found[f"errors {scene} {name}"] = lambda s=scene, h=how: of_error(s, h)
+    for scene, step in RESUMED.items():
+        found[f"resumed {scene}"] = lambda s=scene, a=step: of_file(s, a)
+    return found | {"scenes tuned by a function": of_tuned} | rooms()
 
 
 def machine():
@@ -209,9 +226,31 @@ def results(case):
     return {name: np.asarray(value) for name, value in found.items()}
 
 
+def stored():
+    """{case|field: its array}, of the file."""
+    found, start = {}, 0
+    with np.load(PATH) as file:
+        index, data = str(file["index"]).splitlines(), file["data"].tobytes()
+    for line in index:
+        name, kind, shape = line.split("\t")
+        shape, kind = [int(x) for x in shape.split()], np.dtype(kind)
+        found[name] = np.frombuffer(data, kind, math.prod(shape), start).reshape(shape)
+        start += found[name].nbytes
+    return found
+
+
 if __name__ == "__main__":
     kept = {"machine": np.array(machine())}
+    before = stored() if sys.argv[1:] else {}
     for name, case in cases().items():
+        if before and not name.startswith(tuple(sys.argv[1:])):
+            kept |= {k: x for k, x in before.items() if k.startswith(f"{name}|")}
+            continue
         kept |= {f"{name}|{field}": value for field, value in results(case).items()}
-    np.savez_compressed(PATH, **kept)
-    print(f"{len(cases())} cases, {PATH.stat().st_size / 1e6:.2f} MB, {machine()}")
+    index = [f"{k}\t{x.dtype.str}\t{' '.join(map(str, x.shape))}" for k, x in kept.items()]
+    # all bytes as one array: 3,000 entries of a zip file would be as large as what they hold
+    data = np.frombuffer(b"".join(x.tobytes() for x in kept.values()), np.uint8)
+    np.savez_compressed(PATH, index="\n".join(index), data=data)
+    print(
+        f"{len(cases())} cases, {len(kept)} arrays, {PATH.stat().st_size / 1e6:.2f} MB, {machine()}"
+    )

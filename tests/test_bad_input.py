@@ -26,6 +26,7 @@ from granular import contact_network, design
 from granular.lammps import run_lammps, to_lammps
 from granular.layout import diamond_layout, y_layout
 from tensegrity import objective
+from tensegrity.checked import declared
 from tensegrity.engine import methods
 from tensegrity.measure import observables
 from tensegrity.prisms.fold_curve import limit_load
@@ -54,7 +55,7 @@ EXTREME = ("1e308", "1e30", "1e-30", "5e-324", "10**12", "half", "0-d")
 SECONDS = 20  # that a call may take
 LONGEST = 500  # characters of a message
 SEARCHES = (  # take long with these: see their tests
-    ts.orbit_path, ts.solitary_wave, ts.Lens, largest_speed, limit_load, design.peak_force,
+    ts.orbit_path, ts.solitary_wave, largest_speed, limit_load, design.peak_force,
     design.search,
     design.robustness,
     granular.fcc_pack, granular.hexagonal_pack,
@@ -97,7 +98,6 @@ FRONT = ts.transition_wave(CUBIC, ahead=0.0, behind=2 / 3)
 PAIR = ts.Chain(ts.Prism(1.0, 0.7, 0.1, 1.0).potential(), 2, ends=("fixed", "free"))
 SWUNG = ts.periodic_orbit(PAIR, ts.State([0, 0.04], [0, 0]), period=3.7)
 LENNARD_JONES = ts.Potential(((1 + R) ** -12 - 2 * (1 + R) ** -6) / 72, R, domain=(-1.0, math.inf))
-LENS = ts.Lens(ts.Prism(1.0, 0.8, 0.01, 1.0), 3, 2, velocity=0.01)
 RUN = ts.simulate(LINE, LINE.at_rest({0: 0.03}), 20.0, record=ts.Record(every=1))
 CROSSING, JOINED = ts.Chain(SPRING, 81), ts.interface(SPRING, SPRING, (40, 60), (1.0, 1.1))
 MEETING = ts.simulate(CROSSING, WAVE.launch(CROSSING, 20) + WAVE.launch(CROSSING, 60, -1),
@@ -132,7 +132,7 @@ INSTANCES = {  # of classes whose methods are called
     "Contact": granular.Contact(1e9), "Drive": ts.Drive(force=0.1), "Ensemble": LANES,
     "Force": ts.Force(TIME),
     "Lattice": ROW,
-    "EquilibriumPath": ts.equilibrium_path(ELASTIC)[:2], "Lens": LENS, "Network": NET,
+    "EquilibriumPath": ts.equilibrium_path(ELASTIC)[:2], "Network": NET,
     "Guide": granular.y_guide(**GUIDE), "Pack": CUBE, "Order": design.Order([BEAD, SMALL]),
     "Polynomial": ts.Polynomial(SPRING, -0.01, 0.01), "Potential": LENNARD_JONES, "Prism": ELASTIC,
     "PowerLaw": ts.PowerLaw(1.0, 1.5, 0.1), "Run": RUN, "SolitaryWave": WAVE, "State": RUN.final,
@@ -267,8 +267,7 @@ CALLS = [  # where other arguments are needed, or several in one call
     (ts.Record, {"interval": 0.1, "path": FILE, "checkpoint": 1.0}),
     (ts.resume, {"path": FILE, "scene": None}),
     (ts.Run.load, {"path": f"{FOLDER.name}/kept"}),
-    (ts.gradient, {"dt": 0.1, "method": "verlet", "wanted": ("prestrain",), "exact": False,
-                "checkpoints": 5}),
+    (ts.gradient, {"dt": 0.1, "method": "verlet", "wanted": ("prestrain",), "checkpoints": 5}),
     (objective.load, {"wall": 1}),
     (objective.load, {"bond": 1}),
     (objective.impulse, {"bond": 1}),
@@ -285,10 +284,6 @@ CALLS = [  # where other arguments are needed, or several in one call
     (FRONT.launch, {"chain": ts.Chain(CUBIC, 101), "at": 50.0, "direction": 1, "tail": 1e-6}),
     (ts.solitary_wave, {"energy": WAVE.energy}),
     (ts.solitary_wave, {"excess": 0.5}),
-    (ts.Lens, {"prism": ts.Prism(1.0, 0.8, 0.01, 1.0), "sites": 3, "chains": 2, "spacing": 2.0,
-            "focus": (0.0, 20.0), "host_speed": 1.5, "host_density": 1e-3, "area": 1.0,
-            "velocity": 0.01, "prestrains": (0.005, 0.1), "mass": 1.0}),
-    (LENS.pressure, {"points": (0.0, 20.0), "t": [20.0, 21.0], "prestrains": [0.01, 0.02]}),
     (ts.predict(SPRING)["compression"].small_peak, {"excess": 1e-3}),
     (ts.predict(LENNARD_JONES)["compression"].wall_peak, {"speed": 100.0}),
     (largest_speed, {"potential": SPRING, "mass": 1.0, "family": None, "closest": 0.04}),
@@ -477,6 +472,21 @@ def faults(name, function, given):
                 yield f"{words} gives NaN: {answer!r:.200}"
 
 
+def beside_bounds(said):
+    """(number, words of its refusal, whether it is refused) on both sides of each bound that an
+    argument declares."""
+    beside = (lambda x, to: x + int(math.copysign(1, to))) if said.kind is int else math.nextafter
+    for sign, bound in said.keywords.items():
+        if sign in ("above", "below"):
+            words = f"must be {sign} {bound:g}"
+            yield bound, words, True
+            yield beside(bound, math.inf if sign == "above" else -math.inf), words, False
+        elif sign == "least":
+            words = f"must be at least {bound:g}"
+            yield bound, words, False
+            yield beside(bound, -math.inf), words, True
+
+
 def takes_others(name, kind):
     """Whether an argument is one number or several of them."""
     several = ("r", "x", "mass", "bond", "rate")
@@ -492,6 +502,20 @@ def test_wrong_arguments_meet_a_tensegrity_error_or_a_finite_answer(
 ):
     monkeypatch.chdir(tmp_path)  # some wrong paths are paths
     assert list(faults(name, function, given)) == []
+
+
+DECLARING = [case for case in CASES if declared(case[1])]
+
+
+@pytest.mark.parametrize("case", DECLARING, ids=[name for name, *_ in DECLARING])
+def test_numbers_are_refused_at_declared_bounds_and_taken_beside_them(case):
+    good, _ = completed(*case)
+    for argument, said in declared(case[1]).items():
+        for value, words, refused in beside_bounds(said):
+            answer = outcome(case[1], good | {argument: value})
+            answer = str(answer) if isinstance(answer, ts.TensegrityError) else ""
+            is_named = answer.startswith(f"{argument} {value:g}")
+            assert (is_named and answer.endswith(words)) is refused, f"{argument} {value}: {answer}"
 
 
 def test_a_new_argument_without_an_example_is_named():

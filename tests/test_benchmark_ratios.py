@@ -10,6 +10,8 @@ import pytest
 from benchmarks import __main__ as program
 from benchmarks import _timing
 
+pytestmark = pytest.mark.unchanged()
+
 
 @pytest.fixture
 def fake(monkeypatch):

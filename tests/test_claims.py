@@ -12,6 +12,8 @@ from derivations.argument import Verdict
 from figures import _composite, _guide, _measure, _packs, claims_inputs, pictures
 from figures._files import PRINTED, write_tables
 
+pytestmark = pytest.mark.unchanged("docs")
+
 ROOT = Path(__file__).parent.parent
 OUTPUT = ROOT / "figures" / "output"
 HELPERS = (_composite, _guide, _measure, _packs)  # have the columns of lines that are printed

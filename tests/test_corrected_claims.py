@@ -18,6 +18,8 @@ from figures import (
 from figures._guide import PTFE, STEEL
 from tensegrity import PowerLaw, Record, simulate, solitary_wave
 
+pytestmark = pytest.mark.unchanged("docs")
+
 
 def test_width_without_prestrain_tends_to_that_of_a_cubic_force():
     cubic = solitary_wave(PowerLaw(1.0, 3.0), amplitude=-1.0).width()

@@ -12,6 +12,8 @@ from browser import CHROMIUM
 from derivations import argument, ledger
 from derivations.__main__ import main
 
+pytestmark = pytest.mark.unchanged()
+
 DERIVATIONS = [  # without the ledger, which is a table, and what writes the page
     path
     for path in Path(argument.__file__).parent.glob("*.py")

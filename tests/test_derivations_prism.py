@@ -8,6 +8,8 @@ import sympy as sp
 from derivations import elastic, equilibrium, hardening, mixed, prism, rigid_response, waves
 from tensegrity import Prism
 
+pytestmark = pytest.mark.unchanged()
+
 EXACT = 50  # decimals of the references
 
 

@@ -14,6 +14,11 @@ import pytest
 
 from tensegrity import __version__
 
+pytestmark = pytest.mark.unchanged(
+    "benchmarks", "docs", "tests", ".ci", ".github", ".readthedocs.yaml", "CHANGELOG.md", "LICENSE",
+    "CITATION.cff", "CONTRIBUTING.md", "MANIFEST.in", "Makefile", "README.md", "pyproject.toml",
+)  # fmt: skip
+
 ROOT = Path(__file__).parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 HOSTS = (*sorted(ROOT.glob(".github/workflows/*.yml")), ROOT / ".readthedocs.yaml")

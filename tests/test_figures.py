@@ -31,6 +31,8 @@ from figures._files import PRINTED, read_printed, read_tables, write_tables
 from figures._gallery import made, write_index
 from tensegrity import equilibrium_path
 
+pytestmark = pytest.mark.unchanged("docs", "Makefile", ".gitignore")
+
 ROOT = Path(__file__).parent.parent
 
 

@@ -223,7 +223,6 @@ def chain_of(*forces, **more):
     [
         ("method 'verlet' has no gradient", scene, {"method": "verlet"}),
         ("springs that change", lambda: Chain(SPRING, 5, tune={"k": 1.3 + T}), {}),
-        ("exact increments", scene, {"exact": True}),
         ("different things", lambda: chain_of(Force(-K * V, parameters={"k": 0.1})), {}),
         ("different things", lambda: chain_of(Force(K * RATE, "bonds", parameters={"k": 1.0})), {}),
         ("different things", lambda: chain_of(DRAG, Force(C * RATE, "bonds",

@@ -49,7 +49,6 @@ def refused(match, **other):
         ("wanted 'stroke' is not one of prestrain", {"wanted": ("stroke",)}),
         ("wanted 'prestrain' must be a sequence", {"wanted": "prestrain"}),
         ("checkpoints 0 must be", {"checkpoints": 0}),
-        ("exact 1 must be True or False", {"exact": 1}),
         ("empty sequence", {"objective": []}),
         ("objective 3", {"objective": 3}),
         ("scene 1 is not a scene", {"scene": 1}),

@@ -10,7 +10,6 @@ import sympy as sp
 from complex_steps import derivative, line, run, tension_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from random_scenes import KINDS
 
 from tensegrity import Chain, Ensemble, Potential, PowerLaw, Prism, State, gradient, simulate
 from tensegrity import objective as o
@@ -320,24 +319,6 @@ def chaotic(sites=10):
     return chain, chain.at_rest({1: 1.0, 4: -0.6})
 
 
-def test_on_a_grid_the_start_is_returned_to_the_last_bit():
-    chain, state = chaotic()
-    asked, run_of = o.p_norm(o.load(wall=0), 8), (chain, state, 150.0)
-    exact, plain = (
-        gradient(asked, *run_of, dt=0.05, exact=x, checkpoints=c)
-        for x, c in ((True, None), (False, 1))
-    )
-    assert exact.reversal == 0.0
-    assert exact.value == pytest.approx(plain.value, rel=1e-4)  # in chaos
-    short = chain, state, 10.0
-    exact, plain = (
-        gradient(asked, *short, dt=0.05, **how) for how in ({"exact": True}, {"checkpoints": 1})
-    )
-    assert exact.value == pytest.approx(plain.value, rel=1e-12)
-    assert np.allclose(exact.by("stiffness"), plain.by("stiffness"), rtol=1e-7, atol=1e-9)
-    assert exact.by("stiffness").any()
-
-
 def test_where_the_way_back_strays_more_states_are_given():
     chain, state = chaotic()
     run_of = chain, state, 200.0
@@ -379,12 +360,3 @@ def test_a_run_of_no_time_has_the_gradient_of_its_start():
     assert np.array_equal(found[0].v, np.eye(5)[0])
     k = float(chain.springs[1].stiffness(0.0))
     assert np.allclose(found[1].u[:4], k * np.array([0, 1, -1, 0]), rtol=1e-12)
-
-
-def test_the_way_back_of_a_guide_is_exact_too():
-    """Sites of a radius, whose contacts are watched on a grid as well."""
-    scene, state, t_end = KINDS["guide"](np.random.default_rng(3))
-    found = gradient(o.displacement(1), scene, state, t_end, dt=t_end / 200, exact=True)
-    plain = gradient(o.displacement(1), scene, state, t_end, dt=t_end / 200)
-    assert found.reversal == 0
-    np.testing.assert_allclose(found.u, plain.u, rtol=1e-6, atol=1e-6 * np.abs(plain.u).max())

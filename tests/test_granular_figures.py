@@ -26,6 +26,8 @@ from figures.__main__ import main, print_table, shown
 from figures._draw import render
 from granular import kuwabara_kono
 
+pytestmark = pytest.mark.unchanged()
+
 
 @pytest.fixture(scope="module")
 def single():

@@ -10,11 +10,15 @@ from collections import Counter
 from functools import cache
 from pathlib import Path
 
+import pytest
 from networks import patch
 from scenes import prism_chain
+from syntax import tree
 
 import granular
 from tests import faults
+
+pytestmark = pytest.mark.unchanged("benchmarks", "docs", "tests", "CONTRIBUTING.md")
 
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("derivations", "tensegrity", "granular")
@@ -45,13 +49,13 @@ CLOCKS = {
 def sources():
     """{path from the root: syntax tree} of the three packages."""
     paths = [p for room in PACKAGES for p in sorted((ROOT / room).rglob("*.py"))]
-    return {str(p.relative_to(ROOT)): ast.parse(p.read_text()) for p in paths}
+    return {str(p.relative_to(ROOT)): tree(p) for p in paths}
 
 
 def functions():
     """(Path and name, node) of every function."""
-    for path, tree in sources().items():
-        for node in ast.walk(tree):
+    for path, whole in sources().items():
+        for node in ast.walk(whole):
             if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)):
                 yield f"{path} {node.name}", node
 
@@ -90,9 +94,9 @@ def test_no_private_function_has_many_arguments():
         assert not private or count <= MOST_ARGUMENTS, name
 
 
-def imported(tree, modules):
+def imported(parent, modules):
     """Modules of ours that one imports where it runs: not those for the type checker alone."""
-    for node in ast.iter_child_nodes(tree):
+    for node in ast.iter_child_nodes(parent):
         if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test):
             continue
         names = []
@@ -107,7 +111,7 @@ def imported(tree, modules):
 def test_chains_of_imports_are_short():
     modules = {p.removesuffix(".py").removesuffix("/__init__").replace("/", "."): t
                for p, t in sources().items()}  # fmt: skip
-    needs = {name: set(imported(tree, modules)) - {name} for name, tree in modules.items()}
+    needs = {name: set(imported(t, modules)) - {name} for name, t in modules.items()}
 
     def longest(name, above=()):
         if name not in found:
@@ -133,8 +137,8 @@ def test_names_are_words_of_the_field():
         "tests",
     ):
         for path in (ROOT / folder).rglob("*.py"):
-            tree = ast.walk(ast.parse(path.read_text()))
-            names = [path.stem, *(node.name for node in tree if isinstance(node, DEFINITIONS))]
+            nodes = list(ast.walk(tree(path)))
+            names = [path.stem, *(node.name for node in nodes if isinstance(node, DEFINITIONS))]
             found += [(path, name) for name in names if DIALECT.fullmatch(name.lower())]
     live = ROOT / "docs" / "live"
     for path in [*(ROOT / "tensegrity").rglob("*.[ch]"), *live.glob("*.c"), *live.glob("*.js")]:
@@ -173,9 +177,9 @@ def test_few_tests_look_inside():
     assert len(found) <= LOOKING_INSIDE, found
 
 
-def replaced(tree):
+def replaced(name):
     """What tests replace a part of: modules, classes, and their names as text."""
-    for node in ast.walk(tree):
+    for node in ast.walk(tree(ROOT / "tests" / name)):
         if isinstance(node, ast.Call) and ast.unparse(node.func).endswith(".setattr"):
             yield ast.unparse(node.args[0]).strip("'")
 
@@ -183,8 +187,8 @@ def replaced(tree):
 def test_no_test_replaces_a_part_of_the_house():
     """What the system gives may be replaced: that a disk is full is not seen otherwise."""
     found = Counter()
-    for name, text in texts().items():
-        for what in replaced(ast.parse(text)):
+    for name in texts():
+        for what in replaced(name):
             found[name] += what.split(".")[0] not in {*sys.stdlib_module_names, "Path"}
     assert sum(found.values()) <= REPLACED, found
 

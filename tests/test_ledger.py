@@ -8,6 +8,8 @@ import sympy as sp
 from derivations import ledger
 from derivations.__main__ import main
 
+pytestmark = pytest.mark.unchanged()
+
 ENTRIES = {entry.name: entry for entry in ledger.entries()}
 PRINTED = {name: entry for name, entry in ENTRIES.items() if entry.printed is not None}
 

@@ -20,6 +20,8 @@ from figures._draw import render
 from figures._gallery import write_page
 from figures._limits import EXPLICIT
 
+pytestmark = pytest.mark.unchanged("docs")
+
 PAGE = Path(__file__).parent.parent / "docs" / "pictures" / "limits.md"
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 ROUND_OFF = 1e-10  # numbers below are sizes of round-off: other processors have others

@@ -114,7 +114,6 @@ def refused(folder):
         Chain,
         CompilerError,
         Drive,
-        Lens,
         Prism,
         Record,
         gradient,
@@ -147,7 +146,6 @@ def refused(folder):
         "search": lambda: search(sizes, **blow, method="cma", checkpoint=file),
         "downhill": lambda: search(sizes, **blow, method="gradient", checkpoint=file),
         "peak_force": lambda: peak_force([bead] * 4, **blow),
-        "lens": lambda: Lens(prism, focus=(0.0, 5.0)),
     }
     pool, found = ThreadPoolExecutor(1), {}
     for name, call in calls.items():

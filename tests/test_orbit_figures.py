@@ -8,6 +8,8 @@ from figures import orbits_trapped as trapping
 from figures import orbits_wave as waves
 from tensegrity import solitary_wave
 
+pytestmark = pytest.mark.unchanged()
+
 
 def test_what_a_light_mass_traps_is_its_breather():
     run, energy = trapping.struck(trapping.LIGHT, 1.4)

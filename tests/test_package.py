@@ -6,7 +6,11 @@ import sys
 import zipfile
 from pathlib import Path
 
+import pytest
+
 from tensegrity import __version__
+
+pytestmark = pytest.mark.unchanged("granular", "pyproject.toml", "README.md", "LICENSE")
 
 ROOT = Path(__file__).parent.parent
 

@@ -12,6 +12,8 @@ from figures import _draw, pictures
 from figures.__main__ import costs
 from tests.rules import broken
 
+pytestmark = pytest.mark.unchanged("docs", "README.md")
+
 matplotlib.use("Agg")
 QUICK = 1.2  # s; pictures that take longer are slow tests
 

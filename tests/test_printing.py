@@ -18,7 +18,6 @@ from tensegrity import (
     Drive,
     Ensemble,
     Force,
-    Lens,
     Polynomial,
     Potential,
     PowerLaw,
@@ -134,7 +133,6 @@ READS_BACK = {  # the repr of these has all digits
     "order": lambda: Order([BEAD] * 10 + [granular.Bead(0.005, STEEL)] * 10),
     "choice": lambda: Choice(20, 0.005, list(granular.materials.values())),
     "sizes": lambda: Sizes(20, (0.004, THIRD / 50), 0.1 + THIRD / 100, STEEL),
-    "lens": lambda: Lens(PRISM, chains=5),
 }
 RESULTS = {
     "run": lambda: RUN,
@@ -173,7 +171,6 @@ RESULTS = {
     "rows of a path": lambda: path()[:3],
     "robustness": lambda: robustness([BEAD] * 4, gaps=1e-6, draws=4, **IMPACT),
     "design": lambda: search(Order([BEAD] * 4 + [SMALL] * 4), **IMPACT, budget=64),
-    "focusing": lambda: Lens(PRISM, chains=5).focusing(),
     "batch": lambda: struck(Ensemble(CHAIN, 3)),
     "energies of beads": lambda: granular.energies(struck(granular.chain([BEAD] * 4))),
 }

@@ -11,6 +11,8 @@ import pytest
 
 from figures import wave_collision
 
+pytestmark = pytest.mark.unchanged("README.md", "docs")
+
 ROOT = Path(__file__).parent.parent
 TEXT = (ROOT / "README.md").read_text()
 FOUND = re.findall(r"```python\n(.*?)```\n\n    ([^\n]*)\n", TEXT, re.DOTALL)

@@ -12,6 +12,8 @@ from figures import (
     response_states,
 )
 
+pytestmark = pytest.mark.unchanged()
+
 MODULES = (
     response_prestrain,
     response_states,

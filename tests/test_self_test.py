@@ -13,6 +13,8 @@ from granular import demo
 from tensegrity import __main__ as own
 from tensegrity.errors import CompilerError, EquilibriumError
 
+pytestmark = pytest.mark.unchanged("granular")
+
 PATHS = os.environ | {"PYTHONPATH": str(Path(__file__).parent.parent)}
 
 

@@ -11,6 +11,8 @@ import pytest
 
 from derivations.report import formula
 
+pytestmark = pytest.mark.unchanged("figures", "docs", "README.md")
+
 DOCS = Path(__file__).parent.parent / "docs"
 PAGES = examples.written(DOCS)
 PAGE = """# A page

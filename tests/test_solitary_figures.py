@@ -14,6 +14,8 @@ from figures import solitary_errors, solitary_families
 from tensegrity import Prism, predict, solitary_wave, tent
 from tensegrity.waves.limit import largest_speed
 
+pytestmark = pytest.mark.unchanged()
+
 
 @pytest.fixture(scope="module")
 def errors():

@@ -7,6 +7,8 @@ import pytest
 
 from figures import _stored, pictures
 
+pytestmark = pytest.mark.unchanged("docs")
+
 TABLES = {
     "one": {"x [m]": np.array([1.0, 0.1]), "what": ["a", "b, c"], "is so": np.array([True, False])},
     "two": {"count": np.array([3])},

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.unchanged("granular", "pyproject.toml", "tests")
+
 ROOT = Path(__file__).parent.parent
 MODULES = sorted(
     path

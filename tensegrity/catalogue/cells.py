@@ -9,18 +9,21 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity import check
-from tensegrity.catalogue.symmetry import prestressed, sizes
+from tensegrity.catalogue.symmetry import prestressed
+from tensegrity.checked import checked
 from tensegrity.lattices.lattice import Lattice
 from tensegrity.prisms import prism as prisms
 from tensegrity.structures.structure import Structure
+from tensegrity.typing import Count, Length, NotNegative
 
 NEXT = (1, 2, 3, 0)
 
 
+@checked
 def snelson_x(
-    width: float = 1.0,
-    height: float = 1.0,
-    prestrain: float = 0.1,
+    width: Length = 1.0,
+    height: Length = 1.0,
+    prestrain: NotNegative = 0.1,
     k_bar: ArrayLike = 100.0,
     k_string: ArrayLike = 1.0,
     mass: ArrayLike = 1.0,
@@ -47,7 +50,7 @@ def snelson_x(
     >>> print(repr(x), x.is_stable())
     Structure(4 nodes in 2 dimensions, 2 bars, 4 strings, 0 of them slack) True
     """
-    corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * sizes(width=width, height=height)
+    corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * [width, height]
     strings = list(enumerate(NEXT))
     return prestressed(corners, [[(0, 2), (1, 3)]], [strings], prestrain, k_bar, k_string, mass)
 
@@ -151,12 +154,13 @@ def column(
     return column.at_mass(mass)
 
 
+@checked
 def plate(
-    rows: int = 3,
-    columns: int = 3,
-    side: float = 1.0,
-    height: float = 0.5,
-    prestrain: float = 0.1,
+    rows: Count = 3,
+    columns: Count = 3,
+    side: Length = 1.0,
+    height: Length = 0.5,
+    prestrain: NotNegative = 0.1,
     k_bar: ArrayLike = 100.0,
     k_string: ArrayLike = 1.0,
     mass: ArrayLike = 1.0,
@@ -186,9 +190,7 @@ def plate(
     one line.  The prism is the half-cuboctahedron of Motro 2003, Tensegrity: Structural Systems
     for the Future.
     """
-    rows, columns = check.whole("rows", rows, least=1), check.whole("columns", columns, least=1)
     check.memory(f"a plate of {rows} times {columns} prisms", 32 * (16.0 * rows * columns) ** 2)
-    across, up = sizes(side=side, height=height)
     numbers: dict[tuple[int, int, int], int] = {}  # of nodes, by halves of a side and layer
 
     bars, cross, upper, lower = [], [], [], []
@@ -206,5 +208,5 @@ def plate(
             lower.append((min(below[i], below[j]), max(below[i], below[j])))
     times = Counter(lower)
     lowers = [[pair for pair in times if times[pair] == n] for n in (1, 2)]
-    nodes = np.array(list(numbers)) * [across / 2, across / 2, up]
+    nodes = np.array(list(numbers)) * [side / 2, side / 2, height]
     return prestressed(nodes, [bars], [cross, upper, *lowers], prestrain, k_bar, k_string, mass)

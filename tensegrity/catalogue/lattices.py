@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity import check
-from tensegrity.catalogue.symmetry import sizes
+from tensegrity.checked import checked
 from tensegrity.lattices.lattice import Lattice
-from tensegrity.typing import Array
+from tensegrity.typing import Array, Length, NotNegative, Stiffness
 
 HALF_ROOT = float(np.sqrt(0.75))
 HEXAGONAL = np.array([[1.0, 0.0], [0.5, HALF_ROOT]])
@@ -24,8 +24,12 @@ TURNS = {  # rotations of the cube that lead from a node of an octahedron to its
 TOUCH = 1e-9  # distance of nodes that are the same one, over the width of the cell
 
 
+@checked
 def square(
-    side: float = 1.0, k_bar: float = 100.0, k_diagonal: float = 50.0, mass: float = 1.0
+    side: Length = 1.0,
+    k_bar: Stiffness = 100.0,
+    k_diagonal: Stiffness = 50.0,
+    mass: ArrayLike = 1.0,
 ) -> Lattice:
     """A plane square lattice of bars with both diagonals, without prestress.
 
@@ -36,8 +40,8 @@ def square(
     k_bar, k_diagonal : float, optional
         Spring constants of sides and diagonals [N/m]; isotropic where the latter is half the
         former.
-    mass : float, optional
-        Of a node [kg].
+    mass : array_like, optional
+        Of each node [kg].
 
     Returns
     -------
@@ -49,86 +53,86 @@ def square(
     >>> print(moduli(catalogue.square()).speeds([1, 0]).round(4))
     [ 7.0711 12.2474]
     """
-    (side,) = sizes(side=side)
     pairs = [(0, 0, (1, 0)), (0, 0, (0, 1)), (0, 0, (1, 1)), (0, 0, (1, -1))]
     k = [k_bar, k_bar, k_diagonal, k_diagonal]
     return Lattice([(0, 0)], side * np.eye(2), pairs, k_bar=k, mass=mass)
 
 
-def triangular(side: float = 1.0, k_bar: float = 100.0, mass: float = 1.0) -> Lattice:
+@checked
+def triangular(side: Length = 1.0, k_bar: ArrayLike = 100.0, mass: ArrayLike = 1.0) -> Lattice:
     """A plane lattice of equilateral triangles of bars, without prestress.
 
     Parameters
     ----------
     side : float, optional
         [m].
-    k_bar : float, optional
-        Spring constant [N/m].
-    mass : float, optional
-        Of a node [kg].
+    k_bar : array_like, optional
+        Spring constant of each bar [N/m].
+    mass : array_like, optional
+        Of each node [kg].
 
     Returns
     -------
     Lattice
         Isotropic in its plane.
     """
-    (side,) = sizes(side=side)
     pairs = [(0, 0, (1, 0)), (0, 0, (0, 1)), (0, 0, (1, -1))]
     return Lattice([(0, 0)], side * HEXAGONAL, pairs, k_bar=k_bar, mass=mass)
 
 
-def honeycomb(side: float = 1.0, k_bar: float = 100.0, mass: float = 1.0) -> Lattice:
+@checked
+def honeycomb(side: Length = 1.0, k_bar: ArrayLike = 100.0, mass: ArrayLike = 1.0) -> Lattice:
     """A plane lattice of hexagons of bars, which shear without resistance.
 
     Parameters
     ----------
     side : float, optional
         Of the hexagons [m].
-    k_bar : float, optional
-        Spring constant [N/m].
-    mass : float, optional
-        Of a node [kg].
+    k_bar : array_like, optional
+        Spring constant of each bar [N/m].
+    mass : array_like, optional
+        Of each node [kg].
 
     Returns
     -------
     Lattice
         The frequencies of one branch of its waves are 0.
     """
-    (side,) = sizes(side=side)
     pairs = [(0, 1), (1, 0, (0, 1)), (1, 0, (-1, 1))]
     vectors = np.sqrt(3) * side * HEXAGONAL
     return Lattice([(0, 0), (0, side)], vectors, pairs, k_bar=k_bar, mass=mass)
 
 
-def kagome(side: float = 1.0, k_bar: float = 100.0, mass: float = 1.0) -> Lattice:
+@checked
+def kagome(side: Length = 1.0, k_bar: ArrayLike = 100.0, mass: ArrayLike = 1.0) -> Lattice:
     """A plane lattice of triangles of bars that share corners, around hexagons.
 
     Parameters
     ----------
     side : float, optional
         Of the triangles [m].
-    k_bar : float, optional
-        Spring constant [N/m].
-    mass : float, optional
-        Of a node [kg].
+    k_bar : array_like, optional
+        Spring constant of each bar [N/m].
+    mass : array_like, optional
+        Of each node [kg].
 
     Returns
     -------
     Lattice
         It has as many bars as degrees of freedom: the triangles rotate without resistance.
     """
-    (side,) = sizes(side=side)
     vectors = 2 * side * HEXAGONAL
     pairs = [(0, 1), (0, 2), (1, 2), (1, 0, (1, 0)), (2, 0, (0, 1)), (2, 1, (-1, 1))]
     return Lattice([(0, 0), vectors[0] / 2, vectors[1] / 2], vectors, pairs, k_bar=k_bar, mass=mass)
 
 
+@checked
 def x_strip(
-    width: float = 1.0,
-    height: float = 1.0,
-    prestrain: float = 0.1,
-    k_bar: float = 100.0,
-    k_string: float = 1.0,
+    width: Length = 1.0,
+    height: Length = 1.0,
+    prestrain: NotNegative = 0.1,
+    k_bar: Stiffness = 100.0,
+    k_string: Stiffness = 1.0,
     mass: ArrayLike = 1.0,
 ) -> Lattice:
     """A strip of Snelson's X modules that share their upright strings, in the plane.
@@ -152,9 +156,7 @@ def x_strip(
     >>> print(strip, bool(abs(strip.stress).max() < 1e-12))
     Lattice(2 nodes, 1 vector in 2 dimensions, 2 bars, 3 strings) True
     """
-    width, height = sizes(width=width, height=height)
-    k_bar = check.number("k_bar", k_bar, above=0, unit="N/m")
-    q = _density(prestrain, k_string)
+    q = k_string * prestrain / (1 + prestrain)
     strip = Lattice(
         [(0, 0), (0, height)], [(width, 0)], [(0, 1, 1), (1, 0, 1)],
         [(0, 0, 1), (1, 1, 1), (0, 1)], k_bar, k_string * np.array([1, 1, 2]), mass,
@@ -162,12 +164,13 @@ def x_strip(
     return strip.prestressed([-q, -q, q, q, 2 * q])
 
 
+@checked
 def x_plate(
-    width: float = 1.0,
-    height: float = 1.0,
-    prestrain: float = 0.1,
-    k_bar: float = 100.0,
-    k_string: float = 1.0,
+    width: Length = 1.0,
+    height: Length = 1.0,
+    prestrain: NotNegative = 0.1,
+    k_bar: Stiffness = 100.0,
+    k_string: Stiffness = 1.0,
     mass: ArrayLike = 1.0,
 ) -> Lattice:
     """A plate of Snelson's X modules that share all their strings, in the plane.
@@ -184,20 +187,20 @@ def x_plate(
     Lattice
         One node per cell; bars that cross are not joined.
     """
-    vectors = np.diag(sizes(width=width, height=height))
-    k_bar = check.number("k_bar", k_bar, above=0, unit="N/m")
-    q = _density(prestrain, k_string)
+    vectors = np.diag([width, height])
+    q = k_string * prestrain / (1 + prestrain)
     bars, strings = [(0, 0, (1, 1)), (0, 0, (1, -1))], [(0, 0, (1, 0)), (0, 0, (0, 1))]
     plate = Lattice([(0, 0)], vectors, bars, strings, k_bar, 2 * k_string, mass)
     return plate.prestressed([-q, -q, 2 * q, 2 * q])
 
 
+@checked
 def resonators(
-    side: float = 1.0,
-    force_density: float = 0.1,
-    k_bar: float = 100.0,
-    k_diagonal: float = 100.0,
-    k_string: float = 1.0,
+    side: Length = 1.0,
+    force_density: Annotated[float, ">= 0", "N/m"] = 0.1,
+    k_bar: Stiffness = 100.0,
+    k_diagonal: Stiffness = 100.0,
+    k_string: Stiffness = 1.0,
     masses: Sequence[float] = (1.0, 1.0),
 ) -> Lattice:
     """A square frame of bars with a mass on four prestressed strings in each cell.
@@ -219,8 +222,7 @@ def resonators(
         No plane wave has a frequency between w = sqrt(2 (k_string + force_density)/m1) and
         w sqrt(1 + m1/m0): the gap of the resonance, which the prestress tunes.
     """
-    (side,) = sizes(side=side)
-    q = check.number("force_density", force_density, least=0, unit="N/m")
+    q = force_density
     m = check.vector("masses", masses, (2,))
     edges, across = [(1, 0), (0, 1)], [(1, 1), (1, -1)]
     strings = [(1, 0), (1, 0, (1, 0)), (1, 0, (0, 1)), (1, 0, (1, 1))]
@@ -232,13 +234,14 @@ def resonators(
     return frame.prestressed([-q, -q, 0, 0, q, q, q, q])
 
 
+@checked
 def octahedra(
-    width: float = 1.0,
-    prestrain: float = 0.1,
-    k_bar: float = 100.0,
-    k_string: float = 1.0,
+    width: Length = 1.0,
+    prestrain: NotNegative = 0.1,
+    k_bar: Stiffness = 100.0,
+    k_string: Stiffness = 1.0,
     mass: ArrayLike = 1.0,
-    layers: int = 0,
+    layers: Annotated[int, ">= 0", "< 2"] = 0,
 ) -> Lattice:
     """Truncated octahedra of 24 strings in squares, 12 connecting ones and 12 bars.
 
@@ -275,10 +278,7 @@ def octahedra(
     >>> m.speeds([1, 0, 0]).round(4).tolist(), bool(m.tangent[0, 0, 0, 0] < m.tangent[0, 1, 0, 1])
     ([0.1955, 0.2747, 0.2747], True)
     """
-    (width,) = sizes(width=width)
-    layers = check.whole("layers", layers, least=0, below=2)
-    k_bar = check.number("k_bar", k_bar, above=0, unit="N/m")
-    q = _density(prestrain, k_string)
+    q = k_string * prestrain / (1 + prestrain)
     point, beta = _octahedron()
     turns = [g.reshape(3, 3) for g in _rotations()]
     one = width * np.array([g @ point for g in turns])
@@ -298,12 +298,6 @@ def octahedra(
     lattice = Lattice(nodes[first], vectors, list(bars), list(strings),
                       k[: len(bars)], k[len(bars):], mass)  # fmt: skip
     return lattice.prestressed(q * shared * np.repeat([beta, 1.0], [len(bars), len(strings)]))
-
-
-def _density(prestrain: float, k: float) -> float:
-    """Force density of strings of a prestrain [N/m]."""
-    p = check.number("prestrain", prestrain, least=0)
-    return check.number("k_string", k, above=0, unit="N/m") * p / (1 + p)
 
 
 def _rotations() -> list[Array]:

@@ -7,14 +7,16 @@ of three rows, and the least force density of the bars belongs to it (Connelly &
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensegrity import check
-from tensegrity.catalogue.symmetry import ZERO, Orbit, first_root, prestressed, sizes
-from tensegrity.errors import EquilibriumError, TensegrityError
+from tensegrity.catalogue.symmetry import ZERO, Orbit, first_root, prestressed
+from tensegrity.checked import checked
+from tensegrity.errors import EquilibriumError
 from tensegrity.structures.structure import Structure
-from tensegrity.typing import Array
+from tensegrity.typing import Array, Length, NotNegative, Positive
 
 SOLIDS = {  # corners of a face, faces at a corner
     "tetrahedron": (3, 3),
@@ -27,9 +29,10 @@ PATTERNS = ("zigzag", "diamond")
 WEIGHTS = np.array([-7.0, 7.0])  # logarithms of force densities over one another that are searched
 
 
+@checked
 def expandable_octahedron(
-    strut: float = 1.0,
-    prestrain: float = 0.1,
+    strut: Length = 1.0,
+    prestrain: NotNegative = 0.1,
     k_bar: ArrayLike = 100.0,
     k_string: ArrayLike = 1.0,
     mass: ArrayLike = 1.0,
@@ -59,7 +62,6 @@ def expandable_octahedron(
     >>> print(f"{path.events[0].shortening:.4f} m, {path.slack[-1].sum()} strings slack")
     0.8602 m, 3 strings slack
     """
-    (strut,) = sizes(strut=strut)
     first = [(0, a, b) for a in (-0.25, 0.25) for b in (-0.5, 0.5)]
     nodes = np.array([np.roll(x, shift) for shift in range(3) for x in first])
     far = np.linalg.norm(nodes[:, None] - nodes, axis=2)
@@ -100,12 +102,13 @@ def truncated_tetrahedron(
     return geodesic("tetrahedron", "zigzag", strut, 1.0, prestrain, k_bar, k_string, mass)
 
 
+@checked
 def geodesic(
-    solid: str = "icosahedron",
-    pattern: str = "zigzag",
-    strut: float = 1.0,
-    ratio: float = 1.0,
-    prestrain: float = 0.1,
+    solid: Annotated[str, SOLIDS] = "icosahedron",
+    pattern: Annotated[str, PATTERNS] = "zigzag",
+    strut: Length = 1.0,
+    ratio: Positive = 1.0,
+    prestrain: NotNegative = 0.1,
     k_bar: ArrayLike = 100.0,
     k_string: ArrayLike = 1.0,
     mass: ArrayLike = 1.0,
@@ -156,7 +159,6 @@ def geodesic(
     from scipy.linalg import eigh
 
     generators = _generators(solid, pattern)
-    (strut,), ratio = sizes(strut=strut), check.number("ratio", ratio, above=0)
     forces = [2 * np.eye(3) - g - g.T for g in generators]  # on the node, of unit force densities
 
     def node(weight: float) -> Array:
@@ -191,14 +193,11 @@ def geodesic(
     )
 
 
-def _generators(solid: object, pattern: object) -> tuple[Array, Array, Array]:
+def _generators(solid: str, pattern: str) -> tuple[Array, Array, Array]:
     """Rotations from a node to others: by strings round a corner, by other strings, by the bar."""
     from scipy.spatial.transform import Rotation
 
-    for name, value, known in (("solid", solid, SOLIDS), ("pattern", pattern, PATTERNS)):
-        if not isinstance(value, str) or value not in known:
-            raise TensegrityError(f"{name} {check.shown(value)} must be one of {', '.join(known)}")
-    face, corner = SOLIDS[str(solid)]
+    face, corner = SOLIDS[solid]
     cosine = np.cos(np.pi / face) / np.sin(np.pi / corner)  # between corner and edge (Coxeter)
     vectors = np.array([[0, 0, 2 / corner], [np.sqrt(1 - cosine**2), 0, cosine]])
     turn, half = Rotation.from_rotvec(np.pi * vectors).as_matrix()

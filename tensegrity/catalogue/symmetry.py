@@ -11,7 +11,6 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensegrity import check
 from tensegrity.errors import EquilibriumError
 from tensegrity.structures.statics import equilibrium_matrix
 from tensegrity.structures.structure import Structure
@@ -19,11 +18,6 @@ from tensegrity.typing import Array
 
 ZERO = 1e-10  # of the largest singular value, or of a length: round-off
 Orbit = list[tuple[int, int]]
-
-
-def sizes(**given: float) -> list[float]:
-    """Lengths [m] by their names, checked."""
-    return [check.number(name, x, above=0, unit="m") for name, x in given.items()]
 
 
 def orbit_matrix(nodes: Array, orbits: Sequence[Orbit]) -> Array:
@@ -78,7 +72,6 @@ def prestressed(
     """
     from scipy.linalg import null_space
 
-    prestrain = check.number("prestrain", prestrain, least=0)
     orbits = [orbit for orbit in (*bars, *strings) if orbit]
     pairs = [[pair for orbit in part for pair in orbit] for part in (bars, strings)]
     s = Structure(nodes, pairs[0], pairs[1], k_bar, k_string, mass)

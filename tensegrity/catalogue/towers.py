@@ -2,25 +2,29 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity import check
-from tensegrity.catalogue.symmetry import Orbit, first_root, orbit_matrix, prestressed, sizes
+from tensegrity.catalogue.symmetry import Orbit, first_root, orbit_matrix, prestressed
+from tensegrity.checked import checked
 from tensegrity.errors import EquilibriumError
 from tensegrity.prisms.stack import polygon
 from tensegrity.structures.structure import Structure
-from tensegrity.typing import Array
+from tensegrity.typing import Array, Index, Length, NotNegative
 
 GRID = np.arange(1, 101) / 101  # overlaps at which the determinant of a tower is computed
 
 
+@checked
 def tower(
-    stages: int = 2,
-    radius: float = 1.0,
-    height: float = 1.3,
-    twist: float = 11 * np.pi / 12,
-    prestrain: float = 0.1,
+    stages: Annotated[int, ">= 2"] = 2,
+    radius: Length = 1.0,
+    height: Length = 1.3,
+    twist: Annotated[float, f"> {5 * np.pi / 6}", f"< {np.pi}", "rad"] = 11 * np.pi / 12,
+    prestrain: NotNegative = 0.1,
     k_bar: ArrayLike = 100.0,
     k_string: ArrayLike = 1.0,
     mass: ArrayLike = 1.0,
@@ -66,10 +70,7 @@ def tower(
     >>> print(f"overlap {2 - s.positions[-1, 2]:.4f} m", len(s.mechanisms()), s.is_stable())
     overlap 0.2405 m 1 True
     """
-    stages = check.whole("stages", stages, least=2)
     check.memory(f"a tower of {stages} stages", 32 * (18.0 * stages) ** 2)
-    across, up = sizes(radius=radius, height=height)
-    twist = check.number("twist", twist, above=5 * np.pi / 6, below=np.pi, unit="rad")
     turns = [t for k in range(stages) for t in ((0, twist), (twist + np.pi / 3, np.pi / 3))[k % 2]]
 
     def nodes(overlap: float) -> Array:
@@ -89,7 +90,7 @@ def tower(
         raise EquilibriumError(
             f"twist {twist:g} rad: {stages} stages have no self-stress at any overlap"
         )
-    places = nodes(overlap) * [across, across, up]
+    places = nodes(overlap) * [radius, radius, height]
     return prestressed(places, bars, strings, prestrain, k_bar, k_string, mass)
 
 
@@ -110,13 +111,14 @@ def _stages(x: Array, stages: int) -> tuple[list[Orbit], list[Orbit]]:
     return bars, strings
 
 
+@checked
 def dome(
-    sides: int = 8,
-    hoops: int = 1,
-    radius: float = 1.0,
-    rise: float = 0.25,
-    post: float = 0.35,
-    prestrain: float = 0.1,
+    sides: Annotated[int, ">= 3"] = 8,
+    hoops: Index = 1,
+    radius: Length = 1.0,
+    rise: Length = 0.25,
+    post: Length = 0.35,
+    prestrain: NotNegative = 0.1,
     k_bar: ArrayLike = 100.0,
     k_string: ArrayLike = 1.0,
     mass: ArrayLike = 1.0,
@@ -159,9 +161,7 @@ def dome(
     >>> print(repr(s), s.is_stable(held(range(10))))
     Structure(52 nodes in 3 dimensions, 31 bars, 120 strings, 0 of them slack) True
     """
-    sides, hoops = check.whole("sides", sides, least=3), check.whole("hoops", hoops, least=0)
     check.memory(f"a dome of {hoops} hoops", 32 * (9.0 * sides * (hoops + 1)) ** 2)
-    radius, rise, post = sizes(radius=radius, rise=rise, post=post)
     out = 1 - np.arange(hoops + 1) / (hoops + 1)
     bases, turns = 2 * radius * np.sin(np.pi / sides) * out, np.pi / sides * np.arange(hoops + 1)
     heads, feet = (polygon(sides, bases, turns, rise * (1 - out**2) - z) for z in (0.0, post))

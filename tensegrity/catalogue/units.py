@@ -4,27 +4,31 @@ from __future__ import annotations
 
 import math
 from itertools import combinations
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity import check
-from tensegrity.catalogue.symmetry import prestressed, sizes
+from tensegrity.catalogue.symmetry import prestressed
+from tensegrity.checked import checked
 from tensegrity.errors import TensegrityError
 from tensegrity.springs.potential import Potential
 from tensegrity.structures.structure import Structure
+from tensegrity.typing import Length, NotNegative, Stiffness
 
 
+@checked
 def twin_strings(
-    sides: int = 3,
-    base: float = 1.0,
-    height: float = 1.0,
-    prestrain: float = 0.1,
-    k_string: float = 1.0,
+    sides: Annotated[int, ">= 3"] = 3,
+    base: Length = 1.0,
+    height: Length = 1.0,
+    prestrain: Annotated[float, "> -1"] = 0.1,
+    k_string: Stiffness = 1.0,
     *,
-    other_prestrain: float | None = None,
-    other_k_string: float | None = None,
-    torque: float = 0.0,
+    other_prestrain: Annotated[float, "> -1"] | None = None,
+    other_k_string: Stiffness | None = None,
+    torque: Annotated[float, "N m"] = 0.0,
 ) -> Potential:
     """Energy of a prism with upright rigid bars and cross strings of both hands, by its twist.
 
@@ -71,24 +75,15 @@ def twin_strings(
 
     from derivations import bistable as form
 
-    sides = check.whole("sides", sides, least=3)
-    base = check.number("base", base, above=0, unit="m")
-    height = check.number("height", height, above=0, unit="m")
-    stiffness = [
-        check.number(name, k_string if k is None else k, above=0, unit="N/m")
-        for name, k in (("k_string", None), ("other_k_string", other_k_string))
-    ]
-    given = prestrain if other_prestrain is None else other_prestrain
-    prestrains = [
-        check.number(*x, above=-1) for x in (("prestrain", prestrain), ("other_prestrain", given))
-    ]
+    stiffness = k_string, k_string if other_k_string is None else other_k_string
+    prestrains = prestrain, prestrain if other_prestrain is None else other_prestrain
     radius = base / (2 * math.sin(math.pi / sides))
     length = math.hypot(height, base)
     values = {
         form.height: height, form.radius: radius, form.stiffness: sides * stiffness[0],
         form.other_stiffness: sides * stiffness[1],
         form.natural: length / (1 + prestrains[0]), form.other: length / (1 + prestrains[1]),
-        form.torque: check.number("torque", torque, unit="N m"),
+        form.torque: torque,
     }  # fmt: skip
     if not math.isfinite(sides * max(stiffness) * (radius + length) * (radius + length)):
         raise TensegrityError(f"base {base:g} m and height {height:g} m are too large")
@@ -99,13 +94,14 @@ def twin_strings(
     return Potential(energy.xreplace(renamed), form.twist, named, domain=(-flat, flat))
 
 
+@checked
 def twin_prism(
-    sides: int = 3,
-    base: float = 1.0,
-    height: float = 1.0,
-    prestrain: float = 0.05,
-    k_bar: float = 100.0,
-    k_string: float = 1.0,
+    sides: Annotated[int, ">= 3"] = 3,
+    base: Length = 1.0,
+    height: Length = 1.0,
+    prestrain: NotNegative = 0.05,
+    k_bar: Stiffness = 100.0,
+    k_string: Stiffness = 1.0,
     mass: ArrayLike = 1.0,
 ) -> Structure:
     """The prism of `twin_strings` with elastic bars, at twist 0.
@@ -136,11 +132,7 @@ def twin_prism(
     >>> print(repr(unit), unit.is_stable(plates([0, 1, 2], [3, 4, 5])))
     Structure(6 nodes in 3 dimensions, 9 bars, 6 strings, 0 of them slack) True
     """
-    sides = check.whole("sides", sides, least=3)
     check.memory(f"a prism of {sides} sides", 8 * (6.0 * sides) ** 2)
-    base, height = sizes(base=base, height=height)
-    k_bar = check.number("k_bar", k_bar, above=0, unit="N/m")
-    k_string = check.number("k_string", k_string, above=0, unit="N/m")
     angle, every = 2 * np.pi * np.arange(sides) / sides, range(sides)
     ring = base / (2 * math.sin(math.pi / sides)) * np.column_stack([np.cos(angle), np.sin(angle)])
     nodes = np.vstack([np.column_stack([ring, np.full(sides, z)]) for z in (0.0, height)])

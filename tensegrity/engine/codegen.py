@@ -151,7 +151,7 @@ def _force(number, force):
     )
 
 
-def reverse_text(laws, own, wanted, dim, exact):
+def reverse_text(laws, own, wanted, dim):
     """C source of the reverse loop: `reverse.c` and `reverse_nystrom.c`.
 
     Parameters
@@ -160,8 +160,6 @@ def reverse_text(laws, own, wanted, dim, exact):
         As of `c_text`.
     wanted : sequence of tuple of int
         For each law the indices of the parameters with respect to which to differentiate.
-    exact : bool
-        Whether states are multiples of a grid spacing; then the text has the forward loop too.
 
     Returns
     -------
@@ -177,10 +175,9 @@ def reverse_text(laws, own, wanted, dim, exact):
         function, count = law_function(law, wanted[number]), len(wanted[number])
         mine = [(number, kind) for kind in (0, 1)[: 1 + (own[number] is not None)]]
         runs += mine
-        if exact or not law_properties(law)["packed"]:
+        if not law_properties(law)["packed"]:
             scalars += [(*run, count) for run in mine]
             hooks.append(scalar(number, "slopes", function))
-            hooks += [scalar(number, "tension", functions(law)["tension"])] * exact
             continue
         targets = [f"INTO({x} + g * WIDE)" for x in ("f", "k")]
         targets += [f"INTO(d + {m} * stride + g * WIDE)" for m in range(count)]
@@ -188,9 +185,9 @@ def reverse_text(laws, own, wanted, dim, exact):
             p = _packs(law, own[number] if kind else (), "wide(shared[{}])")
             given, name = [["load(r + g * WIDE)"], p], f"slopes_{number}_{kind}"
             packed.append(simd.text(function, name, arguments, given, [targets]))
-    parts = ["reverse.c", *["steps.c"] * exact, "reverse_nystrom.c"]
     lists = {"RUNS": runs, "SCALARS": scalars}
-    return whole(laws, own, hooks, dim, packed, lists, {"EXACT": exact}, parts)
+    parts = ["reverse.c", "reverse_nystrom.c"]
+    return whole(laws, own, hooks, dim, packed, lists, {}, parts)
 
 
 def whole(laws, own, hooks, dim, packed, lists, flags, parts):

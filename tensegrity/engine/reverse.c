@@ -16,20 +16,18 @@ typedef struct {
     const real *own;                 /* for each run (own parameters of its law, its bonds) */
     const real *geometry;            /* (DIM + 2, bonds), of a network */
     const real *kicks, *drifts;      /* dt times the coefficients (stages + 1), (stages) */
-    const real *grid;                /* (2) constants that round increments of u and of v */
     real *ub, *vb, *wb;              /* (objectives, entries) */
     real *pb;                        /* (objectives, wanted, stride) */
     real *gb;                        /* (objectives, bonds) of elongations, in a network */
     real *r, *f, *k, *d;             /* scratch (stride), (stride + 2), (stride), (wanted, stride) */
     real *along, *pull, *turn;       /* scratch (DIM, bonds), (entries), (entries) */
     real *bent;                      /* scratch (stride), of a network */
-    real *low, *high, *travel;       /* elongation range (bonds), distance moved, as in scene.h */
     const integer *from, *to;        /* (bonds) where their rows begin */
     const integer *first;            /* (runs + 1) first bond of each run */
     const integer *law;              /* (runs) twice the law, and 1 more with own parameters */
     const integer *wall;             /* (runs) whether its contacts are with walls */
     const integer *own_at;           /* (runs) where its own parameters begin */
-    integer runs, bonds, entries, moving, objectives, wanted, stages, closing;
+    integer runs, bonds, entries, objectives, wanted, stages, closing;
     integer room, stride; /* padded number of entries; stride of arrays over bonds */
     integer together;    /* whether scratch k, d and pull have rows for all stages */
 } scene;
@@ -260,79 +258,15 @@ static void carry(const scene *c, real a, real b, integer o, integer rows)
 }
 #endif
 
-#if EXACT
-#define SCALAR_PULL(K, OWN, WANTED)                                                         \
-    __attribute__((noinline, flatten)) static void pull_##K##_##OWN(ARGUMENTS)              \
-    {                                                                                       \
-        EACH(packs *WIDE) { BOND_##OWN(K) f[i] = tension_##K(r[i], p); }                    \
-    }
-SCALARS(SCALAR_PULL)
-#define PULLS(K, OWN) [2 * K + OWN] = pull_##K##_##OWN,
-static packed *const pulls[] = {RUNS(PULLS)}; /* the same code of the tension in both directions */
-
-/* Increments rounded to the grid: (x + big) - big is a multiple of the spacing.  Sums of multiples
-   are exact, so that increments can be subtracted again to the last bit. */
-__attribute__((noinline)) static real *moves_of_u(const scene *c, real b)
-{
-    const real big = c->grid[0], *restrict v = c->v;
-    real *restrict move = c->turn;
-    EACH(c->room) move[i] = (b * v[i] + big) - big;
-    return move;
-}
-
-__attribute__((noinline)) static real *moves_of_v(const scene *c, real a)
-{
-    const real big = c->grid[1], *restrict w = c->w, *restrict pull = c->pull;
-    real *restrict move = c->turn;
-    EACH(c->room) move[i] = (a * w[i] * pull[i] + big) - big;
-    return move;
-}
-
-/* For `steps.c`. */
-static void stage(const scene *c, real a, real b)
-{
-    if (a != 0) {
-        place(c);
-        real *low = c->low, *high = c->high, *r = c->r;
-        EACH(c->bonds) {
-            low[i] = r[i] < low[i] ? r[i] : low[i];
-            high[i] = r[i] > high[i] ? r[i] : high[i];
-        }
-        evaluated(c, pulls);
-        gather(c);
-        const real *move = moves_of_v(c, a);
-        EACH(c->room) c->v[i] += move[i];
-    }
-    if (b == 0) return;
-    real largest = 0;
-    const real *move = moves_of_u(c, b);
-    for (integer i = 0; i < c->moving; i++) largest = larger(largest, fabs(move[i]));
-    EACH(c->room) c->u[i] += move[i];
-    *c->travel += largest;
-}
-#endif
-
 /* The state before a stage; tensions and stiffnesses of its kick go to the arrays of c. */
 static void invert(const scene *c, real a, real b)
 {
-#if EXACT
-    const real *move = moves_of_u(c, b);
-    EACH(c->room) c->u[i] -= move[i];
-#else
     EACH(c->room) c->u[i] -= b * c->v[i];
-#endif
     if (a == 0) return;
     place(c);
     evaluated(c, slopes);
-#if EXACT
-    evaluated(c, pulls);
-    gather(c);
-    move = moves_of_v(c, a);
-    EACH(c->room) c->v[i] -= move[i];
-#else
     gather(c);
     EACH(c->room) c->v[i] -= a * c->w[i] * c->pull[i];
-#endif
 }
 
 /* Arrays for the kick of stage i; the objectives of a chain take all stages of a step one after the

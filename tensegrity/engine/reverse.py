@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from tensegrity.engine.bonds import PAIR, WALL, integers, parameters
-from tensegrity.engine.bound import Bound, stages
+from tensegrity.engine.bound import stages
 from tensegrity.engine.codegen import reverse_text
 from tensegrity.engine.native import aligned, library, structure
 from tensegrity.engine.schemes import Splitting
@@ -27,9 +27,9 @@ PACK = 8  # numbers that C may write or read beyond the last one
 
 
 @once
-def _compiled(laws, own, wanted, dim, exact):
+def _compiled(laws, own, wanted, dim):
     flags = [f"-DDIM={dim}"] if dim else []
-    return library(reverse_text(laws, own, wanted, dim, exact), flags)
+    return library(reverse_text(laws, own, wanted, dim), flags)
 
 
 class Layout:
@@ -40,8 +40,6 @@ class Layout:
     bonds : Bonds
     wanted : tuple of tuple of int
         For each law the indices of the parameters with respect to which to differentiate.
-    exact : bool
-        Whether states are multiples of a grid spacing.
 
     Attributes
     ----------
@@ -64,8 +62,8 @@ class Layout:
         Place of each bond in the order of the loop.
     """
 
-    def __init__(self, bonds, wanted, exact=False):
-        self.bonds, self.wanted, self._exact = bonds, wanted, exact
+    def __init__(self, bonds, wanted):
+        self.bonds, self.wanted = bonds, wanted
         source, contacts, count = bonds.runs.source, bonds.contacts, len(bonds.group)
         self.dim, self.sites = bonds.dim, len(bonds.inverse_mass)
         packs = -(-self.sites // PACK) * PACK
@@ -82,8 +80,7 @@ class Layout:
     @cached_property
     def library(self):
         """The compiled reverse loop."""
-        b = self.bonds
-        return _compiled(b.laws, b.own, self.wanted, self.dim, self._exact)
+        return _compiled(self.bonds.laws, self.bonds.own, self.wanted, self.dim)
 
     def parameters(self, bonds):
         """Fields of a scene that hold parameters; see `bonds.parameters`."""
@@ -134,8 +131,6 @@ class ReverseLoop:
         Step [s].
     totals : Totals
         Receives the derivatives with respect to masses, parameters and elongations.
-    grid : (float, float), optional
-        Constants that round increments of u and of v to a grid.
 
     Attributes
     ----------
@@ -146,7 +141,7 @@ class ReverseLoop:
     scene : Structure
     """
 
-    def __init__(self, layout, method, dt, totals, grid=(0.0, 0.0)):
+    def __init__(self, layout, method, dt, totals):
         self.layout, self._totals = layout, totals
         b, dim, runs, room = layout.bonds, layout.dim, layout.bonds.runs, layout.room
         n, sites, size = len(runs.source), layout.sites, max(dim, 1)
@@ -165,7 +160,6 @@ class ReverseLoop:
         scratch = {"r": room, "f": room + 2, "bent": room, "k": (rows, room)}
         scratch |= {"d": (rows, layout.most, room), "pull": (rows, entries)}
         scratch |= {"along": (dim, n), "turn": entries}
-        scratch |= {"low": n, "high": n, "travel": 1}
         self.scene = SCENE(
             **stages(method, dt),
             **layout.parameters(b),
@@ -178,7 +172,6 @@ class ReverseLoop:
             vb=self.vb,
             load=load,
             geometry=place,
-            grid=np.array(grid),
             wb=totals.arrays[0],
             pb=totals.arrays[1],
             gb=totals.arrays[2],
@@ -186,7 +179,6 @@ class ReverseLoop:
             bonds=n,
             entries=entries,
             stride=room,
-            moving=sites * size,
             objectives=totals.objectives,
             wanted=layout.most,
             room=entries if dim else entries - PACK,
@@ -280,62 +272,6 @@ class ReverseLoop:
     def add_cotangents(self, cotangents, k):
         """Add the derivatives of the objectives with respect to the state after step number k."""
         self.layout.library.add_cotangents(self._address, cotangents.address, k)
-
-
-class OnGrid(Bound):
-    """A loop whose increments are rounded to a grid, so that steps can be inverted to the last bit;
-    as `Bound`, without rows after the sites.
-
-    Parameters
-    ----------
-    layout : Layout
-    u, v : ndarray, (rows[, dim])
-        Advanced in place [m], [m/s].
-    method : Splitting
-    dt : float
-        Step [s].
-    grid : (float, float)
-        Constants that round increments of u and of v.
-    """
-
-    def __init__(self, layout, u, v, method, dt, grid):
-        back = ReverseLoop(layout, method, dt, Totals(layout, 0), grid)
-        self._bonds, self._scene, self._second = layout.bonds, back.scene, None
-        self._low, self._high, self._travel = (
-            back.scene.filled[name] for name in ("low", "high", "travel")
-        )
-        self._counted, self._springs, self._one_to_one = layout.place, layout.bonds.group, False
-        self._sites, self.sizes = layout.sites, (layout.sites * max(layout.dim, 1), 0)
-        self._advance, self._postprocess = layout.library.advance, layout.library.postprocess
-        self.u, self.v, self.output = back.u, back.v, (back.u.copy(), back.v.copy())
-        self._march, self._inner = self._marched(self._advance), (back.u, back.v, *self.output)
-        self.u, self.v, self.output = u, v, (u.copy(), v.copy())
-        self.forget_range()
-
-    def go(self, done, end, wanted=()):
-        """Advance and store states; see `Bound.go`.
-
-        Parameters
-        ----------
-        done, end : int
-        wanted : sequence of Wanted, optional
-
-        Returns
-        -------
-        int
-            See `march.go`.
-        """
-        outer, sites = (self.u, self.v, *self.output), self._sites
-        for mine, given in zip(self._inner[:2], outer, strict=False):
-            mine[:sites] = given[:sites]
-        stopped = super().go(done, end, wanted)
-        for mine, given in zip(self._inner, outer, strict=True):
-            given[:sites] = mine[:sites]
-        return stopped
-
-    def advance_open(self, steps, opened):
-        """Advance without the closing kick; see `Bound.advance_open`."""
-        self.go(int(opened), int(opened) + steps)
 
 
 class Totals:

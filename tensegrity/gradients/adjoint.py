@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from tensegrity.typing import Array
 
     Pair = tuple[Array, Array]
-    Grid = tuple[float, float]
 
 LIMIT = 1e-9  # largest error of a recomputed state over the largest |u| and |v|
 WORK = 4_000_000  # bonds x stages x steps of one call: about 20 ms
@@ -45,7 +44,7 @@ class Forward:
     Parameters
     ----------
     problem : Problem
-        With a loop of its own (`bind`) where increments are rounded to a grid.
+        With a loop of its own (`bind`) if the scene is driven.
     steps : int
         Number of steps of the run.
     samples : TraceSamples
@@ -124,8 +123,6 @@ class Backward:
         Step [s].
     objectives : int
         Number of objectives.
-    grid : (float, float), or None
-        Constants that round increments of u and v to a grid.
 
     Attributes
     ----------
@@ -139,17 +136,9 @@ class Backward:
         Largest |u| and |v| in the stored states of the last run.
     """
 
-    def __init__(
-        self,
-        layout: Layout,
-        method: Splitting,
-        dt: float,
-        objectives: int,
-        grid: Grid | None = None,
-    ) -> None:
-        self.totals = totals = Totals(layout, objectives)
-        self.reversal, self._exact = 0.0, grid is not None
-        self._main = ReverseLoop(layout, method, dt, totals, grid or (0.0, 0.0))
+    def __init__(self, layout: Layout, method: Splitting, dt: float, objectives: int) -> None:
+        self.totals, self.reversal = (totals := Totals(layout, objectives)), 0.0
+        self._main = ReverseLoop(layout, method, dt, totals)
         self._sums = [self._main.ub, self._main.vb, *totals.arrays]
         self._most = max(1, WORK // (max(1, len(layout.bonds.group)) * method.stages))
         self.u, self.v = (x[:, : layout.sites] for x in (self._main.ub, self._main.vb))
@@ -202,7 +191,7 @@ class Backward:
             states = zip(self._main.state(), self._states[a], strict=True)
             off = [float(np.abs(x - y).max()) for x, y in states]
             is_near = np.max(np.divide(off, [x or 1.0 for x in self.largest])) <= LIMIT
-            if is_near or b - a == 1 or self._exact:
+            if is_near or b - a == 1:
                 self.reversal = max(self.reversal, *off)
                 self._main.set(*self._states[a])
                 continue
@@ -251,7 +240,7 @@ class RepeatedRun:
         self._rows = np.empty((steps, 1))
         self._samples = Wanted(np.arange(1, steps + 1), self._rows, places=self._places, u_count=1)
         layout = Layout(bonds, (wanted,))
-        self._backward = cache(partial(Backward, layout, method, dt, grid=None))
+        self._backward = cache(partial(Backward, layout, method, dt))
 
     def run(self, bonds: Bonds, u: Any, v: Any) -> Array:
         """Do a run.

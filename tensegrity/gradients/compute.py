@@ -13,7 +13,6 @@ import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, overload
 
 import numpy as np
@@ -22,7 +21,7 @@ from tensegrity import check
 from tensegrity.engine import methods, native, threaded
 from tensegrity.engine.codegen import depends_on
 from tensegrity.engine.driven import bind as bind_driven
-from tensegrity.engine.reverse import Layout, OnGrid, OutputCotangents
+from tensegrity.engine.reverse import Layout, OutputCotangents
 from tensegrity.errors import TensegrityError
 from tensegrity.gradients import result
 from tensegrity.gradients.adjoint import Backward, Forward
@@ -42,7 +41,6 @@ from tensegrity.typing import Array
 ROWS = 4  # rows of the returned run after the first; each interrupts the loop
 ALWAYS = ("u", "v", "mass")  # arguments by which every gradient is computed
 STATES = 8  # stored states of a run, evenly spaced
-MARGIN = 4.0  # largest |u| and |v| that a grid can hold over those of the run
 
 
 @dataclass(frozen=True)
@@ -54,62 +52,33 @@ class _Task:
     dt: float
     method: methods.Splitting
     wanted: Sequence[str] | None
-    exact: bool
     checkpoints: int | None
 
 
 @overload
 def gradient(
     objective: Trace | Objective,
-    scene: Scene,
+    scene: Scene | Ensemble,
     state: State,
     t_end: float,
     *,
     method: str | methods.Method | None = ...,
     dt: float,
     wanted: Sequence[str] | None = ...,
-    exact: bool = ...,
     checkpoints: int | None = ...,
 ) -> Gradient: ...
 @overload
 def gradient(
-    objective: Trace | Objective,
-    scene: Ensemble,
-    state: State,
-    t_end: float,
-    *,
-    method: str | methods.Method | None = ...,
-    dt: float,
-    wanted: Sequence[str] | None = ...,
-    exact: bool = ...,
-    checkpoints: int | None = ...,
-) -> BatchGradient: ...
-@overload
-def gradient(
     objective: Sequence[Trace | Objective],
-    scene: Scene,
+    scene: Scene | Ensemble,
     state: State,
     t_end: float,
     *,
     method: str | methods.Method | None = ...,
     dt: float,
     wanted: Sequence[str] | None = ...,
-    exact: bool = ...,
     checkpoints: int | None = ...,
 ) -> list[Gradient]: ...
-@overload
-def gradient(
-    objective: Sequence[Trace | Objective],
-    scene: Ensemble,
-    state: State,
-    t_end: float,
-    *,
-    method: str | methods.Method | None = ...,
-    dt: float,
-    wanted: Sequence[str] | None = ...,
-    exact: bool = ...,
-    checkpoints: int | None = ...,
-) -> list[BatchGradient]: ...
 def gradient(
     objective: Trace | Objective | Sequence[Trace | Objective],
     scene: Scene | Ensemble,
@@ -119,7 +88,6 @@ def gradient(
     method: str | methods.Method | None = None,
     dt: float,
     wanted: Sequence[str] | None = None,
-    exact: bool = False,
     checkpoints: int | None = None,
 ) -> Any:
     """Compute objectives of a run and their derivatives with respect to all it depends on.
@@ -143,9 +111,6 @@ def gradient(
         that a tolerance needs with `simulate(..., tol=)` first.
     wanted : sequence of str, optional
         Names for `Gradient.by`, fewer cost less; by default all but the exponent of Hertz's law.
-    exact : bool, optional
-        Round every increment to a grid of about 1e-16 of the largest displacement and velocity, so
-        that the reverse pass returns to the initial state to the last bit.
     checkpoints : int, optional
         Largest number of steps between two states of the run that the reverse pass starts from.
         By default states are added only where it deviates from the run by more than 1e-9.  Chains
@@ -188,14 +153,13 @@ def gradient(
     driven = dynamics(scene).is_driven
     method = methods.default(dt, None, False, driven) if method is None else method
     splitting = _with_rates(method) if driven else _splitting(method)
-    exact = check.truth("exact", exact)
     if checkpoints is not None:
         checkpoints = check.whole("checkpoints", checkpoints, least=1)
     for one in objectives:
         if one.latest > t_end * (1 + 1e-12):
             raise TensegrityError(f"{one!r} needs {one.latest:g} s, the run ends at {t_end:g} s")
     native.require()
-    task = _Task(objectives, t_end, dt, splitting, wanted, exact, checkpoints)
+    task = _Task(objectives, t_end, dt, splitting, wanted, checkpoints)
     with one_bar("step"):
         results = (_of_batch if isinstance(scene, Ensemble) else _of_scene)(task, scene, state)
     return results if many else results[0]
@@ -283,9 +247,8 @@ def _of_scene(task: _Task, scene: Any, state: Any) -> list[Gradient]:
     )
     every = task.checkpoints
     states = STATES if every is None else max(STATES, math.isqrt(steps // every + 1))
-    state, grid = _on_grid(task, scene, state, dt) if task.exact else (state, None)
-    bind = _bind(forced, layout, grid)
     record = Record(every=max(1, -(-steps // ROWS)))
+    bind = bind_driven if forced else None  # without the corrections at the onset of contacts
     problem = Problem(scene, state, task.t_end, task.method, record, bind=bind)
     stride = max(1, -(-steps // states))
     stride = min(stride, forced.stride if forced else stride)
@@ -301,7 +264,7 @@ def _of_scene(task: _Task, scene: Any, state: Any) -> list[Gradient]:
     each = [samples.pullback(one, *sampled) for one in slopes]
     by_rows, p, g, m, w = map(np.array, zip(*each, strict=True))
     cotangents = _cotangents(forced, by_rows, samples, first)
-    back = forced or Backward(layout, task.method, dt, len(windows), grid)
+    back = forced or Backward(layout, task.method, dt, len(windows))
     more = (len(windows),) if forced else (forward.recompute, every)
     back.go(forward.states, cotangents, *more)
     p += back.totals.p
@@ -318,14 +281,6 @@ def _of_scene(task: _Task, scene: Any, state: Any) -> list[Gradient]:
         )
         for k, value in enumerate(values)
     ]  # fmt: skip
-
-
-def _bind(forced: Any, layout: Layout, grid: Any) -> Any:
-    """The loop of the run, if it is not that of every run: on a grid, or without the corrections at
-    the onset of contacts."""
-    if forced:
-        return bind_driven
-    return None if grid is None else partial(OnGrid, layout, grid=grid)
 
 
 def _cotangents(forced: Any, by_rows: Array, samples: Any, first: int) -> OutputCotangents:
@@ -365,8 +320,8 @@ def _prepared(task: _Task, scene: Any, traces: Any) -> tuple[Any, Any, Any, Layo
     stored = any(trace.kind == "energy" for trace in traces)
     if not of.is_driven:
         names, numbers = _requested(scene, task.wanted, stored, {})
-        return names, {}, None, Layout(of.loop_bonds, numbers, task.exact)
-    check_forced(scene, task.exact, traces)
+        return names, {}, None, Layout(of.loop_bonds, numbers)
+    check_forced(scene, traces)
     of_forces = parameters_of(scene)
     names, numbers = _requested(scene, task.wanted, stored, of_forces)
     forced = ForcedBackward(scene, numbers, task.method, *_steps(task))
@@ -424,16 +379,6 @@ def _window(one: Objective, steps: int, dt: float) -> tuple[int, int]:
         over = f"{one.over[0]:g} s and {one.over[1]:g} s"
         raise TensegrityError(f"no step of {dt:g} s ends between {over}")
     return first, last
-
-
-def _on_grid(task: _Task, scene: Any, state: Any, dt: float) -> tuple[State, tuple[float, float]]:
-    """The state rounded to a grid that holds the whole run, and the constants that round to it."""
-    from tensegrity.runs.integrate import simulate
-
-    run = simulate(scene, state, task.t_end, method=task.method, dt=dt)
-    largest = (MARGIN * max(float(np.abs(rows).max()), 1e-290) for rows in (run.u, run.v))
-    a, b = (1.5 * 2.0 ** math.ceil(math.log2(x)) for x in largest)
-    return State((state.u + a) - a, (state.v + b) - b), (a, b)
 
 
 def _by_name(layout: Layout, p: Array, forced: Any, of_forces: Any) -> Any:

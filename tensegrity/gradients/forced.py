@@ -185,14 +185,12 @@ class ForcedBackward:
         return totals
 
 
-def check_forced(scene: Any, exact: bool, traces: Sequence[Any]) -> None:
+def check_forced(scene: Any, traces: Sequence[Any]) -> None:
     """Refuse driven scenes whose gradient is not available.
 
     Parameters
     ----------
     scene : Scene
-    exact : bool
-        Whether exact increments are requested.
     traces : sequence of Trace
         Of the objectives.
 
@@ -200,13 +198,8 @@ def check_forced(scene: Any, exact: bool, traces: Sequence[Any]) -> None:
     ------
     TensegrityError
     """
-    what = ""
     if scene.tune:
-        what = "springs that change in time"
-    elif exact:
-        what = "exact increments of a scene whose stages cannot be inverted"
-    if what:
-        raise TensegrityError(f"{what} has no gradient")
+        raise TensegrityError("springs that change in time has no gradient")
     counts, bonds = place_counts(scene), set()
     for one in dynamics(scene).further_forces:
         if one.on != "sites":

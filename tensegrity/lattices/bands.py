@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity import check
+from tensegrity.checked import checked
 from tensegrity.errors import TensegrityError
 from tensegrity.lattices.bloch import (
     BlochMatrix,
@@ -85,6 +86,7 @@ class Bands:
         return np.asarray(edges[np.diff(edges, axis=1)[:, 0] > OPEN * w.max()])
 
 
+@checked
 def bands(
     lattice: Cell | PeriodicBonds,
     wavenumbers: ArrayLike,
@@ -137,7 +139,6 @@ def bands(
     """
     if not isinstance(lattice, PeriodicBonds):
         check.kind("lattice", lattice, Cell)
-    velocities, shapes = check.truth("velocities", velocities), check.truth("shapes", shapes)
     size, dim = lattice.positions.size, lattice.positions.shape[1]
     each = size if count is None else check.whole("count", count, least=1, below=size + 1)
     q = _phases(lattice, wavenumbers, each)

@@ -13,12 +13,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Annotated, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity import check
+from tensegrity.checked import checked
 from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.lattices.lattice_input import (
     DEPENDENT,
@@ -47,6 +48,7 @@ class Cell(Framework):
 
     _may_coincide = True
 
+    @checked
     def __init__(
         self,
         positions: ArrayLike,
@@ -58,7 +60,7 @@ class Cell(Framework):
         mass: ArrayLike = 1.0,
         natural_lengths: ArrayLike | None = None,
         buckling: ArrayLike | None = None,
-        plateau: float = 0.0,
+        plateau: Annotated[float, ">= 0", "< 1"] = 0.0,
     ) -> None:
         self._set_positions(positions)
         self.vectors = independent_vectors(vectors, self.dim)
@@ -74,7 +76,7 @@ class Cell(Framework):
         self.buckling = (
             None if buckling is None else positive_for_each("buckling", buckling, bars, "N")
         )
-        self.plateau = check.number("plateau", plateau, least=0, below=1)
+        self.plateau = plateau
 
     @cached_property
     def members(self) -> Members:

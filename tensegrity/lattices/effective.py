@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity import check
+from tensegrity.checked import checked
 from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.lattices.bands import angular_frequencies
 from tensegrity.lattices.bloch import chunks
@@ -23,6 +24,7 @@ from tensegrity.lattices.lattice import Lattice
 from tensegrity.typing import Array
 
 
+@checked
 def effective_mass(lattice: Lattice, frame: Sequence[int], frequencies: ArrayLike) -> Array:
     """Dynamic effective mass of a cell whose frame moves equally in all cells.
 
@@ -58,7 +60,6 @@ def effective_mass(lattice: Lattice, frame: Sequence[int], frequencies: ArrayLik
     >>> effective_mass(chain, [0], [0, 0.5, 1.2])[:, 0, 0].round(4).tolist()
     [3.0, 3.6667, -3.5455]
     """
-    check.kind("lattice", lattice, Lattice)
     w = angular_frequencies(frequencies, lattice.dim**2)
     nodes = check.sequence("frame", frame, "numbers of nodes")
     numbers = [check.whole("node", n, least=0, below=lattice.nodes) for n in nodes]

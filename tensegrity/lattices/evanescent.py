@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity import check
+from tensegrity.checked import checked
 from tensegrity.errors import TensegrityError
 from tensegrity.lattices.bands import angular_frequencies, bloch_matrix
 from tensegrity.lattices.lattice import Lattice
@@ -26,6 +27,7 @@ RANK = 1e-12  # singular values that count as zero, over the largest stiffness
 SPLIT = 1e-7  # decay that counts as zero: double roots at band edges split by this much
 
 
+@checked
 def decay(
     lattice: Lattice, frequencies: ArrayLike, axis: int = 0, wavenumbers: ArrayLike = 0.0
 ) -> Any:
@@ -67,7 +69,6 @@ def decay(
     >>> abs(decay(chain, [1, 3]).imag).round(6).tolist()
     [[0.0, 0.0], [1.924847, 1.924847]]
     """
-    check.kind("lattice", lattice, Lattice)
     w = angular_frequencies(frequencies, 2 * lattice.positions.size)
     d = len(lattice.vectors)
     axis = check.whole("axis", axis, least=0, below=d)

@@ -15,10 +15,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 
 from tensegrity import check
+from tensegrity.checked import checked
 from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.lattices.bands import FASTEST
 from tensegrity.lattices.cell import Cell
@@ -118,7 +120,10 @@ class Moduli:
         return np.asarray(np.sign(squares) * np.sqrt(np.abs(squares)))
 
 
-def moduli(lattice: Cell, frequency: float = 0.0) -> Moduli:
+@checked
+def moduli(
+    lattice: Cell, frequency: Annotated[float, ">= 0", f"< {FASTEST}", "rad/s"] = 0.0
+) -> Moduli:
     """Moduli of a lattice about its own state.
 
     Parameters
@@ -153,8 +158,6 @@ def moduli(lattice: Cell, frequency: float = 0.0) -> Moduli:
     >>> (m.speeds([1, 2])**2).round(4).tolist(), float(m.stiffness[0, 0, 1, 1].round(4))
     ([0.375, 1.125], 0.433)
     """
-    check.kind("lattice", lattice, Cell)
-    frequency = check.number("frequency", frequency, least=0, below=FASTEST, unit="rad/s")
     lattice.refuse_unbalanced()
     dim, stress = lattice.dim, lattice.stress
     stiff, _, arms = _gradients(lattice, frequency)

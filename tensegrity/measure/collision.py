@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from tensegrity import check
+from tensegrity.checked import checked
 from tensegrity.errors import TensegrityError
 from tensegrity.measure.pulses import Pulse, chain_of, pulses
 from tensegrity.runs.run import Run
@@ -14,6 +14,7 @@ ALIKE = 1e-3  # relative difference of amplitudes of one wave, launched and foun
 CHANGED = 0.2  # relative change of a wave's amplitude in a collision, at most
 
 
+@checked
 def phase_shift(run: Run, left: SolitaryWave, right: SolitaryWave) -> tuple[float, float]:
     """Phase shifts of two solitary waves by their collision.
 
@@ -46,8 +47,6 @@ def phase_shift(run: Run, left: SolitaryWave, right: SolitaryWave) -> tuple[floa
     nothing else behind.
     """
     chain_of(run)
-    for name, wave in (("left", left), ("right", right)):
-        check.kind(name, wave, SolitaryWave)
     waves, sizes = (left, right), sorted(abs(wave.amplitude) for wave in (left, right))
     fraction = sizes[0] / sizes[1] / 2
     incident = pulses(run, 0, fraction)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity import check
+from tensegrity.checked import checked
 from tensegrity.errors import TensegrityError
 from tensegrity.measure.pulses import FRACTION, Instant, Pulse, chain_of, check_fraction, check_row
 from tensegrity.printing import filled
@@ -26,6 +27,7 @@ NOTHING = 1e-6  # of the incident amplitude: smaller peaks are not pulses
 QUIET = 1e-3  # of the incident amplitude: largest elongation at an end that no wave has reached
 
 
+@checked
 def interface(
     near: Potential,
     far: Potential,
@@ -61,8 +63,6 @@ def interface(
     >>> print(chain.sites, len(set(chain.springs)))
     50 2
     """
-    check.kind("near", near, Potential)
-    check.kind("far", far, Potential)
     counts = [check.whole("sites", n, least=1) for n in check.sequence("sites", sites, "numbers")]
     masses = [
         check.number("mass", m, above=0, unit="kg")

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity import check
+from tensegrity.checked import checked
 from tensegrity.engine import forces
 from tensegrity.errors import TensegrityError
 from tensegrity.measure.noise import noise_of
@@ -25,7 +26,7 @@ from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.ensemble import Ensemble
 from tensegrity.scenes.network import Network
 from tensegrity.scenes.scene import State
-from tensegrity.typing import Array
+from tensegrity.typing import Array, Fraction, Index
 
 ROUND_OFF = 1e-12  # of a peak: a smaller elongation is round-off
 PEAK_FRACTION = 0.5  # of the largest extremum, from which an extremum counts as the pulse
@@ -221,7 +222,8 @@ def _of_chain(scene: Chain, run: Run, where: Any, numbers: Any, between: Any) ->
     return (second - first) / (then - passed)
 
 
-def duration(run: Run, bond: int, level: float = 0.05) -> float:
+@checked
+def duration(run: Run, bond: Index, level: Fraction = 0.05) -> float:
     """Duration of the leading pulse at a bond, between two crossings of a level.
 
     The duration times the speed is a width in sites, exact for a wave of permanent form.
@@ -250,7 +252,6 @@ def duration(run: Run, bond: int, level: float = 0.05) -> float:
     arrival_time = arrival(run, bond)
     left, right = run.sites.index(bond), run.sites.index(bond + 1)
     curve = CubicSpline(run.t, run.u[:, right] - run.u[:, left])
-    level = check.number("level", level, above=0, below=1)
     crossings = curve.solve(level * float(curve(arrival_time)), extrapolate=False)
     before, after = crossings[crossings < arrival_time], crossings[crossings > arrival_time]
     if before.size == 0 or after.size == 0:
@@ -332,7 +333,8 @@ def peak(elongation: ArrayLike) -> tuple[float, float]:
     return int(inner[-1]) + shift, top
 
 
-def width(x: Array, profile: ArrayLike, level: float = 0.05) -> float:
+@checked
+def width(x: Array, profile: ArrayLike, level: Fraction = 0.05) -> float:
     """Width of the peak of a profile, between the nearest points where it falls to a level.
 
     Parameters
@@ -353,7 +355,6 @@ def width(x: Array, profile: ArrayLike, level: float = 0.05) -> float:
         Bad input; a profile that does not fall to the level on both sides, or has noise, which
         crosses the level at once.
     """
-    level = check.number("level", level, above=0, below=1)
     x, profile = _columns(x=x, profile=profile)
     if not np.all(np.diff(x) > 0):
         raise TensegrityError(f"x must increase, not by {np.diff(x).min():g}")
@@ -376,9 +377,9 @@ def width(x: Array, profile: ArrayLike, level: float = 0.05) -> float:
     return float(crossing(right[0], right[0] - 1) - crossing(left[-1], left[-1] + 1))
 
 
+@checked
 def angular_momentum(network: Network, state: State) -> float | Array:
     """Total angular momentum of a network about the origin [kg m^2/s]; a float, in space (3,)."""
-    check.kind("network", network, Network)
     network.momentum(state)  # refuses what is no state of the network
     momentum = network.mass[:, None] * state.v
     x = network.positions + state.u
@@ -389,6 +390,7 @@ def angular_momentum(network: Network, state: State) -> float | Array:
     return np.cross(x, momentum).sum(axis=0)
 
 
+@checked
 def directions(network: Network, u: ArrayLike) -> Array:
     """Unit vector of each bond of a network, from its first site to its second.
 
@@ -402,7 +404,6 @@ def directions(network: Network, u: ArrayLike) -> Array:
     -------
     ndarray, (..., bonds, dim)
     """
-    check.kind("network", network, Network)
     u = check.rows("displacements", u, network.shape)
     along = forces.elongations(dynamics(network).contact_bonds, u)[1]
     return check.finite("direction", along[..., : len(network.bonds), :])
@@ -428,10 +429,10 @@ def contact_rates(network: Network, u: ArrayLike, v: ArrayLike) -> Array:
     return np.concatenate([in_bonds, np.sum(normals[walls] * v[..., sites, :], axis=-1)], axis=-1)
 
 
+@checked
 def wall_gaps(network: Network, u: ArrayLike) -> Array:
     """Distance of each wall contact of a network from the wall's plane less the radius [m].
 
     Parameters as for `directions`; (..., wall contacts).
     """
-    check.kind("network", network, Network)
     return check.finite("gap", dynamics(network).elongations(u)[..., len(network.bonds) :])

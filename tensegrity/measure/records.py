@@ -9,17 +9,18 @@ first calls of this package.  Interpolation is for computed rows.  Rows with noi
 from __future__ import annotations
 
 import math
-from typing import Any, Generic, NamedTuple, TypeVar, overload
+from typing import Annotated, Any, Generic, NamedTuple, TypeVar, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity import check
+from tensegrity.checked import checked
 from tensegrity.errors import TensegrityError
 from tensegrity.measure.noise import fitted_peaks, noise_of, refuse_plateau
 from tensegrity.measure.observables import PEAK_FRACTION
 from tensegrity.root import root
-from tensegrity.typing import Array, Flags
+from tensegrity.typing import Array, Flags, Fraction
 
 CLOCK = 3e-6  # s: sampling interval of the paper's density plots
 LEVEL = 0.05  # of the largest peak: smaller ones do not count
@@ -144,12 +145,13 @@ def largest_peak(
 def largest_peak(
     t: ArrayLike, force: ArrayLike, between: tuple[float, float] = ..., *, noise: float
 ) -> Peak[float]: ...
+@checked
 def largest_peak(
     t: ArrayLike,
     force: ArrayLike,
     between: tuple[float, float] = (-math.inf, math.inf),
     *,
-    noise: float | None = None,
+    noise: Annotated[float, ">= 0", "N"] | None = None,
 ) -> tuple[float, float]:
     """Instant and height of the largest force of a record, at a row or between two rows.
 
@@ -271,8 +273,13 @@ def peaks(
 ) -> tuple[Array, Array]: ...
 @overload
 def peaks(t: ArrayLike, force: ArrayLike, level: float = ..., *, noise: float) -> Peak[Array]: ...
+@checked
 def peaks(
-    t: ArrayLike, force: ArrayLike, level: float = LEVEL, *, noise: float | None = None
+    t: ArrayLike,
+    force: ArrayLike,
+    level: Fraction = LEVEL,
+    *,
+    noise: Annotated[float, ">= 0", "N"] | None = None,
 ) -> tuple[Array, Array]:
     """Instants and heights of all peaks above a fraction of the largest.
 
@@ -329,7 +336,6 @@ def peaks(
     """
     from scipy.signal import find_peaks
 
-    level = check.number("level", level, above=0, below=1)
     t, force, noise = _record(t, force, noise)
     if noise:
         instant, height, *errors = fitted_peaks(t, force, noise, level, DISTINCT)

@@ -21,15 +21,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity import check
+from tensegrity.checked import checked
 from tensegrity.engine.law import deflated, horner
 from tensegrity.errors import RangeError, ResolutionError, TensegrityError
 from tensegrity.springs.potential import Potential
+from tensegrity.typing import Positive
 
 DEGREES = tuple(range(7, 48, 4))
 NODES = 96
@@ -121,10 +123,14 @@ class Polynomial(Potential):
     degree: int
     error_estimate: float
 
-    def __init__(self, spring: Potential, low: float, high: float, error: float = 1e-12) -> None:
-        check.kind("spring", spring, Potential)
-        low, high = (check.number("end of the range", x, unit="m") for x in (low, high))
-        error = check.number("error", error, above=0)
+    @checked
+    def __init__(
+        self,
+        spring: Potential,
+        low: Annotated[float, "m"],
+        high: Annotated[float, "m"],
+        error: Positive = 1e-12,
+    ) -> None:
         if not low < 0 < high:
             raise TensegrityError(f"range ({low:g}, {high:g}) m must contain 0 m inside")
         check.number("width of the range", high - low, least=NARROWEST, unit="m")

@@ -13,11 +13,12 @@ from copy import copy
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
 from tensegrity import check
+from tensegrity.checked import checked
 from tensegrity.engine.compiled import evaluated
 from tensegrity.engine.law import DerivedLaw, Law
 from tensegrity.engine.programs import derived, run
@@ -25,8 +26,9 @@ from tensegrity.errors import LockingError, TensegrityError
 from tensegrity.printing import concise, number_text
 from tensegrity.readonly import fixed
 from tensegrity.springs.kinks import kinks
-from tensegrity.springs.spline import SplineLaw, from_table
+from tensegrity.springs.spline import KINDS, SplineLaw, from_table
 from tensegrity.springs.written import written
+from tensegrity.typing import Length, Mass
 
 if TYPE_CHECKING:
     from collections.abc import Hashable
@@ -112,16 +114,17 @@ class Potential:
         self.ends = ends
 
     @classmethod
+    @checked
     def from_table(
         cls,
         elongation: ArrayLike,
         tension: ArrayLike,
-        kind: str = "cubic",
+        kind: Annotated[str, KINDS] = "cubic",
         *,
-        noise: float | None = None,
-        preload: float | None = None,
+        noise: Annotated[float, "> 0", "N"] | None = None,
+        preload: Annotated[float, "N"] | None = None,
         extrapolate: bool = False,
-        length: float | None = None,
+        length: Length | None = None,
     ) -> Potential:
         """A spring from measured tensions.
 
@@ -344,7 +347,8 @@ class Potential:
         """Whether the force has no kinks."""
         return not self.kinks
 
-    def sound_speed(self, mass: float = 1.0) -> float:
+    @checked
+    def sound_speed(self, mass: Mass = 1.0) -> float:
         """Speed of long waves of small amplitude in a chain of these springs.
 
         Parameters
@@ -362,7 +366,6 @@ class Potential:
         TensegrityError
             A spring that softens at rest, V''(0) < 0.
         """
-        mass = check.number("mass", mass, above=0, unit="kg")
         stiffness = float(self.stiffness(0.0))
         if stiffness < 0:
             raise TensegrityError(f"stiffness {stiffness:g} N/m at rest must be at least 0")

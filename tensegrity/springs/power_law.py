@@ -7,12 +7,14 @@ Source: the talk, part II, "Hertz interaction potentials"; the energy is that of
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from tensegrity import check
+from tensegrity.checked import checked
 from tensegrity.engine.law import DerivedLaw, Law
 from tensegrity.printing import call
 from tensegrity.springs.potential import Potential
+from tensegrity.typing import Length, Positive
 
 if TYPE_CHECKING:
     import sympy as sp
@@ -60,12 +62,14 @@ class PowerLaw(Potential):
 
     _varied = ("stiffness", "exponent", "preload")
 
+    @checked
     def __init__(
-        self, stiffness: float, exponent: float, preload: float = 0.0, length: float | None = None
+        self,
+        stiffness: Annotated[float, "> 0", "N/m^n"],
+        exponent: Positive,
+        preload: Annotated[float, ">= 0", "N"] = 0.0,
+        length: Length | None = None,
     ) -> None:
-        stiffness = check.number("stiffness", stiffness, above=0, unit="N/m^n")
-        exponent = check.number("exponent", exponent, above=0)
-        preload = check.number("preload", preload, least=0, unit="N")
         try:
             overlap = (preload / stiffness) ** (1 / exponent)
         except OverflowError:

@@ -158,15 +158,9 @@ def from_table(
     TensegrityError
         As there.
     """
-    if not isinstance(kind, str) or kind not in KINDS:
-        raise TensegrityError(f"kind {check.shown(kind)} must be one of {', '.join(KINDS)}")
     x, y = _points(elongation, tension, kind)
-    extrapolate = check.truth("extrapolate", extrapolate)
-    if noise is not None:
-        noise = check.number("noise", noise, above=0, unit="N")
-        if kind != "smooth":
-            raise TensegrityError(f"noise {noise:g} N of a {kind} table: give kind='smooth'")
-    length = None if length is None else check.number("length", length, above=0, unit="m")
+    if noise is not None and kind != "smooth":
+        raise TensegrityError(f"noise {noise:g} N of a {kind} table: give kind='smooth'")
     check.number("largest elongation", float(np.abs(x).max()), least=NARROWEST, unit="m")
     size, peak = (float(2.0 ** (np.frexp(np.abs(z).max())[1] - 1)) for z in (x, y))  # exact
     x, y, left, rest = x / size, y / peak, 0.0, 0.0
@@ -174,7 +168,7 @@ def from_table(
         if kind == "smooth":
             x, y, left = _smoothed(x, y, noise and noise / peak)
         if preload is not None:
-            load = check.number("preload", preload, unit="N") / peak
+            load = preload / peak
             rest = _rest(_spline(x, y, kind), load, peak)
             x, y = x - rest, y + load
         if not x[0] < 0 < x[-1]:

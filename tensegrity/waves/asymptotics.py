@@ -13,12 +13,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity import check
+from tensegrity.checked import checked
 from tensegrity.errors import TensegrityError
 from tensegrity.once import once
 from tensegrity.root import root
@@ -28,7 +29,10 @@ from tensegrity.typing import Array
 FASTEST = 1e100  # largest speed ratio; its square is finite
 
 
-def sech2(spring: Potential, speed_ratio: float, x: ArrayLike) -> Array:
+@checked
+def sech2(
+    spring: Potential, speed_ratio: Annotated[float, "> 1", f"< {FASTEST}"], x: ArrayLike
+) -> Array:
     """Elongation of a solitary wave of small amplitude.
 
     Parameters
@@ -61,9 +65,7 @@ def sech2(spring: Potential, speed_ratio: float, x: ArrayLike) -> Array:
     >>> round(float(sech2(spring, 1.01, 0.0)) / exact, 3)
     1.055
     """
-    check.kind("spring", spring, Potential)
     x = check.numbers("x", x, "sites")
-    ratio = check.number("speed_ratio", speed_ratio, above=1, below=FASTEST)
     stiffness, slope = float(spring.stiffness(0.0)), float(spring.stiffness_slope(0.0))
     if stiffness <= 0 or slope == 0:
         raise TensegrityError(
@@ -71,15 +73,15 @@ def sech2(spring: Potential, speed_ratio: float, x: ArrayLike) -> Array:
             f"V''' = {slope:g} N/m^2 not 0"
         )
     with np.errstate(over="ignore"):  # cosh overflows far from the peak, where the wave is 0
-        return _function("sech2")(stiffness, slope, ratio, x)
+        return _function("sech2")(stiffness, slope, speed_ratio, x)
 
 
+@checked
 def tent(spring: Potential, x: ArrayLike) -> Array:
     """Elongation [m] of the wave of high energy: -d (1 - |x|) for |x| < 1, and 0 elsewhere.
 
     Here d is the locking stroke [m], and x the distance from the peak [sites], of any shape.
     """
-    check.kind("spring", spring, Potential)
     x, stroke = check.numbers("x", x, "sites"), -spring.domain[0]
     if math.isinf(stroke):
         raise TensegrityError("no tent: the spring has no locking stroke (its domain is open)")

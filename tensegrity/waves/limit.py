@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import math
+from typing import Annotated
 
-from tensegrity import check
+from tensegrity.checked import checked
 from tensegrity.errors import TensegrityError
 from tensegrity.springs.potential import Potential
+from tensegrity.typing import Mass
 from tensegrity.waves.by_target import sign_and_number
 from tensegrity.waves.family import STROKE, Family
 
 
+@checked
 def largest_speed(
-    potential: Potential, mass: float = 1.0, family: str | None = None, closest: float = 1e-3
+    potential: Potential,
+    mass: Mass = 1.0,
+    family: str | None = None,
+    closest: Annotated[float, f">= {1 - STROKE}"] = 1e-3,
 ) -> float:
     """The limiting speed of a family of waves.
 
@@ -41,9 +47,6 @@ def largest_speed(
     speed is extrapolated in that root, to a relative error of about 1e-5, which a second value of
     `closest` estimates.
     """
-    check.kind("potential", potential, Potential)
-    mass = check.number("mass", mass, above=0, unit="kg")
-    closest = check.number("closest", closest, least=1 - STROKE)
     if closest > 0.1:
         raise TensegrityError(f"closest {closest:g} must be at most 0.1")
     sign, number = sign_and_number(potential, family, None)

@@ -10,16 +10,19 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity import check
+from tensegrity.checked import checked
 from tensegrity.errors import TensegrityError
 from tensegrity.once import once
 from tensegrity.printing import filled
 from tensegrity.root import root
 from tensegrity.springs.potential import Potential
+from tensegrity.typing import Mass, Positive
 from tensegrity.waves.asymptotics import decay_rate
 from tensegrity.waves.curve import FamilyCurve, along, falling, stability_in_words
 from tensegrity.waves.family import NEAREST, SIGNS, STEADY, Family
@@ -170,13 +173,13 @@ class PredictedFamily:
         """The result of `unstable` from fewer waves, as text; computed once, in 0.1 to 2 s."""
         return stability_in_words(self.unstable)
 
-    def small_peak(self, excess: float) -> float:
+    @checked
+    def small_peak(self, excess: Positive) -> float:
         """Peak elongation [m] of a wave with c/cs - 1 = `excess`, to second order in `excess`.
 
         To leading order if V'''(0) is 0 or jumps.  Raises `TensegrityError` if no waves start from
         rest, or the sound speed is 0.
         """
-        excess = check.number("excess", excess, above=0)
         if excess >= 1:
             raise TensegrityError(f"excess {excess:g} must be below 1: the wave is not small")
         stiffness, slope, bend = self._rest
@@ -191,13 +194,13 @@ class PredictedFamily:
         size = float(_form("small_peak_of_power")(stiffness, excess, power, growth))
         return SIGNS[self.name.split()[0]] * size
 
-    def wall_peak(self, speed: float) -> float:
+    @checked
+    def wall_peak(self, speed: Annotated[float, "> 0", "sites/s"]) -> float:
         """Peak elongation [m] of a fast wave [sites/s] of a family that ends with a tent.
 
         The relative error of the distance to the wall is O(1/c).  Raises `TensegrityError` for
         other families.
         """
-        speed = check.number("speed", speed, above=0, unit="sites/s")
         power, strength = self.wall
         if self.ends != "tent" or not power > 0:
             raise TensegrityError(
@@ -274,7 +277,8 @@ class Prediction:
     __repr__ = __str__
 
 
-def predict(potential: Potential, mass: float = 1.0) -> Prediction:
+@checked
+def predict(potential: Potential, mass: Mass = 1.0) -> Prediction:
     """The families of solitary waves that a chain carries, with their limits and the reasons.
 
     Parameters
@@ -308,8 +312,6 @@ def predict(potential: Potential, mass: float = 1.0) -> Prediction:
     compression from rest: 0.550 to 3.513 sites/s
     rarefaction from threshold: 0.550 to 2.941 sites/s
     """
-    check.kind("potential", potential, Potential)
-    mass = check.number("mass", mass, above=0, unit="kg")
     families, absent = [], {}
     nonlinear_part(potential)  # says where the spring is not at rest
     sound = potential.sound_speed(mass)  # refuses one that does not return to it

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity import check, plotting
+from tensegrity.checked import checked
 from tensegrity.errors import TensegrityError
 from tensegrity.notebook import page
 from tensegrity.root import root
@@ -23,7 +24,7 @@ from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.network import Network
 from tensegrity.scenes.scene import State
 from tensegrity.springs.potential import Potential
-from tensegrity.typing import Array
+from tensegrity.typing import Array, Fraction, Mass
 from tensegrity.unit_names import in_units
 from tensegrity.waves.by_speed import by_speed
 from tensegrity.waves.by_target import near, sign_and_number, stiffness_above
@@ -97,8 +98,9 @@ class TravellingWave:
         column of each coordinate, (2,)."""
         return self._shape.shift
 
+    @checked
     def launch(
-        self, chain: Chain | Network, at: float, direction: int = 1, tail: float = 1e-12
+        self, chain: Chain | Network, at: float, direction: int = 1, tail: Fraction = 1e-12
     ) -> State:
         """The state of a chain that is at rest except for this wave.
 
@@ -135,8 +137,7 @@ class TravellingWave:
         wanted = Chain if isinstance(self.potential, Potential) else Network
         if not isinstance(chain, wanted):
             raise TensegrityError(f"chain is {type(chain).__name__}, not a {wanted.__name__}")
-        at = check.number("at", at)
-        if check.whole("direction", direction, least=-1) == 0 or direction > 1:
+        if direction not in (-1, 1):
             raise TensegrityError(f"direction {direction} must be 1 or -1")
         self._check_place(chain, at, self.reach(tail), tail)
         x = np.arange(chain.sites) - at
@@ -279,9 +280,9 @@ class SolitaryWave(TravellingWave):
         error is 1e-9 or less of it, or about 1e-3 where the stiffness has a pole in the wave."""
         return self._by_speed[0]
 
-    def width(self, level: float = 0.05) -> float:
+    @checked
+    def width(self, level: Fraction = 0.05) -> float:
         """Distance in sites between the two points where the elongation is `level` of the peak."""
-        level = check.number("level", level, above=0, below=1)
         below = np.flatnonzero(np.atleast_2d(self._halves[0])[0] / self.amplitude < level)
         if below.size == 0 or level < LEAST_LEVEL:
             raise TensegrityError(f"level {level:g} must be at least {LEAST_LEVEL:g}")
@@ -289,17 +290,18 @@ class SolitaryWave(TravellingWave):
         places = self.x[first - 1], self.x[first]
         return 2 * root(lambda x: self._first(x) - level, *places, 1e-13)
 
-    def reach(self, tail: float = 1e-12) -> float:
+    @checked
+    def reach(self, tail: Fraction = 1e-12) -> float:
         """Distance from the peak [sites] beyond which the wave is below `tail` times the peak."""
-        tail = check.number("tail", tail, above=0, below=1)
         both = [np.abs(np.atleast_2d(half)).max(axis=0) for half in self._halves]
         left = np.maximum(*(half / half.max() for half in both)) >= tail
         return float(self.x[len(self.x) // 2 + np.flatnonzero(left)[-1]])
 
 
+@checked
 def solitary_wave(
     potential: Potential | Network,
-    mass: float = 1.0,
+    mass: Mass = 1.0,
     *,
     speed: float | None = None,
     speed_ratio: float | None = None,
@@ -364,7 +366,6 @@ def solitary_wave(
     """
     if not isinstance(potential, Network):
         check.kind("potential", potential, Potential)
-    mass = check.number("mass", mass, above=0, unit="kg")
     given = {
         "speed": speed, "speed_ratio": speed_ratio, "excess": excess, "amplitude": amplitude,
         "energy": energy,
@@ -375,7 +376,6 @@ def solitary_wave(
             f"{' and '.join(targets) or 'nothing'} given: give exactly one of {', '.join(given)}"
         )
     ((name, value),) = targets.items()
-    value = check.number(name, value)
     if isinstance(potential, Network):
         return _of_line(potential, mass, family, name, value)
     label, sound = f"{name} {value:g}", potential.sound_speed(mass)

@@ -10,10 +10,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Annotated
 
 import numpy as np
 
-from tensegrity import check
+from tensegrity.checked import checked
 from tensegrity.errors import TensegrityError
 from tensegrity.root import root
 from tensegrity.scenes.chain import Chain
@@ -21,6 +22,7 @@ from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.forcing import Damping
 from tensegrity.scenes.scene import State
 from tensegrity.springs.potential import Potential
+from tensegrity.typing import Fraction, Mass
 from tensegrity.waves.front import (
     HALF_LENGTH,
     WIDTH,
@@ -78,10 +80,10 @@ class TransitionWave(TravellingWave):
     def _on_x(self):
         return self._shape.elongation(self.x)
 
-    def width(self, level: float = 0.05) -> float:
+    @checked
+    def width(self, level: Annotated[float, f">= {LEAST_LEVEL}", "< 0.5"] = 0.05) -> float:
         """Distance in sites between the points at which the state differs from that ahead, and from
         that behind, by a fraction `level` of the step."""
-        level = check.number("level", level, least=LEAST_LEVEL, below=0.5)
         part = (self._state(self.x) - self.behind) / -self.amplitude
         ends = []
         for value in (level, 1 - level):
@@ -97,14 +99,21 @@ class TransitionWave(TravellingWave):
     def _part(self, x):
         return float((self._state(x) - self.behind) / -self.amplitude)
 
-    def reach(self, tail: float = 1e-9) -> float:
+    @checked
+    def reach(self, tail: Fraction = 1e-9) -> float:
         """Distance from the centre, in sites, beyond which less than `tail` of the step remains."""
-        tail = check.number("tail", tail, above=0, below=1)
         left = np.abs(self._state(self.x) - np.where(self.x > 0, self.ahead, self.behind))
         remaining = np.abs(self.x[left >= tail * abs(self.amplitude)])
         return float(np.max(remaining, initial=0.0))
 
-    def launch(self, chain: Chain, at: float, direction: int = 1, tail: float = 1e-9) -> State:
+    @checked
+    def launch(
+        self,
+        chain: Chain,
+        at: float,
+        direction: Annotated[int, ">= 1", "< 2"] = 1,
+        tail: Fraction = 1e-9,
+    ) -> State:
         """The state of a chain with free ends that has this front, and is at rest ahead of it.
 
         Parameters
@@ -127,8 +136,6 @@ class TransitionWave(TravellingWave):
         TensegrityError
             The front does not fit the chain, an end of the chain is fixed, or another direction.
         """
-        check.kind("chain", chain, Chain)
-        check.whole("direction", direction, least=1, below=2)
         grounds = [one.expression for one in dynamics(chain).further_forces if one.stores]
         if grounds != ([] if self.ground is None else [self.ground]) or chain.held:
             raise TensegrityError(
@@ -151,12 +158,13 @@ class TransitionWave(TravellingWave):
         return {"speed": texts.pop("speed")} | states | texts | width
 
 
+@checked
 def transition_wave(
     spring: Potential,
-    mass: float = 1.0,
+    mass: Mass = 1.0,
     *,
-    ahead: float,
-    behind: float,
+    ahead: Annotated[float, "m"],
+    behind: Annotated[float, "m"],
     ground: Potential | None = None,
     damping: Damping | None = None,
 ) -> TransitionWave:
@@ -200,12 +208,7 @@ def transition_wave(
     >>> f"{front.speed:.9f} sites/s, {front.released:.6f} J/site"
     '0.566415511 sites/s, 0.025000 J/site'
     """
-    check.kind("spring", spring, Potential)
-    mass = check.number("mass", mass, above=0, unit="kg")
-    ahead, behind = (check.number(*x, unit="m") for x in (("ahead", ahead), ("behind", behind)))
-    if ground is not None:
-        check.kind("ground", ground, Potential)
-    check.kind("damping", damping := Damping() if damping is None else damping, Damping)
+    damping = Damping() if damping is None else damping
     if damping.bond.ndim or damping.ground.ndim:
         raise TensegrityError("damping of a front must have one coefficient for all bonds or sites")
     if ahead == behind:

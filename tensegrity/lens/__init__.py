@@ -1,1 +1,0 @@
-"""An acoustic lens: parallel chains of prisms whose prestrains focus their pulses at one point."""
