@@ -127,11 +127,11 @@ class Part:
 
     def cut(self, event: Located, end: str) -> None:
         """End at an event, with it as the last row."""
-        kept = event.row + 1
-        self.take([*range(kept), event.row])
-        self.data[-1] = event.point
         number = next(k for k, other in enumerate(self.events) if other is event)
-        self.events = [*self.events[:number], event._replace(row=kept)]
+        kept, beyond = range(event.row + 1), not np.array_equal(self.data[event.row], event.point)
+        self.take([*kept, *[event.row] * beyond])
+        self.data[-1] = event.point
+        self.events = [*self.events[:number], event._replace(row=event.row + beyond)]
         self.end, self.following = end, None
 
     def take(self, rows: Any) -> None:
@@ -176,7 +176,7 @@ def follow(
     if at:
         nodes = _nodes(stepper, rows, events)
         for name, value, column in at:
-            events += [(name, *x) for x in _reached(stepper, column, value, *nodes, p)]
+            events += [(name, *x) for x in _reached(stepper, column, value, nodes, p)]
         events.sort(key=lambda event: (event[1], _place(stepper, rows[event[1]], event[2])))
     part = _part(stepper, rows, events, end, p)
     if not failed:
@@ -264,15 +264,16 @@ def _first_reached(stepper, until, rows, last, count, found, p):
     reached = [
         (name, *point)
         for name, value, column in until
-        for point in _reached(stepper, column, value, *nodes, p, first=True)
+        for point in _reached(stepper, column, value, nodes, p, first=True)
     ]
     none = "", count, rows[0]
     return min(reached, key=lambda x: (x[1], _place(stepper, rows[x[1]], x[2])), default=none)
 
 
-def _reached(stepper, column, value, numbers, nodes, p, first=False):
+def _reached(stepper, column, value, nodes, p, first=False):
     """The points (row, point) at which a column has a value: the first one beyond the start alone,
     or all."""
+    numbers, nodes = nodes
     away = stepper.column(nodes, column) - value
     crossed = (away[:-1] * away[1:] < 0) | (away[1:] == 0)
     if not first and away[0] == 0:

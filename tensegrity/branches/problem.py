@@ -131,7 +131,6 @@ class Problem:
         if symbolic:
             import casadi as ca
 
-            given["z"] = ca.vertcat(*self.unknowns.values())
             given["p"] = ca.SX.sym("p", 0) if self.p is None else ca.SX(self.p)
             for name in ("equations", "size"):
                 if isinstance(given[name], (list, tuple)):
@@ -157,6 +156,13 @@ class Problem:
             lambda: ManyProblem(PlainEquations(self))
         )  # fmt: skip
         given["_build_stepper"] = once(make)
+
+    @property
+    def z(self) -> Any:
+        """Symbols of the unknowns, (m,)."""
+        import casadi as ca
+
+        return ca.vertcat(*self.unknowns.values())
 
     @property
     def _stepper(self) -> Any:
@@ -236,7 +242,7 @@ class Problem:
         return Branch(columns, events, end)
 
 
-_COMPILED = ("unknowns", "equations", "z", "p", "scale", "size", "events", "folds", "columns")
+_COMPILED = ("unknowns", "equations", "p", "scale", "size", "events", "folds", "columns")
 
 
 class DerivedProblem(Problem):
@@ -268,7 +274,7 @@ for _name in _COMPILED:
     setattr(DerivedProblem, _name, _field_of(_name))
 
 
-def _layout(problem):
+def _layout(problem: Any) -> dict[str, Any]:
     """Names, scales and sizes of a problem, which a `CompiledStepper` needs besides functions."""
     return {
         "unknowns": list(problem.unknowns),
@@ -338,7 +344,7 @@ def trace(
     the requested w is reached
     """
     check.kind("problem", problem, Problem)
-    given = {"start": start, "parameters": parameters, "settings": settings}
+    given: dict[str, Any] = {"start": start, "parameters": parameters, "settings": settings}
     given |= {"direction": direction, "stop": stop}
     of: Any = problem
     changes = {name: x for name, x in given.items() if x is not None}
@@ -376,7 +382,7 @@ def _values(what: str, problem: Problem, given: Any) -> dict[str, Any]:
     return dict(given)
 
 
-def _followed(problem, until, at, kind, joined):
+def _followed(problem: Any, until: Any, at: Any, kind: str | None, joined: _Joined) -> str:
     """Why a path ends, whose parts are followed and joined to those before."""
     piece, skip = problem, 0
     while piece is not None:
@@ -392,7 +398,7 @@ def _followed(problem, until, at, kind, joined):
         joined.add(piece, part, skip)
         piece, skip = part.following, 1
     reached = part.end in until or part.end in problem.until
-    return f"the requested {part.end} is reached" if reached else part.end
+    return f"the requested {part.end} is reached" if reached else str(part.end)
 
 
 class _Joined:

@@ -14,18 +14,17 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from tensegrity import check
-from tensegrity.branches.continuation import ContinuationError, Located, Part, Settings
+from tensegrity.branches.continuation import ContinuationError, Part, Settings
 from tensegrity.branches.many import ManyProblem
 from tensegrity.branches.problem import Problem, trace
 from tensegrity.branches.table import INTERRUPTED, Table
 from tensegrity.errors import TensegrityError
 from tensegrity.orbits.driven_orbit import WholePeriod
 from tensegrity.orbits.half_period import HalfPeriod
-from tensegrity.orbits.period import DrivePeriod
+from tensegrity.orbits.period import DrivePeriod, drive_values
 from tensegrity.orbits.shooting import Orbit, is_reversible
 from tensegrity.orbits.stability import STABLE, half_multipliers
 from tensegrity.scenes.dynamics import dynamics
-from tensegrity.scenes.scene import Scene
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -81,10 +80,7 @@ class OrbitPath(Table):
 
 
 def orbit_path(
-    orbit: Orbit,
-    by: str,
-    until: float | Mapping[str, Any],
-    at: Mapping[str, Any] | None = None,
+    orbit: Orbit, by: str, until: float | Mapping[str, Any], at: Mapping[str, Any] | None = None
 ) -> OrbitPath:
     """Follow a periodic orbit in its period, its energy, or a parameter of its drives.
 
@@ -127,7 +123,9 @@ def orbit_path(
     """
     check.kind("orbit", orbit, Orbit)
     driven = not is_reversible(orbit.scene)
-    names = _names(orbit.scene) if driven else {"period": orbit.period, "energy": orbit.energy}
+    names = (
+        drive_values(orbit.scene) if driven else {"period": orbit.period, "energy": orbit.energy}
+    )
     if not isinstance(by, str) or by not in names:
         raise TensegrityError(
             f"by {check.shown(by)} is not one of {', '.join(names) or 'any parameters of drives'}"
@@ -145,23 +143,10 @@ def orbit_path(
         words = f"the path by {by} does not reach {goal}"
         raise TensegrityError(f"{words}: {family.stopped(error)}") from None
     except KeyboardInterrupt as error:
-        begun: OrbitPath | None = getattr(error, "branch", None)
-        if begun is None:
+        if (begun := getattr(error, "branch", None)) is None:
             raise
         begun.end = INTERRUPTED
-        return begun
-
-
-def _names(scene: Scene) -> dict[str, float]:
-    """The parameters of all drives, each with its value."""
-    values: dict[str, float] = {}
-    for drive in scene.drive.values():
-        for name, value in drive.parameters.items():
-            if values.setdefault(name, value) != value:
-                raise TensegrityError(
-                    f"parameter {name} is {values[name]:g} in one drive and {value:g} in another"
-                )
-    return values
+        return begun  # type: ignore[no-any-return]
 
 
 class _Family(Problem):
@@ -172,6 +157,13 @@ class _Family(Problem):
     longest = 0.02  # step, relative: what changes and changes back within one is not seen
     settled = 1e-11  # residual that twice as many steps may leave, over the size of the orbit
     flow: Any
+    by: str
+    goal: float | None
+    roots: tuple[str, ...]
+    _count: int
+    _opens: bool
+    _last: Any
+    _listed: dict[bytes, tuple[Orbit, dict[str, float]]]
 
     def __init__(
         self, orbit: Orbit, by: str, goal: float | None, start: Array, scale: Array, count: int
@@ -203,16 +195,17 @@ class _Family(Problem):
                 break
             self.flow.steps *= FINER
             self.__dict__["_last"] = b"", None
-        listed: list[Located] = []
-        for event in part.events:
+        events, part.events = part.events, []
+        for event in events:
             kind = "stability" if event.kind == "bifurcation" else event.kind.split()[0]
-            if kind == "end" or not self.is_event(kind, self.multipliers(event.point)):
+            wanted = kind in self.names  # a value of a column
+            if not wanted and not self.is_event(kind, self.multipliers(event.point)):
                 continue
-            same = (x for x in listed[-self._count :] if x.kind == kind)
-            value = float(event.point[-1])
-            if not any(math.isclose(x.point[-1], value, rel_tol=SAME_PLACE) for x in same):
-                listed.append(event._replace(kind=kind))
-        part.events = listed
+            same = [x.point[-1] for x in part.events[-self._count :] if x.kind == kind]
+            if wanted or not any(
+                math.isclose(x, event.point[-1], rel_tol=SAME_PLACE) for x in same
+            ):
+                part.events.append(event._replace(kind=kind))
         if part.end == "end":
             part.end = f"{self.by} {self.goal:g}"
         return part
@@ -269,7 +262,8 @@ class _Family(Problem):
         if kind == "torus":
             pairs = multipliers[multipliers.imag > 0]
             return bool(np.abs(np.abs(pairs) - 1).min(initial=1.0) < ON_CIRCLE)
-        return kind != "doubling" or bool(np.abs(1 + multipliers).min(initial=1.0) < ON_CIRCLE)
+        near = bool(np.abs(1 + multipliers).min(initial=1.0) < ON_CIRCLE)
+        return kind != "end" and (kind != "doubling" or near)
 
     def resolved(self, points: list[Array]) -> bool:
         """Whether twice as many steps of the flow find the same orbits."""
@@ -301,14 +295,14 @@ class _Family(Problem):
 
     def measure(self, data: Array) -> dict[str, Array]:
         """See `Problem.measure`."""
-        rows = [self._row(u)[1] for u in data]
+        rows = [self.row(u)[1] for u in data]
         return {name: np.array([row[name] for row in rows]) for name in rows[0]}
 
     def rows(self, part: Part) -> dict[str, Array]:
         """See `Problem.rows`."""
         orbits = np.empty(len(part.data), dtype=object)
         for k, u in enumerate(part.data):
-            orbits[k] = self._row(u)[0]
+            orbits[k] = self.row(u)[0]
         return {"orbits": orbits}
 
     def table(
@@ -318,32 +312,32 @@ class _Family(Problem):
         columns["orbits"] = tuple(columns["orbits"])
         return OrbitPath(columns, events, end)
 
-    def _row(self, u: Array) -> tuple[Orbit, dict[str, float]]:
-        """The result of `row`, computed once."""
-        if u.tobytes() not in self._listed:
-            self._listed[u.tobytes()] = self.row(u)
-        found: tuple[Orbit, dict[str, float]] = self._listed[u.tobytes()]
-        return found
-
     def row(self, u: Array) -> tuple[Orbit, dict[str, float]]:
-        """The orbit of given unknowns, and its row of the table."""
-        orbit = self.orbit(u)
-        largest = float(np.abs(self.multipliers(u)).max(initial=0.0))
-        row = {self.by: float(u[-1]), "amplitude": self.amplitude(orbit)}
-        row |= {"period": orbit.period, "energy": orbit.energy} | row
-        return orbit, row | {"multiplier": largest, "stable": largest <= 1 + STABLE}
+        """The orbit of given unknowns, and its row of the table, computed once."""
+        if u.tobytes() not in self._listed:
+            orbit = self.orbit(u)
+            largest = float(np.abs(self.multipliers(u)).max(initial=0.0))
+            row = {self.by: float(u[-1]), "amplitude": self.amplitude(orbit)}
+            row |= {"period": orbit.period, "energy": orbit.energy} | row
+            row |= {"multiplier": largest, "stable": largest <= 1 + STABLE}
+            self._listed[u.tobytes()] = orbit, row
+        return self._listed[u.tobytes()]
 
 
 class _Driven(_Family):
     """Unknowns are those of `WholePeriod`, and the parameter."""
 
+    _whole: WholePeriod
+    _first: float
+    _period: DrivePeriod
+
     def __init__(self, orbit: Orbit, by: str, goal: float | None) -> None:
         whole = WholePeriod(orbit.scene, orbit.state, orbit.period)
-        begin, size = _names(orbit.scene)[by], float(np.abs(whole.guess).max()) or 1.0
+        begin, size = drive_values(orbit.scene)[by], float(np.abs(whole.guess).max()) or 1.0
         goal_or_begin, period = begin if goal is None else goal, DrivePeriod(orbit.scene)
         last = orbit.period * period.factor_to(by, goal_or_begin)
         needed = WholePeriod(orbit.scene, orbit.state, last).steps
-        whole.flow.steps = max(_steps(orbit), needed)
+        whole.flow.steps = max(orbit.steps * (1 if orbit.opens else FINER), needed)
         self.__dict__.update(_whole=whole, _first=orbit.period, _period=period, flow=whole.flow)
         scale = np.append(np.full(len(whole.guess), size), abs(begin) or abs(goal_or_begin) or 1.0)
         start = np.append(whole.guess, begin)
@@ -376,11 +370,14 @@ class _Driven(_Family):
 class _Reversible(_Family):
     """Unknowns are u(0) of the free sites, T, and the energy where it is followed."""
 
+    _half: HalfPeriod
+    _first: float
+
     longest, settled = 0.1, 1e-9
 
     def __init__(self, orbit: Orbit, by: str, goal: float | None) -> None:
         half = HalfPeriod(orbit.scene, orbit.state.u.ravel())
-        half.flow.steps = _steps(orbit)
+        half.flow.steps = orbit.steps * (1 if orbit.opens else FINER)
         u, size = orbit.state.u.ravel()[half.free], half.extent(orbit.state.u.ravel())
         more = [orbit.period, orbit.energy][: 1 + (by == "energy")]
         scale = np.append(np.full(len(u), size), more)
@@ -431,7 +428,7 @@ class _Reversible(_Family):
             near = np.argmin(np.diff(place)) if len(place) > 1 else 0
             return len(place) > 1 and abs(place[near]) < 2
         end = -2.0 if kind == "doubling" else 2.0
-        return bool(np.abs(sums - end).min(initial=1.0) < ON_CIRCLE)
+        return kind != "end" and bool(np.abs(sums - end).min(initial=1.0) < ON_CIRCLE)
 
     def multipliers(self, u: Array) -> Multipliers:
         return half_multipliers(self._half, *self._state(u))[0]
@@ -443,11 +440,6 @@ class _Reversible(_Family):
     def amplitude(self, orbit: Orbit) -> float:
         u = orbit.state.u.ravel()
         return float(np.abs(self._half.flow.end(u, 0 * u, orbit.period / 2)[0] - u).max() / 2)
-
-
-def _steps(orbit: Orbit) -> int:
-    """Steps of the flow with which a path from an orbit begins."""
-    return orbit.steps * (1 if orbit.opens else FINER)
 
 
 def _sums(multipliers: Multipliers) -> Multipliers:

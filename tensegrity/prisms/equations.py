@@ -45,7 +45,7 @@ def _forms(rigid_base: bool, any_sides: bool) -> Any:
     forms |= dict(zip(("cross_length", "width", "bar_length"), derived.lengths(of), strict=True))
     given = [p[i] for i in range(p.numel()) if i not in (4, 5)]  # without the units of columns
 
-    def at(*unknowns):
+    def at(*unknowns: Any) -> dict[str, Any]:
         values = to_casadi(list(forms.values()), symbols)(*unknowns, *given)
         return {name: ca.SX(value) for name, value in zip(forms, values, strict=True)}
 

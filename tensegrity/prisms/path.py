@@ -128,7 +128,7 @@ def equilibrium_path(
 
 def _problem(prism: Any, options: Mapping[str, Any]) -> Any:
     """The problem of a prism or another object, which has to know the options."""
-    kind = type(prism)
+    kind: Any = type(prism)
     if not callable(getattr(kind, "problem", None)):
         check.kind("prism", prism, Prism)
     for name in options:
@@ -138,7 +138,7 @@ def _problem(prism: Any, options: Mapping[str, Any]) -> Any:
 
 
 @cache
-def _options(kind: Any) -> tuple[str, ...]:
+def _options(kind: type[Any]) -> tuple[str, ...]:
     return tuple(signature(kind.problem).parameters)[1:]
 
 

@@ -395,13 +395,14 @@ class Prism:
             raise TensegrityError(
                 f"min_height {least:g} m must be below the height {self.height:g} m of the prism"
             )
-        if max_height is not None:
-            max_height = check.number("max_height", max_height, above=self.height, unit="m")
         if self.is_rigid and past_contact:
             raise TensegrityError(
                 "past_contact=True needs elastic bases or bars: rigid ones lock where the bars meet"
             )
-        above = max_height and PrismProblem(self, 1, {"height": max_height}, past_contact)
+        above = None
+        if max_height is not None:
+            most_height = check.number("max_height", max_height, above=self.height, unit="m")
+            above = PrismProblem(self, 1, {"height": most_height}, past_contact)
         until = {"load": most} | ({"height": least} if least else {})
         return PrismProblem(self, -1, until, past_contact, above)
 

@@ -132,6 +132,8 @@ class PrismProblem(DerivedProblem):
     """
 
     prism: Any
+    start: Array
+    parameters: list[float]
     past_contact: bool
     locks: bool  # whether it ends at a load that stands for an unlimited one
     names = (*STATE, "shortening", *TENSIONS)
@@ -225,6 +227,8 @@ class _Upright(PrismProblem):
     These are the upright states of `derivations.mixed`, which are stable because their energy is a
     sum of squares with positive weights.
     """
+
+    lowest: float
 
     def __init__(self, below: PrismProblem, height: float) -> None:
         self.__dict__.update(below.__dict__, start=np.zeros(0), lowest=height)

@@ -81,6 +81,10 @@ class StructureProblem(Problem):
         Of the piece.
     """
 
+    loading: Loading
+    branch: str
+    about: dict[str, Any]
+    start: Array
     piece: SmoothPiece
     number: int
 
