@@ -194,16 +194,14 @@ def _follow(stepper, start, p, settings, direction, stop, until):
     names = "tolerance", "residual", "turn", "largest", "smallest"
     first_step = min(settings.first, settings.largest)
     control = np.array([first_step, *(getattr(settings, name) for name in names)])
-    most, count, events, folds = settings.points, 1, [], []
+    most, count = settings.points, 1
     rows = np.empty((min(INITIAL_ROWS, most), stepper.size))
     rows[0], rows[0, stepper.length] = first, control[0]  # the predictor needs a length
-    for i, test in enumerate(first[stepper.tests :].tolist()):
-        if abs(test) <= stepper.vanishing[i]:
-            rows[0, stepper.tests + i] = 0.0  # its sign is that of the first step
-            if i >= len(stepper.roots):
-                folds.append(i)
-            else:
-                events.append((stepper.kinds[i], 0, first))
+    tests = np.abs(first[stepper.tests :]) <= stepper.vanishing
+    rows[0, stepper.tests :][tests] = 0.0  # its sign is that of the first step
+    roots, vanishing = len(stepper.roots), np.flatnonzero(tests).tolist()
+    events = [(stepper.kinds[i], 0, first) for i in vanishing if i < roots]
+    folds = [i for i in vanishing if i >= roots]
     levels = [(column, value) for _, value, column in until if not callable(column)]
     computed = len(levels) < len(until)
     while count < most:
@@ -220,23 +218,16 @@ def _follow(stepper, start, p, settings, direction, stop, until):
         if folds:
             events += _starting_folds(stepper, rows, folds, p)
             folds = []
-        if until:
-            name, row, point = _first_reached(stepper, until, rows, last, count, found, p)
-            before = rows[count - 2]
-            if name and row < count - 2:
-                found = []
-            elif name:
-                place = _place(stepper, before, point)
-                found = [x for x in found if _place(stepper, before, x[1]) < place]
-            if name and not any(kind in stop for kind, _ in found):
-                events += [(kind, row, x) for kind, x in found]
-                rows[row + 1] = _with_length(stepper, rows[row], point)
-                return rows[: row + 2], events, name, False
+        found, level = _until(stepper, until, rows, last, count, found, p)
         for kind, point in found:
             events.append((kind, count - 1 - (kind not in stop), point))
             if kind in stop:
                 rows[count - 1] = _with_length(stepper, rows[count - 2], point)
                 return rows[:count], events, kind, False
+        if level:
+            name, row, point = level
+            rows[row + 1] = _with_length(stepper, rows[row], point)
+            return rows[: row + 2], events, name, False
     return rows, events, f"{most} rows do not reach an end", True
 
 
@@ -257,8 +248,11 @@ def _nodes(stepper, rows, events, first=0):
     return [row for row, _ in listed], np.array([point for _, point in listed])
 
 
-def _first_reached(stepper, until, rows, last, count, found, p):
-    """Name, row and point of the first value that is reached since row `last` - 1."""
+def _until(stepper, until, rows, last, count, found, p):
+    """The events before the first value that is reached since row `last` - 1, and its name, row and
+    point; all events, and None, if none is."""
+    if not until:
+        return found, None
     events = [(kind, count - 2, point) for kind, point in found]
     nodes = _nodes(stepper, rows[last - 1 : count], events, last - 1)
     reached = [
@@ -266,8 +260,14 @@ def _first_reached(stepper, until, rows, last, count, found, p):
         for name, value, column in until
         for point in _reached(stepper, column, value, nodes, p, first=True)
     ]
-    none = "", count, rows[0]
-    return min(reached, key=lambda x: (x[1], _place(stepper, rows[x[1]], x[2])), default=none)
+
+    def order(row, point):
+        return row, _place(stepper, rows[row], point)
+
+    level = min(reached, key=lambda x: order(*x[1:]), default=None)
+    if level:
+        found = [x for x in found if order(count - 2, x[1]) < order(*level[1:])]
+    return found, level
 
 
 def _reached(stepper, column, value, nodes, p, first=False):

@@ -18,7 +18,7 @@ from tensegrity import check
 from tensegrity.branches.compiled_stepper import CompiledStepper
 from tensegrity.branches.continuation import ContinuationError, Part, Settings, follow
 from tensegrity.branches.many import ManyProblem, PlainEquations
-from tensegrity.branches.table import Event, Table
+from tensegrity.branches.table import Branch, Event, Table
 from tensegrity.engine.disk_cache import cached, maker
 from tensegrity.errors import TensegrityError
 from tensegrity.once import once
@@ -36,28 +36,58 @@ _Path = TypeVar("_Path", covariant=True)
 class Traced(Protocol[_Path]):
     """What `trace` follows, by the kind of table that it makes."""
 
-    def table(self, columns: dict[str, Array], events: list[Event], end: str, begin: str) -> _Path:
+    def table(self, path: Joined) -> _Path:
         """See `Problem.table`."""
 
 
-class Branch(Table):
-    """A traced branch: a table of unknowns and columns, with tangents and residuals.
+class Joined:
+    """Columns and events of parts, of which each begins at the last row of the one before.
 
     Attributes
     ----------
-    z, tangent : ndarray, (rows, m)
-        Unknowns, and unit tangents in scaled unknowns.
-    arc : ndarray, (rows,)
-        Arc length from the start of the branch, in scaled unknowns.
-    residual : ndarray, (rows,)
-        Largest scaled residual.
+    columns : dict of str to ndarray, (rows, ..)
+    events : list of Event
+    end, begin : str
+        Why the path ends, and why what precedes its start does.
     """
 
-    z: Array
-    tangent: Array
-    arc: Array
-    residual: Array
-    _by_row = ("z", "tangent", "arc", "residual")
+    columns: dict[str, Array]
+    end = begin = ""
+
+    def __init__(self) -> None:
+        self.parts: list[dict[str, Array]] = []
+        self.events: list[Event] = []
+        self.rows = 0
+
+    def add(self, problem: Any, part: Part, skip: int) -> None:
+        """Join a part without the first `skip` rows."""
+        first = self.rows - skip
+        for kind, row, point, note, multiplicity in part.events:
+            at = {name: float(x[0]) for name, x in problem.measure(point[None]).items()}
+            self.events.append(Event(kind, row + first, at, note, multiplicity=multiplicity))
+        if skip:
+            part.take(slice(skip, None))
+        self.parts.append(problem.measure(part.data) | problem.rows(part))
+        self.rows += len(part.data)
+
+    def ended(self, end: str) -> Self:
+        """With joined columns, and the end."""
+        first, *more = self.parts
+        self.end = end
+        self.columns = {n: np.concatenate([x, *(y[n] for y in more)]) for n, x in first.items()}
+        return self
+
+    def reversed(self) -> Joined:
+        """In the other sense, without the start, which becomes the last row."""
+        new = Joined()
+        new.begin, new.rows = self.end, self.rows - 1
+        new.parts = [{name: column[:0:-1] for name, column in self.columns.items()}]
+        for event in self.events[::-1]:
+            name, value = next(iter(event.at.items()))
+            before = self.columns[name][event.row] != value  # not at a row, but beyond it
+            if event.row > 0:
+                new.events.append(replace(event, row=new.rows - event.row - before))
+        return new
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,9 +267,9 @@ class Problem:
         z = part.data[:, : self._stepper.m]
         return {"z": z, "tangent": part.tangent, "arc": part.arc, "residual": part.residual}
 
-    def table(self, columns: dict[str, Array], events: list[Event], end: str, begin: str) -> Table:
-        """The path of joined columns and events; `begin` says why what precedes the start ends."""
-        return Branch(columns, events, end)
+    def table(self, path: Joined) -> Table:
+        """The path as a table."""
+        return Branch(path.columns, path.events, path.end)
 
 
 _COMPILED = ("unknowns", "equations", "p", "scale", "size", "events", "folds", "columns")
@@ -339,7 +369,7 @@ def trace(
     >>> truss = Problem({"w": w, "load": load}, balance, start=(0.5, 0.0), events={"flat": w})
     >>> path = trace(truss, until={"w": -0.5}, at={"load": 0.01})
     >>> [(event.kind, round(event.w, 6)) for event in path.events]
-    [('load', 0.472049), ('fold', 0.278198), ('load', 0.088151), ('flat', 0.0), ('fold', -0.278198)]
+    [('load', 0.473288), ('fold', 0.27788), ('load', 0.04273), ('flat', 0.0), ('fold', -0.27788)]
     >>> print(path.end)
     the requested w is reached
     """
@@ -354,18 +384,18 @@ def trace(
     wanted = _values("at", of, {} if at is None else at)
     if kind and kind in of._stepper.kinds:
         of = of.changed(stop=(*of.stop, kind))
-    joined, begin = _Joined(), ""
+    joined = Joined()
     if of.before:
         begin = _followed(of.before, {}, wanted, None, joined)
-        joined = joined.reversed()
+        joined = joined.ended(begin).reversed()
     try:
         end = _followed(of, levels, wanted, kind, joined)
     except (ContinuationError, KeyboardInterrupt) as failure:
         error: Any = failure
-        if joined.columns:
-            error.branch = of.table(joined.whole(), joined.events, "failed", begin)
+        if joined.parts:
+            error.branch = of.table(joined.ended("failed"))
         raise
-    path: _Path = of.table(joined.whole(), joined.events, end, begin)
+    path: _Path = of.table(joined.ended(end))
     return path
 
 
@@ -382,7 +412,7 @@ def _values(what: str, problem: Problem, given: Any) -> dict[str, Any]:
     return dict(given)
 
 
-def _followed(problem: Any, until: Any, at: Any, kind: str | None, joined: _Joined) -> str:
+def _followed(problem: Any, until: Any, at: Any, kind: str | None, joined: Joined) -> str:
     """Why a path ends, whose parts are followed and joined to those before."""
     piece, skip = problem, 0
     while piece is not None:
@@ -399,40 +429,3 @@ def _followed(problem: Any, until: Any, at: Any, kind: str | None, joined: _Join
         piece, skip = part.following, 1
     reached = part.end in until or part.end in problem.until
     return f"the requested {part.end} is reached" if reached else str(part.end)
-
-
-class _Joined:
-    """Columns and events of parts, of which each begins at the last row of the one before."""
-
-    def __init__(self) -> None:
-        self.columns: list[dict[str, Array]] = []
-        self.events: list[Event] = []
-        self.rows = 0
-
-    def add(self, problem: Problem, part: Part, skip: int) -> None:
-        """Join a part without the first `skip` rows."""
-        first = self.rows - skip
-        for kind, row, point, note, multiplicity in part.events:
-            at = {name: float(x[0]) for name, x in problem.measure(point[None]).items()}
-            self.events.append(Event(kind, row + first, at, note, multiplicity=multiplicity))
-        if skip:
-            part.take(slice(skip, None))
-        self.columns.append(problem.measure(part.data) | problem.rows(part))
-        self.rows += len(part.data)
-
-    def whole(self) -> dict[str, Array]:
-        """The joined columns."""
-        first, *more = self.columns
-        return {n: np.concatenate([x, *(y[n] for y in more)]) for n, x in first.items()}
-
-    def reversed(self) -> _Joined:
-        """In the other sense, without the start, which becomes the last row."""
-        new, columns = _Joined(), self.whole()
-        new.columns = [{name: column[:0:-1] for name, column in columns.items()}]
-        new.rows = self.rows - 1
-        for event in self.events[::-1]:
-            name, value = next(iter(event.at.items()))
-            before = columns[name][event.row] != value  # not at a row, but beyond it
-            if event.row > 0:
-                new.events.append(replace(event, row=new.rows - event.row - before))
-        return new

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
 
+    from tensegrity.typing import Array
+
 INTERRUPTED = "interrupted"  # why a curve ends after Ctrl-C
 FIRST = 6  # number of columns and events that a notebook shows
 ROUND_OFF = 1e-13  # of the largest value of a column: less is printed as 0
@@ -248,3 +250,23 @@ class Table:
         labels = [self._heading(name) + signs.get(name, "") for name in (x, y)]
         drawn.set(xlabel=labels[0], ylabel=labels[1])
         return drawn
+
+
+class Branch(Table):
+    """A traced branch: a table of unknowns and columns, with tangents and residuals.
+
+    Attributes
+    ----------
+    z, tangent : ndarray, (rows, m)
+        Unknowns, and unit tangents in scaled unknowns.
+    arc : ndarray, (rows,)
+        Arc length from the start of the branch, in scaled unknowns.
+    residual : ndarray, (rows,)
+        Largest scaled residual.
+    """
+
+    z: Array
+    tangent: Array
+    arc: Array
+    residual: Array
+    _by_row = ("z", "tangent", "arc", "residual")

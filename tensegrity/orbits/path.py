@@ -16,7 +16,7 @@ import numpy as np
 from tensegrity import check
 from tensegrity.branches.continuation import ContinuationError, Part, Settings
 from tensegrity.branches.many import ManyProblem
-from tensegrity.branches.problem import Problem, trace
+from tensegrity.branches.problem import Joined, Problem, trace
 from tensegrity.branches.table import INTERRUPTED, Table
 from tensegrity.errors import TensegrityError
 from tensegrity.orbits.driven_orbit import WholePeriod
@@ -29,7 +29,6 @@ from tensegrity.scenes.dynamics import dynamics
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from tensegrity.branches.table import Event
     from tensegrity.orbits.stability import Multipliers
     from tensegrity.typing import Array, Flags
 
@@ -146,7 +145,7 @@ def orbit_path(
         if (begun := getattr(error, "branch", None)) is None:
             raise
         begun.end = INTERRUPTED
-        return begun  # type: ignore[no-any-return]
+        return begun
 
 
 class _Family(Problem):
@@ -305,12 +304,10 @@ class _Family(Problem):
             orbits[k] = self.row(u)[0]
         return {"orbits": orbits}
 
-    def table(
-        self, columns: dict[str, Any], events: list[Event], end: str, begin: str
-    ) -> OrbitPath:
+    def table(self, path: Joined) -> OrbitPath:
         """See `Problem.table`."""
-        columns["orbits"] = tuple(columns["orbits"])
-        return OrbitPath(columns, events, end)
+        orbits = tuple(path.columns["orbits"])
+        return OrbitPath(path.columns | {"orbits": orbits}, path.events, path.end)
 
     def row(self, u: Array) -> tuple[Orbit, dict[str, float]]:
         """The orbit of given unknowns, and its row of the table, computed once."""

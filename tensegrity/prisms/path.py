@@ -109,7 +109,7 @@ def equilibrium_path(
     the bars meet on the axis (twist pi)
     >>> path = equilibrium_path(path.prism, until={"load": 1.0}, at={"height": 0.5})
     >>> print(path.end, [(event.kind, round(event.cross_tension, 4)) for event in path.events])
-    the requested load is reached [('height', 0.9123)]
+    the requested load is reached [('height', 0.0496)]
 
     A cross of two bars in a frame of four strings, pressed between plates:
 

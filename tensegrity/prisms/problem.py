@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from tensegrity.branches.continuation import Located, Part, Settings
-from tensegrity.branches.problem import DerivedProblem
-from tensegrity.branches.table import Event, Table
+from tensegrity.branches.problem import DerivedProblem, Joined
+from tensegrity.branches.table import Table
 from tensegrity.engine.programs import derived, run
 from tensegrity.printing import filled
 from tensegrity.prisms.condensed import stable
@@ -211,14 +211,12 @@ class PrismProblem(DerivedProblem):
         by_load, by_height = stable(z, self.parameters, rigid_base)
         return {"stable_load": by_load, "stable_height": by_height}
 
-    def table(
-        self, columns: dict[str, Any], events: list[Event], end: str, begin: str
-    ) -> EquilibriumPath:
+    def table(self, path: Joined) -> EquilibriumPath:
         """See `Problem.table`."""
-        columns |= {name: columns.pop(name) for name in TENSIONS}  # last
-        begin = begin if begin == UPRIGHT else ""
-        end = ENDS.get(end, end)
-        return EquilibriumPath(columns, events, end, prism=self.prism, begin=begin)
+        tensions = {name: path.columns.pop(name) for name in TENSIONS}
+        columns = path.columns | tensions  # these last
+        about = {"prism": self.prism, "begin": path.begin if path.begin == UPRIGHT else ""}
+        return EquilibriumPath(columns, path.events, ENDS.get(path.end, path.end), **about)
 
 
 class _Upright(PrismProblem):

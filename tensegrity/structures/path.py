@@ -47,7 +47,27 @@ def loaded(
     max_load: float,
     max_shortening: float,
 ) -> StructureProblem:
-    """The problem of a structure under growing loads; see `Structure.problem`."""
+    """The problem of a structure under growing loads; `equilibrium_path` documents the arguments.
+
+    Parameters
+    ----------
+    structure : Structure
+    supports : Supports
+    branch : {"stable", "symmetric"}
+    loads : dict or None
+        {node: force (dim,)}.
+    max_load, max_shortening : float
+        Load [N] and shortening [m] at which the path ends.
+
+    Returns
+    -------
+    StructureProblem
+
+    Raises
+    ------
+    TensegrityError
+        As of `equilibrium_path` and `control_path`.
+    """
     if supports is None:
         raise TensegrityError("a path of a structure needs supports: held(...) or plates(...)")
     check.kind("supports", supports, Supports, ": made by held(...) or plates(...)")
@@ -78,7 +98,27 @@ def loaded(
 def controlled(
     structure: Any, natural_lengths: Any, supports: Any, branch: str, loads: Any
 ) -> StructureProblem:
-    """The problem of a structure whose natural lengths change; see `control_path`."""
+    """The problem of a structure whose natural lengths change; see `control_path`.
+
+    Parameters
+    ----------
+    structure : Structure
+    natural_lengths : dict
+        {member: final natural length [m]}.
+    supports : Supports or None
+    branch : {"stable", "symmetric"}
+    loads : dict or None
+        {node: force (dim,) [N]}.
+
+    Returns
+    -------
+    StructureProblem
+
+    Raises
+    ------
+    TensegrityError
+        As of `equilibrium_path` and `control_path`.
+    """
     _refuse_unknown(branch)
     if not isinstance(natural_lengths, Mapping) or not natural_lengths:
         raise TensegrityError(

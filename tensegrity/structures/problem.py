@@ -17,7 +17,7 @@ import numpy as np
 
 from tensegrity.branches.continuation import ContinuationError, Located, Part, Settings
 from tensegrity.branches.many import ManyProblem
-from tensegrity.branches.problem import Problem
+from tensegrity.branches.problem import Joined, Problem
 from tensegrity.errors import EquilibriumError
 from tensegrity.springs.kinks import TAUT
 from tensegrity.structures.active_set import (
@@ -31,7 +31,6 @@ from tensegrity.structures.equations import Loading, SmoothPiece
 from tensegrity.structures.structure_path import StructurePath
 
 if TYPE_CHECKING:
-    from tensegrity.branches.table import Event
     from tensegrity.typing import Array, Flags, Indices
 
 SETTINGS = Settings(tolerance=1e-8, largest=0.05, points=4000)
@@ -370,12 +369,10 @@ class StructureProblem(Problem):
         columns = {"stable_load": by_load, "stable_height": by_height, "slack": slack}
         return columns | {"positions": self.loading.positions_at(part.data)}
 
-    def table(
-        self, columns: dict[str, Array], events: list[Event], end: str, begin: str
-    ) -> StructurePath:
+    def table(self, path: Joined) -> StructurePath:
         """See `Problem.table`."""
-        columns |= {name: columns.pop(name) for name in self.names[2:]}  # last
-        return StructurePath(columns, events, end, **self.about)
+        tensions = {name: path.columns.pop(name) for name in self.names[2:]}
+        return StructurePath(path.columns | tensions, path.events, path.end, **self.about)
 
 
 def critical_strings(loading: Loading, strains: Array) -> Indices:
