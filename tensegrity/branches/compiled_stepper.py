@@ -192,7 +192,17 @@ class CompiledStepper(ArclengthStepper):
         return self.library.steps(*given, address(places), address(values), len(levels))
 
     def locate(self, before, here, column, value, ends, p):
-        """See `ArclengthStepper.locate`."""
+        """The point between two others where a column has a value.
+
+        Parameters
+        ----------
+        before, here, column, value, ends, p
+            As for `ArclengthStepper.locate`.
+
+        Returns
+        -------
+        ndarray, (size,)
+        """
         if callable(column) or not self.library:
             return super().locate(before, here, column, value, ends, p)
         result = np.empty(self.size)

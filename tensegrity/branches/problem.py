@@ -60,7 +60,15 @@ class Joined:
         self.rows = 0
 
     def add(self, problem: Any, part: Part, skip: int) -> None:
-        """Join a part without the first `skip` rows."""
+        """Join a part.
+
+        Parameters
+        ----------
+        problem : Problem
+        part : Part
+        skip : int
+            Number of its first rows that are there already.
+        """
         first = self.rows - skip
         for kind, row, point, note, multiplicity in part.events:
             at = {name: float(x[0]) for name, x in problem.measure(point[None]).items()}
