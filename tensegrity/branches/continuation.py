@@ -288,8 +288,8 @@ def _reached(stepper, column, value, nodes, p, first=False):
 
 
 def _checked(stepper, start, parameters, direction, stop):
-    p = np.asarray(parameters, dtype=float).ravel()
-    start = np.asarray(start, dtype=float).ravel()
+    p = check.floats("parameters", parameters).ravel()
+    start = check.floats("start", start).ravel()
     m, k = stepper.m, stepper.numbers
     if p.size != k or start.size != m:
         raise TensegrityError(

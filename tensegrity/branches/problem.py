@@ -141,10 +141,6 @@ class Problem:
     ------
     TensegrityError
         If numbers of unknowns, equations and symbols do not suit one another.
-
-    Examples
-    --------
-    See `trace`.
     """
 
     unknowns: Any
@@ -164,7 +160,13 @@ class Problem:
     before = None  # the problem of the rows that precede the start, in the other sense
 
     def __post_init__(self) -> None:
-        names, given = tuple(self.unknowns), self.__dict__
+        names = check.sequence("unknowns", self.unknowns, "names")
+        if not names or not all(isinstance(name, str) for name in names):
+            raise TensegrityError(f"unknowns {check.shown(self.unknowns)} must be names")
+        given: dict[str, Any] = self.__dict__
+        for name in ("events", "columns", "until"):
+            check.kind(name, given[name], Mapping)
+        check.kind("settings", self.settings, Settings)
         m, symbolic = len(names), isinstance(self.unknowns, Mapping)
         if symbolic:
             import casadi as ca
@@ -184,9 +186,11 @@ class Problem:
                 f"equations {check.shown(self.equations)} of unknowns without symbols must be a "
                 "function of an array"
             )
+        scale = (1.0,) * m if self.scale is None else self.scale
+        scale = check.vector("scale", scale, (m,)).tolist()
         given["scale"] = tuple(
             check.number(f"scale of {name}", s, above=0)
-            for name, s in zip(names, self.scale or (1.0,) * m, strict=True)
+            for name, s in zip(names, scale, strict=True)
         )
         if self.folds is None:
             given["folds"] = {"fold": self.z[m - 1] if symbolic else names[-1]}
@@ -385,11 +389,13 @@ def trace(
     given: dict[str, Any] = {"start": start, "parameters": parameters, "settings": settings}
     given |= {"direction": direction, "stop": stop}
     of: Any = problem
+    if settings is not None:
+        check.kind("settings", settings, Settings)
     changes = {name: x for name, x in given.items() if x is not None}
     of = of.changed(**changes) if changes else of
     kind = until.removeprefix(FIRST) if isinstance(until, str) else None
-    levels = _values("until", of, {} if kind or until is None else until)
-    wanted = _values("at", of, {} if at is None else at)
+    levels = _values("until", of, None if kind else until)
+    wanted = _values("at", of, at)
     if kind and kind in of._stepper.kinds:
         of = of.changed(stop=(*of.stop, kind))
     joined = Joined()
@@ -409,7 +415,9 @@ def trace(
 
 def _values(what: str, problem: Problem, given: Any) -> dict[str, Any]:
     """Checked values of columns."""
-    if not isinstance(given, Mapping):
+    if given is None:
+        return {}
+    if not isinstance(given, Mapping) or not given:
         raise TensegrityError(f"{what} {check.shown(given)} must be a dict {{column: value}}")
     for name, values in given.items():
         if name not in problem.names:

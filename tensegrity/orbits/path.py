@@ -136,7 +136,7 @@ def orbit_path(
         raise TensegrityError(f"until {end:g} must {words}: the path begins at {by} {begin:g}")
     family = (_Driven if driven else _Reversible)(orbit, by, end)
     try:
-        return trace(family, until=goals, at=at)
+        return trace(family, until=goals or None, at=at)
     except ContinuationError as error:
         goal = f"{end:g}" if end is not None else ", ".join(f"{k} {x:g}" for k, x in goals.items())
         words = f"the path by {by} does not reach {goal}"
