@@ -1,4 +1,4 @@
-"""Peers: the same chains in heyoka.py, SciPy, numba and LAMMPS.
+"""Peers: the same chains in heyoka.py, SciPy, numba, JAX and LAMMPS.
 
 Each function gives `Entry` values.  Compilation before a run is timed separately.  A tension is a
 function of modules, because each peer requires it in its own: (elongation) -> tension, from
@@ -243,6 +243,64 @@ def numba_verlet(chain, state, t_end, tension, counts):
 def _loop(r, expression):
     force = sp.lambdify((r, sp.Symbol("unused")), expression, "math", cse=True)
     return numba_loop(force, error_model="numpy")
+
+
+def jax_verlet(chain, state, t_end, tension, counts):
+    """Velocity Verlet in JAX; chains of equal masses 1."""
+    if np.any(dynamics(chain).inverse_mass != 1) or not has("jax"):
+        return
+    import jax
+
+    jax.config.update("jax_enable_x64", True)
+    force = sp.lambdify(*tension, "jax", cse=True)
+
+    def accelerations(u):
+        return jax.numpy.diff(force(jax.numpy.diff(u)), prepend=0.0, append=0.0)
+
+    for steps in counts:
+        run = in_jax(accelerations, state.u, state.v, steps, t_end / steps)
+        yield Entry("JAX verlet", f"{steps} steps", lambda run=run: run)
+
+
+def in_jax(accelerations, u, v, steps, dt):
+    """A call of velocity Verlet, compiled whole at the first: u and v."""
+    import jax
+
+    @jax.jit
+    def whole(u, v):
+        def step(_, now):
+            u, v, a = now
+            v = v + dt / 2 * a
+            u = u + dt * v
+            a = accelerations(u)
+            return u, v + dt / 2 * a, a
+
+        return jax.lax.fori_loop(0, steps, step, (u, v, accelerations(u)))[:2]
+
+    return lambda: tuple(map(np.asarray, whole(u, v)))
+
+
+def pack_in_jax(network, velocity, steps, dt):
+    """Velocity Verlet of a pack of equal beads in JAX, with the sums of `network.in_numba`."""
+    import jax
+
+    jax.config.update("jax_enable_x64", True)
+    jnp, x, (i, j) = jax.numpy, network.positions, network.bonds.T
+    k, k_wall = (network.springs[at].values[0] for at in (0, -1))
+    site, wall = network.wall_contacts.T
+    normal = np.array([network.walls[w].normal for w in wall])
+    offset = np.array([network.walls[w].normal @ network.walls[w].point for w in wall])
+    radius, mass = network.radius[0], network.mass[0]
+
+    def accelerations(u):
+        apart = (x + u)[j] - (x + u)[i]
+        distance = jnp.sqrt((apart**2).sum(axis=1))
+        pull = -k * jnp.maximum(network.lengths - distance, 0.0) ** 1.5 / distance
+        force, height = pull[:, None] * apart, (normal * (x + u)[site]).sum(axis=1) - offset
+        push = (k_wall * jnp.maximum(radius - height, 0.0) ** 1.5)[:, None] * normal
+        return jnp.zeros_like(u).at[i].add(force).at[j].add(-force).at[site].add(push) / mass
+
+    return in_jax(accelerations, 0 * velocity, velocity, steps, dt)
 
 
 def lammps(scene, t_end, steps, walls=()):

@@ -2,7 +2,11 @@
 
 Compilers are measured in units of compiling ten fixed loops, a new number in units of the same call
 once it is warm, and a whole first call in an empty cache in units of a process that imports NumPy,
-SciPy's optimize and CasADi.  All is CPU time of a process with those that it started.
+SciPy's optimize and CasADi.  All is CPU time of a process with those that it started.  Byte code is
+written, as where a package is installed.
+
+Peers give the same answer in a fresh process, with steps or a tolerance whose error is at most the
+same.  Of them counts what they take from their own import on, and Python with NumPy (`_first`).
 """
 
 from __future__ import annotations
@@ -14,9 +18,15 @@ import statistics
 import subprocess
 import sys
 import tempfile
+from importlib.util import find_spec
 from pathlib import Path
 
+import numpy as np
+
+from benchmarks import _first
 from benchmarks._timing import table
+from benchmarks.methods import gap, scenes
+from tensegrity import Record, State, simulate
 
 ROOT = Path(__file__).parent.parent
 ONE = {"OPENBLAS_NUM_THREADS": "1", "TENSEGRITY_THREADS": "1"}
@@ -71,6 +81,15 @@ SHAPES = {  # laws after another one, with the largest cost of their compilers
     "quartic": ("Potential(r**2 / 2 + r**4 / 4, r)", 3.2),
     "rigid prism": ("Prism(1.0, 0.7, 0.1, 1.0).potential()", 4.2),
 }
+TOL, TAYLOR = 1e-6, 1e-8  # of heyoka, whose error is that of all steps
+ANSWERS = 3
+LAST = Record(every=10**9)
+PEERS = {  # and the cases that they answer: where contacts open there is no Taylor series
+    "heyoka": (_first.WAVE,),
+    "numba": (_first.WAVE, _first.BEADS, _first.PACK),
+    "jax": (_first.WAVE, _first.BEADS, _first.PACK),
+    "lammps": (_first.PACK,),
+}
 SPENT = """
 import json, resource
 def spent(call):
@@ -94,8 +113,9 @@ def names(code):
 def cpu(command, folder, **more):
     """CPU seconds of a process with those that it started, and what it printed."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    given = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
     answer = subprocess.run(
-        command, cwd=ROOT, env=os.environ | ONE | {"XDG_CACHE_HOME": str(folder)}, check=True,
+        command, cwd=ROOT, env=given | ONE | {"XDG_CACHE_HOME": str(folder)}, check=True,
         capture_output=True, text=True, **more,
     )  # fmt: skip
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -157,13 +177,78 @@ def new_shapes():
         yield [name, fresh(program)[2] / each, str(most)]
 
 
+def runs():
+    """{case: (scene, state, t_end)} of what peers answer too."""
+    beads, pack = map(_first.scene_of, (_first.BEADS, _first.PACK))
+    thermal = 0.02 * np.random.default_rng(0).standard_normal(pack.shape)  # m/s
+    return {
+        _first.WAVE: scenes()["wave"],
+        _first.BEADS: (beads, beads.at_rest({0: 0.1}), 72.0),
+        _first.PACK: (pack, State(0 * thermal, thermal), 2e-5),
+    }
+
+
+def verlet_steps(run, exact):
+    """Steps of velocity Verlet for an error of `TOL`, from its errors at two numbers of steps."""
+    scene, state, t_end = run
+    found = []
+    for steps in (4000, 8000):
+        last = simulate(scene, state, t_end, dt=t_end / steps, method="verlet", record=LAST).final
+        found.append(gap((last.u, last.v), exact))
+    order = np.log2(found[0] / found[1])
+    print(f"order of Verlet seen: {order:.2f}")
+    return int(8000 * 1.02 * (found[1] / TOL) ** (1 / order))
+
+
+def against_peers():
+    """Rows of the same answers by peers: CPU seconds of the first and of further ones, both over
+    those here, and the error."""
+    there, base = [who for who in PEERS if find_spec(who)], fresh("import numpy")[0]
+    for who in PEERS:
+        if who not in there:
+            print(f"skipped: {who} is not installed; pip install '.[bench]'")
+    for case, run in runs().items():
+        last = simulate(*run, tol=1e-3 * TOL, record=LAST).final
+        exact, steps, ours = (last.u, last.v), None, None
+        for who in ("here", *there):
+            if case not in PEERS.get(who, (case,)):
+                continue
+            setting = {"here": TOL, "heyoka": TAYLOR}.get(who)
+            if setting is None:
+                setting = steps = steps or verlet_steps(run, exact)
+            cold, warm, error = answered(case, run, who, setting, exact)
+            cold += base * (who != "here")
+            ours = ours or (cold, warm)
+            yield [f"{case}: {who}", cold, warm, error, cold / ours[0], warm / ours[1]]
+
+
+def answered(case, run, who, setting, exact):
+    """CPU seconds of the first answer and of a further one, and the error; see `_first`."""
+    found = []
+    for _ in range(ANSWERS):
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder, "state.npz")
+            np.savez(file, u=run[1].u, v=run[1].v, t_end=run[2])
+            given = case, who, str(setting), str(file)
+            command = [sys.executable, "-m", "benchmarks._first", *given]
+            found.append(json.loads(cpu(command, folder)[1].splitlines()[-1]))
+            with np.load(file) as last:
+                u, v = last["u"], last["v"]
+    wide = u.shape[1:]  # LAMMPS gives two coordinates
+    error = gap((u, v), [x[..., : wide[0]] if wide else x for x in exact])
+    return *(statistics.median(x) for x in zip(*found, strict=True)), error
+
+
 def main():
-    """Print the costs of first calls, of new numbers, and of new shapes."""
+    """Print the costs of first calls, of new numbers, of new shapes, and those of peers."""
     columns = ["", "CPU [s]", "compilers", "at most", "over imports", "at most"]
     table("first calls", columns, list(first_calls()), ours=("compilers", "over imports"))
     columns = ["", "warm [ms]", "new / warm", "at most"]
     table("new numbers", columns, list(new_numbers()), ours=("new / warm",))
     table("another shape", ["", "compilers", "at most"], list(new_shapes()), ours=("compilers",))
+    columns = ["", "first [s]", "warm [s]", "error", "first/here", "warm/here"]
+    title = f"the same answer, error {TOL:g}, CPU"
+    table(title, columns, list(against_peers()), theirs=("first/here", "warm/here"))
 
 
 if __name__ == "__main__":

@@ -45,15 +45,17 @@ def bound(scene, state, dt, threads=1):
     return (Bound(*given) if threads == 1 else threaded.ThreadedNetwork(*given, threads)), u, v
 
 
-def _numba(network, velocity, steps):
-    """The plain loop: forces from the places of the beads, as one would type it."""
+def in_numba(network, velocity, steps, dt=DT):
+    """Velocity Verlet by a plain loop, as one would type it: a call that returns u and v."""
     import numba
 
     k, k_wall = (network.springs[i].values[0] for i in (0, -1))
 
     @numba.njit(error_model="numpy")
-    def loop(x, u, v, f, bonds, length, mass, site, wall, normal, offset, radius, steps):
-        for _ in range(steps):
+    def loop(x, u, v, f, bonds, length, mass, site, wall, normal, offset, radius, steps, dt):
+        for step in range(steps + 1):
+            kick = dt if 0 < step < steps else dt / 2
+            drift = dt if step < steps else 0.0
             f[:] = 0
             for b in range(len(bonds)):
                 i, j = bonds[b]
@@ -80,8 +82,8 @@ def _numba(network, velocity, steps):
                     f[s, axis] += push * n[axis]
             for s in range(len(u)):
                 for axis in range(3):
-                    v[s, axis] += DT / mass * f[s, axis]
-                    u[s, axis] += DT * v[s, axis]
+                    v[s, axis] += kick / mass * f[s, axis]
+                    u[s, axis] += drift * v[s, axis]
 
     u, v, f = np.zeros_like(velocity), velocity.copy(), np.zeros_like(velocity)
     site, wall = network.wall_contacts.T.copy()
@@ -91,7 +93,13 @@ def _numba(network, velocity, steps):
         network.positions, u, v, f, network.bonds, network.lengths, network.mass[0], site, wall,
         normal, offset, network.radius[0],
     )  # fmt: skip
-    return lambda: loop(*given, steps)
+
+    def run():
+        u[:], v[:] = 0.0, velocity
+        loop(*given, steps, dt)
+        return u, v
+
+    return run
 
 
 class _Earlier:
@@ -143,7 +151,7 @@ def contestants(size, module):
     loop, _, _ = bound(network, State(np.zeros(network.shape), velocity), DT)
     calls = {"here": lambda: loop.advance(steps)}
     try:
-        calls["numba"] = _numba(network, velocity, steps)
+        calls["numba"] = in_numba(network, velocity, steps)
     except ImportError:
         warnings.warn("numba is not installed: pip install '.[bench]'", stacklevel=2)
     if module is not None:

@@ -25,7 +25,7 @@ FIRST = (
     "packs_space",
     "gradients_guide",
 )
-"""What `make figures` draws: what somebody who is new here wants to see, quick ones first."""
+"""What `make figures` draws, the longest first: what somebody who is new here wants to see."""
 
 
 def pictures():

@@ -122,9 +122,9 @@ def selected(options):
     """{name: module} of the pictures that are wanted, in the order in which to draw them."""
     if options.names:
         return chosen(options.names)
-    if not (options.all or options.list):
-        return {name: pictures()[name] for name in FIRST}
     known = costs()
+    if not (options.all or options.list):  # the longest first: the last ones then end together
+        return {name: pictures()[name] for name in sorted(FIRST, key=known.get, reverse=True)}
     return dict(sorted(pictures().items(), key=lambda one: known.get(one[0], 0.0)))
 
 

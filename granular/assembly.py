@@ -14,14 +14,12 @@ import numpy as np
 
 from granular import sensitivity
 from granular.contact import contact_of
-from granular.crystal import Crystal, needed_velocities
+from granular.crystal import Crystal, WithWalls
 from granular.damped_contact import forces_of
 from tensegrity import Network, PowerLaw, State, TensegrityError, check
-from tensegrity.measure.observables import contact_rates
 from tensegrity.readonly import Repeated
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.forcing import start_driven_sites
-from tensegrity.scenes.network_dynamics import NetworkDynamics
 from tensegrity.springs.collection import numbered
 from tensegrity.springs.pressed import rest_overlaps
 
@@ -50,11 +48,11 @@ class Assembly(Crystal, Network):
         Name of each wall; the forces on walls of the same name are added.
     """
 
-    wall_names: tuple[str, ...]
+    _arguments_of_sites = sensitivity.NAMES
     _wall_materials: tuple[Material, ...]
     _rest: Array  # displacements [m] in equilibrium under the loads
+    _carried = _pressed = 0.0
     _hertzian: bool  # of a pack: whether the law is Hertz's
-    _losses: Sequence[Force]  # of contacts that dissipate
 
     def at_rest(self, velocity: Mapping[int, Sequence[float]] | None = None) -> State:
         """Equilibrium under the loads, with velocities [m/s] of some sites: {site: (dim,)}.
@@ -68,92 +66,50 @@ class Assembly(Crystal, Network):
             self.check(state)
         return state
 
-    def _dynamics(self) -> AssemblyDynamics:
-        return AssemblyDynamics(self)
-
     def contact_forces(self, u: ArrayLike, v: ArrayLike | None = None) -> Array:
-        """Compressive force in each listed contact [N], those with walls last; (..., contacts).
-
-        Contacts that may form are those of `listed(u)`.  Contacts that dissipate need the
-        velocities v [m/s] too, of the shape of u.
-        """
-        bonds, u = len(self.bonds), check.rows("displacements", u, self.shape)
-        if dynamics(self).follows:
-            fixed = self.listed(u)
-            forces, walls = fixed.contact_forces(u, v), fixed.wall_contacts
-            faces = dynamics(self).clearance.faces(self.positions + u, walls)
-            forces[..., len(fixed.bonds) :] *= faces
-            return forces
-        forces = np.concatenate([-self.bond_tension(u), self.wall_load(u)], axis=-1)
-        if not self._losses:
-            return forces
-        r, rate = dynamics(self).elongations(u), contact_rates(self, u, needed_velocities(self, v))
-        for loss in self._losses:
-            sign, first = (1, bonds) if loss.on == "walls" else (-1, 0)
-            at = np.asarray(loss.at, dtype=int) + first
-            if len(at):
-                forces[..., at] += sign * loss.values(r[..., at], rate[..., at])
+        if not dynamics(self).follows:
+            return super().contact_forces(u, v)
+        u = check.rows("displacements", u, self.shape)
+        fixed = self.listed(u)
+        forces, walls = fixed.contact_forces(u, v), fixed.wall_contacts
+        forces[..., len(fixed.bonds) :] *= dynamics(self).clearance.faces(self.positions + u, walls)
         return forces
 
-    def overlaps(self, u: ArrayLike) -> Array:
-        """Overlap of each contact of two beads, as in `contact_forces` [m], < 0 for a gap."""
-        u = check.rows("displacements", u, self.shape)
-        return -self.listed(u).elongation(u)
-
-
-class AssemblyDynamics(NetworkDynamics):
-    """Equations of motion of beads; see `tensegrity.scenes.dynamics`."""
-
-    arguments = sensitivity.NAMES
-
-    def by_argument(
+    def _by_argument(
         self, name: str, by_mass: Array, by_spring: Callable[[str], Array], by_gap: Any
     ) -> Array:
         """Derivatives with respect to an argument of every bead; see `granular.sensitivity`.
 
-        Parameters
-        ----------
-        name : {"diameter", "modulus"}
-        by_mass : ndarray, (sites,)
-            Derivatives by the masses [1/kg].
-        by_spring : callable (name) -> ndarray, (contacts,)
-            Derivatives by a parameter of each contact.
-        by_gap : ndarray, (contacts,), or None
-            Derivatives by the gaps [1/m].
-
-        Returns
-        -------
-        ndarray, (sites,)
-            Per metre or per pascal.
-
-        Raises
-        ------
-        TensegrityError
-            Beads under constant loads, which depend on the diameters too.
+        Loads depend on the diameters too: they are refused.
         """
-        scene = self.scene
-        if np.any(scene.loads):
+        if np.any(self.loads):
             raise TensegrityError("no derivatives by beads under loads, which depend on them too")
-        walls = [(int(k), scene._wall_materials[wall]) for k, wall in scene.wall_contacts.tolist()]
-        pairs = [*map(tuple, scene.bonds.tolist()), *walls]
+        walls = [(int(k), self._wall_materials[wall]) for k, wall in self.wall_contacts.tolist()]
+        pairs = [*map(tuple, self.bonds.tolist()), *walls]
         return sensitivity.by_beads(
-            name, scene.beads, pairs, scene.springs, by_spring("stiffness"), by_mass, by_gap
+            name, self.beads, pairs, self.springs, by_spring("stiffness"), by_mass, by_gap
         )
 
-    def available_energy(self, state: State, energy: float | None = None) -> float:
-        """Kinetic and contact energy [J], an upper bound on the energy of any one contact.
-
-        The potential of the loads is left out: measured from the initial positions, it may be
-        negative.
-        """
-        loaded = float(np.sum(self.scene.loads * state.u))
-        return super().available_energy(state, energy) + loaded + self._bound
+    def _hidden_energy(self, state: State) -> float:
+        """The potential of the loads [J], which may be negative, measured from the initial
+        positions, and what contacts could store by attraction."""
+        return float(np.sum(self.loads * state.u)) + self._attraction
 
     @cached_property
-    def _bound(self) -> float:
+    def _attraction(self) -> float:
         """Energy [J] below 0 that all contacts could store by attraction."""
-        rest = rest_overlaps(self.springs)
-        return -float(self.springs.evaluate("energy", -rest).sum()) if rest.any() else 0.0
+        springs = dynamics(self).springs
+        rest = rest_overlaps(springs)
+        return -float(springs.evaluate("energy", -rest).sum()) if rest.any() else 0.0
+
+    def _with_walls(self) -> WithWalls:
+        """The listed contacts with walls."""
+        first = len(self.bonds)
+        return WithWalls(first + np.arange(len(self.wall_contacts)), *self.wall_contacts.T)
+
+    def _stored_energies(self, u: Array) -> Array:
+        """Energy that each listed contact stores [J]; (..., contacts)."""
+        return dynamics(self).evaluate("energy", u)
 
 
 def _acting_in_touch(contact: Contact) -> Potential:

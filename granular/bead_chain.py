@@ -12,18 +12,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 
 from granular import sensitivity
 from granular.beads import Bead, Striker, beads_of
-from granular.contact import checked_law, contact_of, hertz
-from granular.crystal import Crystal, needed_velocities
+from granular.contact import contact_of
+from granular.crystal import Crystal, WithWalls
 from granular.damped_contact import forces_of
 from granular.materials import Material
+from granular.surroundings import OfChain, Surroundings, accepted, surrounded
 from tensegrity import Chain, State, TensegrityError, check
-from tensegrity.scenes.chain import ChainDynamics
+from tensegrity.springs.collection import Springs
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -52,6 +53,8 @@ class BeadChain(Crystal, Chain):
     bodies : tuple of Bead or Material
         One for each site: a Material stands for a wall.
     """
+
+    _arguments_of_sites = sensitivity.NAMES
 
     def __init__(
         self,
@@ -83,6 +86,7 @@ class BeadChain(Crystal, Chain):
         if walls[1]:
             parts["wall"] = (sites - 1,)
         self.parts, self.bodies = parts, tuple(bodies)
+        self.wall_names = ("start",) * walls[0] + ("end",) * walls[1]
         pairs = list(pairwise(bodies))
         self._contacts = [
             contact_of(law, *((a, b) if isinstance(a, Bead) else (b, a))) for a, b in pairs
@@ -97,8 +101,8 @@ class BeadChain(Crystal, Chain):
         masses = [x.mass if isinstance(x, Bead) else WALL_MASS for x in bodies]
         ends = tuple("fixed" if wall else "free" for wall in walls)
         carried = zip(self._contacts, self._carried, strict=True)
-        losses = forces_of(self._contacts, [c.overlap(force) for c, force in carried])
-        self._losses = losses
+        self._pressed = np.array([c.overlap(force) for c, force in carried])
+        self._losses = losses = forces_of(self._contacts, self._pressed)
         forcing: dict[str, Any] = {"drive": drive, "damping": damping}
         super().__init__(springs, sites, masses, ends, forces=(*losses, *forces), **forcing)  # type: ignore[arg-type]
         away = _away(self._contacts, gaps) if len(gaps) else np.zeros(sites)
@@ -113,9 +117,6 @@ class BeadChain(Crystal, Chain):
                     f"gaps displace site {site} by {self._separated[site]:g} m, but its motion is "
                     "prescribed: let its drive begin there, and leave out the gaps"
                 )
-
-    def _dynamics(self) -> _Dynamics:
-        return _Dynamics(self)
 
     def at_rest(self, velocity: Mapping[int, float] | None = None) -> State:
         """The initial separations, with velocities [m/s] of some sites; see `tensegrity.Chain`."""
@@ -141,60 +142,46 @@ class BeadChain(Crystal, Chain):
         """The law of each contact."""
         return tuple(self._contacts)
 
-    def contact_forces(self, u: ArrayLike, v: ArrayLike | None = None) -> Array:
-        """Compressive force in each contact [N]; u of shape (..., sites) gives (..., sites - 1).
-
-        Contacts that dissipate need the velocities v [m/s] too, of the same shape.
-        """
-        elastic = self._carried - self.bond_tension(u)
-        if not self._losses:
-            return elastic
-        u, v = check.rows("displacements", u, self.shape), needed_velocities(self, v)
-        rate = v[..., 1:] - v[..., :-1]
-        for loss in self._losses:
-            elastic[..., loss.at] -= loss.values(
-                self.elongation(u)[..., loss.at], rate[..., loss.at]
-            )
-        return elastic
-
-    def overlaps(self, u: ArrayLike) -> Array:
-        """Overlap of each contact [m], < 0 for a gap; shapes as for `contact_forces`."""
-        at_rest = [c.overlap(f) for c, f in zip(self._contacts, self._carried, strict=True)]
-        return at_rest - self.elongation(u)
-
-
-def _away(contacts: Sequence[Contact], gaps: Sequence[float]) -> Array:
-    """Displacement of each site from rest to its gaps [m]: partners that attract overlap there."""
-    pairs = zip(contacts, gaps, strict=True)
-    return np.cumsum([0.0, *(gap + c.overlap(0.0) if gap else 0.0 for c, gap in pairs)])
-
-
-class _Dynamics(ChainDynamics):
-    """Equations of motion of beads in a line; see `tensegrity.scenes.dynamics`."""
-
-    arguments = sensitivity.NAMES
-
-    def by_argument(
+    def _by_argument(
         self, name: str, by_mass: Array, by_spring: Callable[[str], Array], by_gap: Any
     ) -> Array:
         """Derivatives with respect to an argument of every bead; see `granular.sensitivity`.
 
         The weight of a bead depends on its mass, and with it the preloads of the contacts.
         """
-        scene, end = self.scene, self.scene._arguments["end"]
-        if scene._arguments["start_wall"] is not None:
+        end = self._arguments["end"]
+        if self._arguments["start_wall"] is not None:
             raise TensegrityError("no derivatives by beads of a chain with a start wall")
-        neighbours = [*range(1, len(scene.beads)), *([] if end is None else [end])]
-        pairs = list(zip(range(len(scene.beads)), neighbours, strict=False))
-        if name == "diameter" and scene._carried.any():
+        neighbours = [*range(1, len(self.beads)), *([] if end is None else [end])]
+        pairs = list(zip(range(len(self.beads)), neighbours, strict=False))
+        if name == "diameter" and self._carried.any():
             by_mass = by_mass.copy()
             pulled = np.cumsum(by_spring("preload")[::-1])[::-1]  # by the weight of each bead
-            gravity = _gravity(scene)
+            gravity = _gravity(self)
             by_mass[: len(pulled)] += gravity * pulled if gravity else 0.0
         by_constant = by_spring("stiffness")
         return sensitivity.by_beads(
-            name, scene.beads, pairs, scene.springs, by_constant, by_mass, None
+            name, self.beads, pairs, self.springs, by_constant, by_mass, None
         )
+
+    def _with_walls(self) -> WithWalls:
+        """The contacts with walls, which stand for sites."""
+        last = self.sites - 2
+        ends = [(0, 1)] * ("start wall" in self.parts) + [(last, last)] * ("wall" in self.parts)
+        contacts, sites = np.reshape(ends, (-1, 2)).astype(int).T
+        return WithWalls(contacts, sites, np.arange(len(ends)))
+
+    def _stored_energies(self, u: Array) -> Array:
+        """Energy that each contact stores, without the potential of the loads [J]; (..., sites - 1)
+        of u (..., sites)."""
+        laws = Springs([contact.potential for contact in self._contacts])
+        return laws.evaluate("energy", -self.overlaps(u))
+
+
+def _away(contacts: Sequence[Contact], gaps: Sequence[float]) -> Array:
+    """Displacement of each site from rest to its gaps [m]: partners that attract overlap there."""
+    pairs = zip(contacts, gaps, strict=True)
+    return np.cumsum([0.0, *(gap + c.overlap(0.0) if gap else 0.0 for c, gap in pairs)])
 
 
 def _gravity(chain: BeadChain) -> float:
@@ -208,21 +195,19 @@ def _gravity(chain: BeadChain) -> float:
     return loads[site] / chain.beads[site].mass
 
 
+@surrounded(OfChain)
 def chain(
     beads: Sequence[Bead],
     *,
     striker: Striker | None = None,
-    gravity: float = 0.0,
-    preload: float = 0.0,
-    gaps: ArrayLike = 0.0,
     start_wall: Material | None = None,
     end: Material | None = None,
-    law: ContactLaw = hertz,
-    drive: Mapping[int, Drive] | None = None,
-    damping: Damping | None = None,
-    forces: Sequence[Force] = (),
+    **surroundings: Unpack[OfChain],
 ) -> BeadChain:
     """A straight chain of beads that touch, or that gaps separate.
+
+    With a striker, gravity requires an `end`: no constant force balances the last bead both before
+    and after the striker's weight arrives.
 
     Parameters
     ----------
@@ -230,29 +215,14 @@ def chain(
         In the order of the axis; with striker and walls at least two sites.
     striker : Striker, optional
         Becomes site 0, in contact with the first bead.
-    gravity : float, optional
-        [m/s^2], >= 0, along the axis towards the far end.  With a striker it requires an `end`: no
-        constant force balances the last bead both before and after the striker's weight arrives.
-    preload : float, optional
-        Constant force on the first bead (not on the striker) towards the far end [N], >= 0.
-    gaps : float or array_like, (contacts,), optional
-        Initial separation in each contact [m], >= 0: in that of the striker first, in that of the
-        wall last.  Displacements count from the positions in which all beads touch; those of the
-        states `start` and `at_rest` contain the gaps.  Gaps exclude gravity and preload, which
-        would set the beads in motion, and walls at both ends, whose distance is that of the beads
-        in contact.
     start_wall : Material, optional
         Material of a plane wall before the first bead, which becomes site 0 and is held.  It
         excludes a striker.
     end : Material, optional
         Material of a plane wall behind the last bead.  By default that bead is free and, under
         loads, supported by a constant force.
-    law : callable (Bead, Bead or Material) -> Contact, optional
-        `hertz`, or `power(constant, exponent)`.
-    drive : dict of int to Drive, optional
-        {site: Drive}: prescribed motions, and forces that depend on time.
-    damping : Damping, optional
-        Dashpots to the ground and in the contacts, which also act while these are open.
+    **surroundings
+        See `Surroundings`.
 
     Returns
     -------
@@ -285,20 +255,21 @@ def chain(
     others = sum(x is not None for x in (striker, start_wall, end))
     if not beads or len(beads) + others < 2:
         raise TensegrityError(f"a chain of {len(beads)} beads has no contact: give more beads")
-    gravity = check.number("gravity", gravity, least=0, unit="m/s^2")
-    preload = check.number("preload", preload, least=0, unit="N")
+    around = Surroundings(**accepted(chain, surroundings))
+    gravity = around.gravity
     if striker is not None and gravity > 0 and end is None:
         raise TensegrityError(
             f"gravity {gravity:g} m/s^2 with a striker needs an end: without a wall the chain "
             "is not at rest until the striker's weight reaches the last bead"
         )
     weights = [gravity * bead.mass for bead in ((striker.bead,) if striker else ()) + beads]
-    weights[1 if striker else 0] += preload
-    law = checked_law(law)
-    separations = initial_gaps(gaps, len(beads) + others - 1, any(weights), start_wall and end)
+    weights[1 if striker else 0] += around.push
+    contacts = len(beads) + others - 1
+    separations = initial_gaps(around.gaps, contacts, any(weights), start_wall and end)
     return BeadChain(
-        beads, striker, weights, end, law, start_wall, drive, damping, separations, forces
-    )
+        beads, striker, weights, end, around.law, start_wall, around.drive, around.damping,
+        separations, around.forces,
+    )  # fmt: skip
 
 
 def initial_gaps(

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
 
 C = 299_792_458.0  # m/s: speeds are below that of light
+SAME = 1e-9  # difference of constants, over one, that round-off may leave
 TINY = 1e-30  # step of a derivative through the complex plane
 
 
@@ -191,6 +192,25 @@ def hertz(bead: Bead, other: Bead | Material) -> Contact:
     radii = bead.contact_radius, other.contact_radius
     solids = one.modulus, two.modulus, one.poisson, two.poisson
     return Contact(_constant("pair", *solids, *radii))
+
+
+def is_hertz(law: Potential, one: Bead | Material, other: Bead | Material) -> bool:
+    """Whether a potential is that of Hertz's contact of two partners, whatever its preload.
+
+    Parameters
+    ----------
+    law : Potential
+    one, other : Bead or Material
+        One a bead at least; a Material stands for a plane wall.
+
+    Returns
+    -------
+    bool
+    """
+    bead, partner = (one, other) if isinstance(one, Bead) else (other, one)
+    like = hertz(bead, partner).potential  # type: ignore[arg-type]
+    is_power = isinstance(law, PowerLaw) and law.exponent == like.exponent  # type: ignore[attr-defined]
+    return is_power and abs(law.values[0] / like.values[0] - 1) <= SAME
 
 
 def power(constant: float, exponent: float) -> ContactLaw:

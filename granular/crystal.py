@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from tensegrity import Run, TensegrityError, check
+from tensegrity.engine import forces
 from tensegrity.printing import concise
+from tensegrity.scenes.dynamics import dynamics
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -16,7 +18,8 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from granular.beads import Bead, Striker
-    from tensegrity.typing import Array
+    from tensegrity import Force
+    from tensegrity.typing import Array, Indices
 
 MANY = 6  # parts that are not all named in print
 
@@ -36,12 +39,18 @@ class Crystal:
     beads: Sequence[Bead]
     parts: Mapping[str, Sequence[int]]
     striker: Striker | None
+    wall_names: tuple[str, ...]
     _arguments: dict[str, Any]
+    _losses: Sequence[Force]  # of contacts that dissipate
+    _carried: Any  # by each contact at elongation 0 [N]
+    _pressed: Any  # overlap of each contact there [m]
     if TYPE_CHECKING:
         sites: int
+        bonds: Indices
 
-        def contact_forces(self, u: Array, v: Array | None = None) -> Array: ...
-        def overlaps(self, u: Array) -> Array: ...
+        shape: tuple[int, ...]
+
+        def _with_walls(self) -> WithWalls: ...
 
     __str__ = concise
 
@@ -50,6 +59,30 @@ class Crystal:
         parts = ", ".join(counts if len(counts) < MANY else [*counts[:2], "...", counts[-1]])
         struck = "" if self.striker is None else f", struck at {self.striker.speed:g} m/s"
         return f"{type(self).__name__}({parts}{struck}) on {super().__repr__()}"
+
+    def contact_forces(self, u: ArrayLike, v: ArrayLike | None = None) -> Array:
+        """Compressive force in each contact [N], (..., contacts): those of `bonds`, and behind them
+        those with the walls of a guide or a pack.
+
+        Contacts that may form are those of `listed(u)`.  Contacts that dissipate need the
+        velocities v [m/s] too, of the shape of u.
+        """
+        u, of = check.rows("displacements", u, self.shape), dynamics(self)
+        loads = self._carried - of.evaluate("tension", u)
+        if not self._losses:
+            return loads
+        r, rate = of.elongations(u), forces.rates(of.contact_bonds, u, needed_velocities(self, v))
+        for loss in self._losses:
+            sign, first = (1, len(self.bonds)) if loss.on == "walls" else (-1, 0)
+            at = np.asarray(loss.at, dtype=int) + first
+            if len(at):
+                loads[..., at] += sign * loss.values(r[..., at], rate[..., at])
+        return loads
+
+    def overlaps(self, u: ArrayLike) -> Array:
+        """Overlap of each contact of `bonds`, as in `contact_forces` [m], < 0 for a gap."""
+        u = check.rows("displacements", u, self.shape)
+        return self._pressed - dynamics(self).listed(u).scene.elongation(u)
 
     def site(self, part: str, number: int) -> int:
         """Site of the bead with that number, from 1, in a part.
@@ -75,6 +108,22 @@ class Crystal:
         beads = beads_by_site(self)
         diameters = [beads[s].diameter for s in range(first, second + 1)]
         return sum(diameters) - (diameters[0] + diameters[-1]) / 2
+
+
+class WithWalls(NamedTuple):
+    """The contacts of beads with walls.
+
+    Attributes
+    ----------
+    contacts : ndarray of int
+        Their numbers among all contacts.
+    sites, walls : ndarray of int
+        The bead of each, and the wall, an index into `wall_names`.
+    """
+
+    contacts: Indices
+    sites: Indices
+    walls: Indices
 
 
 def members(scene: Crystal, part: str) -> Sequence[int]:

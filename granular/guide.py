@@ -9,31 +9,26 @@ bead slides off its wall.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from functools import cached_property
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 
-from granular.assembly import Assembly, AssemblyDynamics, SharedSprings
+from granular.assembly import Assembly, SharedSprings
 from granular.bead_chain import initial_gaps
 from granular.beads import Bead, Striker
-from granular.contact import checked_law, hertz
 from granular.damped_contact import friction_of
 from granular.layout import TOUCH, Layout, diamond_layout, y_layout
 from granular.materials import Material, materials
 from granular.statics import Equilibrium, rest_of
+from granular.surroundings import OfGuide, Surroundings, accepted, surrounded
 from tensegrity import State, TensegrityError, Wall, check
 from tensegrity.scenes.clearance import Clearance
 
 if TYPE_CHECKING:
     from typing import Any
 
-    from numpy.typing import ArrayLike
-
-    from granular.contact import ContactLaw
     from granular.layout import Piece
-    from tensegrity import Damping, Drive, Force
     from tensegrity.typing import Array, Indices
 
 
@@ -51,15 +46,9 @@ class Guide(Assembly):
         Becomes site 0, in contact with the first bead of the first part.
     end : Material, optional
         Material of plane walls behind the last beads of the last parts; by default these beads
-        are free.
-    law : callable (Bead, Bead or Material) -> Contact, optional
-        `hertz`, or `power(constant, exponent)`.
-    gravity : float, optional
-        [m/s^2], >= 0, along the axis of the first part, away from the striker.
-    preload : float, optional
-        Constant force along that axis on its first bead [N], >= 0.
-    gaps : float or array_like, optional
-        Of the contacts of beads in the order of `bonds`, then of those with the end [m], >= 0.
+        are free.  Gravity and preload require it.
+    **surroundings
+        See `Surroundings`.
 
     Attributes
     ----------
@@ -74,6 +63,7 @@ class Guide(Assembly):
     equilibrium: Equilibrium | None
     parts: dict[str, tuple[int, ...]]
 
+    @surrounded(OfGuide)
     def __init__(
         self,
         layout: Layout,
@@ -82,16 +72,11 @@ class Guide(Assembly):
         striker: Striker | None = None,
         *,
         end: Material | None = None,
-        law: ContactLaw = hertz,
-        gravity: float = 0.0,
-        preload: float = 0.0,
-        drive: Mapping[int, Drive] | None = None,
-        damping: Damping | None = None,
-        friction: tuple[float, float] | None = None,
-        forces: Sequence[Force] = (),
-        gaps: ArrayLike = 0.0,
+        **surroundings: Unpack[OfGuide],
     ) -> None:
-        gravity, preload = _checked(layout, beads, wall, striker, end, gravity, preload)
+        around = Surroundings(**accepted(Guide, surroundings))
+        gravity, preload, friction = around.gravity, around.push, around.friction
+        _check(layout, beads, wall, striker, end, gravity, preload)
         sides, first, given = len(layout.walls), int(striker is not None), layout
         if end is not None:
             layout = layout.stopped(_last_parts(layout))
@@ -104,17 +89,19 @@ class Guide(Assembly):
         touched = np.add(layout.wall_contacts(), (first, 0))
         lengths, wall_gaps = None, layout.wall_gaps()
         behind = np.flatnonzero(touched[:, 1] >= sides)
-        separations = initial_gaps(gaps, len(bonds) + len(behind), bool(gravity or preload), None)
+        separations = initial_gaps(
+            around.gaps, len(bonds) + len(behind), bool(gravity or preload), None
+        )
         self._arguments = {
             "layout": given, "beads": beads, "wall": wall, "striker": striker, "end": end,
-            "gravity": gravity, "preload": preload, "friction": _checked_friction(friction),
-            "gaps": separations or 0.0, "forces": check.sequence("forces", forces, "forces"),
+            "gravity": gravity, "preload": preload, "friction": friction,
+            "gaps": separations or 0.0, "forces": around.forces,
         }  # fmt: skip
         if separations:
             wall_gaps[behind] = separations[len(bonds) :]
             lengths = np.linalg.norm(positions[bonds[:, 1]] - positions[bonds[:, 0]], axis=1)
             lengths -= separations[: len(bonds)]
-        springs = SharedSprings(checked_law(law))
+        springs = SharedSprings(around.law)
         in_bonds = [springs(self.beads[i], self.beads[j]) for i, j in bonds]
         sides_of = [(self.beads[b], solids[wall]) for b, wall in touched]
         at_walls = [springs(*pair) for pair in sides_of]
@@ -133,9 +120,9 @@ class Guide(Assembly):
             wall_gaps=wall_gaps,
             radius=[bead.radius for bead in self.beads],
             loads=_loads(self.beads, first, gravity, preload),
-            drive=drive,
-            damping=damping,
-            forces=(*self._losses, *rubbing, *self._arguments["forces"]),
+            drive=around.drive,
+            damping=around.damping,
+            forces=(*self._losses, *rubbing, *around.forces),
         )
         self._contacts = springs.contacts
         self.equilibrium = settled = rest_of(
@@ -146,19 +133,12 @@ class Guide(Assembly):
             rest = settled.u if striker is None else np.concatenate([settled.u[:1], settled.u])
         self._rest = rest
 
-    def _dynamics(self) -> _Dynamics:
-        return _Dynamics(self)
+    def _clearance(self, follows: bool) -> Clearance:
+        return _Clearance(self)
 
     def start(self) -> State:
         """Initial state: the striker in contact and moving along the axis, all else at rest."""
         return self.at_rest({} if self.striker is None else {0: (self.striker.speed, 0.0)})
-
-
-class _Dynamics(AssemblyDynamics):
-    @cached_property
-    def clearance(self) -> Clearance | None:
-        """Monitor of contacts that are not listed; None if the beads have no radius."""
-        return None if self.scene.radius is None else _Clearance(self.scene)
 
 
 class _Clearance(Clearance):
@@ -169,7 +149,7 @@ class _Clearance(Clearance):
 
     def __init__(self, guide: Guide) -> None:
         listed = guide.wall_contacts
-        radius: Any = guide.radius  # never None here, see `clearance`
+        radius: Any = guide.radius  # of all beads, never None
         super().__init__(guide.positions, radius, guide.bonds, guide.walls, listed)
         pieces = guide.layout.walls
         self._behind = {
@@ -196,7 +176,7 @@ def _loads(beads: tuple[Bead, ...], first: int, gravity: float, preload: float) 
     return loads
 
 
-def _checked(
+def _check(
     layout: Layout,
     beads: Mapping[str, Bead],
     wall: Material,
@@ -204,8 +184,8 @@ def _checked(
     end: Material | None,
     gravity: float,
     preload: float,
-) -> tuple[float, float]:
-    """Gravity and preload, after all arguments have been checked."""
+) -> None:
+    """Refuse other things than a guide consists of, and loads that nothing carries."""
     check.kind("layout", layout, Layout)
     check.kind("wall", wall, Material)
     for name, given, kind in (("end", end, Material), ("striker", striker, Striker)):
@@ -223,24 +203,11 @@ def _checked(
                 f"{layout.diameter:.6g} m: others would overlap, or leave gaps, by up to "
                 f"{abs(bead.diameter - layout.diameter):.3g} m"
             )
-    gravity = check.number("gravity", gravity, least=0, unit="m/s^2")
-    preload = check.number("preload", preload, least=0, unit="N")
     if end is None and (gravity > 0 or preload > 0):
         raise TensegrityError(
             f"gravity {gravity:g} m/s^2 and preload {preload:g} N need an end: without walls "
             "behind the last beads nothing carries them"
         )
-    return gravity, preload
-
-
-def _checked_friction(friction: Any) -> tuple[float, float] | None:
-    if friction is None:
-        return None
-    coefficient, speed = check.vector("friction", friction, (2,)).tolist()
-    return (
-        check.number("coefficient of friction", coefficient, least=0),
-        check.number("speed of slip", speed, above=0, unit="m/s"),
-    )
 
 
 def _filled(
@@ -268,6 +235,7 @@ def _wall(piece: Piece) -> Wall:
     return Wall(middle, piece.normal, piece.along * piece.length / 2)
 
 
+@surrounded(OfGuide)
 def y_guide(
     stem: int = 19,
     branch: int = 23,
@@ -279,15 +247,8 @@ def y_guide(
     striker: Striker | None = None,
     end: Material | None = None,
     gap: float = 0.0,
-    gaps: ArrayLike = 0.0,
     through: float = 0.0,
-    law: ContactLaw = hertz,
-    gravity: float = 0.0,
-    preload: float = 0.0,
-    drive: Mapping[int, Drive] | None = None,
-    damping: Damping | None = None,
-    friction: tuple[float, float] | None = None,
-    forces: Sequence[Force] = (),
+    **surroundings: Unpack[OfGuide],
 ) -> Guide:
     """A Y-shaped guide, the first half of that of the paper: a stem that splits into two branches.
 
@@ -307,33 +268,14 @@ def y_guide(
     striker : Striker, optional
         Becomes site 0, in contact with the first bead of the stem.
     end : Material, optional
-        Material of walls behind the last beads; by default these beads are free.
+        Material of walls behind the last beads; by default these beads are free.  Gravity and
+        preload require it.
     gap : float, optional
         Gap between beads and side walls [m], >= 0.
-    gaps : float or array_like, (contacts,), optional
-        Way by which two beads, or the last ones and the end, approach each other before they
-        touch [m], >= 0: one number, or one for each of `bonds`, the striker's first, and each
-        contact with the end.  The centres are at the same places as without gaps, and so are the
-        side walls.  Gaps exclude gravity and preload, which would set the beads in motion.
     through : float, optional
         Length by which the outer walls extend past the junction [m], >= 0; see `y_layout`.
-    law : callable, optional
-        `hertz`, or `power(constant, exponent)`.
-    gravity : float, optional
-        [m/s^2], >= 0, along the stem towards the branches.  The initial state is then the static
-        equilibrium; an `end` is required.
-    preload : float, optional
-        Constant force along stem 1 on its first bead [N], >= 0; an `end` is required here too.
-    drive : dict of int to Drive, optional
-        {site: Drive}: prescribed motions, and forces that depend on time.
-    damping : Damping, optional
-        Dashpots to the ground and between beads in contact, which also act while contacts are open.
-    friction : (float, float), optional
-        Coefficient of Coulomb friction between beads and walls, >= 0, and the speed of slip v0
-        [m/s], > 0, over which it is regularised: the force is slip/sqrt(slip^2 + v0^2) of it.
-        Beads do not roll.
-    forces : sequence of Force, optional
-        Forces of time, displacement and velocity.
+    **surroundings
+        See `Surroundings`.
 
     Returns
     -------
@@ -357,11 +299,10 @@ def y_guide(
     """
     beads = _filling(bead, branches)
     layout = y_layout(stem, branch, half_angle, bead.diameter, gap, through)
-    more: Any = {"gravity": gravity, "preload": preload, "drive": drive, "damping": damping}
-    more |= {"friction": friction, "forces": forces, "gaps": gaps}
-    return Guide(layout, beads, wall, striker, end=end, law=law, **more)
+    return Guide(layout, beads, wall, striker, end=end, **accepted(y_guide, surroundings))
 
 
+@surrounded(OfGuide)
 def diamond_guide(
     stem: int = 19,
     branch: int = 47,
@@ -373,15 +314,8 @@ def diamond_guide(
     striker: Striker | None = None,
     end: Material | None = None,
     gap: float = 0.0,
-    gaps: ArrayLike = 0.0,
     through: float = 0.0,
-    law: ContactLaw = hertz,
-    gravity: float = 0.0,
-    preload: float = 0.0,
-    drive: Mapping[int, Drive] | None = None,
-    damping: Damping | None = None,
-    friction: tuple[float, float] | None = None,
-    forces: Sequence[Force] = (),
+    **surroundings: Unpack[OfGuide],
 ) -> Guide:
     """The full guide of the paper: the branches rejoin in a second stem.
 
@@ -393,12 +327,12 @@ def diamond_guide(
         Number of beads between the junctions, odd: the middle one is the corner.
     half_angle : float, optional
         Angle between each branch and the axis [rad], pi/6 or more.
-    bead, branches, wall, striker, gap, gaps, through, law, gravity, preload
-        As for `y_guide`.
-    drive, damping, friction, forces
+    bead, branches, wall, striker, gap, through
         As for `y_guide`.
     end : Material, optional
         Material of a plane wall behind the last bead of stem 2; by default that bead is free.
+    **surroundings
+        See `Surroundings`.
 
     Returns
     -------
@@ -412,9 +346,7 @@ def diamond_guide(
     """
     beads = {**_filling(bead, branches), "stem 2": bead}
     layout = diamond_layout(stem, branch, half_angle, bead.diameter, gap, through)
-    more: Any = {"gravity": gravity, "preload": preload, "drive": drive, "damping": damping}
-    more |= {"friction": friction, "forces": forces, "gaps": gaps}
-    return Guide(layout, beads, wall, striker, end=end, law=law, **more)
+    return Guide(layout, beads, wall, striker, end=end, **accepted(diamond_guide, surroundings))
 
 
 def _filling(bead: Bead, branches: tuple[Bead, Bead] | None) -> dict[str, Bead]:

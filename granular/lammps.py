@@ -84,15 +84,12 @@ def to_lammps(
     """
     path, beads = check.path("path", path), laid(scene, state)
     steps, dt, every = _steps(t_end, dt, every)
-    try:
-        for target, text in (
-            (path.with_name(path.name + ".data"), beads.data()),
-            (path, beads.input(path.name, steps, dt, every)),
-        ):
-            with check.replacing(target) as new:
-                new.write_text(text)
-    except OSError as error:
-        raise TensegrityError(f"{path} cannot be written: {error.strerror}") from error
+    for target, text in (
+        (path.with_name(path.name + ".data"), beads.data()),
+        (path, beads.input(path.name, steps, dt, every)),
+    ):
+        with check.replacing(target) as new:
+            new.write_text(text)
     return path
 
 

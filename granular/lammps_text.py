@@ -15,12 +15,12 @@ import numpy as np
 from granular.assembly import Assembly
 from granular.bead_chain import BeadChain
 from granular.beads import Bead, volume
-from granular.contact import Contact, hertz
+from granular.contact import Contact, hertz, is_hertz
 from granular.crystal import beads_by_site
 from granular.dissipation import ELASTIC
 from granular.materials import Material
 from granular.packing import Pack
-from tensegrity import Potential, PowerLaw, State, TensegrityError, check
+from tensegrity import Potential, State, TensegrityError, check
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.forcing import refuse_driven
 from tensegrity.typing import Array
@@ -351,11 +351,8 @@ def _partners(scene: Assembly) -> list[tuple[Bead, Bead | Material]]:
 
 
 def _refuse_other_law(law: Potential, one: Any, other: Any) -> None:
-    if not hasattr(one, "radius"):
-        one, other = other, one
-    expected = hertz(one, other)
-    own = isinstance(law, PowerLaw) and law.exponent == expected.exponent
-    if not own or abs(law.values[0] / expected.constant - 1) > 1e-9:
+    if not is_hertz(law, one, other):
+        expected = hertz(*((one, other) if isinstance(one, Bead) else (other, one)))
         raise TensegrityError(
             f"a contact of {law!r} is not Hertz's, of constant {expected.constant:.6g} and "
             f"exponent {expected.exponent:g}, which alone LAMMPS evaluates"

@@ -9,15 +9,15 @@ Source: the talk, part II, "3D granular crystals/systems" (833 beads of 9.53 mm:
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 
 from granular.beads import Bead, Striker
-from granular.contact import hertz
 from granular.layout import TOUCH
 from granular.materials import Material
 from granular.packing import PER_BEAD, Pack, per_place
+from granular.surroundings import OfLattice, Surroundings, accepted, surrounded
 from tensegrity import TensegrityError, Wall, check
 from tensegrity.readonly import Repeated, as_fixed
 from tensegrity.scenes.network_input import refuse_too_many
@@ -28,13 +28,12 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from granular.contact import ContactLaw
-    from tensegrity import Damping, Drive
     from tensegrity.typing import Array
 
     Plane = tuple[tuple[float, ...], tuple[float, ...]]  # a point and a normal
 
 
+@surrounded(OfLattice)
 def fcc_pack(
     layers: int = 17,
     side: int = 7,
@@ -45,11 +44,7 @@ def fcc_pack(
     striker: Striker | None = None,
     struck: tuple[int, int] | None = None,
     contacts: str | None = None,
-    gravity: float = 0.0,
-    preload: float = 0.0,
-    drive: Mapping[int, Drive] | None = None,
-    damping: Damping | None = None,
-    law: ContactLaw = hertz,
+    **surroundings: Unpack[OfLattice],
 ) -> Pack:
     """Layers of side x side touching beads, the (001) planes of a face-centred cubic lattice.
 
@@ -76,17 +71,8 @@ def fcc_pack(
         ContactError.  "follow": contacts that form are found before they act.  By default "fixed",
         which is exact and cheapest: second neighbours have a gap of 0.41 diameters, and with the
         default step a run that follows contacts takes three times as many steps.
-    gravity : float, optional
-        [m/s^2], >= 0, downward.  The initial state is then the static equilibrium.
-    preload : float, optional
-        Constant downward force on each bead of the top layer [N], >= 0; the initial state is then
-        the static equilibrium.
-    drive : dict of int to Drive, optional
-        {site: Drive}: prescribed motions, and forces that depend on time.
-    damping : Damping, optional
-        Dashpots to the ground; with fixed contacts also in the contacts of beads, even open ones.
-    law : callable (Bead, Bead or Material) -> Contact, optional
-        `hertz`, `power(constant, exponent)`, or one that dissipates, such as `kuwabara_kono(c)`.
+    **surroundings
+        See `Surroundings`.
 
     Returns
     -------
@@ -132,21 +118,20 @@ def fcc_pack(
     )
     hit = (layers - 1) * side**2 + row * side + column
     approach = _approach(striker, places[hit], beads[hit], (0, 0, 1), (0, 0, -1), 0.0)
-    pressed, kind = _pressed(preload, parts[f"layer {layers}"], 3), _kind(contacts, 0.0)
-    more: Any = {"gravity": gravity, "preload": pressed, "drive": drive, "damping": damping}
+    around = _pressed(accepted(fcc_pack, surroundings), parts[f"layer {layers}"], 3)
     return Pack(
         places,
         beads,
         walls,
-        kind,
+        _kind(contacts, 0.0),
         parts=parts,
         striker=striker,
         approach=approach,
-        law=law,
-        **more,
+        **around,
     )
 
 
+@surrounded(OfLattice)
 def hexagonal_pack(
     rows: int = 12,
     columns: int = 21,
@@ -160,11 +145,7 @@ def hexagonal_pack(
     direction: ArrayLike = (0, -1),
     gap: float = 0.0,
     contacts: str | None = None,
-    gravity: float = 0.0,
-    preload: float = 0.0,
-    drive: Mapping[int, Drive] | None = None,
-    damping: Damping | None = None,
-    law: ContactLaw = hertz,
+    **surroundings: Unpack[OfLattice],
 ) -> Pack:
     """Rows of touching beads in the plane, each bead between two of the next row.
 
@@ -195,8 +176,8 @@ def hexagonal_pack(
         contacts "follow".
     contacts : {"fixed", "follow"}, optional
         As for `fcc_pack`; by default "follow" where there is a gap, else "fixed".
-    gravity, preload : float, optional
-        As for `fcc_pack`, on row 1.
+    **surroundings
+        See `Surroundings`.
 
     Returns
     -------
@@ -239,18 +220,16 @@ def hexagonal_pack(
     hit = (columns - 1) // 2 if struck is None else _within("struck", struck, columns)
     gap = check.number("gap", gap, least=0, unit="m")
     approach = _approach(striker, places[hit], beads[hit], offset, direction, gap)
-    pressed, kind = _pressed(preload, parts["row 1"], 2), _kind(contacts, gap)
-    more: Any = {"gravity": gravity, "preload": pressed, "drive": drive, "damping": damping}
+    around = _pressed(accepted(hexagonal_pack, surroundings), parts["row 1"], 2)
     return Pack(
         places,
         beads,
         walls,
-        kind,
+        _kind(contacts, gap),
         parts=parts,
         striker=striker,
         approach=approach,
-        law=law,
-        **more,
+        **around,
     )
 
 
@@ -265,10 +244,11 @@ def _kind(contacts: str | None, gap: float) -> str:
     return contacts
 
 
-def _pressed(preload: float, sites: range, dim: int) -> dict[int, tuple[float, ...]]:
-    """The same force [N] on all of these sites, downward."""
-    preload = check.number("preload", preload, least=0, unit="N")
-    return dict.fromkeys(sites, (0.0,) * (dim - 1) + (-preload,)) if preload else {}
+def _pressed(surroundings: OfLattice, sites: range, dim: int) -> dict[str, Any]:
+    """The surroundings, with the preload [N] on each of these sites, downward."""
+    push = Surroundings(**surroundings).push
+    preload = dict.fromkeys(sites, (0.0,) * (dim - 1) + (-push,)) if push else {}
+    return {**surroundings, "preload": preload}
 
 
 def _equal(

@@ -13,12 +13,12 @@ from typing import Any, overload
 
 import numpy as np
 
-from granular.contact_network import contacts_of, wall_forces, wall_sites
+from granular.contact_network import contacts_of, kinetic, wall_forces, wall_sites
 from granular.crystal import Crystal, beads_by_site, crystal_of, rows, whole
 from tensegrity import TensegrityError, check
 from tensegrity.measure.observables import speed_in
 from tensegrity.measure.records import first_peak, largest_peak
-from tensegrity.printing import filled, span
+from tensegrity.printing import Lines, Printed, span
 from tensegrity.runs.run import Run
 from tensegrity.typing import Array
 
@@ -143,8 +143,8 @@ def overlaps(run: Run, part: str | None = None) -> tuple[float, float]:
     return max(peaks), float(np.mean(peaks))
 
 
-@dataclass(frozen=True, eq=False)
-class BeadEnergies:
+@dataclass(frozen=True, eq=False, repr=False)
+class BeadEnergies(Printed):
     """Distribution of the energy among beads, at each recorded instant.
 
     The energy of a bead is its kinetic energy, half the energy of each contact with another bead
@@ -165,12 +165,10 @@ class BeadEnergies:
     stored: Array
     parts: dict[str, Array]
 
-    def __str__(self) -> str:
+    def _lines(self) -> Lines:
         rows, beads = self.kinetic.shape
-        parts = [f"  {name}: {span(energy, 'J')}" for name, energy in self.parts.items()]
-        return filled("\n".join([f"energies of {beads} beads at {rows} instants", *parts]))
-
-    __repr__ = __str__
+        yield f"energies of {beads} beads at {rows} instants"
+        yield from (f"  {name}: {span(energy, 'J')}" for name, energy in self.parts.items())
 
     @property
     def fractions(self) -> Array:
@@ -254,8 +252,5 @@ def energies(run: Run) -> BeadEnergies:
         for part, sites in scene.parts.items()
         if part != "wall"
     }
-    kinetic = 0.5 * run.scene.mass * (v**2 if v.ndim == 2 else np.sum(v**2, axis=-1))
-    stored = contacts.stored(u)
-    return BeadEnergies(
-        kinetic[:, beads], stored[:, beads], {**parts, "walls": contacts.wall_energy(u)}
-    )
+    moving, stored = kinetic(scene, v)[:, beads], contacts.stored(u)[:, beads]
+    return BeadEnergies(moving, stored, {**parts, "walls": contacts.wall_energy(u)})

@@ -11,17 +11,18 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 
 from granular.assembly import Assembly, SharedSprings
 from granular.beads import Bead, Striker, beads_of
-from granular.contact import checked_law, hertz
+from granular.contact import hertz
 from granular.crystal import site_name
 from granular.layout import TOUCH
 from granular.materials import Material
 from granular.statics import Equilibrium, rest_of
+from granular.surroundings import OfPlaces, Surroundings, accepted, surrounded
 from tensegrity import State, TensegrityError, Wall, check
 from tensegrity.readonly import Repeated, as_fixed, fixed
 from tensegrity.scenes.near_pairs import near_pairs
@@ -31,8 +32,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from granular.contact import ContactLaw
-    from tensegrity import Damping, Drive, Force
     from tensegrity.typing import Array, Indices
 
     Walls = Mapping[str, tuple[Wall, Material]]
@@ -57,14 +56,8 @@ class Pack(Assembly):
     striker : Striker, optional
     approach : tuple of two (dim,), optional
         Place [m] and direction of motion of the striker.
-    gravity : float, optional
-        [m/s^2], >= 0, downward along the last axis.
-    preload : dict of int to array_like (dim,), optional
-        Constant force [N] on each of these sites.
-    law : callable (Bead, Bead or Material) -> Contact, optional
-        As of `pack`.
-    forces : sequence of Force, optional
-        As of `pack`.
+    **surroundings
+        See `Surroundings`.
 
     Attributes
     ----------
@@ -83,6 +76,7 @@ class Pack(Assembly):
     places: Array
     parts: dict[str, Sequence[int]]
 
+    @surrounded(OfPlaces, preload=None)
     def __init__(
         self,
         places: ArrayLike,
@@ -93,13 +87,10 @@ class Pack(Assembly):
         parts: Mapping[str, Sequence[int]] | None = None,
         striker: Striker | None = None,
         approach: tuple[ArrayLike, ArrayLike] | None = None,
-        gravity: float = 0.0,
-        preload: Mapping[int, ArrayLike] | None = None,
-        drive: Mapping[int, Drive] | None = None,
-        damping: Damping | None = None,
-        law: ContactLaw = hertz,
-        forces: Sequence[Force] = (),
+        **surroundings: Unpack[OfPlaces],
     ) -> None:
+        surroundings.setdefault("preload", None)
+        around = Surroundings(**accepted(Pack, surroundings))
         places = check.floats("places", places)
         if places.ndim != 2 or places.shape[1] not in (1, 2, 3) or not len(places):
             raise TensegrityError(
@@ -121,8 +112,7 @@ class Pack(Assembly):
         self._arguments = {
             "places": places, "beads": filled, "walls": named, "contacts": contacts,
             "parts": given, "striker": striker, "approach": approach,
-            "gravity": gravity, "preload": preload,
-            "forces": check.sequence("forces", forces, "forces"),
+            "gravity": around.gravity, "preload": around.preload, "forces": around.forces,
         }  # fmt: skip
         self.places, self.striker = places, striker
         if striker is not None:
@@ -131,9 +121,9 @@ class Pack(Assembly):
         self.parts, self.beads = given, filled
         self.named_walls, self.wall_names = dict(named), tuple(named)
         solids = tuple(material for _, material in named.values())
-        self._wall_materials, self._hertzian = solids, law is hertz
-        springs = SharedSprings(checked_law(law))
-        self._join(sites, filled, contacts, springs, gravity, preload, drive=drive, damping=damping)
+        self._wall_materials, self._hertzian = solids, around.law is hertz
+        springs = SharedSprings(around.law)
+        self._join(sites, filled, contacts, springs, around)
         self._contacts = springs.contacts
         self.equilibrium = rest_of(
             self, springs.attract, striker=None, approach=None, law=springs.contact, forces=()
@@ -146,9 +136,7 @@ class Pack(Assembly):
         filled: Repeated,
         contacts: str,
         springs: SharedSprings,
-        gravity: float,
-        preload: Mapping[int, ArrayLike] | None,
-        **forcing: Any,
+        around: Surroundings,
     ) -> None:
         """The network of the beads that touch."""
         solids = self._wall_materials
@@ -160,7 +148,7 @@ class Pack(Assembly):
             endless = np.array([wall.extent is None for wall in planes], dtype=bool)
             touched = touched[endless[touched[:, 1]]]
             followed = _Law(filled, planes, solids, springs)
-        loads = _loads(filled, places.shape, gravity, preload)
+        loads = _loads(filled, places.shape, around.gravity, around.preload)
         in_bonds = springs.between(filled[bonds[:, 0]], filled[bonds[:, 1]])
         at_walls = springs.between(filled[touched[:, 0]], Repeated.of(solids)[touched[:, 1]])
         if followed is not None and not self._hertzian:
@@ -179,8 +167,9 @@ class Pack(Assembly):
             loads=loads,
             contacts=contacts,
             law=followed,
-            forces=(*self._losses, *self._arguments["forces"]),
-            **forcing,
+            forces=(*self._losses, *around.forces),
+            drive=around.drive,
+            damping=around.damping,
         )
 
     def _forces_between(self, bonds: Array, wall_contacts: Array) -> dict[str, Any]:
@@ -291,7 +280,6 @@ def _loads(
     preload: Mapping[int, ArrayLike] | None,
 ) -> Array | None:
     """Constant force on each site [N]; None without any."""
-    gravity = check.number("gravity", gravity, least=0, unit="m/s^2")
     preload = {} if preload is None else preload
     if not isinstance(preload, Mapping):
         raise TensegrityError(f"preload {check.shown(preload)} must be a dict {{site: force}}")
@@ -324,18 +312,13 @@ class _Law:
         return self.springs(self.beads[site], self.beads[other])
 
 
+@surrounded(OfPlaces, preload=None)
 def pack(
     places: ArrayLike,
     beads: Bead | Sequence[Bead],
     walls: Walls | None = None,
     contacts: str = "follow",
-    *,
-    gravity: float = 0.0,
-    preload: Mapping[int, ArrayLike] | None = None,
-    drive: Mapping[int, Drive] | None = None,
-    damping: Damping | None = None,
-    law: ContactLaw = hertz,
-    forces: Sequence[Force] = (),
+    **surroundings: Unpack[OfPlaces],
 ) -> Pack:
     """Beads at arbitrary positions on a line, in the plane or in space.
 
@@ -353,19 +336,8 @@ def pack(
         open side, or flies past the end of a wall, is followed; one that touches the end of a wall,
         for which there is no law, ends the run with ContactError.  "fixed": so does any contact
         that is not there at the start.
-    gravity : float, optional
-        [m/s^2], >= 0, downward along the last axis.  States of the pack start from its static
-        equilibrium, `equilibrium`; if there is none near the given positions, an error is raised.
-    preload : dict of int to array_like (dim,), optional
-        Constant force [N] on these beads, {site: force}; as gravity.
-    drive : dict of int to Drive, optional
-        {site: Drive}: motions that are prescribed, and forces that depend on time.
-    damping : Damping, optional
-        Dashpots to the ground; with "fixed" contacts also in those of beads, even open ones.
-    law : callable (Bead, Bead or Material) -> Contact, optional
-        `hertz`, `power(constant, exponent)`, or one that dissipates, such as `kuwabara_kono(c)`.
-    forces : sequence of Force, optional
-        Forces of time, displacement and velocity, as of `Network`.
+    **surroundings
+        See `Surroundings`.
 
     Returns
     -------
@@ -391,10 +363,7 @@ def pack(
     >>> run.final.v[:, 0].round(6) + 0.0
     array([0., 1.])
     """
-    return Pack(
-        places, beads, walls, contacts, gravity=gravity, preload=preload, drive=drive,
-        damping=damping, law=law, forces=forces,
-    )  # fmt: skip
+    return Pack(places, beads, walls, contacts, **accepted(pack, surroundings))
 
 
 def _range(sites: Sequence[int]) -> Sequence[int]:

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from granular.beads import Bead, volume
-from granular.contact import TINY, Contact, hertz, hertz_slopes
+from granular.contact import TINY, hertz_slopes, is_hertz
 from granular.materials import Material
-from tensegrity import PowerLaw, TensegrityError, check
+from tensegrity import TensegrityError, check
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -64,7 +64,7 @@ def by_beads(
     by_bead, solids = np.zeros(by_mass.shape), []
     for k, (one, other) in enumerate(pairs):
         partner = other if isinstance(other, Material) else beads[other]
-        if not _is(springs[k], hertz(beads[one], partner)):
+        if not is_hertz(springs[k], beads[one], partner):
             raise TensegrityError(
                 f"contact {k}, {springs[k]!r}, is not Hertz's: it does not say how it depends on "
                 f"the {name} of beads"
@@ -93,13 +93,6 @@ def _solid(body: Bead | Material) -> tuple[float, float, float]:
     if isinstance(body, Material):
         return body.modulus, body.poisson, math.inf
     return body.material.modulus, body.material.poisson, body.contact_radius
-
-
-def _is(spring: Potential, law: Contact) -> bool:
-    """Whether a spring has the law of a contact, whatever its preload."""
-    if not isinstance(spring, PowerLaw):
-        return False
-    return (spring.parameters["stiffness"], spring.exponent) == (law.constant, law.exponent)
 
 
 def mass_slope(bead: Bead) -> float:

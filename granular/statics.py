@@ -18,7 +18,7 @@ import numpy as np
 from granular.crystal import site_name
 from tensegrity import EquilibriumError, minimum
 from tensegrity.engine import forces
-from tensegrity.printing import filled
+from tensegrity.printing import Lines, Printed
 from tensegrity.readonly import ReadOnly, fixed
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.springs.pressed import rest_overlaps
@@ -37,8 +37,8 @@ BARE = 1e-12  # stiffness of motions without any, over the largest
 CARRIED = 1e-11  # of the sum of all loads: what may be left over
 
 
-@dataclass(frozen=True, eq=False)
-class Equilibrium(ReadOnly):
+@dataclass(frozen=True, eq=False, repr=False)
+class Equilibrium(Printed, ReadOnly):
     """Beads at rest under their loads.
 
     Attributes
@@ -55,15 +55,13 @@ class Equilibrium(ReadOnly):
     residual: float
     contacts: int
 
-    def __str__(self) -> str:
+    def _lines(self) -> Lines:
         way = np.linalg.norm(self.u, axis=-1)
-        return filled(
+        yield (
             f"{len(self.u)} beads at rest under their loads: {self.contacts} contacts carry, "
-            f"{self.residual:.1e} N are unbalanced\n"
-            f"  displacements up to {way.max():.6g} m, of site {int(way.argmax())}"
+            f"{self.residual:.1e} N are unbalanced"
         )
-
-    __repr__ = __str__
+        yield f"  displacements up to {way.max():.6g} m, of site {int(way.argmax())}"
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "u", fixed(self.u))

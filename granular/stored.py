@@ -6,8 +6,8 @@ of its calls, and are returned again when the scene is rebuilt.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import fields
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from granular.assembly import SharedSprings
@@ -26,42 +26,25 @@ from tensegrity.runs.identity import PARTS
 def register_scenes() -> None:
     """Register scenes of beads, so that files can contain them."""
     for kind in (Material, Bead, Striker, Contact, Dissipation, Piece, Layout):
-        register(kind, _fields)
-    for kind in (BeadChain, Guide):
-        register(kind, _scene, _again(kind))
-    register(Pack, _pack, _pack_again)
+        register(kind)
+    for kind, name in ((BeadChain, "contacts"), (Guide, "contacts"), (Pack, "answers")):
+        register(kind, partial(_scene, name), partial(_again, kind, name))
     PARTS[SharedSprings] = lambda x: x._law  # its answers follow from it
 
 
-def _fields(x: Any) -> dict[str, Any]:
-    return {field.name: getattr(x, field.name) for field in fields(x)}
-
-
-def _scene(x: Any) -> dict[str, Any]:
-    arguments = {**x._arguments, "contacts": x._contacts, **in_time(x)}
-    return arguments | {k: v for k, v in x._arguments.items() if k == "forces"}  # not of contacts
-
-
-def _pack(x: Any) -> dict[str, Any] | None:
-    if x._hertzian:
-        return {**x._arguments, **in_time(x)}
-    if x._arguments["contacts"] == "follow":
+def _scene(name: str, x: Any) -> dict[str, Any] | None:
+    """What a scene is built from, its contacts under a name."""
+    parts = {**x._arguments, **in_time(x), "forces": x._arguments["forces"]}  # not of contacts
+    if isinstance(x, Pack) and x._hertzian:
+        return parts
+    if x._arguments.get("contacts") == "follow":
         return None  # later contacts have a law that no file holds
-    return {**x._arguments, **in_time(x), "answers": x._contacts, "forces": x._arguments["forces"]}
+    return {**parts, name: x._contacts}
 
 
-def _pack_again(answers: Iterable[Contact] | None = None, **parts: Any) -> Pack:
-    if answers is None:
-        return Pack(**parts)
-    each = iter(answers)
-    return Pack(**parts, law=lambda bead, other: next(each))
-
-
-def _again(kind: Callable[..., Any]) -> Callable[..., Any]:
-    """A function that rebuilds a scene of that kind from its stored contacts."""
-
-    def make(contacts: Iterable[Contact], **parts: Any) -> Any:
-        answers = iter(contacts)
-        return kind(**parts, law=lambda bead, other: next(answers))
-
-    return make
+def _again(kind: Callable[..., Any], name: str, **parts: Any) -> Any:
+    """The scene that is rebuilt from its stored contacts."""
+    if name in parts:
+        answers = iter(parts.pop(name))
+        parts["law"] = lambda bead, other: next(answers)
+    return kind(**parts)

@@ -23,7 +23,7 @@ from .lattices.effective import effective_mass
 from .lattices.evanescent import decay
 from .lattices.lattice import Lattice
 from .lattices.moduli import moduli
-from .measure.budget import budget
+from .measure.budget import bond_force, budget
 from .measure.collision import phase_shift
 from .measure.interfaces import interface, transmission
 from .measure.observables import (
@@ -108,6 +108,7 @@ __all__ = [
     "arrival",
     "bands",
     "bar_contact",
+    "bond_force",
     "budget",
     "catalogue",
     "control_path",

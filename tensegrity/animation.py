@@ -13,6 +13,7 @@ import numpy as np
 
 from tensegrity import check, plotting
 from tensegrity.errors import TensegrityError
+from tensegrity.runs.record import require_all_sites
 from tensegrity.runs.run import Run
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.ensemble import Ensemble
@@ -142,10 +143,7 @@ def moving(
     scene = run.scene
     if isinstance(scene, Ensemble) or not isinstance(scene, (Chain, Network)):
         raise TensegrityError(f"a run of {type(scene).__name__}: take that of one scene")
-    if run.sites != tuple(range(scene.sites)):
-        raise TensegrityError(
-            f"{len(run.sites)} of {scene.sites} sites recorded: record all to animate"
-        )
+    require_all_sites(run, " to animate")
     if not len(run.t):
         raise TensegrityError("0 instants recorded, must be at least 1 to animate")
     factor = check.number("factor", factor, above=0)

@@ -12,7 +12,7 @@ import secrets
 import sys
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import lru_cache
 from numbers import Integral, Real
 from pathlib import Path
@@ -359,20 +359,21 @@ def replacing(path: Path) -> Iterator[Path]:
 
     The file's name is its own, so that two processes can replace one file, and has the same ending,
     by which some writers know a format.  A link is followed; what is no file, such as /dev/stdout,
-    is written directly.
+    is written directly.  An `OSError` in the context is a `TensegrityError` that names the file.
     """
-    if path.exists() and not path.is_file():
-        yield path
-        return
-    path = Path(os.path.realpath(path))
-    new = path.with_name(f".{path.stem[:99]}.{secrets.token_hex(4)}{path.suffix}")
+    is_file, there = path.is_file() or not path.exists(), Path(os.path.realpath(path))
+    new = there.with_name(f".{there.stem[:99]}.{secrets.token_hex(4)}{there.suffix}")
     try:
-        yield new
-        with open(new, "rb+") as file:
-            os.fsync(file.fileno())
-        os.replace(new, path)
-    except BaseException:
-        new.unlink(missing_ok=True)
+        yield new if is_file else path
+        if is_file:
+            with open(new, "rb+") as file:
+                os.fsync(file.fileno())
+            os.replace(new, there)
+    except BaseException as error:
+        with suppress(OSError):
+            new.unlink()
+        if isinstance(error, OSError):
+            raise TensegrityError(f"{path} cannot be written: {error.strerror or error}") from error
         raise
 
 

@@ -21,7 +21,7 @@ from tensegrity.errors import TensegrityError
 from tensegrity.unit_names import in_units
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
+    from collections.abc import Callable, Iterable, Iterator
     from typing import Any
 
     from matplotlib.figure import Figure
@@ -30,18 +30,16 @@ DOTS = 110  # per inch
 
 
 def page(
-    title: str,
-    rows: Mapping[str, Any],
+    lines: Iterable[str],
     draw: Callable[[Figure], object] | None = None,
     size: tuple[float, float] = (4.6, 3.0),
 ) -> str:
-    """A title, a table of names and values, and a picture next to them.
+    """A title, a table below it, and a picture next to them.
 
     Parameters
     ----------
-    title : str
-    rows : mapping of str
-        Values are shown as text; all text is escaped.
+    lines : iterable of str
+        The title, then the rows: "name: value", or one without a name.  All text is escaped.
     draw : callable (figure) -> None, optional
         Draws the picture; there is none where it raises a TensegrityError.
     size : (float, float), optional
@@ -52,16 +50,18 @@ def page(
     str
         HTML.
     """
-    cells = "".join(
-        '<tr><th style="text-align:left;font-weight:normal;opacity:0.7;padding-right:1em">'
-        f"{html.escape(name)}</th>"
-        f'<td style="text-align:left">{html.escape(in_units(str(value)))}</td></tr>'
-        for name, value in rows.items()
-    )
+    title, *rows = (html.escape(in_units(" ".join(line.split()))) for line in lines)
+    left = 'style="text-align:left"'
+    name = '<th style="text-align:left;font-weight:normal;opacity:0.7;padding-right:1em">'
+    cells = ""
+    for row in rows:
+        before, colon, value = row.partition(": ")
+        wide = f'<td colspan="2" {left}>{row}</td>'
+        cells += f"<tr>{f'{name}{before}</th><td {left}>{value}</td>' if colon else wide}</tr>"
     picture = _picture(draw, size, title) if draw else ""
     return (
         '<div style="display:flex;flex-wrap:wrap;gap:1.5em;align-items:flex-start">'
-        f"<div><b>{html.escape(title)}</b><table>{cells}</table></div>{picture}</div>"
+        f"<div><b>{title}</b><table>{cells}</table></div>{picture}</div>"
     )
 
 
@@ -77,7 +77,7 @@ def _picture(draw: Callable[[Figure], object], size: tuple[float, float], title:
     figure.savefig(file, format="png", dpi=DOTS)
     data = base64.b64encode(file.getvalue()).decode()
     width = f"{size[0] * 96:.0f}"
-    return f'<img alt="{html.escape(title)}" width="{width}" src="data:image/png;base64,{data}">'
+    return f'<img alt="{title}" width="{width}" src="data:image/png;base64,{data}">'
 
 
 class _Call:

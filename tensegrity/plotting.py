@@ -222,14 +222,11 @@ def film(
         raise TensegrityError(
             f"{path}: a .mp4 needs the program ffmpeg, which is not there; a .gif needs none"
         )
-    try:
-        with check.replacing(path) as new:
-            if mp4:
-                _mp4(new, figure, frames, show, rate)
-            else:
-                _gif(new, figure, frames, show, rate)
-    except OSError as error:
-        raise TensegrityError(f"{path} cannot be written: {error.strerror or error}") from error
+    with check.replacing(path) as new:
+        if mp4:
+            _mp4(new, figure, frames, show, rate)
+        else:
+            _gif(new, figure, frames, show, rate)
 
 
 def _mp4(new: Any, figure: Any, frames: Any, show: Any, rate: float) -> None:

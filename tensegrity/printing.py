@@ -8,19 +8,25 @@ from __future__ import annotations
 
 import re
 import textwrap
+from collections.abc import Iterator
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import fields
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from tensegrity import check, unit_names
 from tensegrity.errors import SAID
+from tensegrity.notebook import page
 from tensegrity.unit_names import in_units
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from typing import Any
+
+    from matplotlib.figure import Figure
+
+Lines: TypeAlias = Iterator[str]
 
 WIDTH = 80
 GLUE = "\xa0"  # a space at which no line is broken
@@ -52,7 +58,7 @@ def units(
     Returns
     -------
     context manager
-        The names hold from the call on; in a `with` statement, until it ends.
+        The names hold from the call on, in this thread; in a `with` statement, until it ends.
 
     Raises
     ------
@@ -77,10 +83,17 @@ def units(
     for name, text in (("mass", mass), ("energy", energy)):
         check.kind(name, text, str)
     SAID["message"] = unit_names.in_units
+    names = {"m": length, "kg": mass, "s": time, "N": force, "J": energy}
+    unit_names.given.set((*unit_names.given.get(), names))
     after = ExitStack()
-    after.callback(unit_names.names.update, dict(unit_names.names))
-    unit_names.names.update({"m": length, "kg": mass, "s": time, "N": force, "J": energy})
+    after.callback(_ended, names)
     return after
+
+
+def _ended(names: dict[str, str]) -> None:
+    """End the hold of some names, whichever were given since."""
+    left = tuple(one for one in unit_names.given.get() if one is not names)
+    unit_names.given.set(left)
 
 
 def _joined(one: str, other: str, mark: str) -> str:
@@ -97,6 +110,31 @@ def filled(text: str) -> str:
         indent = line[: len(line) - len(line.lstrip())] + "    "
         lines += textwrap.wrap(line, WIDTH, subsequent_indent=indent, break_on_hyphens=False)
     return "\n".join(lines).replace(GLUE, " ")
+
+
+class Printed:
+    """Base of results: `print`, `repr` and a notebook show the same lines, `_lines`, the first of
+    which is the title; a notebook as a table, beside the picture that `_draw` draws."""
+
+    _draw: Callable[[Any], object] | None = None  # on a figure of Matplotlib
+    _size = (4.6, 3.0)  # inches
+
+    def _lines(self) -> Lines:
+        raise NotImplementedError
+
+    def __str__(self) -> str:
+        return filled("\n".join(self._lines()))
+
+    def __repr__(self) -> str:
+        return str(self)
+
+    def _repr_html_(self) -> str:
+        return page(self._lines(), self._draw, self._size)
+
+
+def drawn(self: Any, figure: Figure) -> None:
+    """The picture of what has a plot on axes of the plane."""
+    self.plot(figure.subplots())
 
 
 def concise(thing: object) -> str:

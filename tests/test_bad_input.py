@@ -312,6 +312,7 @@ CALLS = [  # where other arguments are needed, or several in one call
     (ts.arrival, {"run": RUN, "bond": 4, "direction": 1}),
     (ts.tail_front, {"state": RUN.final}),
     (ts.budget, {"run": RUN}),
+    (ts.bond_force, {"run": RUN}),
     (ts.speed, {"run": RUN, "where": (3, 5)}),
     (ts.width, {"x": X}),
     (granular.materials.__getitem__, {"name": "steel"}),

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import sympy as sp
 from scipy.integrate import solve_ivp
+from scipy.interpolate import make_interp_spline
 
 from tensegrity import (
     METHODS,
@@ -12,6 +13,7 @@ from tensegrity import (
     Drive,
     Ensemble,
     Force,
+    Network,
     Potential,
     PowerLaw,
     Prism,
@@ -20,6 +22,7 @@ from tensegrity import (
     StabilityError,
     State,
     TensegrityError,
+    bond_force,
     budget,
     modes,
     resume,
@@ -277,6 +280,32 @@ def test_the_budget_of_a_part_of_a_chain_counts_them():
         assert found.energy_error < 1e-9
         assert found.momentum_error < 1e-9
         assert np.abs(found.work).max() > 1e-3 * run.energy[0]
+
+
+def test_the_force_of_a_bond_is_that_of_spring_dashpot_and_forces():
+    """As in `rates`; in a network along the bond, which turns, by what its last site gains."""
+    one = scene()
+    run = simulate(one, one.at_rest({1: 0.1}), END, dt=0.01, method="rk8", record=Record(every=9))
+    r, rate = np.diff(run.u, axis=1), np.diff(run.v, axis=1)
+    wanted = SPRING.tension(r) + 0.05 * rate
+    wanted[:, STRUT] += 0.2 * rate[:, STRUT] * (1 + r[:, STRUT] ** 2) + r[:, STRUT] ** 3 / 5
+    np.testing.assert_allclose(bond_force(run), wanted, rtol=1e-12, atol=1e-14)
+    assert np.abs(wanted - one.bond_tension(run.u)).max() > 1e-3
+
+    loss = Force(C * RATE + R**3 / 5, "bonds", [1], {"c": 0.2})
+    net = Network([(0, 0), (1, 0), (1.5, 1)], [(0, 1), (1, 2)], SPRING, forces=(loss,),
+                  damping=Damping(bond=0.05))  # fmt: skip
+    run = simulate(net, net.at_rest({2: (0.1, 0.2)}), 2.0, dt=0.01, method="rk8",
+                   record=Record(every=1))  # fmt: skip
+    away = net.positions[2] + run.u[:, 2] - net.positions[1] - run.u[:, 1]
+    away /= np.linalg.norm(away, axis=1)[:, None]
+    gained = net.mass[2] * make_interp_spline(run.t, run.v[:, 2], k=7).derivative()(run.t)
+    np.testing.assert_allclose(-bond_force(run)[:, 1:] * away, gained, atol=1e-9)
+    assert np.ptp(away[:, 0]) > 1e-2
+    many = Ensemble(Chain(SPRING, 3), 2)
+    run = simulate(many, many.at_rest({0: 0.1}), 1.0, dt=0.1)
+    with pytest.raises(TensegrityError, match="of the run is Ensemble, not a Chain or a Network"):
+        bond_force(run)
 
 
 def test_what_knows_no_such_forces_refuses_them():

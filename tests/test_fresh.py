@@ -16,7 +16,7 @@ from tensegrity.engine import disk_cache, programs
 from tensegrity.engine.disk_cache import cache_folder, cached
 from tensegrity.engine.law import DerivedLaw, functions
 from tensegrity.prisms.closed import rigid_law
-from tensegrity.prisms.condensed import functions as functions_of
+from tensegrity.prisms.condensed import function as condensed
 from tensegrity.prisms.equations import problem
 
 ROOT = Path(__file__).parent.parent
@@ -225,7 +225,7 @@ def test_problems_of_prisms_are_made_once():
     """Not at each path: their functions are read and loaded with them."""
     for kind in ((False,), (True, False), (False, True)):
         assert problem(*kind) is problem(*kind)
-        assert functions_of(*kind) is functions_of(*kind)
+        assert condensed("step", *kind) is condensed("step", *kind)
 
 
 def test_a_program_gives_the_numbers_of_its_expressions():

@@ -14,8 +14,11 @@ from granular import (
     chain,
     diamond_guide,
     energies,
+    fcc_pack,
+    hexagonal_pack,
     materials,
     overlaps,
+    pack,
     power,
     sensor_force,
     simulate,
@@ -316,3 +319,18 @@ def test_a_layout_with_a_bead_outside_is_refused_by_the_guide():
     beads = {part: STEEL for part in layout.parts}
     with pytest.raises(TensegrityError, match="bead 2 of stem 1 is outside its guide"):
         Guide(replace(layout, positions=moved), beads, materials["ptfe"])
+
+
+def test_a_misspelled_keyword_of_a_builder_is_named():
+    builders = {
+        chain: [[STEEL] * 3], y_guide: [3, 3], diamond_guide: [3, 3], fcc_pack: [2, 2],
+        hexagonal_pack: [2, 2], pack: [[(0.0, 0.0)], STEEL],
+    }  # fmt: skip
+    for build, given in builders.items():
+        bead = {} if build in (chain, pack) else {"bead": STEEL}
+        with pytest.raises(TypeError, match=rf"^{build.__name__}\(\) .*gravty.*mean 'gravity'"):
+            build(*given, **bead, gravty=9.81)
+        assert "[m/s^2]" in build.__doc__
+        assert "surroundings" not in build.__doc__
+    with pytest.raises(TypeError, match="friction"):
+        chain([STEEL] * 3, friction=(0.2, 0.01))

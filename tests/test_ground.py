@@ -193,3 +193,21 @@ def test_a_site_that_reaches_the_end_of_its_spring_to_the_ground_is_named():
     assert found.value.run.u.max() < 2 * math.pi / 3
     near = simulate(chain, State(np.zeros(2), 0.1 * np.ones(2)), t_end=6.0, tol=1e-8)
     assert near.energy_error < 1e-7
+
+
+def test_a_network_on_a_line_has_the_springs_to_the_ground_of_a_chain():
+    """Forces, energies and motion are those of the chain, although it has other arrays."""
+    well, at = Potential(B * U**2 / 2 + U**4, U, {"b": 0.5}), [0, 2]
+    chain = Chain(SPRING, 4, forces=[Force(well, at=at)])
+    pairs = [(0, 1), (1, 2), (2, 3)]
+    line = Network([[k] for k in range(4)], pairs, SPRING, forces=[Force(well, at=at)])
+    state = State([0.02, 0.0, -0.01, 0.03], [0.0, 0.1, 0.0, 0.0])
+    other = State(state.u[:, None], state.v[:, None])
+    np.testing.assert_array_equal(line.forces(other.u)[:, 0], chain.forces(state.u))
+    np.testing.assert_array_equal(line.stiffness(other.u).data, chain.stiffness(state.u).data)
+    np.testing.assert_allclose(line.site_energy(other), chain.site_energy(state), rtol=1e-14)
+    assert line.energy(other) == chain.energy(state)
+    assert line.energy(other) == pytest.approx(line.site_energy(other).sum())
+    one, two = simulate(chain, state, 4.0, dt=0.01), simulate(line, other, 4.0, dt=0.01)
+    np.testing.assert_allclose(two.u[..., 0], one.u, rtol=0, atol=1e-14)
+    assert two.energy_error < 1e-7

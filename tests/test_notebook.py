@@ -42,7 +42,7 @@ def run(**record):
 SHOWN = {
     "prism": (lambda: RIGID, ("0.302509 N/m", "locking height", "bar 1.31682 m")),
     "run": (lambda: run(every=1), ("verlet", "0.1 s, 200 steps", "201 instants of 30 sites")),
-    "path": (lambda: equilibrium_path(ELASTIC), ("contact", "shortening", "the bars meet")),
+    "path": (lambda: equilibrium_path(ELASTIC), ("contact", "height 0.7 m", "the bars meet")),
     "wave": (lambda: solitary_wave(SPRING, speed_ratio=2.0), ("2 sound speeds", "width")),
     "structure": (lambda: ELASTIC.structure(), ("3 bars, 9 strings", "3 dimensions")),
     "network": (lambda: Network([[0, 0], [1, 0], [0, 1]], [(0, 1), (1, 2)], SPRING), ("bonds",)),
@@ -94,11 +94,11 @@ def test_a_part_of_a_path_says_that_it_is_one():
     path = equilibrium_path(ELASTIC)[:5]
     words, _ = read(path._repr_html_())
     assert "end of the slice" in words
-    assert "EquilibriumPath, 5 rows" in words
+    assert "5 equilibria" in words
 
 
 def test_text_is_escaped_and_a_run_without_all_sites_has_no_picture():
-    text = notebook.page("<b>&", {"<script>": "<img src=x>"})
+    text = notebook.page(["<b>&", "<script>: <img src=x>"])
     words, pictures = read(text)
     assert "<script>" in words
     assert "<img src=x>" in words

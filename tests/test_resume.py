@@ -182,7 +182,8 @@ def test_a_state_that_cannot_be_written_leaves_the_one_before(tmp_path, monkeypa
 
     monkeypatch.setattr("os.replace", full)
     record = Record(interval=0.1, path=path, checkpoint=0.0)
-    with pytest.raises(RecordError, match=r"run\.npy\.state\.npz: No space left") as caught:
+    words = r"run\.npy\.state\.npz cannot be written: No space left"
+    with pytest.raises(RecordError, match=words) as caught:
         simulate(scene, state, 8.0, **how, record=record)
     monkeypatch.undo()
     assert np.array_equal(np.load(path)["t"], caught.value.run.t)

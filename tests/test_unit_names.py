@@ -1,5 +1,7 @@
 """Units are what the user said, in prints, plots, files and messages; numbers are not converted."""
 
+import threading
+
 import matplotlib.pyplot as plt
 import pytest
 
@@ -86,3 +88,29 @@ def test_units_hold_from_the_call_on_until_others_are_named():
     assert in_units("3 N/m, 2 J, 1 kg") == "3 N/m, 2 J, 1 kg"
     with pytest.raises(ts.TensegrityError, match="length 1"):
         ts.units(length=1)
+
+
+def test_each_thread_has_its_units():
+    said = []
+    with ts.units(length="mm"):
+        thread = threading.Thread(target=lambda: said.append(in_units("3 m")))
+        thread.start()
+        thread.join()
+        assert in_units("3 m") == "3 mm"
+    assert said == ["3 m"]
+
+
+def test_units_that_end_in_another_order_leave_none_behind():
+    first, second = ts.units(length="mm"), ts.units(length="ft")
+    first.close()
+    assert in_units("3 m") == "3 ft"
+    second.close()
+    assert in_units("3 m") == "3 m"
+
+
+def test_what_a_user_wrote_keeps_its_words():
+    with ts.units(length="mm", force="kN"):
+        with pytest.raises(ts.TensegrityError, match="'3 N'"):
+            ts.Force(1.0, on="3 N")
+        said = in_units("the beads' length of 3 m and a file '2 m [N].csv' of Hertz's 4 N")
+        assert said == "the beads' length of 3 mm and a file '2 m [N].csv' of Hertz's 4 kN"

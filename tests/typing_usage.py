@@ -78,6 +78,7 @@ from tensegrity import (
     arrival,
     bands,
     bar_contact,
+    bond_force,
     budget,
     catalogue,
     control_path,
@@ -405,6 +406,7 @@ def springs_elsewhere(spring: Potential) -> None:
 
 def measured(chain: Chain, run: Run) -> float:
     passed = budget(run, 5)
+    assert_type(bond_force(run), Array)
     assert_type(passed.energy - passed.work, Array)
     assert_type(passed.momentum_error, float)
     assert_type(pulses(run, fraction=0.2), list[Pulse])
@@ -420,6 +422,7 @@ def measured(chain: Chain, run: Run) -> float:
     times = arrival(run, 3, direction=-1, after=0.5) + duration(run, 3, level=0.1)
     front = tail_front(chain, run.final)
     budget(chain, 5)  # type: ignore[arg-type]
+    bond_force(chain)  # type: ignore[arg-type]
     speed(run, 5)  # type: ignore[call-overload]
     arrival(chain, 3)  # type: ignore[arg-type]
     pulses(chain, run.final)  # type: ignore[arg-type]
@@ -514,6 +517,8 @@ def beads() -> Run:
     granular.chain(bead)  # type: ignore[arg-type]
     y_guide(bead=bead, branches=bead)  # type: ignore[arg-type]
     y_guide(bead=bead, law=1.5)  # type: ignore[arg-type]
+    granular.chain([bead] * 2, gravty=9.81)  # type: ignore[call-arg]
+    granular.chain([bead] * 2, friction=(0.2, 0.01))  # type: ignore[call-arg]
     power("hertz", 1.5)  # type: ignore[arg-type]
     hertz(bead, 1.0)  # type: ignore[arg-type]
     return run

@@ -6,8 +6,8 @@ diameters, gaps and speed on a design, and with a `Scatter` `search` minimises t
 Source: the talk, part II, "Optimal Design of Granular Protectors".
 """
 
+from granular.design.finalists import robustness
 from granular.design.objective import peak_force
-from granular.design.robust import robustness
 from granular.design.scatter import Scatter
 from granular.design.searching import search
 from granular.design.spaces import Choice, Order, Sizes

@@ -1,4 +1,5 @@
-"""Verification of the best designs of a search with finer steps and in a longer window.
+"""How far a design can be trusted: the best ones of a search with finer steps and in a longer
+window, and the peak force of one over random deviations of its diameters, gaps and impact speed.
 
 An optimiser exploits the errors of an integration, and delays a force beyond the end of the run.
 The best designs are therefore computed again with the default step and half of it, and those whose
@@ -8,21 +9,24 @@ at the default step, is selected.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from tensegrity import TensegrityError
-from tensegrity.printing import filled
+from granular.beads import Bead, Striker
+from granular.design import objective
+from granular.design.scatter import Scatter, fraction
+from granular.design.spaces import Designs
+from granular.materials import Material
+from tensegrity import TensegrityError, check
+from tensegrity.engine import native
+from tensegrity.printing import Lines, Printed
+from tensegrity.readonly import fixed
+from tensegrity.typing import Array
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from granular.beads import Bead
-    from tensegrity.typing import Array
-
-    Force = Callable[[float, float, Array], Array]  # forces [N] of t_end, dt [s], genes
+Force: TypeAlias = Callable[[float, float, Array], Array]  # forces [N] of t_end, dt [s], genes
 
 MOVED = 1e-3  # relative change of a force that is an error of the integration
 FINALISTS = 16  # the best designs that are computed again together
@@ -46,8 +50,8 @@ class Again(NamedTuple):
     force: float
 
 
-@dataclass(frozen=True, eq=False)
-class Best:
+@dataclass(frozen=True, eq=False, repr=False)
+class Best(Printed):
     """Result of a search.
 
     Attributes
@@ -85,26 +89,20 @@ class Best:
     method: str
     seed: int
 
-    def __str__(self) -> str:
-        lines = [
-            f"{self.peak_force:.6g} N, {self.method}, seed {self.seed}, "
-            f"{self.evaluations} designs computed"
-        ]
-        lines += [
-            f"in {one.t_end:.4g} s at dt = {one.dt:.3g} s: {one.force:.6g} N" for one in self.again
-        ]
+    def _lines(self) -> Lines:
+        of = f"{self.peak_force:.6g} N, {self.method}, seed {self.seed}"
+        yield f"{of}, {self.evaluations} designs computed"
+        for one in self.again:
+            yield f"in {one.t_end:.4g} s at dt = {one.dt:.3g} s: {one.force:.6g} N"
         if self.failed:
-            lines.append(f"{self.failed} designs were lost with their workers")
+            yield f"{self.failed} designs were lost with their workers"
         if self.rejected:
-            lines.append(f"{self.rejected} better ones were rejected: their force changes with dt")
+            yield f"{self.rejected} better ones were rejected: their force changes with dt"
         if not self.converged_in_time:
-            lines.append(
+            yield (
                 f"not converged in time: these differ by more than {MOVED:g}; take a longer "
                 "t_end, or this force as an estimate"
             )
-        return filled("\n".join(lines))
-
-    __repr__ = __str__
 
 
 def chosen(
@@ -163,3 +161,112 @@ def _lasting(force: Force, t_end: float, dt: float, rows: Array, worth: Array) -
             best = true, k, longer
     assert best is not None
     return best[1], best[2]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Robustness(Printed):
+    """Peak forces of a design that is not made exactly.
+
+    Attributes
+    ----------
+    peaks : ndarray, (draws,)
+        Largest force on the wall [N], > 0, in the order of the draws.
+    """
+
+    peaks: Array
+
+    def quantile(self, q: float) -> float:
+        """Force that a fraction q of the draws stays below [N].
+
+        Parameters
+        ----------
+        q : float
+            From 0 to 1.
+
+        Returns
+        -------
+        float
+            Interpolated between the draws.
+
+        Raises
+        ------
+        TensegrityError
+            A fraction out of its range.
+        """
+        return float(np.quantile(self.peaks, fraction("quantile", q)))
+
+    def _lines(self) -> Lines:
+        low, middle, high = (self.quantile(q) for q in (0.1, 0.5, 0.9))
+        yield (
+            f"{len(self.peaks)} draws: median {middle:.6g} N, "
+            f"a tenth below {low:.6g} N and a tenth above {high:.6g} N"
+        )
+
+
+def robustness(
+    beads: Sequence[Bead],
+    *,
+    striker: Striker,
+    wall: Material,
+    t_end: float,
+    diameters: float = 0.0,
+    gaps: float = 0.0,
+    speed: float = 0.0,
+    draws: int = 100,
+    seed: int = 0,
+) -> Robustness:
+    """Largest force on the wall behind a chain over random deviations from its design.
+
+    Parameters
+    ----------
+    beads : sequence of Bead
+        A design in the order of the axis, from the struck end to the wall.
+    striker : Striker
+        In contact with the first bead; its diameter is exact.
+    wall : Material
+    t_end : float
+        Time after the impact [s], > 0.
+    diameters, gaps, speed, draws, seed : optional
+        Parameters of the deviations; see `Scatter`.
+
+    Returns
+    -------
+    Robustness
+        With the default step of `peak_force`; without deviations every peak is that force.
+
+    Raises
+    ------
+    TensegrityError
+        As `peak_force`; a deviation out of its range; a wave that does not arrive before `t_end` in
+        some draw.
+    CompilerError
+        No C compiler.
+
+    Examples
+    --------
+    >>> from granular import Bead, Striker, materials
+    >>> from granular.design import robustness
+    >>> steel = materials["steel"]
+    >>> big, small = Bead(10e-3, steel), Bead(4e-3, steel)
+    >>> blow = {"striker": Striker(big, 0.44), "wall": steel, "t_end": 1e-3}
+    >>> found = robustness([big] * 10 + [small] * 10, gaps=1e-6, diameters=0.01, **blow)
+    >>> print(f"{found.quantile(0.5):.1f} N")
+    60.8 N
+    """
+    scatter = Scatter(diameters, gaps, speed, draws, seed)
+    chains, single = objective.checked_beads(beads)
+    if not single:
+        raise TensegrityError(f"{len(chains)} designs: give the beads of one")
+    objective.check_blow(striker, wall)
+    t_end = check.number("t_end", t_end, above=0, unit="s")
+    native.require()
+    varied, separations, speeds = scatter.varied(Designs.of(chains), striker.speed)
+    unit = float(varied.behind(striker.bead).unit(wall, speeds.max()).min())
+    steps = objective.step_count(unit, t_end, None)
+    peaks = objective.largest(varied, striker, wall, t_end, steps, separations, speeds)
+    late = int(np.isinf(peaks.first).sum())
+    if late:
+        raise TensegrityError(
+            f"t_end {t_end:g} s is before the wave arrives in {late} of {scatter.draws} draws"
+        )
+    return Robustness(fixed(peaks.force))

@@ -57,7 +57,7 @@ def genetic(space: Order | Choice, rng: np.random.Generator) -> Proposals:
         rows, forces = yield first
         stale = 0
         while stale < STALE:
-            made = new(partial(_children, space, rng, *_ranked(rows, forces)))
+            made = new(partial(_children, space, rng, _ranked(rows, forces)[0]))
             if not len(made):
                 break
             made, values = yield made
@@ -72,9 +72,7 @@ def _ranked(rows: Indices, forces: Array) -> tuple[Indices, Array]:
     return rows[order], forces[order]
 
 
-def _children(
-    space: Order | Choice, rng: np.random.Generator, rows: Indices, forces: Array
-) -> Indices:
+def _children(space: Order | Choice, rng: np.random.Generator, rows: Indices) -> Indices:
     """Changed children of parents, the better of `PAIRS` each; the best rows come first."""
     picks = rng.integers(len(rows), size=(2, POPULATION, PAIRS)).min(axis=-1)
     made = space.children(rng, *rows[picks])

@@ -13,7 +13,6 @@ import os
 from collections.abc import Iterator
 from concurrent.futures import Executor
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -31,15 +30,7 @@ from tensegrity import TensegrityError, check
 from tensegrity.engine import native
 from tensegrity.notebook import one_bar, progress
 from tensegrity.runs import archive
-from tensegrity.runs.sweep import (
-    Failed,
-    WorkerPool,
-    checkpoint_file,
-    identified,
-    known_by,
-    require_same,
-    write_checkpoint,
-)
+from tensegrity.runs.sweep import Checkpoint, Failed, outcomes, require_executor
 from tensegrity.typing import Array
 
 COARSE = 4.0  # steps of a search of chains over the default ones: they rank designs alike
@@ -141,8 +132,9 @@ def search(
     dt = t_end / objective.step_count(unit, t_end, longest)
     native.require()
     problem = Problem(space, striker, wall, t_end, dt, build, scatter)
-    with WorkerPool(executor) as workers, one_bar("design"):
-        trail = _SearchRecord(problem, workers, budget, checkpoint, name, seed)
+    require_executor(executor)
+    with one_bar("design"):
+        trail = _SearchRecord(problem, executor, budget, checkpoint, name, seed)
         try:
             with progress(budget, "design", trail.begun) as trail.bar:
                 trail.follow(propose(space, np.random.default_rng(seed)))
@@ -157,18 +149,17 @@ def _coarse(build: Build | None) -> float:
     return COARSE if build is None else BUILT
 
 
-def _parts(data: dict[str, Any]) -> tuple[dict[str, Any], list[tuple[Any, Array]], str]:
-    """The problem, the best design and the forces of each descent, and the digest of a file."""
-    of = known_by(data["of"])
-    forces = archive.array("forces", data["forces"], (None,), are_finite=False)
-    check.kind("digest", data["digest"], str)
-    counts, rows = data.get("counts", ()), data.get("rows", ())
+def _descents(
+    forces: Any, digest: Any, count: int, counts: Any = (), rows: Any = ()
+) -> tuple[list[tuple[Any, Array]], str]:
+    """The best design and the forces of each descent, and the digest, of a file."""
+    forces = archive.array("forces", forces, (None,), are_finite=False)
+    check.kind("digest", digest, str)
     if len(counts) != len(rows) or (len(counts) and np.sum(counts) != len(forces)):
         raise TensegrityError(f"{len(rows)} descents of {np.sum(counts)} forces, of {len(forces)}")
     if not len(counts):  # of a design each
-        return of, [(None, force) for force in forces[:, None]], data["digest"]
-    descents = np.split(forces, np.cumsum(counts)[:-1])
-    return of, list(zip(rows, descents, strict=True)), data["digest"]
+        return [(None, force) for force in forces[:, None]], digest
+    return list(zip(rows, np.split(forces, np.cumsum(counts)[:-1]), strict=True)), digest
 
 
 class _SearchRecord:
@@ -179,30 +170,23 @@ class _SearchRecord:
     """
 
     def __init__(
-        self, problem: Problem, workers: WorkerPool, budget: int, path: Any, method: str, seed: int
+        self, problem: Problem, executor: Any, budget: int, path: Any, method: str, seed: int
     ) -> None:
-        self._problem, self._workers, self._budget = problem, workers, budget
+        self._problem, self._executor, self._budget = problem, executor, budget
         self._method, self._seed, self.failed = method, seed, 0
         self.bar: Any = None
         self._leads = Descents(problem) if method == "gradient" else problem
         self.forces: list[float] = []
         self._known: dict[bytes, tuple[Array, float]] = {}  # the best design of each row
-        self._best, self._best_forces = np.empty((0, problem.space.count)), np.empty(0)
         self._whole: list[tuple[Any, int]] = []  # best design of a descent, and count
-        self._written, self._digest = 0, hashlib.sha256()
-        self._path: Path | None = None if path is None else checkpoint_file(path)
-        self._old: list[tuple[Any, Array]] = []
-        self._old_digest = ""
-        self._of: dict[str, Any] = {}
-        if self._path is not None:
-            parts = "space", "striker", "wall", "t_end", "dt", "build", "scatter"
-            given = {name: getattr(problem, name) for name in parts}
-            self._of = identified("search", given | {"method": method, "seed": seed})
-        if self._path is not None and self._path.exists():
-            of, *old = archive.read(self._path, "search", _parts)
-            require_same(self._path, "search", of, self._of)
-            self._old, self._old_digest = old
-            self._written = len(self._old)
+        self._digest = hashlib.sha256()
+        parts = "space", "striker", "wall", "t_end", "dt", "build", "scatter"
+        given = {name: getattr(problem, name) for name in parts}
+        given |= {"method": method, "seed": seed}
+        self._file = Checkpoint(path, "search", given, {}, _descents)
+        old: tuple[list[tuple[Any, Array]], str] = self._file.found or ([], "")
+        self._old, self._old_digest = old
+        self._written = len(self._old)
 
     @property
     def begun(self) -> int:
@@ -233,7 +217,6 @@ class _SearchRecord:
             mine = [keys[next(waiting)] for _ in ends]
             for key, descent in zip(mine, ends, strict=True):
                 self._take(key, descent)
-            self._rank([self._known[key] for key in mine if key in self._known])
             self._write()
             if len(self.forces) >= self._budget:
                 break
@@ -269,34 +252,22 @@ class _SearchRecord:
             if len(self._whole) == len(self._old):
                 self._require_same_digest()
 
-    def _rank(self, designs: list[tuple[Array, float]]) -> None:
-        """Update the list of the best designs."""
-        if not designs:
-            return
-        rows, values = (np.array(x) for x in zip(*designs, strict=True))
-        top, forces = np.concatenate([self._best, rows]), np.append(self._best_forces, values)
-        order = np.argsort(forces, kind="stable")[:CANDIDATES]
-        self._best, self._best_forces = top[order].astype(rows.dtype), forces[order]
-
     def _write(self) -> None:
         """Write new designs to the file."""
-        if self._path is None or len(self._whole) <= self._written:
+        if not self._file or len(self._whole) <= self._written:
             return
         self._written = len(self._whole)
         rows, counts = zip(*self._whole, strict=True)
-        data = {
-            "of": self._of, "forces": np.array(self.forces[: sum(counts)]),
-            "digest": self._digest.hexdigest(),
-        }  # fmt: skip
+        found = {"forces": np.array(self.forces[: sum(counts)]), "digest": self._digest.hexdigest()}
         if isinstance(self._leads, Descents):
-            data |= {"counts": np.array(counts), "rows": np.array(rows)}
-        write_checkpoint(self._path, "search", data)
+            found |= {"counts": np.array(counts), "rows": np.array(rows)}
+        self._file.write(**found)
 
     def _require_same_digest(self) -> None:
         if self._digest.hexdigest() != self._old_digest:
             raise TensegrityError(
-                f"checkpoint {self._path}: its designs are not those that this search proposes; "
-                "was it written with other versions of the libraries?"
+                f"checkpoint {self._file.path}: its designs are not those that this search "
+                "proposes; was it written with other versions of the libraries?"
             )
 
     def _refuse_early(self, rows: Array) -> None:
@@ -312,12 +283,12 @@ class _SearchRecord:
         """Ways from rows in their order, in lists of those that one worker computes; `number` is
         that of the first."""
         size = leads.part
-        if size > 1 and not self._workers.is_remote:
+        if size > 1 and self._executor is None:
             size = max(1, len(rows))
         parts = [rows[k : k + size] for k in range(0, len(rows), size)]
         done: dict[int, list[Descent]] = {}
         given = 0
-        for k, result in self._workers.outcomes(leads, parts):
+        for k, result in outcomes(self._executor, leads, dict(enumerate(parts))):
             if isinstance(result, Failed):
                 if not result.lost:
                     raise TensegrityError(f"{leads.unit} {number + k * size}: {result.error}")
@@ -339,9 +310,12 @@ class _SearchRecord:
 
     def best(self) -> Best:
         """The best design whose force does not change with the step, also in the longer window."""
-        problem, some = self._problem, np.isfinite(self._best_forces)
-        if not some.any():
+        problem, found = self._problem, [x for x in self._known.values() if np.isfinite(x[1])]
+        if not found:
             raise TensegrityError(f"no design of {len(self.forces)} has a force at the wall")
+
+        top = sorted(found, key=lambda x: x[1])[:CANDIDATES]
+        rows, forces = (np.array(x) for x in zip(*top, strict=True))
 
         def force(t_end: float, dt: float, rows: Array) -> Array:
             parts = self._computed(replace(problem, t_end=t_end, dt=dt), rows)
@@ -352,8 +326,8 @@ class _SearchRecord:
             problem.t_end,
             problem.dt,
             problem.dt / _coarse(problem.build),
-            self._best[some],
-            self._best_forces[some],
+            rows,
+            forces,
         )
         return Best(
             beads=problem.space.beads(row), peak_force=again[-2].force,

@@ -9,8 +9,7 @@ import numpy as np
 
 from tensegrity import check, plotting
 from tensegrity.errors import TensegrityError
-from tensegrity.notebook import page
-from tensegrity.printing import filled
+from tensegrity.printing import Lines, Printed, drawn, filled
 from tensegrity.unit_names import unit_text
 
 if TYPE_CHECKING:
@@ -23,7 +22,7 @@ if TYPE_CHECKING:
     from tensegrity.typing import Array
 
 INTERRUPTED = "interrupted"  # why a curve ends after Ctrl-C
-FIRST = 6  # number of columns and events that a notebook shows
+FIRST = 6  # number of columns in the text of an event
 ROUND_OFF = 1e-13  # of the largest value of a column: less is printed as 0
 
 
@@ -70,7 +69,7 @@ class Event:
         return filled(f"{self.kind}: {', '.join(shown)}{more}{note}")
 
 
-class Table:
+class Table(Printed):
     """Columns of equal length along a curve, and the events on it.
 
     Columns are attributes; `table[3]` is a row as a dict, a slice is a table, and `len` is the
@@ -125,28 +124,17 @@ class Table:
     def __iter__(self) -> Iterator[dict[str, Any]]:
         return (self[row] for row in range(len(self)))
 
-    def __str__(self) -> str:
+    def _lines(self) -> Lines:
         first, last = (self._quantities(self[row], self.columns) for row in (0, len(self) - 1))
-        story = [f"{len(self)} rows", f"  from {first}", *(f"  {e}" for e in self.events)]
-        return filled("\n".join([*story, f"  to {last}", f"  ends: {self.end}"]))
+        yield f"{len(self)} rows"
+        yield from (f"  from {first}", *(f"  {e}" for e in self.events), f"  to {last}")
+        yield f"  ends: {self.end}"
 
     def __repr__(self) -> str:
         kinds = ", ".join(e.kind for e in self.events) or "no events"
         return filled(f"{type(self).__name__}({len(self)} rows; {kinds})")
 
-    def _repr_html_(self) -> str:
-        rows = {
-            self._heading(name): f"{column[0]:.6g} to {column[-1]:.6g}"
-            for name, column in self.columns.items()
-            if np.ndim(column) == 1 and np.asarray(column).dtype.kind == "f"
-        }
-        rows = dict(list(rows.items())[:FIRST])
-        for number, event in enumerate(self.events[:FIRST]):
-            at = ", ".join(f"{k} {v:.6g}" for k, v in list(event.at.items())[:FIRST])
-            rows[f"{number + 1}: {event.kind}"] = at
-        rows["ends"] = self.end
-        title = f"{type(self).__name__}, {len(self)} rows"
-        return page(title, rows, lambda figure: self.plot(figure.subplots()))
+    _draw = drawn
 
     def _quantities(self, values: Mapping[str, Any], names: Iterable[str]) -> str:
         """Values of columns in words, with their units; what is round-off of its column is 0."""
@@ -197,11 +185,8 @@ class Table:
         table = np.column_stack([np.asarray(c, dtype=float) for c in self.columns.values()])
         header = ",".join(map(self._heading, self.columns))
         path = check.path("path", path)
-        try:
-            with check.replacing(path) as new:
-                np.savetxt(new, table, fmt="%.17g", delimiter=",", header=header, comments="")
-        except OSError as error:
-            raise TensegrityError(f"{path} cannot be written: {error.strerror}") from error
+        with check.replacing(path) as new:
+            np.savetxt(new, table, fmt="%.17g", delimiter=",", header=header, comments="")
 
     def plot(self, ax: Axes | None = None, *, x: str | None = None, y: str | None = None) -> Axes:
         """Draw one column against another, with the events marked, and dashed where a column

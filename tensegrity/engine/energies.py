@@ -92,7 +92,7 @@ class Energies:
         count = math.prod(states)
         scratch = np.empty(self._room + count)  # work space, and the results
         energies = scratch[self._room :]
-        pointers = address(u), address(v), address(scratch), energies.ctypes.data
+        pointers = address(u), address(v), address(scratch), address(energies)
         if not self._function(*self._given, count, *pointers):
             return None
         return energies.reshape(states).copy() if states else energies[0]

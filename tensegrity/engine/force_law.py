@@ -344,7 +344,7 @@ def largest_decay(
     for one in applied:
         law, at = one.law, one.places
         if law.law is not None:
-            stiffness[at] += np.abs(one.stored(2, u))
+            stiffness[at] += np.abs(one.stored(2, u.ravel()))  # of one coordinate
         if not (law.dissipates and len(at)):
             continue
         if law.on == SITE:

@@ -90,8 +90,8 @@ def tangent_springs(
     return ends, stiff, loss
 
 
-def values_on_chain(one: AppliedForce, bonds: Bonds, t: Array, u: Array, v: Array) -> Array:
-    """A force of a chain in some states.
+def values_between(one: AppliedForce, bonds: Bonds, t: Array, u: Array, v: Array) -> Array:
+    """A force in some states, as it acts on the first end of each of its places.
 
     Parameters
     ----------
@@ -99,16 +99,15 @@ def values_on_chain(one: AppliedForce, bonds: Bonds, t: Array, u: Array, v: Arra
     bonds : Bonds
     t : ndarray, (times,)
         [s]
-    u, v : ndarray, (times, sites)
+    u, v : ndarray, (times, *shape of the scene)
         [m], [m/s]
 
     Returns
     -------
-    ndarray, (times, places)
-        On sites towards higher sites, in bonds a tension [N].
+    ndarray, (times, places, dim)
+        [N]; the first end of a place on a site is the ground, that of a bond is pulled by tension.
     """
-    values: Array = _evaluated(one, "values", bonds, t, u, v)[1][..., 0, 0]
-    return -values if one.law.on == SITE else values
+    return _evaluated(one, "values", bonds, t, u, v)[1][:, :, 0]
 
 
 def pull_back(

@@ -39,7 +39,7 @@ def elongations(bonds, u):
 def bond_elongations(bonds, u):
     """Elongation of each bond [m], (..., bonds), without its gradient."""
     if bonds.contacts is None:
-        return np.diff(u, axis=-1)
+        return u[..., 1:] - u[..., :-1]
     contacts = bonds.contacts
     elongations = np.empty((*u.shape[:-2], len(contacts.first)), dtype=u.dtype)
     for k in range(0, elongations.shape[-1], PART):
@@ -50,6 +50,25 @@ def bond_elongations(bonds, u):
         geometry = contacts.geometry if all_in_one else contacts.geometry_of(some)
         elongations[..., some] = _elongations_at(bonds, geometry, pair, w)
     return elongations
+
+
+def rates(bonds, u, v):
+    """Rate of the elongation of each bond and of the gap of each contact with a wall [m/s].
+
+    Parameters
+    ----------
+    bonds : Bonds
+    u, v : ndarray, (..., rows, dim), of a chain (..., sites)
+        Displacements [m] and velocities [m/s].
+
+    Returns
+    -------
+    ndarray, (..., bonds)
+    """
+    first, second, pair, geometry = connectivity(bonds)
+    x, of = (y if bonds.dim else y[..., None] for y in (u, v))
+    along = _along(bonds, geometry, pair, _between(x, first, second, pair))
+    return np.sum(along * _between(of, first, second, pair), axis=-1)
 
 
 def _between(u, first, second, pair):

@@ -89,7 +89,7 @@ def aligned(shape, dtype=float, first=0):
     """
     size = math.prod(shape) if isinstance(shape, tuple) else shape
     room = np.zeros(size + CACHE, dtype=dtype)
-    return room[-(room.ctypes.data // room.itemsize + first) % CACHE :][:size].reshape(shape)
+    return room[-(address(room) // room.itemsize + first) % CACHE :][:size].reshape(shape)
 
 
 def aligned_copy(array, first=0):

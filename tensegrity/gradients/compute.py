@@ -13,11 +13,12 @@ import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any, overload
+from typing import Annotated, Any, overload
 
 import numpy as np
 
 from tensegrity import check
+from tensegrity.checked import checked
 from tensegrity.engine import methods, native, threaded
 from tensegrity.engine.codegen import depends_on
 from tensegrity.engine.driven import bind as bind_driven
@@ -36,7 +37,7 @@ from tensegrity.runs.record import Record
 from tensegrity.scenes.dynamics import HasDynamics, dynamics
 from tensegrity.scenes.ensemble import Ensemble
 from tensegrity.scenes.scene import Scene, State
-from tensegrity.typing import Array
+from tensegrity.typing import Array, Count, Duration
 
 ROWS = 4  # rows of the returned run after the first; each interrupts the loop
 ALWAYS = ("u", "v", "mass")  # arguments by which every gradient is computed
@@ -79,16 +80,17 @@ def gradient(
     wanted: Sequence[str] | None = ...,
     checkpoints: int | None = ...,
 ) -> list[Gradient]: ...
+@checked
 def gradient(
     objective: Trace | Objective | Sequence[Trace | Objective],
     scene: Scene | Ensemble,
     state: State,
-    t_end: float,
+    t_end: Annotated[float, ">= 0", "s"],
     *,
     method: str | methods.Method | None = None,
-    dt: float,
+    dt: Duration,
     wanted: Sequence[str] | None = None,
-    checkpoints: int | None = None,
+    checkpoints: Count | None = None,
 ) -> Any:
     """Compute objectives of a run and their derivatives with respect to all it depends on.
 
@@ -148,13 +150,9 @@ def gradient(
     if not isinstance(scene, HasDynamics):
         raise TensegrityError(f"scene {check.shown(scene)} is not a scene, such as a Chain")
     scene.check(state)
-    t_end = check.number("t_end", t_end, least=0, unit="s")
-    dt = check.number("dt", dt, above=0, unit="s")
     driven = dynamics(scene).is_driven
     method = methods.default(dt, None, False, driven) if method is None else method
     splitting = _with_rates(method) if driven else _splitting(method)
-    if checkpoints is not None:
-        checkpoints = check.whole("checkpoints", checkpoints, least=1)
     for one in objectives:
         if one.latest > t_end * (1 + 1e-12):
             raise TensegrityError(f"{one!r} needs {one.latest:g} s, the run ends at {t_end:g} s")

@@ -11,13 +11,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import permutations
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
 from tensegrity import check
+from tensegrity.checked import checked
 from tensegrity.errors import TensegrityError
 from tensegrity.root import peak_weights, root
+from tensegrity.typing import Index
 
 if TYPE_CHECKING:
     from typing import Any
@@ -83,7 +85,8 @@ class Objective:
 ALWAYS = (0.0, np.inf)
 
 
-def load(bond: int | None = None, wall: int | None = None) -> Trace:
+@checked
+def load(bond: Index | None = None, wall: Index | None = None) -> Trace:
     """Compressive force of a bond, or of all contacts with a wall.
 
     Parameters
@@ -113,21 +116,19 @@ def load(bond: int | None = None, wall: int | None = None) -> Trace:
     """
     if (bond is None) == (wall is None):
         raise TensegrityError(f"load of bond {bond!r} and wall {wall!r}: give one of the two")
-    if bond is not None:
-        return Trace("bond", check.whole("bond", bond, least=0))
-    return Trace("wall", check.whole("wall", wall, least=0))
+    return Trace("wall", wall) if bond is None else Trace("bond", bond)
 
 
-def displacement(site: int, axis: int = 0) -> Trace:
+@checked
+def displacement(site: Index, axis: Index = 0) -> Trace:
     """Displacement of a site [m], along one axis in a network."""
-    return Trace(
-        "displacement", check.whole("site", site, least=0), check.whole("axis", axis, least=0)
-    )
+    return Trace("displacement", site, axis)
 
 
-def velocity(site: int, axis: int = 0) -> Trace:
+@checked
+def velocity(site: Index, axis: Index = 0) -> Trace:
     """Velocity of a site [m/s], along one axis in a network."""
-    return Trace("velocity", check.whole("site", site, least=0), check.whole("axis", axis, least=0))
+    return Trace("velocity", site, axis)
 
 
 def energy(sites: Sequence[int] | None = None) -> Trace:
@@ -215,7 +216,8 @@ def impulse(bond: int | None = None, wall: int | None = None) -> Objective:
     return Objective((load(bond, wall),), rule, ALWAYS, "impulse")
 
 
-def arrival(site: int, displacement: float) -> Objective:
+@checked
+def arrival(site: Index, displacement: Annotated[float, "m"]) -> Objective:
     """Time at which a site first passes a displacement [s], by a cubic through four samples.
 
     Parameters
@@ -229,10 +231,8 @@ def arrival(site: int, displacement: float) -> Objective:
     Objective
         `gradient` raises a TensegrityError where the site never passes the displacement.
     """
-    level = check.number("displacement", displacement, unit="m")
-    trace = Trace("displacement", check.whole("site", site, least=0))
-    rule = partial(_arrival, level=level, who=f"site {site}")
-    return Objective((trace,), rule, ALWAYS, "arrival")
+    rule = partial(_arrival, level=displacement, who=f"site {site}")
+    return Objective((Trace("displacement", site),), rule, ALWAYS, "arrival")
 
 
 def misfit(trace: Trace, t: ArrayLike, values: ArrayLike) -> Objective:

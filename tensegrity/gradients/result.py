@@ -16,7 +16,7 @@ from tensegrity.engine.law import Law
 from tensegrity.engine.programs import derived as program_of
 from tensegrity.engine.programs import run
 from tensegrity.errors import TensegrityError
-from tensegrity.printing import filled, span
+from tensegrity.printing import Lines, Printed, span
 from tensegrity.prisms.closed import polygon, rigid_law
 from tensegrity.prisms.condensed import ElasticPotential
 from tensegrity.prisms.plates import PlateLaw
@@ -48,8 +48,8 @@ UNITS = {"mass": "kg", "height": "m", "k_cross": "N/m", "preload": "N", "diamete
 RIGID = rigid_law(), rigid_law(any_sides=True)  # of triangular prisms, and of any number of sides
 
 
-@dataclass(frozen=True, eq=False)
-class Gradient:
+@dataclass(frozen=True, eq=False, repr=False)
+class Gradient(Printed):
     """The value of an objective and its derivatives.
 
     They are exact derivatives of the numerical scheme with its step, not of the equation of motion.
@@ -185,15 +185,10 @@ class Gradient:
                     total[mine] += self.parameters[str(symbol)][mine] * each[mine, k]
         return total
 
-    def __str__(self) -> str:
-        known = ", ".join(self._names) or "nothing"
-        return filled(
-            f"value {span(self.value)}, {self.digits:.3g} digits not lost to round-off\n"
-            f"derivatives by u, v, mass, and by {known}\n"
-            f"the reverse pass returned to the initial state within {self.reversal:.1e} m, m/s"
-        )
-
-    __repr__ = __str__
+    def _lines(self) -> Lines:
+        yield f"value {span(self.value)}, {self.digits:.3g} digits not lost to round-off"
+        yield f"derivatives by u, v, mass, and by {', '.join(self._names) or 'nothing'}"
+        yield f"the reverse pass returned to the initial state within {self.reversal:.1e} m, m/s"
 
 
 def digits(value: float, by_u: Array, by_v: Array, largest: tuple[float, float]) -> float:

@@ -22,7 +22,7 @@ from tensegrity.lattices.bloch import (
 )
 from tensegrity.lattices.cell import Cell
 from tensegrity.minimum import DENSE, ZERO
-from tensegrity.printing import filled, span
+from tensegrity.printing import Lines, Printed, span
 from tensegrity.typing import Array
 
 SLOW = 1e-5  # lowest over highest frequency below which singular values are computed
@@ -35,8 +35,8 @@ OPEN = 1e-9  # of the highest frequency: the least gap
 SHOWN = 4  # gaps that are printed
 
 
-@dataclass(frozen=True, eq=False)
-class Bands:
+@dataclass(frozen=True, eq=False, repr=False)
+class Bands(Printed):
     """Frequencies of the waves of a lattice.
 
     Attributes
@@ -57,17 +57,15 @@ class Bands:
     velocities: Array | None = field(repr=False)
     shapes: Array | None = field(repr=False)
 
-    def __str__(self) -> str:
+    def _lines(self) -> Lines:
         points, branches = self.frequencies.shape
         of = f"{branches} branches at {points} wavenumbers: frequencies "
-        text = of + span(self.frequencies, "rad/s")
+        yield of + span(self.frequencies, "rad/s")
         open_gaps = self.gaps if points > 1 else np.zeros((0, 2))
         widest = open_gaps[np.argsort(open_gaps[:, 0] - open_gaps[:, 1])[:SHOWN]]
         gaps = ", ".join(span(gap, "rad/s") for gap in np.sort(widest, axis=0)) or "none"
         more = f"{len(open_gaps)}, the widest " if len(open_gaps) > SHOWN else ""
-        return filled(f"{text}\n  gaps: {more}{gaps}")
-
-    __repr__ = __str__
+        yield f"  gaps: {more}{gaps}"
 
     @property
     def gaps(self) -> Array:

@@ -25,15 +25,15 @@ from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.lattices.bands import FASTEST
 from tensegrity.lattices.cell import Cell
 from tensegrity.lattices.internal import internal_motions
-from tensegrity.printing import filled, span
+from tensegrity.printing import Lines, Printed, span
 from tensegrity.typing import Array
 
 NOISE = 1e-13  # of the unrelaxed stiffness: round-off of the square of a speed
 ALONG = 1e-9  # largest part of a direction outside the lattice, over its length
 
 
-@dataclass(frozen=True, eq=False)
-class Moduli:
+@dataclass(frozen=True, eq=False, repr=False)
+class Moduli(Printed):
     """Moduli of a lattice.
 
     Attributes
@@ -62,24 +62,17 @@ class Moduli:
     lattice: Cell = field(repr=False)
     frequency: float = 0.0
 
-    def __str__(self) -> str:
+    def _lines(self) -> Lines:
         d = len(self.lattice.vectors)
         stress, per = ("N/m^2" if d == 3 else "N/m" if d == 2 else "N"), "kg/m" + f"^{d}" * (d > 1)
         tangent, pulled = span(self.tangent, stress), np.abs(self.tangent).max()
-        parts = [
-            f"moduli at {self.frequency:.6g} rad/s, density {self.density:.6g} {per}",
-            f"  tangent {tangent}, stress {span(self.stress, stress, pulled)}",
-        ]
+        yield f"moduli at {self.frequency:.6g} rad/s, density {self.density:.6g} {per}"
+        yield f"  tangent {tangent}, stress {span(self.stress, stress, pulled)}"
         mixed = np.sqrt(np.abs(self.axial * self.torsional))  # N m
         units = {"axial": ("N", 0), "coupling": ("N m", mixed), "torsional": ("N m^2", 0)}
-        parts += [
-            f"  {name} {span(getattr(self, name), *of)}"
-            for name, of in units.items()
-            if np.isfinite(getattr(self, name))
-        ]
-        return filled("\n".join(parts))
-
-    __repr__ = __str__
+        for name, of in units.items():
+            if np.isfinite(getattr(self, name)):
+                yield f"  {name} {span(getattr(self, name), *of)}"
 
     def speeds(self, direction: Sequence[float] | Array) -> Array:
         """Speeds of long waves [m/s].

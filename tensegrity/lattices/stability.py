@@ -22,7 +22,7 @@ from tensegrity.lattices.bloch import chunks
 from tensegrity.lattices.cell import Cell
 from tensegrity.lattices.moduli import NOISE, Moduli, moduli
 from tensegrity.minimum import ZERO
-from tensegrity.printing import filled
+from tensegrity.printing import Lines, Printed
 from tensegrity.typing import Array
 
 GRID = {1: 192, 2: 24, 3: 12}  # wave vectors along each axis of the zone, by the number of axes
@@ -30,8 +30,8 @@ AROUND = {1: 1, 2: 48, 3: 24}  # directions of long waves, and their polar angle
 REFINED = 3  # lowest points of a grid from which minima are refined
 
 
-@dataclass(frozen=True, eq=False)
-class Stability:
+@dataclass(frozen=True, eq=False, repr=False)
+class Stability(Printed):
     """Three tests of a lattice's stability.
 
     Attributes
@@ -70,18 +70,14 @@ class Stability:
         margins = {"long wave": self.long, "wave": self.wave, "strain": self.strain}
         return ", ".join(name for name, value in margins.items() if value < 0) or "stable"
 
-    def __str__(self) -> str:
+    def _lines(self) -> Lines:
         phases, along = (", ".join(f"{x:.4f}" for x in np.round(values, 4) + 0.0)
                          for values in (self.wavenumber, self.direction))  # fmt: skip
         unit = ("N", "N/m", "N/m^2")[len(self.wavenumber) - 1]
-        return filled(
-            f"Stability: {self.kind}\n"
-            f"  waves:          w^2/k^2 >= {self.wave:.6g} m^2/s^2, least at phases ({phases})\n"
-            f"  long waves:     c^2 >= {self.long:.6g} m^2/s^2, least along ({along})\n"
-            f"  uniform strain: stiffness >= {self.strain:.6g} {unit}"
-        )
-
-    __repr__ = __str__
+        yield f"Stability: {self.kind}"
+        yield f"  waves:          w^2/k^2 >= {self.wave:.6g} m^2/s^2, least at phases ({phases})"
+        yield f"  long waves:     c^2 >= {self.long:.6g} m^2/s^2, least along ({along})"
+        yield f"  uniform strain: stiffness >= {self.strain:.6g} {unit}"
 
 
 def stability(cell: Cell) -> Stability:

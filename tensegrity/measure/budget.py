@@ -1,4 +1,4 @@
-"""Balance of energy and momentum of the part of a chain beyond a bond.
+"""Total forces of bonds, and the balance of energy and momentum of a chain beyond a bond.
 
 Beyond bond j lie the sites above j with their bonds.  The tension T of the bond acts on the first
 of these sites, so that the part gains momentum at the rate -T and energy at the rate -T v, where v
@@ -11,20 +11,25 @@ For bond 0 of a chain whose first site is held, it is the balance of the reactio
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from tensegrity import check
-from tensegrity.engine.force_law import SITE, AppliedForce
-from tensegrity.engine.forced import values_on_chain
+from tensegrity.engine.force_law import BOND, SITE
+from tensegrity.engine.forced import values_between
 from tensegrity.errors import TensegrityError
+from tensegrity.measure.observables import directions
 from tensegrity.printing import printed
+from tensegrity.runs.record import require_all_sites
 from tensegrity.runs.run import Run
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.force import applied_forces
-from tensegrity.typing import Array
+from tensegrity.scenes.network import Network
+from tensegrity.typing import Array, Indices
 
 DEGREE = 7  # of the spline that is integrated
 
@@ -59,6 +64,70 @@ class Budget:
     __repr__ = __str__
 
 
+def bond_force(run: Run) -> Array:
+    """Force of each bond during a run: that of its spring, its dashpot and all further forces.
+
+    Parameters
+    ----------
+    run : Run
+        Of a `Chain` or a `Network` of fixed contacts, with all sites recorded.
+
+    Returns
+    -------
+    ndarray, (T, bonds)
+        [N], tension > 0; that of a spring counts from its equilibrium under a preload.
+
+    Raises
+    ------
+    TensegrityError
+        Bad input; a run of another scene, or one in which contacts form or springs change in time.
+
+    Examples
+    --------
+    >>> from tensegrity import Chain, Damping, PowerLaw, bond_force, simulate
+    >>> chain = Chain(PowerLaw(1.0, 1.5, preload=1.0), sites=3, damping=Damping(bond=0.2))
+    >>> run = simulate(chain, chain.at_rest({0: 0.05}), t_end=1.0, tol=1e-8)
+    >>> print(bond_force(run)[0].round(6))  # of the dashpot alone
+    [-0.01  0.  ]
+    """
+    scene = _recorded_whole(run, Chain, Network)
+    if dynamics(scene).follows:
+        raise TensegrityError("contacts form in this run: their forces belong to no list of bonds")
+    total = np.array(scene.bond_tension(run.u))
+    along = (
+        np.ones((1, scene.sites - 1, 1)) if isinstance(scene, Chain) else directions(scene, run.u)
+    )
+    for on, at, force in _further(run):
+        inside = np.flatnonzero((on == BOND) & (at < total.shape[1]))  # others touch walls
+        at, force = at[inside], force[:, inside]
+        total[:, at] += np.sum(force * along[:, at], axis=-1)
+    return total
+
+
+def _recorded_whole(run: Run, *kinds: Any) -> Any:
+    """The scene of a run with all its sites, if it is of these kinds."""
+    if not isinstance(run, Run):
+        raise TensegrityError(f"run is {type(run).__name__}, not a Run")
+    scene: Any = run.scene
+    if not isinstance(scene, kinds):
+        names = " or a ".join(kind.__name__ for kind in kinds)
+        raise TensegrityError(f"the scene of the run is {type(scene).__name__}, not a {names}")
+    if scene.tune:
+        raise TensegrityError(
+            "the work of springs that change in time does not pass through a bond"
+        )
+    require_all_sites(run)
+    return scene
+
+
+def _further(run: Run) -> Iterator[tuple[str, Indices, Array]]:
+    """What dashpots and further forces act on, their places, and the forces on the first end of
+    each, (T, places, dim) [N]."""
+    bonds = dynamics(run.scene).contact_bonds
+    for one in applied_forces(run.scene, as_forces=True):
+        yield one.law.on, one.places, values_between(one, bonds, run.t, run.u, run.v)
+
+
 def budget(run: Run, bond: int) -> Budget:
     """Energy and momentum of the part of a chain beyond a bond, evaluated in two ways.
 
@@ -90,18 +159,8 @@ def budget(run: Run, bond: int) -> Budget:
     """
     from scipy.interpolate import make_interp_spline
 
-    if not isinstance(run, Run):
-        raise TensegrityError(f"run is {type(run).__name__}, not a Run")
-    chain = run.scene
-    if not isinstance(chain, Chain):
-        raise TensegrityError(f"the scene of the run is {type(chain).__name__}, not a Chain")
-    if chain.tune:
-        raise TensegrityError(
-            "the work of springs that change in time does not pass through a bond"
-        )
+    chain = _recorded_whole(run, Chain)
     bond = check.whole("bond", bond, least=0, below=chain.sites - 1)
-    if run.sites != tuple(range(chain.sites)):
-        raise TensegrityError(f"{len(run.sites)} of {chain.sites} sites recorded: record all")
     if chain.ends[1] != "free":
         raise TensegrityError("the last site is fixed: its force is not part of this budget")
     if len(run.t) <= DEGREE:
@@ -110,26 +169,17 @@ def budget(run: Run, bond: int) -> Budget:
     kinetic = 0.5 * chain.mass * run.v**2
     energy = kinetic[:, bond + 1 :].sum(axis=1) + bonds[:, bond + 1 :].sum(axis=1)
     momentum = run.v[:, bond + 1 :] @ chain.mass[bond + 1 :]
-    tension = chain.bond_tension(run.u)[:, bond]
-    rates = np.stack([-tension * run.v[:, bond + 1], -tension], axis=1)
-    for one in applied_forces(chain, as_forces=True):
-        rates += _beyond(one, run, bond)
-    work, impulse = make_interp_spline(run.t, rates, DEGREE).antiderivative()(run.t).T
+    tension = bond_force(run)[:, bond]
+    rates = np.stack([-tension * run.v[:, bond + 1], -tension])
+    for on, at, force in _further(run):
+        beyond = at > bond
+        speed = run.v if on == SITE else np.diff(run.v, axis=1)  # of the second end from the first
+        rates[0] -= np.sum(force[:, beyond, 0] * speed[:, at[beyond]], axis=1)
+        rates[1] -= np.sum(force[:, beyond, 0], axis=1) if on == SITE else 0.0
+    work, impulse = make_interp_spline(run.t, rates.T, DEGREE).antiderivative()(run.t).T
     gaps = [np.abs(x - x[0] - y).max() for x, y in ((energy, work), (momentum, impulse))]
     change = np.abs(momentum - momentum[0]).max()
     return Budget(
         run.t, energy, momentum, work, impulse,
         float(gaps[0] / (abs(run.energy[0]) or 1.0)), float(gaps[1] / (change or 1.0)),
     )  # fmt: skip
-
-
-def _beyond(one: AppliedForce, run: Run, bond: int) -> Array:
-    """Rates of energy and momentum by a force on what is beyond a bond, (T, 2) [W], [N]."""
-    bonds, at = dynamics(run.scene).loop_bonds, one.places
-    force = values_on_chain(one, bonds, run.t, run.u, run.v)
-    if one.law.on == SITE:
-        here = force[:, at > bond]
-        return np.stack([np.sum(here * run.v[:, at[at > bond]], axis=1), here.sum(axis=1)], axis=1)
-    rate, pull = np.diff(run.v, axis=1)[:, at], force[:, at == bond].sum(axis=1)
-    lost = np.sum((force * rate)[:, at > bond], axis=1)
-    return np.stack([-lost - pull * run.v[:, bond + 1], -pull], axis=1)

@@ -16,7 +16,7 @@ from tensegrity import check
 from tensegrity.checked import checked
 from tensegrity.errors import TensegrityError
 from tensegrity.measure.pulses import FRACTION, Instant, Pulse, chain_of, check_fraction, check_row
-from tensegrity.printing import filled
+from tensegrity.printing import Lines, Printed
 from tensegrity.runs.run import Run
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.scene import State
@@ -76,8 +76,8 @@ def interface(
     return Chain(springs, before + after, np.repeat(masses, counts))
 
 
-@dataclass(frozen=True, eq=False)
-class Transmission:
+@dataclass(frozen=True, eq=False, repr=False)
+class Transmission(Printed):
     """Reflected and transmitted pulses of an incident one; the result of `transmission`.
 
     Attributes
@@ -106,19 +106,16 @@ class Transmission:
     reflected_energy: float
     transmitted_energy: float
 
-    def __str__(self) -> str:
+    def _lines(self) -> Lines:
         groups = {
             "incident": (self.incident,),
             f"reflected, {100 * self.reflected_energy:.6g} % of the energy": self.reflected,
             f"transmitted, {100 * self.transmitted_energy:.6g} % of the energy": self.transmitted,
         }
-        lines = [f"interface at site {self.site}"]
+        yield f"interface at site {self.site}"
         for name, pulses in groups.items():
-            lines.append(f"  {name}" + ("" if pulses else ": no pulse"))
-            lines += [f"    {' '.join(str(pulse).split())}" for pulse in pulses]
-        return filled("\n".join(lines))
-
-    __repr__ = __str__
+            yield f"  {name}" + ("" if pulses else ": no pulse")
+            yield from (f"    {' '.join(str(pulse).split())}" for pulse in pulses)
 
 
 def transmission(run: Run, row: int = -1, fraction: float = FRACTION) -> Transmission:

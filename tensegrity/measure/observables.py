@@ -409,26 +409,6 @@ def directions(network: Network, u: ArrayLike) -> Array:
     return check.finite("direction", along[..., : len(network.bonds), :])
 
 
-def contact_rates(network: Network, u: ArrayLike, v: ArrayLike) -> Array:
-    """Rate of the elongation of each bond, and of the gap of each wall contact [m/s].
-
-    Parameters
-    ----------
-    network : Network
-    u, v : array_like, (..., sites, dim)
-        Displacements [m] and velocities [m/s].
-
-    Returns
-    -------
-    ndarray, (..., bonds + wall contacts)
-    """
-    along, v = directions(network, u), check.rows("velocities", v, network.shape)
-    (first, second), (sites, walls) = network.bonds.T, network.wall_contacts.T
-    normals = np.array([wall.normal for wall in network.walls]).reshape(-1, network.dim)
-    in_bonds = np.sum(along * (v[..., second, :] - v[..., first, :]), axis=-1)
-    return np.concatenate([in_bonds, np.sum(normals[walls] * v[..., sites, :], axis=-1)], axis=-1)
-
-
 @checked
 def wall_gaps(network: Network, u: ArrayLike) -> Array:
     """Distance of each wall contact of a network from the wall's plane less the radius [m].

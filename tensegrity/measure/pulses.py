@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 
@@ -23,10 +24,12 @@ from tensegrity.errors import TensegrityError
 from tensegrity.notebook import progress
 from tensegrity.printing import printed
 from tensegrity.runs.integrate import simulate
+from tensegrity.runs.record import require_all_sites
 from tensegrity.runs.run import Run
 from tensegrity.scenes.chain import Chain
+from tensegrity.scenes.dynamics import varied
 from tensegrity.scenes.force import depends_on_time
-from tensegrity.scenes.scene import State, varied
+from tensegrity.scenes.scene import State
 from tensegrity.typing import Array
 from tensegrity.waves.family import Family
 from tensegrity.waves.solitary import SolitaryWave, solitary_wave
@@ -48,6 +51,7 @@ MISFIT = 0.05  # of its largest elongation, velocity or speed, by which a wave m
 RIPPLING = 0.01  # of a wave's speed, by which ripples may change it
 LEVEL = 0.05  # of the peak, between which a wave has the width over which it is compared
 DEGREE = 5  # of splines
+SEEN = 16  # states whose pulses are kept
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +145,15 @@ def pulses(run: Run, row: int = -1, fraction: float = FRACTION) -> list[Pulse]:
     ('70.250', 1, 1.0)
     """
     chain, row = chain_of(run), check_row(run, row)
-    return Instant(chain, State(run.u[row], run.v[row])).pulses(check_fraction(fraction))
+    state = (x[row].tobytes() for x in (run.u, run.v))
+    return list(_found(chain, *state, check_fraction(fraction)))
+
+
+@lru_cache(maxsize=SEEN)
+def _found(chain: Chain, u: bytes, v: bytes, fraction: float) -> tuple[Pulse, ...]:
+    """Pulses of a state, which other quantities of the same row need too."""
+    state = State(np.frombuffer(u), np.frombuffer(v))
+    return tuple(Instant(chain, state).pulses(fraction))
 
 
 def check_fraction(fraction: float) -> float:
@@ -163,8 +175,7 @@ def chain_of(run: Run) -> Chain:
         )
     if chain.tune:
         raise TensegrityError("the springs change in time: pulses require constant ones")
-    if run.sites != tuple(range(chain.sites)):
-        raise TensegrityError(f"{len(run.sites)} of {chain.sites} sites recorded: record all")
+    require_all_sites(run)
     return chain
 
 

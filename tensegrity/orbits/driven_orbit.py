@@ -9,25 +9,29 @@ chapter 7.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity.errors import TensegrityError
 from tensegrity.orbits.flow import DrivenFlow
-from tensegrity.orbits.shooting import FINEST, Orbit, Shooting
+from tensegrity.orbits.period import DrivePeriod
+from tensegrity.orbits.shooting import FINEST, Multipliers, Orbit, Shooting, descending
 from tensegrity.readonly import FixedDict
+from tensegrity.scenes.dynamics import varied
 from tensegrity.scenes.forcing import driven_entries
-from tensegrity.scenes.scene import Scene, State, varied
+from tensegrity.scenes.scene import Scene, State
 from tensegrity.typing import Array
 
 LEAST = 16  # steps of a period
+FINENESS = 16  # parts into which a step is divided where the extent of a motion is computed
+ON_CIRCLE = 1e-6  # distance of a multiplier from its value at an event
 SHIFTED = 1e-9  # change of a translation of the chain in one period below which it is neutral
 
 
 class WholePeriod(Shooting):
-    """The equations z(T) = z(0) in unknowns u(0) [m] and v(0) T/2 pi [m] of the free entries.
+    """The equations z(T) = z(0) in unknowns u(0) [m] and v(0) T/2 pi [m] of the free entries, those
+    whose motion is not prescribed, and a parameter of the drives.
 
     Parameters
     ----------
@@ -36,22 +40,25 @@ class WholePeriod(Shooting):
         Displacements and velocities near those of the orbit at t = 0.
     period : float
         Period of the drives, or a whole multiple of it [s].
-
-    Attributes
-    ----------
-    free : ndarray of int
-        Entries whose motion is not prescribed.
+    by : str, optional
+        The parameter, with which T may change; without one the last unknown has no effect.
     """
 
-    def __init__(self, scene: Scene, guess: State, period: float) -> None:
+    kinds, longest, closed = ("doubling", "torus"), 0.02, 1e-11
+
+    def __init__(self, scene: Scene, guess: State, period: float, by: str = "") -> None:
         super().__init__(scene, DrivenFlow(scene, 1, period))
-        self._period, self._start = period, scene.at_rest()
+        self._by, self._first, self._start = by, period, scene.at_rest()
+        self._periods = DrivePeriod(scene) if by else None
         self._rate = period / (2 * math.pi)  # displacement over velocity [s]
         self._moved, self._motions = driven_entries(scene, True)
         free = self.inverse_mass > 0
         free[self._moved] = False
         self.free = np.flatnonzero(free)
-        self.guess = self._unknowns(guess.u.ravel(), guess.v.ravel())
+        here = self._unknowns(guess.u.ravel(), guess.v.ravel())
+        self.guess = np.append(here, drive_parameters(scene)[by] if by else 0.0)
+        self.count, self._size = len(here), float(np.abs(here).max(initial=0.0))
+        self.scale = np.full(self.count, self._size or 1.0)
         axes = np.tile(np.eye(scene.dim), (scene.sites, 1))  # shifts of the whole scene
         axes = axes[:, free.reshape(-1, scene.dim).all(axis=0)][free]
         self._shifts, self._checked = axes / math.sqrt(scene.sites), False
@@ -62,138 +69,128 @@ class WholePeriod(Shooting):
     @property
     def steps(self) -> int:
         """A first number of steps of the period."""
-        start = self.state(self.guess)
-        steps = self.flow.first_steps(start.u, start.v, self._period)
+        start = self._state(self.guess)
+        steps = self.flow.first_steps(start.u, start.v, self._first)
         if steps > FINEST:
             raise TensegrityError(
-                f"a period of {self._period:g} s takes {steps} steps, must take at most {FINEST}: "
+                f"a period of {self._first:g} s takes {steps} steps, must take at most {FINEST}: "
                 f"the scene's frequencies or decay rates are {steps / FINEST:.3g} times too large"
             )
         return max(LEAST, steps)
 
-    def state(self, x: Array, values: Mapping[str, float] | None = None) -> State:
-        """The state at t = 0 of given unknowns.
+    def steps_to(self, value: float) -> int:
+        """Least number of steps where the parameter has another value; refuses it if a drive has
+        no period on the way."""
+        assert self._periods is not None
+        last = self._first * self._periods.factor_to(self._by, value)
+        return WholePeriod(self.scene, self._state(self.guess), last).steps
 
-        Parameters
-        ----------
-        x : ndarray, (2 free,)
-        values : dict of str to float, optional
-            Other values of parameters of the drives.
+    def _values(self, x: Array) -> dict[str, float]:
+        """The parameter by name."""
+        return {self._by: float(x[-1])} if self._by else {}
 
-        Returns
-        -------
-        State
-        """
-        both = np.stack([self._start.u.ravel(), self._start.v.ravel()])
+    def _period(self, x: Array) -> tuple[float, float]:
+        """T [s], and its derivative with respect to the parameter."""
+        if self._periods is None:
+            return self._first, 0.0
+        factor, slope = self._periods.factor(self._by, float(x[-1]))
+        return self._first * factor, self._first * slope
+
+    def _state(self, x: Array) -> State:
+        """The state at t = 0 of given unknowns."""
+        both, values = np.stack([self._start.u.ravel(), self._start.v.ravel()]), self._values(x)
         for entry, signal in zip(self._moved if values else (), self._motions, strict=False):
             both[:, entry] = [signal.varied(values)(np.zeros(1), k)[0] for k in (0, 1)]
-        both[:, self.free] = x.reshape(2, -1)
+        both[:, self.free] = x[:-1].reshape(2, -1)
         both[1, self.free] /= self._rate
         return State(*both.reshape(2, *self.scene.shape))
 
-    def equations(
-        self,
-        x: Array,
-        period: float,
-        values: Mapping[str, float] | None = None,
-        by: str | None = None,
-    ) -> tuple[Array, Array, Array]:
-        """z(T) - z(0), and its derivatives with respect to z(0) and to a parameter at constant T.
-
-        Parameters
-        ----------
-        x, values
-            As of `state`.
-        period : float
-            T [s].
-        by : str, optional
-
-        Returns
-        -------
-        residual : ndarray, (2 free,)
-            [m], velocities times the first T/2 pi; nan outside of the springs' domains.
-        jacobian : ndarray, (2 free, 2 free)
-        column : ndarray, (2 free,)
-        """
-        start, free = self.state(x, values), self.free
-        here = np.append(free, start.u.size + free)
+    def evaluated(self, x: Array) -> tuple[Array, Array, Any]:
+        """See `Shooting.evaluated`; velocities count times the first T/2 pi."""
+        start, count, (period, slope) = self._state(x), len(self.free), self._period(x)
+        outside = x[:-1] + math.nan, np.eye(len(x) - 1, len(x)), None
         if not self.inside(start.u):
-            return x + math.nan, np.eye(len(x)), 0 * x
+            return outside
+        here = np.append(self.free, start.u.size + self.free)
         begin = start.u.ravel(), start.v.ravel()
-        u, v, tangent, column = self.flow.tangents(*begin, period, values, by)
-        scale = np.repeat([1.0, self._rate], len(free))
+        u, v, tangent, column = self.flow.tangents(*begin, period, self._values(x), self._by)
+        scale = np.repeat([1.0, self._rate], count)
         tangent = tangent[np.ix_(here, here)] * scale[:, None] / scale
         column = column[here] * scale
-        residual = self._unknowns(u, v) - x
+        residual = self._unknowns(u, v) - x[:-1]
         if not (np.isfinite(tangent).all() and np.isfinite(residual).all()):
-            return x + math.nan, np.eye(len(x)), 0 * x
-        jacobian = tangent - np.eye(len(x))
-        count = len(free)
+            return outside
+        if slope:
+            column = column + slope * self._unknowns(*self.flow.rates_at_start(period))
+        size, jacobian = self._largest(x, residual), tangent - np.eye(len(tangent))
         if not self._checked:
             moved = np.abs(jacobian[:, :count] @ self._shifts).max(axis=0, initial=0.0)
             self._shifts, self._checked = self._shifts[:, moved < SHIFTED], True
         residual[count:] += self._shifts @ (self._shifts.T @ (x - self.guess)[:count])
         jacobian[count:, :count] += self._shifts @ self._shifts.T
-        return residual, jacobian, column
+        return residual / size, np.column_stack([jacobian, column]) / size, tangent
 
-    def multipliers(self, jacobian: Array) -> NDArray[np.complex128]:
-        """Floquet multipliers, (2 free,), from the derivatives of `equations` in z(0)."""
-        count, whole = len(self.free), jacobian + np.eye(len(jacobian))
-        whole[count:, :count] -= self._shifts @ self._shifts.T
-        return np.linalg.eigvals(whole).astype(complex)
+    def _largest(self, x: Array, change: Array) -> float:
+        """The largest unknown of the guess, or at the start or the end of a period [m]."""
+        ends = float(np.abs(x[:-1]).max()), float(np.abs(x[:-1] + change).max())
+        return max(self._size, *ends, 1e-300)
 
-    def rates(self, period: float) -> Array:
-        """The time derivative of the state at the start of the last run, (2 free,) [m/s]."""
-        v, acceleration = self.flow.rates_at_start(period)
-        return self._unknowns(v, acceleration)
+    def size(self, step: Array, x: Array) -> float:
+        """A change relative to the larger of x before and after it."""
+        if not step.any():
+            return 0.0
+        x = x[:-1]
+        return float(np.abs(step).max() / max(np.abs(x).max(), np.abs(x + step).max()))
 
-    def found(
-        self, x: Array, period: float, residual: float, values: Mapping[str, float] | None = None
-    ) -> Orbit:
-        """The orbit of given unknowns.
-
-        Parameters
-        ----------
-        x, values
-            As of `state`.
-        period : float
-            [s]
-        residual : float
-
-        Returns
-        -------
-        Orbit
-        """
-        scene, state = self.scene, self.state(x, values)
+    def orbit(self, x: Array) -> Orbit:
+        """The orbit of given unknowns."""
+        scene, state, values, (period, _) = (
+            self.scene,
+            self._state(x),
+            self._values(x),
+            self._period(x),
+        )
         if values:
             drive = {
                 site: one.varied({k: y for k, y in values.items() if k in one.parameters})
                 for site, one in scene.drive.items()
             }
             scene = varied(scene, drive=FixedDict(drive))
-        self.flow.end(state.u.ravel(), state.v.ravel(), period, values)
+        end = self.flow.end(state.u.ravel(), state.v.ravel(), period, values)
+        change = self._unknowns(*end) - x[:-1]
+        residual = float(np.abs(change).max()) / self._largest(x, change)
         opens = bool(self.of.springs.kinks_within(self.flow.ranges))
         energy = self.above_rest(state.u, state.v)
         return Orbit(scene, state, period, energy, residual, opens, self.flow.steps)
 
-    def step(self, x: Array) -> tuple[Array, float]:
-        """Newton's step, and the largest entry of z(T) - z(0) over that of z(0) or z(T)."""
-        residual, jacobian, _ = self.equations(x, self._period)
-        if not np.isfinite(residual).all():
-            return residual, math.inf
-        size = max(float(np.abs(x).max()), float(np.abs(x + residual).max()), 1e-300)
-        step = np.asarray(np.linalg.solve(jacobian, -residual), dtype=float)
-        return step, float(np.abs(residual).max()) / size
+    def amplitude(self, orbit: Orbit) -> float:
+        """Half of the largest extent of the orbit that was computed last [m]; see `OrbitPath`."""
+        waves, finer = np.fft.rfft(self.flow.displacements, axis=0), FINENESS * self.flow.steps
+        return float(FINENESS * np.ptp(np.fft.irfft(waves, finer, axis=0), axis=0).max() / 2)
 
-    def size(self, step: Array, x: Array) -> float:
-        """A change of x relative to the larger of x before and after it."""
-        if not step.any():
-            return 0.0
-        return float(np.abs(step).max() / max(np.abs(x).max(), np.abs(x + step).max()))
+    def multipliers(self, x: Array) -> tuple[Multipliers, Multipliers]:
+        """Floquet multipliers in descending modulus, and the neutral ones: none."""
+        found = descending(np.linalg.eigvals(self.found(x)[2]).astype(complex))
+        return found, found[:0]
+
+    def distances(self, multipliers: Multipliers) -> tuple[Array, ...]:
+        """For each kind of event, any number of values that change their sign there."""
+        return 1 + multipliers.real, 1 - np.abs(multipliers) ** 2
+
+    def is_event(self, kind: str, multipliers: Multipliers) -> bool:
+        """Whether multipliers are those of an event of this kind, where one of its numbers is 0."""
+        pairs = np.abs(multipliers[multipliers.imag > 0]) - 1
+        apart = np.abs(pairs if kind == "torus" else 1 + multipliers)
+        return kind not in self.kinds or bool(apart.min(initial=1.0) < ON_CIRCLE)
 
 
-def whole_multipliers(orbit: Orbit) -> NDArray[np.complex128]:
-    """Floquet multipliers of an orbit of a driven or damped scene, (2 free,)."""
-    whole = WholePeriod(orbit.scene, orbit.state, orbit.period)
-    whole.flow.steps = orbit.steps
-    return whole.multipliers(whole.equations(whole.guess, orbit.period)[1])
+def drive_parameters(scene: Scene) -> dict[str, float]:
+    """The parameters of all drives, each with its value."""
+    values: dict[str, float] = {}
+    for drive in scene.drive.values():
+        for name, value in drive.parameters.items():
+            if values.setdefault(name, value) != value:
+                raise TensegrityError(
+                    f"parameter {name} is {values[name]:g} in one drive and {value:g} in another"
+                )
+    return values

@@ -11,9 +11,13 @@ Source: J. L. Marin, S. Aubry, Nonlinearity 9, 1501 (1996).
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Annotated, TypeAlias
+
 import numpy as np
 
 from tensegrity import check
+from tensegrity.checked import checked
 from tensegrity.errors import TensegrityError
 from tensegrity.orbits.driven_orbit import WholePeriod
 from tensegrity.orbits.half_period import HalfPeriod
@@ -21,17 +25,21 @@ from tensegrity.orbits.period import DrivePeriod, fitting
 from tensegrity.orbits.shooting import NoOrbitError, Orbit, is_reversible
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.scene import Scene, State
+from tensegrity.typing import Duration
+
+Family: TypeAlias = HalfPeriod | WholePeriod
 
 HARMONICS = 6  # number of harmonics compared with the bands
 CROWDED = 4.0  # neighbouring modes closer than so many mean distances form a band
 
 
+@checked
 def periodic_orbit(
     scene: Scene,
     guess: State | Orbit,
     *,
-    period: float | None = None,
-    energy: float | None = None,
+    period: Duration | None = None,
+    energy: Annotated[float, "> 0", "J"] | None = None,
 ) -> Orbit:
     """A time-periodic orbit of a scene: of an undriven one, at rest twice in a period, or the
     response of one with drives, dashpots and forces of its own.
@@ -74,7 +82,6 @@ def periodic_orbit(
     >>> f"{orbit.energy:.9f} J"
     '0.014267564 J'
     """
-    check.kind("scene", scene, Scene)
     if not isinstance(guess, (State, Orbit)):
         raise TensegrityError(f"guess {check.shown(guess)} is not a State or an Orbit")
     if dynamics(scene).follows:
@@ -87,25 +94,19 @@ def periodic_orbit(
         raise TensegrityError("give exactly one of period and energy")
     began = guess.state if isinstance(guess, Orbit) else guess
     scene.check(began)
-    half_period = HalfPeriod(scene, began.u.ravel())
-    _refuse_held(half_period)
-    if not half_period.extent(began.u.ravel()) > 0:
-        raise TensegrityError(
-            "guess is the undeformed state at rest: give the displacements of a turning point"
-        )
-    if energy is not None:
+    if period is None:
         if not isinstance(guess, Orbit):
             raise TensegrityError(
                 "an energy requires an Orbit as guess, whose period starts the search"
             )
-        half_period.energy = check.number("energy", energy, above=0, unit="J")
-        time = guess.period
-    else:
-        time = check.number("period", period, above=0, unit="s")
-    try:
-        return half_period.orbit(time / 2)
-    except (NoOrbitError, np.linalg.LinAlgError) as error:
-        raise TensegrityError(f"no periodic orbit found: {error}{_in_band(scene, time)}") from None
+        period = guess.period
+    half_period = HalfPeriod(scene, began.u.ravel(), period, energy)
+    if len(half_period.free) and not half_period.extent(began.u.ravel()) > 0:
+        raise TensegrityError(
+            "guess is the undeformed state at rest: give the displacements of a turning point"
+        )
+    time = period
+    return _orbit(half_period, lambda: _in_band(scene, time))
 
 
 def _driven_orbit(
@@ -118,23 +119,31 @@ def _driven_orbit(
         raise TensegrityError("the energy of a driven orbit cannot be given: its drives set it")
     shortest = DrivePeriod(scene).value
     if period is not None:
-        shortest = fitting(check.number("period", period, above=0, unit="s"), shortest)
+        shortest = fitting(period, shortest)
     began = guess.state if isinstance(guess, Orbit) else guess
     scene.check(began)
-    whole = WholePeriod(scene, began, shortest)
-    _refuse_held(whole)
-    try:
-        x, residual = whole.settled(whole.guess, whole.steps)
-    except (NoOrbitError, np.linalg.LinAlgError) as error:
-        raise TensegrityError(f"no periodic orbit found: {error}") from None
-    return whole.found(x, shortest, residual)
+    return _orbit(WholePeriod(scene, began, shortest), str)
 
 
-def _refuse_held(of: HalfPeriod | WholePeriod) -> None:
+def _orbit(of: Family, reason: Callable[[], str]) -> Orbit:
+    """The orbit near a guess, or an error with what may be the reason."""
     if not len(of.free):
         raise TensegrityError(
             f"periodic_orbit: all {of.scene.sites} sites are held or moved, none is free"
         )
+    try:
+        return of.orbit(of.settled(of.guess, of.steps))
+    except (NoOrbitError, np.linalg.LinAlgError) as error:
+        raise TensegrityError(f"no periodic orbit found: {error}{reason()}") from None
+
+
+def family_of(orbit: Orbit, by: str = "") -> Family:
+    """The equations of an orbit, to be followed by its "energy", its "period" or a parameter of its
+    drives."""
+    scene, state, period = orbit.scene, orbit.state, orbit.period
+    if not is_reversible(scene):
+        return WholePeriod(scene, state, period, by)
+    return HalfPeriod(scene, state.u.ravel(), period, orbit.energy if by == "energy" else None)
 
 
 def _in_band(scene: Scene, period: float) -> str:

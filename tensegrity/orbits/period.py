@@ -178,15 +178,3 @@ def _rates_in(expression: Any, parameters: Any, words: str) -> list[Any]:
     if expression.has(t) or other:
         raise TensegrityError(f"drive {words} has no period: it is no function of sines of t")
     return sorted(set(rates), key=str)
-
-
-def drive_values(scene: Scene) -> dict[str, float]:
-    """The parameters of all drives, each with its value."""
-    values: dict[str, float] = {}
-    for drive in scene.drive.values():
-        for name, value in drive.parameters.items():
-            if values.setdefault(name, value) != value:
-                raise TensegrityError(
-                    f"parameter {name} is {values[name]:g} in one drive and {value:g} in another"
-                )
-    return values

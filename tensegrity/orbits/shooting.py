@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tensegrity.errors import TensegrityError
+from tensegrity.printing import Lines, Printed
 from tensegrity.readonly import FixedDict
 from tensegrity.runs.integrate import simulate
 from tensegrity.runs.run import Run
-from tensegrity.scenes.dynamics import dynamics
-from tensegrity.scenes.scene import Scene, State, varied
+from tensegrity.scenes.dynamics import dynamics, varied
+from tensegrity.scenes.scene import Scene, State
 from tensegrity.structures.supports import orthonormal, rigid_motions
 from tensegrity.typing import Array
+
+Multipliers: TypeAlias = NDArray[np.complex128]
 
 ITERATIONS, HALVINGS = 60, 8  # of Newton's method, and of one of its steps
 LONGEST = 0.3  # step of it over the largest displacement
@@ -26,8 +30,8 @@ FINEST = 4096  # steps of the flow
 FIXED = 1e-9  # fraction of a motion that counts as zero
 
 
-@dataclass(frozen=True, eq=False)
-class Orbit:
+@dataclass(frozen=True, eq=False, repr=False)
+class Orbit(Printed):
     """A time-periodic motion, computed by `periodic_orbit`.
 
     Attributes
@@ -58,18 +62,19 @@ class Orbit:
     opens: bool
     steps: int = field(repr=False)
 
-    def __str__(self) -> str:
-        opens = "; springs pass kinks" if self.opens else ""
-        return (
-            f"periodic orbit of {self.scene.sites} sites, period {self.period:.6g} s, energy "
-            f"{self.energy:.6g} J\nresidual {self.residual:.1e}{opens}"
-        )
-
-    __repr__ = __str__
+    def _lines(self) -> Lines:
+        of = f"periodic orbit of {self.scene.sites} sites"
+        yield f"{of}, period {self.period:.6g} s, energy {self.energy:.6g} J"
+        yield f"residual {self.residual:.1e}" + "; springs pass kinks" * self.opens
 
     def run(self, tol: float = 1e-9) -> Run:
         """A run of one period from `state`; arguments as of `simulate`."""
         return simulate(self.scene, self.state, self.period, tol=tol)
+
+
+def descending(multipliers: Multipliers) -> Multipliers:
+    """Multipliers in descending modulus."""
+    return multipliers[np.argsort(-np.abs(multipliers), kind="stable")]
 
 
 def is_reversible(scene: Scene) -> bool:
@@ -83,7 +88,8 @@ class NoOrbitError(Exception):  # internal: its words become part of a `Tensegri
 
 
 class Shooting:
-    """The equations of an orbit in unknowns x; see `settled`.
+    """The equations of a family of orbits in unknowns x (m,).  The last one is held by
+    Newton's method, and followed by `orbit_path`.
 
     Parameters
     ----------
@@ -97,21 +103,43 @@ class Shooting:
         [1/kg], 0 at held sites.
     rest : ndarray, shape of the scene
         Displacements at rest without drives [m].
+    free : ndarray of int
+        Entries that move freely.
+    guess : ndarray, (m,)
+        Unknowns to begin with.
+    scale : ndarray, (m - 1,)
+        Sizes of all unknowns but the last.
+    kinds : tuple of str
+        Of the events that multipliers have along the family.
+    count : int
+        Most values of `distances` for each of these.
+    longest : float
+        Step along the family, relative: what changes and changes back within one is not seen.
+    closed : float
+        Residual that twice as many steps may leave, over the size of the orbit.
     """
 
     def __init__(self, scene: Scene, flow: Any) -> None:
+        self._last: tuple[Any, Any] = None, None
         self.scene, self.flow, self.of = scene, flow, dynamics(scene)
         self.inverse_mass = np.repeat(self.of.inverse_mass, scene.dim)
         self.rest = varied(scene, drive=FixedDict()).at_rest().u
         self._least = scene.energy(State(self.rest, 0 * self.rest))
 
-    def step(self, x: Array) -> tuple[Array, float]:
-        """Newton's step from x, and the residual there; nan and inf outside of the springs'
-        domains."""
+    def evaluated(self, x: Array) -> tuple[Array, Array, Any]:
+        """Residual (m - 1,) over its size, its Jacobian (m - 1, m), and the tangent of a period if
+        it is known; nan outside of the springs' domains."""
         raise NotImplementedError
 
+    def found(self, x: Array) -> tuple[Array, Array, Any]:
+        """The result of `evaluated`, computed once for the last unknowns."""
+        key = self.flow.steps, x.tobytes()
+        if self._last[0] != key:
+            self._last = key, self.evaluated(x)
+        return self._last[1]
+
     def size(self, step: Array, x: Array) -> float:
-        """A change of x over the size of x."""
+        """A change of all unknowns but the last over their size."""
         raise NotImplementedError
 
     def refuse(self, x: Array) -> None:
@@ -141,19 +169,18 @@ class Shooting:
         """Forces at displacements [N], (entries,)."""
         return self.scene.forces(u.reshape(self.scene.shape)).ravel()
 
-    def settled(self, x: Array, steps: int) -> tuple[Array, float]:
-        """The orbit near x and its residual, with as many steps as required.
+    def settled(self, x: Array, steps: int) -> Array:
+        """The unknowns of the orbit near x, with as many steps as required.
 
         Parameters
         ----------
-        x : ndarray
+        x : ndarray, (m,)
         steps : int
             Initial number of steps, doubled until x no longer changes.
 
         Returns
         -------
-        x : ndarray
-        residual : float
+        ndarray, (m,)
 
         Raises
         ------
@@ -162,27 +189,37 @@ class Shooting:
         before = None
         while True:
             self.flow.steps = steps
-            x, off = self._solved(x)
-            moved = math.inf if before is None else self.size(x - before, x)
+            x = self._solved(x)
+            moved = math.inf if before is None else self.size((x - before)[:-1], x)
             if moved < SETTLED or steps >= FINEST:
-                return x, off
+                return x
             steps, before = min(2 * steps, FINEST), x
 
-    def _solved(self, x: Array) -> tuple[Array, float]:
+    def _step(self, x: Array) -> tuple[Array, float]:
+        """Newton's step from x, and the residual there; nan and inf outside of the springs'
+        domains."""
+        residual, jacobian, _ = self.found(x)
+        if not np.isfinite(residual).all():
+            return residual, math.inf
+        step = np.asarray(np.linalg.solve(jacobian[:, :-1], -residual), dtype=float)
+        return step, float(np.abs(residual).max())
+
+    def _solved(self, x: Array) -> Array:
         """Newton's method with a fixed number of steps of the flow."""
         best = math.inf
-        step, off = self.step(x)
+        step, off = self._step(x)
         for _ in range(ITERATIONS):
             size = self.size(step, x)
             if not size < math.inf:
                 raise NoOrbitError("Newton's method leaves the domain of the springs")
             if size < CONVERGED or (size < STUCK and size > best / 4):
-                self.refuse(x + step)
-                return x + step, off
+                x = x + np.append(step, 0.0)
+                self.refuse(x)
+                return x
             best, part = min(best, size), min(1.0, LONGEST / size)
             for _ in range(HALVINGS):
-                tried = x + part * step
-                step_there, off_there = self.step(tried)
+                tried = x + np.append(part * step, 0.0)
+                step_there, off_there = self._step(tried)
                 if off_there < 2 * off + STUCK:
                     break
                 part /= 2

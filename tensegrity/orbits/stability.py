@@ -12,34 +12,30 @@ With dashpots g to the ground as the only ones, the tangent on a ring is conform
 multipliers come in pairs with the product exp(-g/(m c)).  The partner of the shift's 1 lies inside
 the circle |mu| = exp(-g/(2 m c)) of linear waves; an open window, which moves that circle inwards,
 has a resonance next to it instead, 3e-5 away in the example of `transition_wave`.
-An orbit that is at rest at t = 0 has the tangent M = R P^-1 R P of a period, P that of
-half a period, and R the reversal of velocities.  Source: G. Friesecke, R. Pego, Nonlinearity 17,
-207 (2004), whose exponential weight is here the balancing of the matrix by LAPACK.
+Source: G. Friesecke, R. Pego, Nonlinearity 17, 207 (2004), whose exponential weight is here the
+balancing of the matrix by LAPACK.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity import check
 from tensegrity.errors import ResolutionError, TensegrityError
-from tensegrity.orbits.driven_orbit import whole_multipliers
 from tensegrity.orbits.flow import DrivenFlow, Flow
-from tensegrity.orbits.half_period import HalfPeriod
-from tensegrity.orbits.shooting import Orbit, is_reversible
+from tensegrity.orbits.orbit import family_of
+from tensegrity.orbits.shooting import Multipliers, Orbit, descending
+from tensegrity.printing import Lines, Printed
 from tensegrity.scenes.chain import Chain
 from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array
 from tensegrity.waves.by_speed import neutral_motions
 from tensegrity.waves.solitary import SolitaryWave
 from tensegrity.waves.transition import TransitionWave
-
-Multipliers: TypeAlias = NDArray[np.complex128]
 
 FIRST, MOST = 4, 2048  # steps per site passed
 ORDER, MARGIN = 3, 1.2  # of the double multiplier 1, split by the root of the error; of steps
@@ -52,8 +48,8 @@ LARGEST = 700  # sites of a window
 AROUND = 12  # sites beyond it, where elongations are perturbed, or more if sound is faster
 
 
-@dataclass(frozen=True, eq=False)
-class Floquet:
+@dataclass(frozen=True, eq=False, repr=False)
+class Floquet(Printed):
     """Multipliers of small perturbations of a wave or of a periodic orbit.
 
     Attributes
@@ -75,15 +71,11 @@ class Floquet:
     growth: float
     stable: bool
 
-    def __str__(self) -> str:
+    def _lines(self) -> Lines:
         largest = ", ".join(f"{x:.6g}" for x in self.multipliers[:3]) or "only neutral ones"
         verdict = "stable" if self.stable else f"unstable, growth {self.growth:.6g} 1/s"
-        return (
-            f"{verdict}; multipliers {largest}\n"
-            f"neutral ones within {np.abs(self.neutral - 1).max(initial=0):.1e} of 1"
-        )
-
-    __repr__ = __str__
+        yield f"{verdict}; multipliers {largest}"
+        yield f"neutral ones within {np.abs(self.neutral - 1).max(initial=0):.1e} of 1"
 
 
 def floquet(of: SolitaryWave | TransitionWave | Orbit) -> Floquet:
@@ -175,49 +167,9 @@ def floquet(of: SolitaryWave | TransitionWave | Orbit) -> Floquet:
 
 def _of_orbit(orbit: Orbit) -> Floquet:
     """The multipliers of one period, without those of the neutral motions."""
-    if not is_reversible(orbit.scene):  # nothing is neutral
-        multipliers = _descending(whole_multipliers(orbit))
-        return _verdict(multipliers, multipliers[:0], 1 / orbit.period)
-    u = orbit.state.u.ravel()
-    half = HalfPeriod(orbit.scene, u)
-    half.flow.steps = orbit.steps
-    return _verdict(*half_multipliers(half, u, orbit.period / 2), 1 / orbit.period)
-
-
-def half_multipliers(half: HalfPeriod, u: Array, time: float) -> tuple[Multipliers, Multipliers]:
-    """The multipliers of an undriven orbit in descending modulus, and the neutral ones.
-
-    Motions that a period maps to themselves, along the orbit and of the whole scene, have a
-    symplectic complement that is invariant and contains them; the multipliers sought are those in
-    it modulo these motions, and each of these motions stands for a pair of neutral ones.
-
-    Parameters
-    ----------
-    half : HalfPeriod
-    u : ndarray, (entries,)
-        At a turning point [m].
-    time : float
-        Half the period [s].
-
-    Returns
-    -------
-    multipliers, neutral : ndarray of complex
-    """
-    free, count = half.free, len(half.free)
-    root = 1 / np.sqrt(half.inverse_mass[free])  # makes the form that of canonical variables
-    here, roots = np.append(free, len(u) + free), np.tile(root, 2)
-    tangent = half.flow.tangents(u, 0 * u, time)[2][np.ix_(here, here)]
-    tangent = roots[:, None] * tangent / roots
-    form = np.kron([[0, 1], [-1, 0]], np.eye(count))
-    reversal = np.repeat([1.0, -1.0], count)[:, None]
-    whole = reversal * (-form @ tangent.T @ form @ (reversal * tangent))
-    motions = np.zeros((2 * count, 1 + half.shifts.shape[1]))
-    motions[count:, 0] = half.forces(u)[free] / root
-    motions[:count, 1:] = root[:, None] * half.shifts
-    basis, neutral = np.linalg.qr(motions)[0], motions.shape[1]
-    rest = np.linalg.qr(np.hstack([basis, form @ basis]), mode="complete")[0][:, 2 * neutral :]
-    ones = np.linalg.eigvals(basis.T @ whole @ basis).astype(complex)
-    return _multipliers(rest.T @ whole @ rest), _descending(np.append(ones, 1 / ones))
+    of = family_of(orbit)
+    of.flow.steps = orbit.steps
+    return _verdict(*of.multipliers(of.guess), 1 / orbit.period)
 
 
 def _window_of_bonds(front: TransitionWave, half: int) -> tuple[Array, Array, Array, Array]:
@@ -259,11 +211,7 @@ def _deflated(tangent: Array, motions: Array, x: Array) -> tuple[Array, Multipli
 
 def _multipliers(matrix: Array) -> Multipliers:
     """Eigenvalues in descending modulus."""
-    return _descending(np.linalg.eigvals(matrix).astype(complex))
-
-
-def _descending(multipliers: Multipliers) -> Multipliers:
-    return multipliers[np.argsort(-np.abs(multipliers), kind="stable")]
+    return descending(np.linalg.eigvals(matrix).astype(complex))
 
 
 def _verdict(multipliers: Multipliers, neutral: Multipliers, rate: float) -> Floquet:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -35,7 +35,8 @@ GUESS = 23  # degree of the polynomials from which the compiled iteration starts
 STEPS = (1, 2, 4)  # admissible numbers of its iterations
 SETTLED = 1e-14  # largest change by a further iteration, over the largest unknown
 SAMPLES = 512  # elongations at which this is checked
-EXACT = ("-ffp-contract=off",)  # exact cancellation: the load of a flat prism is zero
+EXACT = ("-ffp-contract=off", "-O1")
+"""Exact cancellation: the load of a flat prism is zero; optimisation then changes no bit."""
 HALVINGS = 8  # bisections of the fraction of the domain
 
 
@@ -57,7 +58,7 @@ def stable(z: Array, p: Sequence[float], rigid_base: bool) -> tuple[Flags, Flags
         Stability under given load, and under given height.
     """
     rows, m = z.shape
-    matrices = functions(rigid_base, len(p) > 6)("tangent", z, p).reshape(rows, m, m)
+    matrices = function("tangent", rigid_base, len(p) > 6)(z, p).reshape(rows, m, m)
 
     matrices = (matrices + matrices.transpose(0, 2, 1)) / 2
 
@@ -142,27 +143,29 @@ class ElasticLaw:
 
 
 @once
-def functions(rigid_base: bool, any_sides: bool = False) -> Functions:
-    """Compiled functions of the unknowns and the parameters of `equations.problem`.
+def function(name: str, rigid_base: bool, any_sides: bool = False) -> Any:
+    """A compiled function of the unknowns and the parameters of `equations.problem`.
 
-    They are "step", a Newton step at given height; "value_0" to "value_3", the energy and its
-    derivatives in the height; and "tangent".  "guess" is a function of elongation and parameters
-    of an `ElasticLaw`.
+    Each is compiled when it is first needed: "step", a Newton step at given height; "value_0" to
+    "value_3", the energy and its derivatives in the height; "tangent"; and "guess", a function of
+    elongation and parameters of an `ElasticLaw`.
     """
 
     def make() -> dict[str, Any]:
         import casadi as ca
 
+        if name == "guess":
+            r, p, guess, _ = ElasticLaw(rigid_base, 0, any_sides).guess()
+            return {name: ca.Function(name, [r, p], [guess])}
+        if name == "tangent":
+            matrix = tangent(rigid_base, any_sides)
+            symbols = matrix.sx_in()
+            return {name: ca.Function(name, symbols, [ca.vec(matrix(*symbols).T)])}
         step, values = inner(rigid_base, any_sides)
-        r, p, guess, _ = ElasticLaw(rigid_base, 0, any_sides).guess()
-        made = {"step": step, "guess": ca.Function("guess", [r, p], [guess])}
-        made |= {f"value_{order}": value for order, value in enumerate(values)}
-        matrix = tangent(rigid_base, any_sides)
-        symbols = matrix.sx_in()
-        by_rows = ca.vec(matrix(*symbols).T)
-        return made | {"tangent": ca.Function("tangent", symbols, [by_rows])}
+        return {name: step if name == "step" else values[int(name[-1])]}
 
-    return Functions(("condensed", bool(rigid_base), bool(any_sides)), make, flags=EXACT)
+    key = "condensed", name, bool(rigid_base), bool(any_sides)
+    return partial(Functions(key, make, flags=EXACT), name)
 
 
 class ElasticPotential(Potential):
@@ -284,12 +287,13 @@ class ElasticPotential(Potential):
         """Law, parameters and range for elongations in an interval; None if the iterations do not
         converge on it."""
         values = self._numbers(low, high, self._fitted(low, high))
-        of, taken = functions(*self._kind), 0
-        z = of("guess", np.linspace(low, high, SAMPLES)[:, None], values)
+        step, taken = function("step", *self._kind), 0
+        guess = function("guess", *self._kind)
+        z = guess(np.linspace(low, high, SAMPLES)[:, None], values)
         for steps in STEPS:
             for _ in range(taken, steps):
-                z = of("step", z, self._p)
-            taken, moved = steps, np.abs(of("step", z, self._p) - z)
+                z = step(z, self._p)
+            taken, moved = steps, np.abs(step(z, self._p) - z)
             if (moved.max(axis=0) <= SETTLED * np.abs(z).max(axis=0)).all():
                 return ElasticLaw(self._kind[0], steps, self._kind[1]), values, (low, high)
         return None
@@ -308,7 +312,7 @@ class ElasticPotential(Potential):
 
     def _numbers(self, low, high, coefficients):
         base, force = self._prism.base, self._prism.k_cross * self._prism.base
-        (energy_at_rest,) = functions(*self._kind)("value_0", self._at_rest, self._p)
+        (energy_at_rest,) = function("value_0", *self._kind)(self._at_rest, self._p)
         scales = [1 / base, force, self._preload, self._at_rest[-1], energy_at_rest]
         interval = [(low + high) / 2, 2 / (high - low)]
         return np.array([*scales, *self._p[:4], *interval, *coefficients.ravel(), *self._p[6:]])
@@ -338,9 +342,9 @@ class ElasticPotential(Potential):
         rise = self._at_rest[-1] + np.clip(r, *self._domain) / self._prism.base
         rise = np.clip(rise, self._rise[0], self._rise[-1])
         z = self._guess(rise)
-        step, previous = functions(*self._kind), math.inf
+        step, previous = function("step", *self._kind), math.inf
         for _ in range(ITERATIONS):
-            new = step("step", z, self._p)
+            new = step(z, self._p)
             moved = np.max(np.abs(new - z) / (1 + np.abs(z)), initial=0.0)
             z = new
             if moved <= 1e-15 or (moved <= STALLED and moved >= previous / 4):
@@ -404,11 +408,11 @@ class ElasticPotential(Potential):
 
     def _from_states(self, order, r):
         """The order-th derivative of the energy at elongations r (r.size,), (r.size,)."""
-        of, name = functions(*self._kind), f"value_{order}"
-        result = of(name, self.states(r), self._p)[:, 0]
+        value = function(f"value_{order}", *self._kind)
+        result = value(self.states(r), self._p)[:, 0]
         result = result * self._prism.k_cross * self._prism.base ** (2 - order)
         if order == 0:
-            (rest,) = of(name, self._at_rest, self._p)
+            (rest,) = value(self._at_rest, self._p)
             result = result - rest * self._prism.k_cross * self._prism.base**2 + self._preload * r
         return result + self._preload if order == 1 else result
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from tensegrity import check, plotting
 from tensegrity.errors import EquilibriumError, TensegrityError
-from tensegrity.printing import filled
+from tensegrity.printing import Lines, Printed
 from tensegrity.prisms.curve import NAMES, NO_CURVE, RESOLVED, Misfit, intervals, traced_loads
 from tensegrity.prisms.measured import read_curve
 from tensegrity.prisms.prism import Prism
@@ -44,8 +44,8 @@ EXPLAINED = 3.0  # residual over given noise that noise may explain
 CONTRADICTED = 1e4  # residual over given noise above which the noise is refused
 
 
-@dataclass(frozen=True)
-class Fit:
+@dataclass(frozen=True, repr=False)
+class Fit(Printed):
     """A prism fitted to a measured curve, with its uncertainty.
 
     Attributes
@@ -138,24 +138,21 @@ class Fit:
         tail = (1 - level) / 2
         return -float(ndtri(tail) if math.isinf(self.degrees) else stdtrit(self.degrees, tail))
 
-    def __str__(self) -> str:
-        lines = [f"{self.prism}"]
+    def _lines(self) -> Lines:
+        yield f"{self.prism}"
         for name in self.names:
-            lines.append(f"  {name} = {self.values[name]:.6g} +- {self.errors[name]:.2g}")
+            yield f"  {name} = {self.values[name]:.6g} +- {self.errors[name]:.2g}"
         size = np.sqrt(np.mean(self.residuals**2))
         runs, expected = _sign_runs(self.residuals)
-        lines.append(
+        yield (
             f"  residuals {size:.3g} N for a noise of {self.noise:.3g} N; {runs} runs of one sign, "
             f"{expected:.0f} expected; condition {self.condition:.3g}"
         )
-        lines.append(
+        yield (
             f"  {len(self.load)} points, shortening {self.shortening.min():.6g} to "
             f"{self.shortening.max():.6g} m, load {self.load.min():.6g} to {self.load.max():.6g} N"
         )
-        lines += [f"  not identified: {word}" for word in self.unidentified]
-        return filled("\n".join(lines))
-
-    __repr__ = __str__
+        yield from (f"  not identified: {word}" for word in self.unidentified)
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw points, fitted curve and its 95 % band; returns the Matplotlib axes."""

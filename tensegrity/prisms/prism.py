@@ -287,19 +287,11 @@ class Prism:
         return filled(f"prism of {self.sides} sides: {', '.join(numbers)}")
 
     def _repr_html_(self) -> str:
-        lengths = self.natural_lengths()
-        rows = {
-            "base, height": f"{self.base:g} m, {self.height:g} m",
-            "prestrain": f"{self.prestrain:g} of the cross strings",
-            "k_cross, k_base, k_bar": f"{self.k_cross:g}, {self.k_base:g}, {self.k_bar:g} N/m",
-            "natural lengths": f"cross {lengths.cross:.6g}, base {lengths.base:.6g}, "
-            f"bar {lengths.bar:.6g} m",
-            "axial stiffness": f"{self.axial_stiffness():.6g} N/m",
-        }
+        lines = [str(self), f"natural lengths: {self.natural_lengths()}"]
+        lines.append(f"axial stiffness: {self.axial_stiffness():.6g} N/m")
         with contextlib.suppress(NoLocking):
-            rows["locking height"] = f"{self.locking_height():.6g} m"
-        title = f"Prism of {self.sides} sides"
-        return page(title, rows, self._draw, size=(6.4, 2.8))
+            lines.append(f"locking height: {self.locking_height():.6g} m")
+        return page(lines, self._draw, size=(6.4, 2.8))
 
     def _draw(self, figure: Any) -> None:
         """Draw the prism at rest, and its load against shortening."""

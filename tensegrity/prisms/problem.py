@@ -19,7 +19,7 @@ from tensegrity.branches.continuation import Located, Part, Settings
 from tensegrity.branches.problem import DerivedProblem, Joined
 from tensegrity.branches.table import Table
 from tensegrity.engine.programs import derived, run
-from tensegrity.printing import filled
+from tensegrity.printing import Lines
 from tensegrity.prisms.condensed import stable
 from tensegrity.prisms.equations import TENSIONS, kind_of, numbers, problem
 from tensegrity.typing import Members
@@ -99,20 +99,20 @@ class EquilibriumPath(Table):
     begin: str
     _units: ClassVar = UNITS
 
-    def __str__(self) -> str:
+    def _lines(self) -> Lines:
         first, last = self[0], self[-1]
-        lines = [
-            f"{self.prism}",
+        yield f"{self.prism}"
+        yield (
             f"  {len(self)} equilibria from height {first['height']:.6g} m, "
             f"load {first['load']:.6g} N to height {last['height']:.6g} m, "
-            f"load {last['load']:.6g} N",
-        ]
+            f"load {last['load']:.6g} N"
+        )
         if self.begin:
-            lines.append(f"  begins: {self.begin}")
+            yield f"  begins: {self.begin}"
         for event in self.events:
-            lines.append(f"  {event.kind} at {self._quantities(event.at, STATE)}")
-            lines += [f"    {event.note}"] * bool(event.note)
-        return filled("\n".join([*lines, f"  ends: {self.end}"]))
+            yield f"  {event.kind} at {self._quantities(event.at, STATE)}"
+            yield from [f"    {event.note}"] * bool(event.note)
+        yield f"  ends: {self.end}"
 
 
 class PrismProblem(DerivedProblem):

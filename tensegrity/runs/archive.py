@@ -85,20 +85,20 @@ class Kind(NamedTuple):
 KINDS: dict[str, Kind] = {}
 
 
-def register(kind, take, make=None):
+def register(kind, take=None, make=None):
     """Register a class, so that its objects (not those of subclasses) can be stored.
 
     Parameters
     ----------
     kind : type
-    take : callable object -> dict of str
+    take : callable object -> dict of str, optional
         Returns what the object is built from: numbers, text, None, arrays, sequences and dicts of
-        these, and objects of registered classes.
+        these, and objects of registered classes; by default the fields of a dataclass.
     make : callable, optional
         Rebuilds the object from these, passed by name, sequences as tuples; by default the class.
     """
-    KINDS[kind.__name__] = Kind(kind, take, make or kind)
-    PARTS[kind] = take
+    KINDS[kind.__name__] = Kind(kind, take or _fields, make or kind)
+    PARTS[kind] = take or _fields
 
 
 def storable(scene: Any) -> Any:
@@ -109,11 +109,19 @@ def storable(scene: Any) -> Any:
     TensegrityError
         Such a scene has something in it that has no identity, such as a function with a lock.
     """
-    if isinstance(scene, PrintedScene):
+    if isinstance(scene, PrintedScene) or holds(scene):
         return scene
+    return PrintedScene(repr(scene), identity(scene))
+
+
+def holds(x: Any) -> bool:
+    """Whether a file can hold something so that it can be rebuilt."""
     trial = _Writer()
-    trial.value(scene)
-    return PrintedScene(repr(scene), identity(scene)) if trial.opaque else scene
+    try:
+        json.dumps(trial.value(x))
+    except TypeError:  # such as complex numbers
+        return False
+    return not trial.opaque
 
 
 def write(path, kind, data):
@@ -129,7 +137,7 @@ def write(path, kind, data):
 
     Raises
     ------
-    OSError
+    TensegrityError
         The file cannot be written; an existing file stays unchanged.
     """
     writer, path = _Writer(), check.path("path", path)
@@ -348,10 +356,10 @@ def _member(x):
 
 def in_time(x: Any) -> dict[str, Any]:
     """Drives, damping and tuning of a scene; expressions of time are stored in printed form."""
-    parts = {"drive": dict(x.drive), "damping": x.damping}
-    parts["tune"] = x.tune
-    if not callable(x.tune):
-        parts["tune"] = {name: signal.expression for name, signal in x.tune.items()}
+    tune = x.tune
+    if not callable(tune):
+        tune = {name: signal.expression for name, signal in tune.items()}
+    parts = {"drive": dict(x.drive), "damping": x.damping, "tune": tune}
     parts["forces"] = dynamics(x).further_forces
     return {name: value for name, value in parts.items() if value}
 
@@ -415,12 +423,9 @@ def _make_network(bonds, springs, wall_contacts, wall_gaps, **others):
 
 
 register(Repeated, _shared)
-register(State, _fields)
 register(Damping, lambda x: {k: v if v.ndim else float(v) for k, v in _fields(x).items()})
 register(Drive, _drive)
 register(Force, _force)
-register(Record, _fields)
-register(Prism, _fields)
 register(PowerLaw, _power_law)
 register(Potential, _rigid, _make_rigid)
 register(ElasticPotential, _elastic)
@@ -432,7 +437,7 @@ register(Wall, _wall, _make_wall)
 register(Chain, _chain, _make_chain)
 register(Ensemble, _ensemble)
 register(Network, _network, _make_network)
-for _method in (
-    methods.Splitting, methods.Corrected, methods.Nystrom, methods.Midpoint,
+for _kind in (
+    State, Record, Prism, methods.Splitting, methods.Corrected, methods.Nystrom, methods.Midpoint,
 ):  # fmt: skip
-    register(_method, _fields)
+    register(_kind)

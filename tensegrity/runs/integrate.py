@@ -5,10 +5,11 @@ from __future__ import annotations
 
 import os
 import time
-from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple, overload
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Annotated, Any, overload
 
 from tensegrity import check
+from tensegrity.checked import checked
 from tensegrity.engine import methods, native
 from tensegrity.errors import TensegrityError
 from tensegrity.runs import archive
@@ -22,6 +23,8 @@ from tensegrity.runs.run import Run, unchecked, unchecked_replace
 from tensegrity.runs.step import default_step, fixed_step, resumed
 from tensegrity.runs.tolerance import ROUND_OFF, to_tolerance
 from tensegrity.scenes.dynamics import HasDynamics, dynamics
+from tensegrity.scenes.scene import State
+from tensegrity.typing import Index, Positive
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -29,7 +32,7 @@ if TYPE_CHECKING:
     from tensegrity.runs.observers import Observe
     from tensegrity.runs.run import Run, RunBatch
     from tensegrity.scenes.ensemble import Ensemble
-    from tensegrity.scenes.scene import Scene, State
+    from tensegrity.scenes.scene import Scene
 
 
 @overload
@@ -244,23 +247,25 @@ def resume(path: str | os.PathLike[str], scene: Scene | Ensemble | None = None) 
     return replace(run, wall_time=time.perf_counter() - started)
 
 
-class CheckpointData(NamedTuple):
+@checked
+@dataclass(frozen=True)
+class CheckpointData:
     """The contents of a checkpoint file."""
 
     scene: Any
-    state: Any
-    t_end: Any
+    state: State
+    t_end: Annotated[float, ">= 0", "s"]
     method: Any
-    record: Any
-    choice: Any
-    steps: Any
-    allowed: Any
-    done: Any
+    record: Record
+    choice: Annotated[str, ("dt", "tol", "default")]
+    steps: Index
+    allowed: Positive
+    done: Index
     u: Any
     v: Any
     seen: Any
-    count: Any
-    last_row: Any
+    count: Index
+    last_row: Index
     elongation_range: Any
 
     def start(self, scene: Any) -> Start:
@@ -274,16 +279,8 @@ class CheckpointData(NamedTuple):
         check.kind("scene", scene, HasDynamics)
         dyn = dynamics(scene)
         dyn.checked(self.state)
-        check.number("t_end", self.t_end, least=0, unit="s")
         methods.find(self.method)
-        check.kind("record", self.record, Record)
-        if not isinstance(self.choice, str) or self.choice not in ("dt", "tol", "default"):
-            raise TensegrityError(f"choice {check.shown(self.choice)} of a step is not known")
-        check.whole("steps", self.steps, least=0)
-        check.number("allowed", self.allowed, above=0)
-        check.whole("done", self.done, least=0, below=self.steps + 1)
-        check.whole("count", self.count, least=0)
-        check.whole("last_row", self.last_row, least=0)
+        check.whole("done", self.done, below=self.steps + 1)
         shape = dyn.arrays(self.state)[0].shape
         count, springs = 4 if dyn.is_driven else 2, None
         if dyn.is_driven and not dyn.follows:

@@ -4,15 +4,19 @@ and their stiffness there."""
 from __future__ import annotations
 
 import math
+import sys
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from tensegrity.engine.force_law import BOND, SITE
+from tensegrity.engine.forces import scattered_forces
 from tensegrity.engine.methods import Method
 from tensegrity.errors import StabilityError
 from tensegrity.scenes.dynamics import dynamics
+from tensegrity.scenes.force import applied_forces
 
 if TYPE_CHECKING:
     from tensegrity.scenes.dynamics import Dynamics
@@ -23,6 +27,9 @@ if TYPE_CHECKING:
 ENERGIES = 8  # energies per factor of two for which bounds are computed
 ENERGY_FRACTION = 0.5  # of the energy, in one bond, for the first step where a tolerance decides
 CACHED = 4096  # numbers in cached ranges of a scene
+FAINT = 1e-6  # largest motion over a length in the first steps of a scene that may be at rest
+# Distance from the equilibrium over a length that counts as round-off.
+REST = 64 * sys.float_info.epsilon
 
 
 class AprioriBounds:
@@ -39,15 +46,15 @@ class AprioriBounds:
     """
 
     def __init__(self, dynamics: Dynamics, state: State, energy: float | None = None) -> None:
-        self._dynamics, self._state, self._given = dynamics, state, energy
+        self.dynamics, self._state, self._given = dynamics, state, energy
         self._known: tuple[Dynamics, float] | None = None
 
     @property
     def nearest(self) -> tuple[Dynamics, float]:
         """The dynamics with contacts that may form, and the energy a spring can receive [J]."""
         if self._known is None:
-            nearest = self._dynamics.nearest(self._state.u)
-            given = self._given if nearest is self._dynamics else None
+            nearest = self.dynamics.nearest(self._state.u)
+            given = self._given if nearest is self.dynamics else None
             self._known = nearest, nearest.available_energy(self._state, given)
         return self._known
 
@@ -156,17 +163,18 @@ class Problem:
 
     def __post_init__(self):
         if self.a_priori is None:
-            object.__setattr__(self, "a_priori", AprioriBounds(self.dynamics, self.state))
+            bounds = AprioriBounds(dynamics(self.scene), self.state)
+            object.__setattr__(self, "a_priori", bounds)
 
     @property
     def dynamics(self):
-        """Dynamics of the scene."""
-        return dynamics(self.scene)
+        """Dynamics of the scene, obtained once for the whole run."""
+        return self.a_priori.dynamics
 
     @property
     def loop_dynamics(self):
         """Dynamics of the scene that the loop advances: the surrogate, if there is one."""
-        return dynamics(self.scene if self.surrogate is None else self.surrogate)
+        return self.dynamics if self.surrogate is None else dynamics(self.surrogate)
 
     @property
     def is_forced(self):
@@ -316,3 +324,56 @@ def _towards(end, elongation_range, margin):
     """An elongation beyond the given one by a margin, short of the end of the domain."""
     room = np.where(np.isfinite(end), end - elongation_range, 10 * elongation_range)
     return elongation_range + margin * room
+
+
+def length_at_rest(problem: Problem, seen: Array) -> float | None:
+    """The length of the shortest bond, or else the largest displacement [m], if the scene is in
+    equilibrium to round-off relative to it; None where forces or drives will move the scene.
+
+    Parameters
+    ----------
+    problem : Problem
+    seen : ndarray, (instants + 1, *shape)
+        Displacements of a run [m]; the first ones decide whether the forces are examined.
+    """
+    dyn, u = problem.dynamics.listed(problem.state.u), problem.state.u
+    if np.count_nonzero(problem.state.v) or (dyn.is_driven and _changes(dyn)):
+        return None
+    given = dyn.spring_lengths
+    lengths = [s.length for s in dyn.springs.different] if given is None else np.ravel(given)
+    length = min((x for x in lengths if x), default=float(np.max(np.abs(u))))
+    if np.max(np.abs(seen[1] - u)) > FAINT * length:
+        return None
+    stiffness = dyn.stiffness_bounds(dyn.ranges_at(u))
+    forces = _static_forces(dyn, u) if dyn.has_forces else dyn.forces(u)
+    largest_force = np.max(np.abs(forces), initial=0.0)
+    return length if largest_force <= REST * np.max(stiffness, initial=0.0) * length else None
+
+
+def _changes(dyn: Any) -> bool:
+    """Whether sites are driven, or springs or forces of a scene depend on time; also for scenes of
+    an ensemble with forces."""
+    scene = dyn.scene
+    return (
+        dyn.batch or scene.drive or scene.tune or any(one.law.varies for one in dyn.further_forces)
+    )
+
+
+def _static_forces(dyn: Any, u: Array) -> Array:
+    """Forces on all sites with further forces, at rest at t = 0 [N]; not for ensembles."""
+    scene = dyn.scene
+    _, r, along = scene._elongated(u)
+    tension, sites = np.zeros(r.shape), np.zeros((scene.sites, scene.dim))
+    for one in applied_forces(scene, as_forces=True):
+        x = u.reshape(sites.shape).T if one.law.on == SITE else r[None]
+        state = np.zeros((len(one.law.state), len(one.places)))
+        state[: len(x)] = x[:, one.places]
+        found = np.array(one.law.function()(0.0, state, one.values))
+        if one.law.on == BOND:
+            tension[one.places] += found[0]
+        elif one.law.law is None:  # that of a potential is among the forces of the scene
+            sites[one.places] += found.T
+    total = scattered_forces(dyn.contact_bonds, tension, along)[: scene.sites]
+    total = total.reshape(u.shape) + sites.reshape(u.shape)
+    total[list(scene.held)] = 0
+    return total + dyn.forces(u)

@@ -12,14 +12,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import numpy as np
 
 from tensegrity import check
+from tensegrity.checked import checked
 from tensegrity.engine.march import Wanted
 from tensegrity.errors import TensegrityError
 from tensegrity.printing import printed
+from tensegrity.typing import Count, Duration
 
 if TYPE_CHECKING:
     from typing import Any
@@ -36,6 +38,7 @@ PER_INSTANT = 48  # most bytes of memory for the numbers of one recorded instant
 ROUND_OFF = 16 * np.finfo(float).eps  # relative: an instant this close to the end of a step is it
 
 
+@checked
 @dataclass(frozen=True)
 class Record:
     """What to record during a run.
@@ -81,12 +84,12 @@ class Record:
     [0. 2. 4. 6.] (4, 2)
     """
 
-    every: int | None = None
+    every: Count | None = None
     sites: Sequence[int] | None = None
     path: str | os.PathLike[str] | None = None
     times: Sequence[float] | None = None
-    interval: float | None = None
-    checkpoint: float | None = None
+    interval: Duration | None = None
+    checkpoint: Annotated[float, ">= 0", "s"] | None = None
 
     __str__ = printed(times="s", interval="s", checkpoint="s")
 
@@ -95,13 +98,8 @@ class Record:
         given = [name for name, value in ways.items() if value is not None]
         if len(given) > 1:
             raise TensegrityError(f"{' and '.join(given)} exclude each other: give one")
-        if self.every is not None:
-            check.whole("every", self.every, least=1)
         if self.times is not None:
             object.__setattr__(self, "times", _increasing(self.times))
-        if self.interval is not None:
-            interval = check.number("interval", self.interval, above=0, unit="s")
-            object.__setattr__(self, "interval", interval)
         if self.sites is not None:
             sites = check.sequence("sites", self.sites, "site numbers")
             numbers = tuple(check.whole("site", s, least=0) for s in sites)
@@ -110,11 +108,8 @@ class Record:
             object.__setattr__(self, "sites", numbers)
         if self.path is not None:
             object.__setattr__(self, "path", check.path("path", self.path))
-        if self.checkpoint is not None:
-            seconds = check.number("checkpoint", self.checkpoint, least=0, unit="s")
-            object.__setattr__(self, "checkpoint", seconds)
-            if self.path is None:
-                raise TensegrityError(f"checkpoint {seconds:g} s needs a path for the rows")
+        if self.checkpoint is not None and self.path is None:
+            raise TensegrityError(f"checkpoint {self.checkpoint:g} s needs a path for the rows")
 
     @property
     def is_plain(self) -> bool:
@@ -235,6 +230,13 @@ def _evenly(every: int, total: int, t_end: float) -> OutputTimes:
     step = np.arange(0, total + every, every) if total else np.zeros(1, dtype=int)
     step[-1] = total
     return OutputTimes(step, np.zeros(len(step)), step * (t_end / (total or 1)), step)
+
+
+def require_all_sites(run: Any, what: str = "") -> None:
+    """Refuse a run in which some sites were not recorded, or in another order."""
+    sites = run.scene.sites
+    if run.sites != tuple(range(sites)):
+        raise TensegrityError(f"{len(run.sites)} of {sites} sites recorded: record all{what}")
 
 
 def require_memory(size):

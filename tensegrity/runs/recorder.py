@@ -213,7 +213,10 @@ class FileRows:
 
     def flush(self):
         """Wait until the rows are on the disk."""
-        os.fsync(self._file.fileno())
+        try:
+            os.fsync(self._file.fileno())
+        except OSError as error:
+            raise self._refused(error) from error
 
     def finished(self) -> NDArray[Any]:
         """The rows written so far, mapped from the file; rows after them are dropped."""
@@ -368,8 +371,8 @@ class Recorder(OutputStates):
             return  # states that are due exist in this attempt only
         point = motion.point
         sums = () if point.sums is None else (point.sums,)
+        self._rows.flush()
         try:
-            self._rows.flush()
             archive.write(path, "state", {
                 "scene": self._scene, "state": problem.state, "t_end": problem.t_end,
                 "method": problem.method, "record": problem.record, "choice": problem.choice,
@@ -377,8 +380,8 @@ class Recorder(OutputStates):
                 "u": point.u, "v": point.v, "seen": (*point.output, *sums), "count": self.count,
                 "last_row": self._rows.last_row, "elongation_range": point.elongation_range,
             })  # fmt: skip
-        except OSError as error:
-            raise RecordError(f"state path {path}: {error.strerror}") from error
+        except TensegrityError as error:
+            raise RecordError(f"state path {error}") from error
 
     def run(self, done: int, final: Any, complete: bool, stopped: str | None = None) -> Run:
         """The run as far as it is recorded.

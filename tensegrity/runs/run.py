@@ -9,8 +9,9 @@ import numpy as np
 
 from tensegrity import check, plotting
 from tensegrity.errors import TensegrityError
-from tensegrity.notebook import page
+from tensegrity.printing import GLUE, Lines, Printed
 from tensegrity.runs import archive
+from tensegrity.runs.record import require_all_sites
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.ensemble import Ensemble
 from tensegrity.scenes.network import Network
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from typing import Any, Self, TypeVar
 
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
     from tensegrity.typing import Array
 
@@ -33,10 +35,7 @@ if TYPE_CHECKING:
 def energy_density(run: Any, ax: Axes | None = None) -> Axes:
     """See `Run.plot`."""
     scene = run.scene
-    if run.sites != tuple(range(scene.sites)):
-        raise TensegrityError(
-            f"{len(run.sites)} of {scene.sites} sites recorded: record all to plot"
-        )
+    require_all_sites(run, " to plot")
     drawn: Axes = plotting.axes(ax)
     density = scene.site_energy(run)
     if isinstance(scene, Network):
@@ -76,8 +75,8 @@ def unchecked(kind: type[Frozen], *given: dict[str, Any], **values: Any) -> Froz
     return made
 
 
-@dataclass(frozen=True, eq=False)
-class Run:
+@dataclass(frozen=True, eq=False, repr=False)
+class Run(Printed):
     """A finished, interrupted or failed run.
 
     Attributes
@@ -186,10 +185,7 @@ class Run:
         TensegrityError
             If the file cannot be written.
         """
-        try:
-            archive.write(path, "run", {f.name: getattr(self, f.name) for f in fields(self)})
-        except OSError as error:
-            raise TensegrityError(f"run not saved to {path}: {error.strerror}") from error
+        archive.write(path, "run", {f.name: getattr(self, f.name) for f in fields(self)})
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> Self:
@@ -360,37 +356,21 @@ class Run:
 
         return shown(self)
 
-    def __str__(self) -> str:
+    def _lines(self) -> Lines:
         estimate = "" if self.error_estimate is None else f", estimated {self.error_estimate:.1e}"
         end = f"{self.t[-1]:.6g}" if len(self.t) else "0"
         ended = "" if self.complete else f" ({self.stopped or 'incomplete'})"
-        words = (
-            f"{self.method}, dt = {self.dt:.4g} s, {self.steps} steps to t = {end} s{ended}\n"
-            f"force model: {self.force_model}\n"
-            f"{len(self.t)} instants of {len(self.sites)} sites recorded\n"
-            f"error: energy {self.energy_error:.1e}{estimate}\n"
-        )
-        return in_units(words) + f"wall time {self.wall_time:.3g} s"
+        yield f"{self.method}, dt = {self.dt:.4g} s, {self.steps} steps to t = {end} s{ended}"
+        yield f"force model: {self.force_model}"
+        yield f"{len(self.t)} instants of {len(self.sites)} sites recorded"
+        yield f"error: energy {self.energy_error:.1e}{estimate}"
+        yield f"wall time {self.wall_time:.3g}{GLUE}s"  # seconds, whatever the units of the scene
 
-    __repr__ = __str__
-
-    def _repr_html_(self) -> str:
-        rows = {
-            "method": self.method,
-            "step": f"{self.dt:.4g} s, {self.steps} steps",
-            "end": f"{self.t[-1] if len(self.t) else 0:.6g} s"
-            + ("" if self.complete else f" ({self.stopped or 'incomplete'})"),
-            "recorded": f"{len(self.t)} instants of {len(self.sites)} sites",
-            "force_model": self.force_model,
-            "energy error": f"{self.energy_error:.1e}",
-            "wall time": f"{self.wall_time:.3g}\xa0s",
-        }
-        if self.error_estimate is not None:
-            rows["estimated error"] = f"{self.error_estimate:.1e}"
+    def _draw(self, figure: Figure) -> None:
         every = max(1, -(-len(self.t) // SHOWN))
         names = ("t", "u", "v", "energy")
         few = replace(self, **{name: getattr(self, name)[::every] for name in names})
-        return page("Run", rows, lambda figure: few.plot(figure.subplots()))
+        few.plot(figure.subplots())
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -438,10 +418,9 @@ class RunBatch(Run):
         """Refuse to draw several runs at once: plot one of them, such as `run[0].plot()`."""
         raise TensegrityError(f"{len(self)} runs in one: plot one of them, such as run[0].plot()")
 
-    def __str__(self) -> str:
-        return f"{len(self)} runs: {super().__str__()}"
-
-    __repr__ = __str__
+    def _lines(self) -> Lines:
+        first, *others = super()._lines()
+        yield from (f"{len(self)} runs: {first}", *others)
 
 
 def _of_file(data: dict[str, Any]) -> Run:

@@ -424,7 +424,7 @@ def run_at_rest(problem, length, tol):
     ----------
     problem : Problem
     length : float
-        From `rest.length_at_rest` [m].
+        From `problem.length_at_rest` [m].
     tol : float
 
     Returns

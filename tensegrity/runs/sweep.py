@@ -8,16 +8,19 @@ once, alone where a pool of processes broke, and counts as failed if its worker 
 
 from __future__ import annotations
 
-import json
 import os
 import pickle
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
-from dataclasses import dataclass, replace
-from pathlib import Path
-from types import TracebackType
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import ExitStack
+from dataclasses import dataclass
+from functools import partial
+from itertools import islice
 from typing import Any
+
+import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import CompilerError, TensegrityError
@@ -50,7 +53,7 @@ class Failed:
     lost: bool = False
 
 
-archive.register(Failed, vars)
+archive.register(Failed)
 
 
 def sweep(
@@ -104,312 +107,254 @@ def sweep(
     if not callable(function):
         raise TensegrityError(f"function {check.shown(function)} cannot be called")
     cases = check.sequence("cases", cases, "cases")
-    results_so_far = _Checkpoint(checkpoint, function, cases)
-    left = [k for k in range(len(cases)) if k not in results_so_far.results]
-    with (
-        WorkerPool(executor) as workers,
-        progress(len(cases), "case", len(cases) - len(left)) as bar,
-    ):
+    require_executor(executor)
+    so_far = _Results(checkpoint, function, cases)
+    left = {k: case for k, case in enumerate(cases) if k not in so_far.found}
+    with progress(len(cases), "case", len(cases) - len(left)) as bar:
         try:
-            for number, result in workers.outcomes(function, [cases[k] for k in left]):
-                k = left[number]
-                results_so_far.add(
-                    k, replace(result, number=k) if isinstance(result, Failed) else result
-                )
+            for number, result in outcomes(executor, function, left):
+                so_far.add(number, result)
                 bar.update()
         finally:
-            results_so_far.write()
-    return [results_so_far.results[k] for k in range(len(cases))]
+            so_far.write()
+    return [so_far.found[k] for k in range(len(cases))]
 
 
-class _Checkpoint:
+class _Results:
     """Results obtained so far, in memory and in a file."""
 
     def __init__(self, path: Any, function: Any, cases: Sequence[Any]) -> None:
-        self._path = None if path is None else checkpoint_file(path)
-        self.results: dict[int, Any] = {}
-        self._fresh, self._due, self._took = False, 0.0, 0.0
-        if self._path is None:
-            return
-        given = {"function": function} | {f"case {k}": x for k, x in enumerate(cases)}
-        self._of = identified("sweep", given)
-        if self._path.exists():
-            known, self.results = archive.read(self._path, "sweep", _checkpoint_contents)
-            more = known.keys() | {"function"}  # either may have more cases
-            here = {name: x for name, x in self._of.items() if name in more}
-            require_same(self._path, "sweep", known, here)
-            self._of = known | self._of
+        numbered = {f"case {k}": x for k, x in enumerate(cases)}
+        self._file = Checkpoint(path, "sweep", {"function": function}, numbered, _by_number)
+        self.found: dict[int, Any] = self._file.found or {}
+        self._fresh, self._due = False, 0.0
 
     def add(self, number: int, result: Any) -> None:
         """Store a result, and write the file unless writing takes too large a fraction of time."""
-        if self._path is not None and not _is_storable(result):
+        if self._file and not archive.holds(result):
             raise TensegrityError(
                 f"the result of case {number} is {check.shown(result)}, which a checkpoint "
                 "cannot store: return numbers, text or arrays, such as the columns of a path, or "
                 "leave out the checkpoint"
             )
-        self.results[number], self._fresh = result, True
+        self.found[number], self._fresh = result, True
         if time.monotonic() >= self._due:
             self.write()
 
     def write(self) -> None:
         """Write the file if there are new results."""
-        if self._path is None or not self._fresh:
-            return
-        began = time.monotonic()
-        numbers = sorted(self.results)
-        results = [self.results[k] for k in numbers]
-        data = {"of": self._of, "numbers": numbers, "results": results}
-        write_checkpoint(self._path, "sweep", data)
+        if self._file and self._fresh:
+            began, numbers = time.monotonic(), sorted(self.found)
+            self._file.write(numbers=numbers, results=[self.found[k] for k in numbers])
+            self._due = time.monotonic() + (time.monotonic() - began) / WRITING
         self._fresh = False
-        self._due = time.monotonic() + (time.monotonic() - began) / WRITING
 
 
-def _checkpoint_contents(data: dict[str, Any]) -> tuple[dict[str, Any], dict[int, Any]]:
-    """The contents of a checkpoint: what it is of, function and cases, and results by number."""
-    known = known_by(data["of"])
-    numbers = [check.whole("number", k, least=0, below=len(known) - 1) for k in data["numbers"]]
-    return known, dict(zip(numbers, data["results"], strict=True))
+def _by_number(numbers: Any, results: Any, count: int) -> dict[int, Any]:
+    """The results in a file by the numbers of their cases."""
+    numbers = [check.whole("number", k, least=0, below=count - 1) for k in numbers]
+    return dict(zip(numbers, results, strict=True))
 
 
-def _is_storable(result: Any) -> bool:
-    trial = archive._Writer()
-    try:
-        json.dumps(trial.value(result))
-    except TypeError:  # such as complex numbers
-        return False
-    return not trial.opaque
-
-
-def checkpoint_file(path: Any) -> Path:
-    """A path as that of a checkpoint, if it lies in a folder."""
-    path = check.path("checkpoint", path)
-    if not path.parent.is_dir():
-        raise TensegrityError(f"checkpoint {path}: there is no folder {path.parent}")
-    return path
-
-
-def identified(kind: str, given: dict[str, Any]) -> dict[str, tuple[str, str]]:
-    """What a checkpoint knows a computation by: identity and printed form of all that it is given.
+class Checkpoint:
+    """A file of what a computation has found so far, which only the same computation continues.
 
     Parameters
     ----------
+    path : str or path, or None
+        None for no file: such a checkpoint is false.
     kind : str
         "sweep" or "search".
     given : dict
-        Functions, cases and other arguments, by their names in messages.
+        Functions and arguments by their names in messages: the file knows a computation by the
+        identity and the printed form of each.
+    further : dict
+        The same for what either may have more of.
+    make : callable
+        Makes `found` of what `write` stored, and of `count`, the number of all that is given; it
+        raises an error where these do not fit.
 
-    Returns
-    -------
-    dict of str to (str, str)
+    Attributes
+    ----------
+    found : object
+        What `make` returned, or None where there is no such file yet.
 
     Raises
     ------
     TensegrityError
-        Something in an argument has no identity.
+        Something given that has no identity; a path without a folder; a file that is damaged, or
+        of another computation, which names the first difference.
     """
-    identities, known = Identities(), {}
-    for name, value in given.items():
-        try:
-            known[name] = identities.of(value), described(value)[:NAMED]
-        except TensegrityError as error:
+
+    def __init__(
+        self,
+        path: Any,
+        kind: str,
+        given: Mapping[str, Any],
+        further: Mapping[str, Any],
+        make: Callable[..., Any],
+    ) -> None:
+        self.path, self._kind = path, kind
+        self.found: Any = None
+        if path is None:
+            return
+        self.path = check.path("checkpoint", path)
+        if not self.path.parent.is_dir():
+            raise TensegrityError(f"checkpoint {path}: there is no folder {self.path.parent}")
+        self._of, identities = dict[str, tuple[str, str]](), Identities()
+        for name, value in {**given, **further}.items():
+            try:
+                self._of[name] = identities.of(value), described(value)[:NAMED]
+            except TensegrityError as error:
+                raise TensegrityError(
+                    f"no checkpoint can know the {name} of a {kind}: {error}"
+                ) from error
+        if self.path.exists():
+            of, self.found = archive.read(self.path, kind, partial(_of_file, make))
+            self._require_same(of, further)
+            self._of = of | self._of
+
+    def __bool__(self) -> bool:
+        return self.path is not None
+
+    def _require_same(self, of: Mapping[str, tuple[str, str]], further: Mapping[str, Any]) -> None:
+        for name, (now, text) in self._of.items():
+            was, printed = of.get(name, (now, text) if name in further else ("", "missing"))
+            if was == now:
+                continue
+            words = "printed as here, but has other contents or other code"
+            if printed != text:
+                words = "{}, here {}".format(*check.differing(printed, text))
             raise TensegrityError(
-                f"no checkpoint can know the {name} of a {kind}: {error}"
-            ) from error
-    return known
+                f"checkpoint {self.path} is of another {self._kind}: its {name} is {words}"
+            )
+
+    def write(self, **found: Any) -> None:
+        """Replace the file as a whole.
+
+        Raises
+        ------
+        TensegrityError
+            It cannot be written; the one before stays.
+        """
+        archive.write(self.path, self._kind, {"of": self._of, **found})
 
 
-def known_by(stored: Any) -> dict[str, tuple[str, str]]:
-    """What `identified` returned, from a file."""
-    check.kind("of", stored, dict)
-    for name, pair in stored.items():
+def _of_file(make: Callable[..., Any], data: dict[str, Any]) -> tuple[dict[str, Any], Any]:
+    """What a checkpoint is of, and what it has found."""
+    of = data.pop("of")
+    check.kind("of", of, dict)
+    for name, pair in of.items():
         if not (isinstance(pair, tuple) and [*map(type, pair)] == [str, str]):
             raise TensegrityError(f"{name} {check.shown(pair)} is no identity")
-    return stored
+    return of, make(**data, count=len(of))
 
 
-def write_checkpoint(path: Path, kind: str, data: dict[str, Any]) -> None:
-    """Write a checkpoint to a temporary file and rename it.
+def require_executor(executor: Any) -> None:
+    """Refuse what cannot take cases, unless it is None."""
+    if executor is not None and not isinstance(executor, Executor):
+        raise TensegrityError(
+            f"executor {check.shown(executor)} is not a concurrent.futures.Executor"
+        )
+
+
+def outcomes(
+    executor: Any, function: Callable[[Any], Any], cases: Mapping[int, Any]
+) -> Iterator[tuple[int, Any]]:
+    """Results of a function of each case, as they are obtained.
 
     Parameters
     ----------
-    path : Path
-    kind : str
-        "sweep" or "search".
-    data : dict
-        Contents that `archive.write` accepts.
+    executor : concurrent.futures.Executor or None
+        None computes the cases one after the other in this thread.
+    function : callable
+    cases : mapping of int
+        The cases by their numbers.
+
+    Yields
+    ------
+    (int, object)
+        Number and result, or a `Failed`, in the order of completion.
 
     Raises
     ------
     TensegrityError
-        The file cannot be written.
+        A function that cannot be sent to other processes.
+    CompilerError
+        A case found no C compiler.
     """
+    if executor is None:
+        for pair in cases.items():
+            yield _attempt(function, *pair)
+        return
+    ahead = AHEAD
+    if isinstance(executor, ProcessPoolExecutor):
+        ahead = 2 * (os.cpu_count() or 1) + 2  # if one process dies, all of these are lost
+        _require_sendable(function)
+    left, waiting, size = iter(cases.items()), len(cases), 1
+    running: dict[Future[Any], list[tuple[int, Any]]] = {}
+    with ExitStack() as own:
+        own.callback(lambda: [future.cancel() for future in running])
+        while waiting or running:
+            while waiting and len(running) < ahead:
+                fair = -(-waiting // ahead)  # so that all workers end together
+                some = list(islice(left, min(size, fair)))
+                waiting -= len(some)
+                try:
+                    future = executor.submit(_attempted, function, some)
+                except BrokenProcessPool:
+                    executor = own.enter_context(ProcessPoolExecutor())
+                    future = executor.submit(_attempted, function, some)
+                running[future] = some
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                some, error = running.pop(future), future.exception()
+                if isinstance(error, CompilerError):
+                    raise error
+                if error is None:
+                    results, seconds = future.result()
+                    size = int(np.clip(TOGETHER * len(some) / max(seconds, 1e-9), 1, MOST_TOGETHER))
+                else:  # an error of the worker; those of the function are caught in `_attempt`
+                    results = _repeated(executor, function, some)
+                yield from results
+
+
+def _repeated(executor: Any, function: Any, some: list[tuple[int, Any]]) -> list[tuple[int, Any]]:
+    """Results of cases whose worker was lost, computed again, together and, if they are lost again,
+    one by one; where they could break a pool, in one of their own."""
     try:
-        archive.write(path, kind, data)
-    except OSError as error:
-        raise TensegrityError(f"checkpoint {path}: {error.strerror}") from error
-
-
-def require_same(path: Path, kind: str, there: dict[str, Any], here: dict[str, Any]) -> None:
-    """Refuse a checkpoint that belongs to another computation, naming the difference.
-
-    Parameters
-    ----------
-    path : Path
-    kind : str
-        "sweep" or "search".
-    there, here : dict
-        Descriptions of the stored and of the present computation, see `identified`.
-
-    Raises
-    ------
-    TensegrityError
-        An entry differs.
-    """
-    for name, (now, text) in here.items():
-        was, printed = there.get(name, ("", "missing"))
-        if was == now:
-            continue
-        words = "printed as here, but has other contents or other code"
-        if printed != text:
-            words = "{}, here {}".format(*check.differing(printed, text))
-        raise TensegrityError(f"checkpoint {path} is of another {kind}: its {name} is {words}")
-
-
-class WorkerPool:
-    """Workers of an executor, or this process alone; the pool survives the death of a worker."""
-
-    def __init__(self, executor: Executor | None) -> None:
-        if executor is not None and not isinstance(executor, Executor):
-            raise TensegrityError(
-                f"executor {check.shown(executor)} is not a concurrent.futures.Executor"
-            )
-        self._executor, self._own = executor, False
-
-    @property
-    def is_remote(self) -> bool:
-        """Whether the cases are computed by an executor instead of this thread."""
-        return self._executor is not None
-
-    def __enter__(self) -> WorkerPool:
-        return self
-
-    def __exit__(
-        self, kind: type | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        if self._own and self._executor is not None:
-            self._executor.shutdown(cancel_futures=True)
-
-    def outcomes(
-        self, function: Callable[[Any], Any], cases: Sequence[Any]
-    ) -> Iterator[tuple[int, Any]]:
-        """(number, result or Failed) of each case, in the order of completion."""
-        if self._executor is None:
-            for number, case in enumerate(cases):
-                yield _numbered(number, _attempt(function, case))
-            return
-        self._require_sendable(function)
-        ahead = AHEAD
-        if isinstance(self._executor, ProcessPoolExecutor):
-            ahead = 2 * (os.cpu_count() or 1) + 2  # if one process dies, all of these are lost
-        first, size, running = 0, 1, dict[Future[Any], range]()
-        try:
-            while True:
-                lost = []
-                while len(running) < ahead and first < len(cases):
-                    fair = -(-(len(cases) - first) // ahead)  # so that all workers end together
-                    chunk = range(len(cases))[first : first + min(size, fair)]
-                    first = chunk.stop
-                    try:
-                        running[self._submitted(self._executor, function, cases, chunk)] = chunk
-                    except RuntimeError:  # the executor broke, or was shut down
-                        lost.append(chunk)
-                        break
-                done = wait(running, return_when=FIRST_COMPLETED).done if running else set()
-                for future in done:
-                    chunk = running.pop(future)
-                    error = future.exception()
-                    if error is None:
-                        answers, seconds = future.result()
-                        size = _chunk_size(seconds / len(chunk))
-                        yield from map(_numbered, chunk, answers)
-                    elif isinstance(error, CompilerError):
-                        raise error
-                    else:  # an error of the worker; those of the function are caught in `_attempt`
-                        lost.append(chunk)
-                for chunk in lost:
-                    yield from self._retried(chunk, function, cases)
-                if not (running or done or lost):
-                    return
-        finally:
-            for future in running:
-                future.cancel()
-
-    @staticmethod
-    def _submitted(executor: Any, function: Any, cases: Sequence[Any], chunk: range) -> Future[Any]:
-        return executor.submit(_attempt_all, function, [cases[k] for k in chunk])
-
-    def _retried(self, chunk: range, function: Any, cases: Sequence[Any]) -> Iterator[Any]:
-        """Results of lost cases, computed again, together and, if they are lost again, one by one;
-        a broken pool is replaced."""
-        try:
-            if isinstance(self._executor, ProcessPoolExecutor):
-                with ProcessPoolExecutor(1) as alone:
-                    answers, _ = self._submitted(alone, function, cases, chunk).result()
-                self._replace_broken()
-            else:
-                answers, _ = self._submitted(self._executor, function, cases, chunk).result()
-        except Exception as error:
-            self._replace_broken()
-            if len(chunk) == 1:
-                lost = Failed(chunk[0], f"{type(error).__name__}: {error}", lost=True)
-                yield chunk[0], lost
-                return
-            for number in chunk:
-                yield from self._retried(range(number, number + 1), function, cases)
-            return
-        yield from map(_numbered, chunk, answers)
-
-    def _replace_broken(self) -> None:
-        if not isinstance(self._executor, ProcessPoolExecutor):
-            return
-        try:
-            self._executor.submit(int).result()
-        except RuntimeError:
-            self._executor, self._own = ProcessPoolExecutor(), True
-
-    def _require_sendable(self, function: Callable[[Any], Any]) -> None:
-        if not isinstance(self._executor, ProcessPoolExecutor):
-            return
-        try:
-            pickle.dumps(function)
-        except Exception as error:
-            raise TensegrityError(
-                f"function {check.shown(function)} cannot be sent to other processes: {error}"
-            ) from error
-
-
-def _attempt(function: Callable[[Any], Any], case: Any) -> tuple[bool, Any]:
-    """(True, result) of a case, or (False, message of its error)."""
-    try:
-        return True, function(case)
+        with ExitStack() as own:
+            if isinstance(executor, ProcessPoolExecutor):
+                executor = own.enter_context(ProcessPoolExecutor(1))
+            found: list[tuple[int, Any]] = executor.submit(_attempted, function, some).result()[0]
+            return found
     except CompilerError:
         raise
     except Exception as error:
-        return False, f"{type(error).__name__}: {error}"
+        if len(some) > 1:
+            return [one for pair in some for one in _repeated(executor, function, [pair])]
+        number = some[0][0]
+        return [(number, Failed(number, f"{type(error).__name__}: {error}", lost=True))]
 
 
-def _attempt_all(function: Callable[[Any], Any], cases: Sequence[Any]) -> tuple[list[Any], float]:
-    """The same for several cases, and the time that they take [s]."""
+def _require_sendable(function: Callable[[Any], Any]) -> None:
+    try:
+        pickle.dumps(function)
+    except Exception as error:
+        raise TensegrityError(
+            f"function {check.shown(function)} cannot be sent to other processes: {error}"
+        ) from error
+
+
+def _attempted(function: Callable[[Any], Any], some: list[tuple[int, Any]]) -> Any:
+    """(number, result or `Failed`) of some cases, and the time that they take [s]."""
     began = time.monotonic()
-    return [_attempt(function, case) for case in cases], time.monotonic() - began
+    return [_attempt(function, *pair) for pair in some], time.monotonic() - began
 
 
-def _chunk_size(seconds: float) -> int:
-    """Number of cases, of which one takes this time, to send together."""
-    return int(min(max(TOGETHER / max(seconds, 1e-9), 1), MOST_TOGETHER))
-
-
-def _numbered(number: int, answer: tuple[bool, Any]) -> tuple[int, Any]:
-    good, result = answer
-    return number, result if good else Failed(number, result)
+def _attempt(function: Callable[[Any], Any], number: int, case: Any) -> tuple[int, Any]:
+    try:
+        return number, function(case)
+    except CompilerError:
+        raise
+    except Exception as error:
+        return number, Failed(number, f"{type(error).__name__}: {error}")

@@ -15,9 +15,8 @@ from tensegrity.errors import LockingError, RangeError, StabilityError, Tensegri
 from tensegrity.notebook import one_bar
 from tensegrity.once import once
 from tensegrity.runs.march import MOST_COMPARED, MarchResult, march
-from tensegrity.runs.problem import Problem, bounds_at_energy, rounded
+from tensegrity.runs.problem import Problem, bounds_at_energy, length_at_rest, rounded
 from tensegrity.runs.record import Record, is_light
-from tensegrity.runs.rest import length_at_rest
 from tensegrity.runs.run import unchecked_replace
 from tensegrity.runs.step import (
     CHECKPOINTS,

@@ -16,6 +16,7 @@ import numpy as np
 
 from tensegrity.errors import TensegrityError
 from tensegrity.prisms.path import equilibrium_path
+from tensegrity.runs.record import require_all_sites
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.picture import edge
@@ -58,10 +59,7 @@ def shown(run: Any) -> Shown:
     scene = run.scene
     if run._batch:
         raise TensegrityError(f"a run of {len(run)} scenes: take that of one, run[k]")
-    if run.sites != tuple(range(scene.sites)):
-        raise TensegrityError(
-            f"{len(run.sites)} of {scene.sites} sites recorded: record all to show"
-        )
+    require_all_sites(run, " to show")
     if not len(run.t):
         raise TensegrityError("0 instants recorded, must be at least 1 to show")
     count = max(2, min(MOST, NUMBERS // run.u[0].size))

@@ -266,7 +266,7 @@ class BatchDynamics(Dynamics):
         parts = [slice(k, k + size) for k in range(0, len(self.members), size)]
         return np.concatenate(threaded.each(of, parts, u.size), axis=-1)
 
-    def elongations(self, u: Array) -> Array:
+    def elongations(self, u: Any) -> Array:
         """Elongation of each bond [m]; (..., bonds, scenes)."""
         each = [one.elongations(u[..., k]) for k, one in enumerate(self.members)]
         return np.stack(each, axis=-1)
@@ -277,6 +277,12 @@ class BatchDynamics(Dynamics):
             return self.members[0].bond_frequency_bound(stiffness)
         each = zip(self.members, stiffness.T, strict=True)
         return max(one.bond_frequency_bound(k) for one, k in each)
+
+    def spring_frequency_bound(self, stiffness: Array) -> float:
+        """The same, given the stiffness of each distinct spring [N/m], (springs,)."""
+        if np.isinf(stiffness).any():
+            return np.inf  # the two sites of a bond coincide
+        return self.bond_frequency_bound(stiffness[self.springs.group])
 
     def where_fastest(self, ranges: Array) -> str:
         """Name the scene with the largest bound on its frequency, over ranges of elongation [m]

@@ -7,16 +7,13 @@ the constant preload, because potentials are measured from the loaded equilibriu
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
-from tensegrity.readonly import fixed
 from tensegrity.scenes.dynamics import Dynamics, dynamics
 from tensegrity.scenes.forcing import start_driven_sites
 from tensegrity.scenes.on_site import on_site, on_site_springs
@@ -24,14 +21,11 @@ from tensegrity.scenes.scene import BYTES_PER_SITE, SMALLEST_MASS, Scene, State,
 from tensegrity.springs.potential import Potential
 
 if TYPE_CHECKING:
-    from typing import Any
-
     from numpy.typing import ArrayLike
 
-    from tensegrity.engine.energies import Energies
     from tensegrity.scenes.force import Force
     from tensegrity.scenes.forcing import Damping, Drive, Tune
-    from tensegrity.typing import Array, Motion
+    from tensegrity.typing import Array, Indices, Motion
 
 ENDS = ("free", "fixed")
 
@@ -156,6 +150,11 @@ class Chain(Scene):
         return f"chain has ({self.sites},) sites"
 
     @property
+    def bonds(self) -> Indices:
+        """The two sites of each bond; (sites - 1, 2)."""
+        return np.stack([np.arange(self.sites - 1), np.arange(1, self.sites)], axis=1)
+
+    @property
     def held(self) -> list[int]:
         """Indices of the sites that are held at u = 0."""
         return [s for s, end in zip((0, self.sites - 1), self.ends, strict=True) if end == "fixed"]
@@ -205,25 +204,6 @@ class Chain(Scene):
                     f"velocity {state.v[site]:g} m/s"
                 )
 
-    def elongation(self, u: ArrayLike) -> Array:
-        """Elongation r_j = u[j+1] - u[j] of each bond [m]; (..., sites - 1)."""
-        return check.finite("elongation", dynamics(self).elongations(u))
-
-    def bond_energy(self, u: ArrayLike) -> Array:
-        """Energy of each bond [J]; u of shape (..., sites) gives (..., sites - 1)."""
-        return self._per_bond("energy", u)
-
-    def bond_tension(self, u: ArrayLike) -> Array:
-        """Tension of each bond [N]; u of shape (..., sites) gives (..., sites - 1)."""
-        return self._per_bond("tension", u)
-
-    def bond_stiffness(self, u: ArrayLike) -> Array:
-        """Tangent stiffness of each bond [N/m]; u of shape (..., sites) gives (..., sites - 1)."""
-        return self._per_bond("stiffness", u)
-
-    def _per_bond(self, name: str, u: ArrayLike) -> Array:
-        return dynamics(self).springs.evaluate(name, self.elongation(u))
-
     def site_energy(self, state: Motion) -> Array:
         """Kinetic energy of each site, half the energy of its bonds, and that of its spring to the
         ground [J], of a state or of the rows of a run; (..., sites)."""
@@ -243,105 +223,10 @@ class Chain(Scene):
         """Shape of the displacements of a state."""
         return (self.sites,)
 
-    def _dynamics(self) -> ChainDynamics:
-        return ChainDynamics(self)
+    def _dynamics(self) -> Dynamics:
+        return Dynamics(self)
 
     def __repr__(self) -> str:
         kinds = len(dynamics(self).springs)
         springs = "equal springs" if kinds == 1 else f"{kinds} kinds of springs"
         return f"Chain({self.sites} sites, {springs}, ends {self.ends})"
-
-
-class ChainDynamics(Dynamics):
-    """Quantities derived from a chain for its runs; see `tensegrity.scenes.dynamics`."""
-
-    def elongations(self, u: ArrayLike) -> Array:
-        """Elongation of each bond [m]; (..., sites - 1), nan where u is nan."""
-        u = check.rows("displacements", u, self.shape, are_finite=False)
-        return u[..., 1:] - u[..., :-1]
-
-    @property
-    def cost(self) -> int:
-        """Cost of one evaluation of all forces, in bonds of a chain."""
-        return self.sites - 1
-
-    def energies(self, u: Array, v: Array) -> Array:
-        """Total energy of each state [J], (...); u and v (..., sites)."""
-        stored: Any = np.sum(on_site(self.scene, 0, u), axis=-1) if self.has_forces else 0.0
-        compiled = self.energies_in_one_call
-        energies = None if compiled is None else compiled(u, v)
-        if energies is not None:
-            return energies + stored
-        with np.errstate(over="ignore"):  # overflow gives inf, which `checked` refuses
-            kinetic = 0.5 * np.sum(self.scene.mass * v**2, axis=-1)
-        return kinetic + np.sum(self.scene.bond_energy(u), axis=-1) + stored
-
-    @cached_property
-    def energies_in_one_call(self) -> Energies | None:
-        """Compiled energies of many states in one call; None if the law has no compiled form."""
-        return self.springs.energies(self.scene.mass)
-
-    def with_springs(self, springs: Sequence[Potential]) -> Chain:
-        """The same chain with one new spring for each distinct spring in `springs`."""
-        of = self.scene
-        other = Chain([springs[k] for k in self.springs.group], of.sites, of.mass, of.ends)
-        other.__dict__.update(drive=of.drive, damping=of.damping, tune=of.tune, _forces=of._forces)
-        return other
-
-    def bond_frequency_bound(self, stiffness: Array) -> float:
-        """Bound on the largest angular frequency [rad/s], given the bonds' stiffnesses [N/m].
-
-        The eigenvalues of M^-1 K do not exceed the maximum of 2 k (1/m_left + 1/m_right) over the
-        bonds.
-        """
-        return math.sqrt(float(np.max(2 * stiffness * self._mobilities)) + self._on_site_bound)
-
-    def spring_frequency_bound(self, stiffness: Array) -> float:
-        """Bound on the largest angular frequency [rad/s], given a bound on the stiffness of each
-        distinct spring [N/m], (springs,)."""
-        bonds = 2 * float((stiffness * self._largest_mobilities).max())
-        return math.sqrt(bonds + self._on_site_bound)
-
-    @cached_property
-    def _on_site_bound(self) -> float:
-        """Largest stiffness over mass of the springs to the ground, at rest [1/s^2]."""
-        stiffness = np.abs(on_site(self.scene, 2, np.zeros(self.shape)))
-        return float(np.max(stiffness * self.inverse_mass))
-
-    @property
-    def _mobilities(self) -> Array:
-        """1/m_left + 1/m_right of each bond [1/kg]; (sites - 1,)."""
-        return self.inverse_mass[:-1] + self.inverse_mass[1:]
-
-    @cached_property
-    def _largest_mobilities(self) -> Array:
-        """Largest mobility among the bonds of each distinct spring [1/kg]; (springs,)."""
-        largest = np.zeros(len(self.springs))
-        np.maximum.at(largest, self.springs.group, self._mobilities)
-        return fixed(largest)
-
-    def where_extreme(self, spring: int, u: Array, side: int) -> str:
-        """Describe the bond in which a spring has its extreme elongation.
-
-        Parameters
-        ----------
-        spring : int
-            Index of a distinct spring in `springs`.
-        u : ndarray, (sites,)
-            Displacements [m].
-        side : {0, 1}
-            0 for the smallest elongation, 1 for the largest.
-
-        Returns
-        -------
-        str
-        """
-        bonds = np.flatnonzero(self.springs.group == spring)
-        r = self.elongations(u)[bonds]
-        bond = int(bonds[np.argmax(r) if side else np.argmin(r)])
-        return f"between sites {bond} and {bond + 1}"
-
-    def where_stiffest(self, u: Array, ranges: Array) -> str:
-        """Describe the bond with the largest elongation in magnitude."""
-        bond = int(np.argmax(np.abs(self.elongations(u))))
-        return f"between sites {bond} and {bond + 1}"

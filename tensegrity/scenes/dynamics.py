@@ -8,26 +8,29 @@ none of them.
 
 from __future__ import annotations
 
+import math
 import threading
+from copy import copy
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tensegrity.engine import kernel
+from tensegrity import check
+from tensegrity.engine import forces, kernel
 from tensegrity.engine.bonds import BLOCK, Bonds, by_spring
-from tensegrity.engine.force_law import BOND, SITE
-from tensegrity.engine.forces import scattered_forces
 from tensegrity.engine.native import aligned_copy
 from tensegrity.engine.openings import is_treated
 from tensegrity.errors import TensegrityError
-from tensegrity.readonly import ReadOnly, fixed, same_content
-from tensegrity.scenes.force import applied_forces
+from tensegrity.readonly import ReadOnly, Repeated, fixed, same_content
+from tensegrity.scenes.on_site import on_site
 from tensegrity.springs.collection import Springs
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterator, Sequence
     from typing import Any
+
+    from numpy.typing import ArrayLike
 
     from tensegrity.engine.energies import Energies
     from tensegrity.engine.methods import Method
@@ -35,6 +38,7 @@ if TYPE_CHECKING:
     from tensegrity.typing import Array, Indices, SceneData
 
 SURROGATES = 4  # scenes with fitted springs that are cached with a scene
+IN_CACHE = 20_000  # contacts times rows whose energies are computed in one call
 
 
 def dynamics(scene: Any) -> Any:
@@ -78,6 +82,8 @@ class HasDynamics(ReadOnly):
 class Dynamics:
     """Quantities derived from a scene for its runs; see `dynamics`.
 
+    Bonds join neighbours on a line, unless a subclass has their geometry.
+
     Attributes
     ----------
     scene : Scene
@@ -100,9 +106,6 @@ class Dynamics:
         Whether contacts form and open during a run, so that only near ones are listed.
     clearance : Clearance or None
         Detector of unlisted contacts.
-    arguments : tuple of str
-        Arguments of the sites' constituents (beads, for instance) for which `by_argument` returns
-        derivatives.
     ranges : list of (ndarray, ndarray, float)
         Cache of recent runs: ranges of elongation (springs, 2) [m], the bound on the stiffness of
         each spring over them [N/m], and the resulting bound on the angular frequency [rad/s].
@@ -123,7 +126,6 @@ class Dynamics:
     turns: bool = False
     follows: bool = False
     clearance: Any = None
-    arguments: tuple[str, ...] = ()
 
     def __init__(self, scene: Any) -> None:
         self.scene, self.shape = scene, scene.shape
@@ -135,22 +137,6 @@ class Dynamics:
         self.prepared: dict[Method, list[Any]] = {}
         self._surrogates: dict[tuple[Potential, ...], Any] = {}
 
-    if TYPE_CHECKING:  # defined by the dynamics of each kind of scene
-
-        @property
-        def energies_in_one_call(self) -> Energies | None: ...
-        @property
-        def cost(self) -> int: ...
-        def elongations(self, u: Array) -> Array: ...
-        def energies(self, u: Array, v: Array) -> Array: ...
-        def bond_frequency_bound(self, stiffness: Array) -> float: ...
-        def where_extreme(self, spring: int, u: Array, side: int) -> str: ...
-        def with_springs(self, springs: Sequence[Potential]) -> Any: ...
-        def where_stiffest(self, u: Array, ranges: Array) -> str: ...
-        def by_argument(
-            self, name: str, by_mass: Array, by_spring: Callable[[str], Array], by_gap: Any
-        ) -> Array: ...
-
     def surrogate(self, springs: tuple[Potential, ...]) -> Any:
         """The scene of `with_springs`; the last few are cached with what is derived from them."""
         surrogate = self._surrogates.get(springs)
@@ -159,6 +145,30 @@ class Dynamics:
                 self._surrogates.pop(next(iter(self._surrogates)), None)
             surrogate = self._surrogates[springs] = self.with_springs(springs)
         return surrogate
+
+    def with_springs(self, springs: Sequence[Potential]) -> Any:
+        """The same scene with one new spring for each distinct spring in `springs`."""
+        scene = varied(self.scene, springs=Repeated(springs, self.springs.group))
+        dynamics(scene).__dict__.update(self.unchanged)
+        return scene
+
+    @property
+    def unchanged(self) -> dict[str, Any]:
+        """Cached quantities that do not depend on springs, by name."""
+        return {}
+
+    @property
+    def arguments(self) -> tuple[str, ...]:
+        """Arguments of the sites' constituents (beads, for instance) for which `by_argument`
+        returns derivatives."""
+        return self.scene._arguments_of_sites
+
+    def by_argument(
+        self, name: str, by_mass: Array, by_spring: Callable[[str], Array], by_gap: Any
+    ) -> Array:
+        """Derivatives by one of these, (sites,), from those by the masses (sites,), by a parameter
+        of each spring (bonds,), and by the gaps (bonds,) or None."""
+        return self.scene._by_argument(name, by_mass, by_spring, by_gap)
 
     # the scene's data in the form of the compiled loop
 
@@ -174,7 +184,7 @@ class Dynamics:
         w[list(self.scene.held)] = 0
         return fixed(w)
 
-    @property
+    @cached_property
     def is_driven(self) -> bool:
         """Whether forces depend on time or velocity, or motion is prescribed."""
         return is_driven(self.scene)
@@ -237,6 +247,10 @@ class Dynamics:
         """Dynamics with the contacts that can act near displacements u: all, for fixed bonds."""
         return self
 
+    def listings(self, u: Array) -> Iterator[tuple[slice, Dynamics]]:
+        """Slices of u (T, *shape), each with dynamics with the contacts that can act in it."""
+        yield slice(len(u)), self
+
     def nearest(self, u: Array) -> Dynamics:
         """Dynamics with the contacts that can be expected to form in a run from displacements u."""
         return self
@@ -245,24 +259,46 @@ class Dynamics:
         """Forces on all sites [N], shape of u."""
         return self.scene.forces(u)
 
-    def static_forces(self, u: Array) -> Array:
-        """The same with further forces, at rest at t = 0 [N]; not for ensembles."""
-        scene = self.scene
-        _, r, along = scene._elongated(u)
-        tension, sites = np.zeros(r.shape), np.zeros((scene.sites, scene.dim))
-        for one in applied_forces(scene, as_forces=True):
-            x = u.reshape(sites.shape).T if one.law.on == SITE else r[None]
-            state = np.zeros((len(one.law.state), len(one.places)))
-            state[: len(x)] = x[:, one.places]
-            found = np.array(one.law.function()(0.0, state, one.values))
-            if one.law.on == BOND:
-                tension[one.places] += found[0]
-            elif one.law.law is None:  # that of a potential is among the forces of the scene
-                sites[one.places] += found.T
-        total = scattered_forces(self.contact_bonds, tension, along)[: scene.sites]
-        total = total.reshape(u.shape) + sites.reshape(u.shape)
-        total[list(scene.held)] = 0
-        return total + self.forces(u)
+    @property
+    def cost(self) -> int:
+        """Cost of one evaluation of all forces, in bonds of a chain."""
+        return len(self.scene.springs)
+
+    # functions of displacements
+
+    def elongations(self, u: ArrayLike) -> Array:
+        """Elongation of each bond and gap of each wall contact [m]; (..., springs), nan where u is
+        nan."""
+        u = check.rows("displacements", u, self.shape, are_finite=False)
+        return forces.bond_elongations(self.contact_bonds, u)
+
+    def evaluate(self, name: str, u: Array) -> Array:
+        """Energy [J], tension [N] or stiffness [N/m] of each contact; (..., springs)."""
+        return self.springs.evaluate(name, check.finite("elongation", self.elongations(u)))
+
+    def energies(self, u: Array, v: Array) -> Array:
+        """Total energy of each state [J], (states,); u and v (states, *shape)."""
+        stored: Any = 0.0
+        if self.has_forces:
+            stored = np.sum(on_site(self.scene, 0, u).reshape(len(u), -1), axis=-1)
+        compiled = self.energies_in_one_call
+        energies = None if compiled is None else compiled(u, v)
+        if energies is not None:
+            return energies + stored
+        scene, rows = self.scene, (len(u), -1)
+        mass = scene.mass.reshape(-1, *[1] * (len(self.shape) - 1))
+        with np.errstate(over="ignore"):  # overflow gives inf, which `checked` refuses
+            kinetic = 0.5 * np.sum((mass * v**2).reshape(rows), axis=-1)
+        some = max(IN_CACHE // max(len(scene.springs), 1), 1)
+        parts = [np.sum(self.evaluate("energy", u[k : k + some]), axis=-1)
+                 for k in range(0, len(u), some)]  # fmt: skip
+        bonds = np.concatenate(parts) if parts else np.zeros(0)
+        return kinetic + bonds - np.sum((scene.loads * u).reshape(rows), axis=-1) + stored
+
+    @cached_property
+    def energies_in_one_call(self) -> Energies | None:
+        """Compiled energies of many states in one call; None if some law has no compiled form."""
+        return self.springs.energies(self.scene.mass, self.contact_bonds.contacts)
 
     # bounds
 
@@ -282,7 +318,8 @@ class Dynamics:
     def available_energy(self, state: Any, energy: float | None = None) -> float:
         """Upper bound on the energy of a single spring [J]: the energy of the state, if it is not
         given."""
-        return self.scene.energy(state) if energy is None else energy
+        energy = self.scene.energy(state) if energy is None else energy
+        return energy + self.scene._hidden_energy(state)
 
     def stiffness_bounds(self, ranges: Array, numbers: Indices | None = None) -> Array:
         """Bound on the axial and transverse stiffness of the bonds of each distinct spring.
@@ -318,12 +355,37 @@ class Dynamics:
         (springs, 2)."""
         return self.spring_frequency_bound(self.stiffness_bounds(np.asarray(ranges, dtype=float)))
 
+    def bond_frequency_bound(self, stiffness: Array) -> float:
+        """Bound on the largest angular frequency [rad/s], given the bonds' stiffnesses [N/m].
+
+        The eigenvalues of M^-1 K do not exceed the maximum of 2 k (1/m_left + 1/m_right) over the
+        bonds.
+        """
+        return math.sqrt(float(np.max(2 * stiffness * self._mobilities)) + self._on_site_bound)
+
     def spring_frequency_bound(self, stiffness: Array) -> float:
         """Bound on the largest angular frequency [rad/s], given a bound on the stiffness of each
         distinct spring [N/m], (springs,)."""
-        if np.isinf(stiffness).any():
-            return np.inf  # the two sites of a bond coincide
-        return self.bond_frequency_bound(stiffness[self.springs.group])
+        bonds = 2 * float((stiffness * self._largest_mobilities).max())
+        return math.sqrt(bonds + self._on_site_bound)
+
+    @cached_property
+    def _on_site_bound(self) -> float:
+        """Largest stiffness over mass of the springs to the ground, at rest [1/s^2]."""
+        stiffness = np.abs(on_site(self.scene, 2, np.zeros(self.shape)))
+        return float(np.max(stiffness * self.inverse_mass))
+
+    @property
+    def _mobilities(self) -> Array:
+        """1/m_left + 1/m_right of each bond [1/kg]; (sites - 1,)."""
+        return self.inverse_mass[:-1] + self.inverse_mass[1:]
+
+    @cached_property
+    def _largest_mobilities(self) -> Array:
+        """Largest mobility among the bonds of each distinct spring [1/kg]; (springs,)."""
+        largest = np.zeros(len(self.springs))
+        np.maximum.at(largest, self.springs.group, self._mobilities)
+        return fixed(largest)
 
     def ranges_at(self, u: Array) -> Array:
         """Smallest and largest elongation of each distinct spring, 0 included [m]; (springs, 2)."""
@@ -333,6 +395,42 @@ class Dynamics:
         group = np.broadcast_to(group.reshape(*group.shape, *[1] * (r.ndim - group.ndim)), r.shape)
         ranges = by_spring(group.ravel(), len(self.springs), r.ravel(), r.ravel())
         return np.stack([np.minimum(ranges[:, 0], 0), np.maximum(ranges[:, 1], 0)], axis=1)
+
+    # descriptions of places for messages
+
+    def where_extreme(self, spring: int, u: Array, side: int) -> str:
+        """Describe the contact in which a spring has its extreme elongation.
+
+        Parameters
+        ----------
+        spring : int
+            Index of a distinct spring in `springs`.
+        u : ndarray, shape of the scene
+            Displacements [m].
+        side : {0, 1}
+            0 for the smallest elongation, 1 for the largest.
+
+        Returns
+        -------
+        str
+        """
+        contacts = np.flatnonzero(self.springs.group == spring)
+        r = self.elongations(u)[contacts]
+        return self._where(int(contacts[np.argmax(r) if side else np.argmin(r)]))
+
+    def _where(self, bond: int) -> str:
+        return f"between sites {bond} and {bond + 1}"
+
+    def where_stiffest(self, u: Array, ranges: Array) -> str:
+        """Describe the bond with the largest elongation in magnitude."""
+        return self._where(int(np.argmax(np.abs(self.elongations(u)))))
+
+
+def varied(scene: Any, **changed: Any) -> Any:
+    """A scene with other values of some attributes, unchecked."""
+    other = copy(scene)
+    other.__dict__.update(changed)
+    return other
 
 
 def is_driven(scene: SceneData) -> bool:

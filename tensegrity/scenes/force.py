@@ -349,7 +349,7 @@ class Force:
 
 def place_counts(scene: Any) -> dict[str, int]:
     """Numbers of sites, bonds and contacts with walls of a scene."""
-    bonds = len(getattr(scene, "bonds", scene.springs))
+    bonds = len(scene.springs) - len(getattr(scene, "wall_contacts", ()))
     return {"sites": scene.sites, "bonds": bonds, "walls": len(scene.springs) - bonds}
 
 

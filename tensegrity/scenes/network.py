@@ -17,9 +17,10 @@ import numpy as np
 from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.notebook import page
+from tensegrity.scenes.clearance import Clearance
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.forcing import start_driven_sites
-from tensegrity.scenes.neighbour_list import new_contact_law
+from tensegrity.scenes.neighbour_list import NeighbourList, new_contact_law
 from tensegrity.scenes.network_dynamics import NetworkDynamics
 from tensegrity.scenes.network_input import (
     checked_bonds,
@@ -36,6 +37,7 @@ from tensegrity.scenes.network_input import (
     springs_of,
     whole_pairs,
 )
+from tensegrity.scenes.on_site import on_site
 from tensegrity.scenes.picture import Picture, forces
 from tensegrity.scenes.scene import Scene, State, velocities
 from tensegrity.scenes.walls import Wall
@@ -196,6 +198,13 @@ class Network(Scene):
         """Attributes with the forces of this network when it has these contacts."""
         return {}
 
+    def _clearance(self, follows: bool) -> Clearance | None:
+        """Detector of unlisted contacts; None if sites have no radius."""
+        if self.radius is None:
+            return None
+        kind = NeighbourList if follows else Clearance
+        return kind(self.positions, self.radius, self.bonds, self.walls, self.wall_contacts)
+
     def _dynamics(self) -> NetworkDynamics:
         return NetworkDynamics(self)
 
@@ -268,18 +277,6 @@ class Network(Scene):
 
     # functions of displacements u (..., sites, dim)
 
-    def elongation(self, u: ArrayLike) -> Array:
-        """Elongation of each bond [m]; (..., bonds)."""
-        return check.finite("elongation", dynamics(self).elongations(u)[..., : len(self.bonds)])
-
-    def bond_energy(self, u: ArrayLike) -> Array:
-        """Energy of each bond [J]; (..., bonds)."""
-        return dynamics(self).evaluate("energy", u)[..., : len(self.bonds)]
-
-    def bond_tension(self, u: ArrayLike) -> Array:
-        """Tension of each bond [N]; (..., bonds)."""
-        return dynamics(self).evaluate("tension", u)[..., : len(self.bonds)]
-
     def wall_load(self, u: ArrayLike) -> Array:
         """Force of each wall contact [N], compression > 0; (..., wall contacts)."""
         return -dynamics(self).evaluate("tension", u)[..., len(self.bonds) :]
@@ -292,6 +289,7 @@ class Network(Scene):
         result = 0.5 * self.mass * np.sum(v**2, axis=-1) - np.sum(self.loads * u, axis=-1)
         bonds, walls = np.split(dynamics(self).evaluate("energy", u), [len(self.bonds)], axis=-1)
         bonds = bonds / 2
+        result += np.sum(on_site(self, 0, u), axis=-1)
         rows = np.moveaxis(result, -1, 0)  # a view: sites first
         for sites, energy in (
             (self.bonds[:, 0], bonds),
@@ -339,18 +337,8 @@ class Network(Scene):
         return picture.ax
 
     def _repr_html_(self) -> str:
-        rows = {
-            "sites": f"{self.sites} in {self.dim} dimensions",
-            "bonds": len(self.bonds),
-            "walls": f"{len(self.walls)} with {len(self.wall_contacts)} contacts",
-            "mass": f"{self.mass.sum():.6g} kg",
-        }
-        return page(
-            "Network",
-            rows,
-            lambda figure: self.plot(figure.subplots()),
-            size=(3.4, 3.4),
-        )
+        lines = str(self), f"mass: {self.mass.sum():.6g} kg"
+        return page(lines, lambda figure: self.plot(figure.subplots()), size=(3.4, 3.4))
 
     def __repr__(self) -> str:
         return (

@@ -3,30 +3,25 @@ energies, and bounds on its stiffness and frequencies; see `tensegrity.scenes.dy
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from tensegrity import check
-from tensegrity.engine import forces, geometry
+from tensegrity.engine import geometry
 from tensegrity.engine.bonds import Bonds, Contacts
-from tensegrity.engine.energies import Energies
-from tensegrity.readonly import Repeated, fixed
-from tensegrity.scenes.clearance import Clearance, neighbour_counts
-from tensegrity.scenes.dynamics import Dynamics
+from tensegrity.readonly import fixed
+from tensegrity.scenes.clearance import neighbour_counts
+from tensegrity.scenes.dynamics import Dynamics, dynamics, varied
 from tensegrity.scenes.near_pairs import blocks
-from tensegrity.scenes.neighbour_list import NeighbourList, contacts_with
-from tensegrity.scenes.scene import State, varied
-from tensegrity.springs.potential import Potential
+from tensegrity.scenes.neighbour_list import contacts_with
+from tensegrity.scenes.scene import State
 from tensegrity.typing import Array, Indices
 
 AT_ONCE = 2_000_000  # largest number of contacts times rows in one list: some tens of megabytes
 LISTS, FEW = 2, 10_000  # lists of contacts that are cached, for scenes of at most FEW sites
-IN_CACHE = 20_000  # contacts times rows whose energies are computed in one call
 
 
 class NetworkDynamics(Dynamics):
@@ -91,11 +86,7 @@ class NetworkDynamics(Dynamics):
     @cached_property
     def clearance(self) -> Any:
         """Detector of unlisted contacts; None if sites have no radius."""
-        scene = self.scene
-        if scene.radius is None:
-            return None
-        kind = NeighbourList if self.follows else Clearance
-        return kind(scene.positions, scene.radius, scene.bonds, scene.walls, scene.wall_contacts)
+        return self.scene._clearance(self.follows)
 
     def refuse_unlisted(self, u: Array) -> None:
         """Refuse displacements at which unlisted sites or walls touch."""
@@ -110,12 +101,12 @@ class NetworkDynamics(Dynamics):
         if not self.follows:
             return self
         near = self.clearance.near(np.asarray(u, dtype=float))
-        for of, dynamics in self._lists:
+        for of, known in self._lists:
             if all(map(np.array_equal, of, near)):
-                return dynamics
-        dynamics = self._with_contacts(*near)
-        self._lists = ((near, dynamics), *self._lists)[: LISTS if self.sites <= FEW else 1]
-        return dynamics
+                return known
+        made = self._with_contacts(*near)
+        self._lists = ((near, made), *self._lists)[: LISTS if self.sites <= FEW else 1]
+        return made
 
     def nearest(self, u: Array) -> Self:
         """Dynamics with contacts between each site and its nearest ones, and with all walls."""
@@ -149,18 +140,14 @@ class NetworkDynamics(Dynamics):
 
     def _varied(self, **changed: Any) -> Self:
         """Dynamics of the changed scene with a fixed list of contacts and no detector."""
-        scene = varied(self.scene, _law=None, **changed)
-        dynamics = type(self)(scene)
-        dynamics.__dict__.update(clearance=None, neighbour_counts=self.neighbour_counts)
-        scene._in_thread.dynamics = dynamics
-        return dynamics
+        near: Self = dynamics(varied(self.scene, _law=None, **changed))
+        near.__dict__.update(self.unchanged, clearance=None)
+        return near
 
-    def with_springs(self, springs: Sequence[Potential]) -> Any:
-        """The same network with one new spring for each distinct spring in `springs`."""
-        scene = varied(self.scene, springs=Repeated(springs, self.springs.group))
-        scene._in_thread.dynamics = dynamics = type(self)(scene)
-        dynamics.__dict__["neighbour_counts"] = self.neighbour_counts
-        return scene
+    @property
+    def unchanged(self) -> dict[str, Any]:
+        """Cached quantities that do not depend on springs, by name."""
+        return {"neighbour_counts": self.neighbour_counts}
 
     # the engine's view
 
@@ -177,37 +164,12 @@ class NetworkDynamics(Dynamics):
         u[: self.sites], v[: self.sites] = state.u, state.v
         return u, v
 
-    def elongations(self, u: ArrayLike) -> Array:
-        """Elongation of each bond and gap of each wall contact [m]; (..., springs)."""
-        u = check.rows("displacements", u, self.shape, are_finite=False)
-        return forces.bond_elongations(self.contact_bonds, u)
-
-    def evaluate(self, name: str, u: ArrayLike) -> Array:
-        """Energy [J] or tension [N] of each bond and wall contact; (..., springs)."""
-        return self.springs.evaluate(name, check.finite("elongation", self.elongations(u)))
-
     def energies(self, u: Array, v: Array) -> Array:
         """Total energy of each state [J], (states,); u and v (states, sites, dim)."""
-        if self.follows:
-            parts = [listed.energies(u[rows], v[rows]) for rows, listed in self.listings(u)]
-            return np.concatenate(parts) if parts else np.zeros(0)
-        compiled = self.energies_in_one_call
-        energies = None if compiled is None else compiled(u, v)
-        if energies is not None:
-            return energies
-        scene, rows = self.scene, (len(u), -1)
-        with np.errstate(over="ignore"):  # overflow gives inf, which `checked` refuses
-            kinetic = 0.5 * np.sum((scene.mass[:, None] * v**2).reshape(rows), axis=-1)
-        some = max(IN_CACHE // max(len(scene.bonds) + len(scene.wall_contacts), 1), 1)
-        parts = [np.sum(self.evaluate("energy", u[k : k + some]), axis=-1)
-                 for k in range(0, len(u), some)]  # fmt: skip
-        stored = np.concatenate(parts) if parts else np.zeros(0)
-        return kinetic + stored - np.sum((scene.loads * u).reshape(rows), axis=-1)
-
-    @cached_property
-    def energies_in_one_call(self) -> Energies | None:
-        """Compiled energies of many states in one call; None if some law has no compiled form."""
-        return self.springs.energies(self.scene.mass, self.contact_bonds.contacts)
+        if not self.follows:
+            return super().energies(u, v)
+        parts = [listed.energies(u[rows], v[rows]) for rows, listed in self.listings(u)]
+        return np.concatenate(parts) if parts else np.zeros(0)
 
     # bounds, and descriptions of places for messages
 
@@ -251,26 +213,6 @@ class NetworkDynamics(Dynamics):
                 twice = 1 + (np.arange(some.start, some.start + len(ends[some])) < pairs)
                 np.add.at(total, ends[some], twice * stiffness_of(some))
         return float(np.sqrt(np.max(total[: self.sites] * self.inverse_mass)))
-
-    def where_extreme(self, spring: int, u: Array, side: int) -> str:
-        """Describe the contact in which a spring has its extreme elongation.
-
-        Parameters
-        ----------
-        spring : int
-            Index of a distinct spring in `springs`.
-        u : ndarray, (sites, dim)
-            Displacements [m].
-        side : {0, 1}
-            0 for the smallest elongation, 1 for the largest.
-
-        Returns
-        -------
-        str
-        """
-        contacts = np.flatnonzero(self.springs.group == spring)
-        r = self.elongations(u)[contacts]
-        return self._where(int(contacts[np.argmax(r) if side else np.argmin(r)]))
 
     def _where(self, contact: int) -> str:
         bonds = self.scene.bonds

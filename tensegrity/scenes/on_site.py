@@ -75,12 +75,13 @@ def on_site(scene: Any, order: int, u: Array) -> Array:
         A displacement outside the domain of its spring.
     """
     values = np.zeros(u.shape)
+    at_sites, sites = (x.reshape(*u.shape[: u.ndim - len(scene.shape)], -1) for x in (values, u))
     for one in scene._forces:
         if one.stores:
             applied, (low, high) = one._applied(scene), one.expression.domain
-            at = u[..., applied.places]
+            at = sites[..., applied.places]
             if ((at <= low) | (at >= high)).any():
                 outside = at[(at <= low) | (at >= high)]
                 raise range_error(one.expression, float(outside.flat[0]))
-            values[..., applied.places] += applied.stored(order, u)
+            at_sites[..., applied.places] += applied.stored(order, sites)
     return values

@@ -4,7 +4,6 @@ with the energy, forces and tangent stiffness that follow from them."""
 from __future__ import annotations
 
 from collections.abc import Mapping
-from copy import copy
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -16,6 +15,7 @@ from tensegrity.errors import TensegrityError
 from tensegrity.printing import concise, printed
 from tensegrity.readonly import FixedDict
 from tensegrity.scenes.dynamics import HasDynamics, dynamics
+from tensegrity.scenes.force import place_counts
 from tensegrity.scenes.forcing import checked_forcing
 from tensegrity.scenes.on_site import on_site
 from tensegrity.typing import Motion
@@ -98,13 +98,6 @@ def unchecked_state(u: Array, v: Array) -> State:
     return state
 
 
-def varied(scene: Any, **changed: Any) -> Any:
-    """A scene with other values of some attributes, unchecked."""
-    other = copy(scene)
-    other.__dict__.update(changed)
-    return other
-
-
 class Scene(HasDynamics):
     """Base class of scenes: masses joined by bonds, as data.
 
@@ -128,6 +121,7 @@ class Scene(HasDynamics):
     drive: Mapping[int, Drive] = FixedDict()
     damping: Damping | None = None
     _forces: tuple[Force, ...] = ()
+    _arguments_of_sites: tuple[str, ...] = ()
     tune: Any = FixedDict()
     sites: int
     dim: int
@@ -139,9 +133,6 @@ class Scene(HasDynamics):
     _shape_text: str
     if TYPE_CHECKING:
 
-        def elongation(self, u: ArrayLike) -> Array: ...
-        def bond_energy(self, u: Array) -> Array: ...
-        def bond_tension(self, u: Array) -> Array: ...
         def site_energy(self, state: Motion) -> Array: ...
         def momentum(self, state: State) -> Any: ...
         def at_rest(self, velocity: Any = None) -> State: ...
@@ -165,6 +156,19 @@ class Scene(HasDynamics):
             spring outside its domain.
         """
         dynamics(self).checked(state)
+
+    def elongation(self, u: ArrayLike) -> Array:
+        """Elongation of each bond [m]; u (..., *shape of the scene) gives (..., bonds)."""
+        r = dynamics(self).elongations(u)[..., : place_counts(self)["bonds"]]
+        return check.finite("elongation", r)
+
+    def bond_energy(self, u: ArrayLike) -> Array:
+        """Energy of each bond [J]; u as for `elongation`, (..., bonds)."""
+        return dynamics(self).evaluate("energy", u)[..., : place_counts(self)["bonds"]]
+
+    def bond_tension(self, u: ArrayLike) -> Array:
+        """Tension of each bond [N]; u as for `elongation`, (..., bonds)."""
+        return dynamics(self).evaluate("tension", u)[..., : place_counts(self)["bonds"]]
 
     def energy(self, state: State) -> float:
         """Total energy of a state [J], including the potential of the loads."""
@@ -229,6 +233,10 @@ class Scene(HasDynamics):
         u = check.vector("displacement", u, self.shape)
         self.check(State(u, np.zeros(self.shape)))
         return u, *forces.elongations(dynamics(self).contact_bonds, u)
+
+    def _hidden_energy(self, state: State) -> float:
+        """What a single spring may have beyond the energy of a state [J]."""
+        return 0.0
 
     def _refuse_other(self, state: object) -> None:
         refuse_other(state, self.shape, self._shape_text)

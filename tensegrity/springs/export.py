@@ -14,7 +14,6 @@ from typing import Any
 
 from tensegrity import check
 from tensegrity.engine.law import functions
-from tensegrity.errors import TensegrityError
 
 QUANTITIES = {"energy": "V(r) [J]", "tension": "dV/dr [N], > 0 in extension",
               "stiffness": "d2V/dr2 [N/m]"}  # fmt: skip
@@ -57,11 +56,8 @@ def to_c(potential: Any, path: str | PathLike[str]) -> Path:
     """See `tensegrity.Potential.to_c`."""
     path = check.path("path", path)
     text = _text(potential, _identifier(path.stem))
-    try:
-        with check.replacing(path) as new:
-            new.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise TensegrityError(f"C not written to {path}: {error.strerror}") from error
+    with check.replacing(path) as new:
+        new.write_text(text, encoding="utf-8")
     return path
 
 

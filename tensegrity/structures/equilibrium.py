@@ -14,7 +14,7 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.branches.problem import trace
-from tensegrity.printing import filled, listed, span
+from tensegrity.printing import Lines, Printed, listed, span
 from tensegrity.readonly import fixed
 from tensegrity.structures.members import equilibrium_positions
 from tensegrity.structures.path import controlled, nodal
@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from tensegrity.typing import Array, Flags
 
 
-@dataclass(frozen=True)
-class Equilibrium:
+@dataclass(frozen=True, repr=False)
+class Equilibrium(Printed):
     """A state of equilibrium under loads.
 
     Attributes
@@ -46,18 +46,16 @@ class Equilibrium:
     supports: Supports | None
     start: Structure
 
-    def __str__(self) -> str:
+    def _lines(self) -> Lines:
         loads, moved = (np.linalg.norm(x, axis=1) for x in (self.loads, self.displacements))
         state = "stable" if self.stable else "not stable"
-        return filled(
+        yield (
             f"equilibrium of {self.structure.nodes} nodes under loads of {loads.sum():.6g} N at "
-            f"{np.count_nonzero(loads)} of them, {self.supports or 'no supports'}: {state}\n"
-            f"  displacements up to {moved.max():.6g} m, of node {int(moved.argmax())}\n"
-            f"  tensions {span(self.tensions, 'N')}\n"
-            f"  slack strings: {listed(np.flatnonzero(self.slack))}"
+            f"{np.count_nonzero(loads)} of them, {self.supports or 'no supports'}: {state}"
         )
-
-    __repr__ = __str__
+        yield f"  displacements up to {moved.max():.6g} m, of node {int(moved.argmax())}"
+        yield f"  tensions {span(self.tensions, 'N')}"
+        yield f"  slack strings: {listed(np.flatnonzero(self.slack))}"
 
     @property
     def displacements(self) -> Array:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity import check, plotting
+from tensegrity.printing import Lines, Printed
 from tensegrity.typing import Array
 
 if TYPE_CHECKING:
@@ -18,8 +19,8 @@ if TYPE_CHECKING:
 SHOWN = 0.15  # of the size of the structure: the largest displacement in a picture
 
 
-@dataclass(frozen=True)
-class StructureModes:
+@dataclass(frozen=True, repr=False)
+class StructureModes(Printed):
     """The softest modes of a structure, without rigid motions.
 
     Attributes
@@ -46,18 +47,15 @@ class StructureModes:
     def __len__(self) -> int:
         return len(self.frequencies)
 
-    def __str__(self) -> str:
-        lines = [f"modes 1 to {len(self)} of {self.total}, without rigid motions"]
+    def _lines(self) -> Lines:
+        yield f"modes 1 to {len(self)} of {self.total}, without rigid motions"
         rows = zip(self.frequencies, self.eigenvalues, self.shapes, strict=True)
         for number, (frequency, stiffness, shape) in enumerate(rows, 1):
             node = int(np.argmax(np.sum(shape**2, axis=-1)))
-            lines.append(
+            yield (
                 f"  {number}: {frequency:.6g} rad/s, stiffness {stiffness:.6g} N/m, "
                 f"node {node} moves most"
             )
-        return "\n".join(lines)
-
-    __repr__ = __str__
 
     def plot(self, ax: Axes | None = None, number: int = 0) -> Axes:
         """Draw a mode: the structure, and in grey where its nodes and members move to.

@@ -18,7 +18,7 @@ import numpy as np
 from tensegrity import check
 from tensegrity.engine import forces
 from tensegrity.errors import EquilibriumError, TensegrityError
-from tensegrity.printing import filled, span
+from tensegrity.printing import Lines, Printed, span
 from tensegrity.structures.supports import orthonormal, rigid_motions
 from tensegrity.typing import Array, Flags, Indices
 
@@ -29,8 +29,8 @@ SETTLED = 1e-14
 SAME = 1e-9  # largest residual force of a self-stress, over the forces of members
 
 
-@dataclass(frozen=True)
-class SelfStress:
+@dataclass(frozen=True, repr=False)
+class SelfStress(Printed):
     """States of self-stress of a shape.
 
     Attributes
@@ -48,21 +48,18 @@ class SelfStress:
     singular_values: Array
     pulls_only: Flags
 
-    def __str__(self) -> str:
+    def _lines(self) -> Lines:
         count, members = self.states.shape
         strings = int(np.sum(self.pulls_only))
-        lines = [
+        yield (
             f"{count or 'no'} state{'s' * (count != 1)} of self-stress of {members} members "
-            f"({members - strings} bars, {strings} strings)",
-            f"  gap {self.gap:.3g}: the smallest singular value above zero over the largest",
-        ]
+            f"({members - strings} bars, {strings} strings)"
+        )
+        yield f"  gap {self.gap:.3g}: the smallest singular value above zero over the largest"
         for number, state in enumerate(self.states):
             kinds = (("bars", ~self.pulls_only), ("strings", self.pulls_only))
             parts = [f"{name} {span(state[of], 'N/m')}" for name, of in kinds if of.any()]
-            lines.append(f"  state {number}: force densities of {', of '.join(parts)}")
-        return filled("\n".join(lines))
-
-    __repr__ = __str__
+            yield f"  state {number}: force densities of {', of '.join(parts)}"
 
     @property
     def gap(self) -> float:

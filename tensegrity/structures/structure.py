@@ -17,8 +17,7 @@ from numpy.typing import ArrayLike
 
 from tensegrity import check, plotting
 from tensegrity.errors import EquilibriumError, TensegrityError
-from tensegrity.notebook import page
-from tensegrity.printing import filled, listed, span
+from tensegrity.printing import Lines, Printed, listed, span
 from tensegrity.scenes.network import Network
 from tensegrity.structures import statics
 from tensegrity.structures.framework import Framework
@@ -43,7 +42,7 @@ KEPT = 4  # supports of a structure whose permitted motions are kept
 SOFT = 1e-12  # eigenvalues below this fraction of the largest stiffness are round-off
 
 
-class Structure(Framework):
+class Structure(Printed, Framework):
     """Nodes joined by bars and strings.
 
     Parameters
@@ -346,30 +345,20 @@ class Structure(Framework):
         plotting.members(drawn, self.positions, *members)
         return drawn
 
-    def _repr_html_(self) -> str:
-        rows = {
-            "nodes": f"{self.nodes} in {self.dim} dimensions",
-            "members": f"{self.bars} bars, {self.strings} strings",
-            "lengths": f"{self.lengths.min():.6g} to {self.lengths.max():.6g} m",
-            "tensions": f"{self.tensions.min():.6g} to {self.tensions.max():.6g} N",
-            "mass": f"{self.mass.sum():.6g} kg",
-        }
+    _size = (4.0, 3.2)
 
-        def draw(figure: Any) -> Axes:
-            return self.plot(plotting.subplot(figure, self.dim == 3))
+    def _draw(self, figure: Any) -> None:
+        self.plot(plotting.subplot(figure, self.dim == 3))
 
-        return page("Structure", rows, draw, size=(4.0, 3.2))
-
-    def __str__(self) -> str:
-        lines = [repr(self)]
+    def _lines(self) -> Lines:
+        yield repr(self)
         for name, chosen in (("bars", ~self.is_string), ("strings", self.is_string)):
             if chosen.any():
                 lengths, tensions = self.lengths[chosen], self.tensions[chosen]
                 words = f"lengths {span(lengths, 'm')}, tensions {span(tensions, 'N')}"
-                lines.append(f"  {name}: {words}")
+                yield f"  {name}: {words}"
         if self.slack.any():
-            lines.append(f"  slack: strings {listed(np.flatnonzero(self.slack))}")
-        return filled("\n".join(lines))
+            yield f"  slack: strings {listed(np.flatnonzero(self.slack))}"
 
     def __repr__(self) -> str:
         return (

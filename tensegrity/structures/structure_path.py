@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from tensegrity.branches.table import Table
-from tensegrity.printing import filled, listed, span
+from tensegrity.printing import Lines, listed, span
 from tensegrity.unit_names import in_units
 
 if TYPE_CHECKING:
@@ -71,16 +71,17 @@ class StructurePath(Table):
             return in_units(f"tension of {self.structure.name_of(int(number))} [N]")
         return super()._heading(name)
 
-    def __str__(self) -> str:
+    def _lines(self) -> Lines:
         shown = [name for name in self.columns if not name.startswith("tension")]
-        lines = [f"{self.structure!r}", f"  {len(self)} equilibria"]
+        yield f"{self.structure!r}"
+        yield f"  {len(self)} equilibria"
         for word, row in (("from", 0), ("to", -1)):
-            lines.append(f"  {word} {self._quantities(self[row], shown[:2])}")
+            yield f"  {word} {self._quantities(self[row], shown[:2])}"
             tension, slack = self.tensions[row], np.flatnonzero(self.slack[row])
-            lines.append(f"    tensions {span(tension, 'N')}, slack: {listed(slack)}")
+            yield f"    tensions {span(tension, 'N')}, slack: {listed(slack)}"
         for event in self.events:
-            lines.append(f"  {event.kind} at {self._quantities(event.at, shown[:2])}")
-            lines += [f"    {event.note}"] * bool(event.note)
+            yield f"  {event.kind} at {self._quantities(event.at, shown[:2])}"
+            yield from [f"    {event.note}"] * bool(event.note)
         if "control" in self.columns:
-            lines.append("  spring constants k are kept: wound cables, which keep EA, get stiffer")
-        return filled("\n".join([*lines, f"  ends: {self.end}"]))
+            yield "  spring constants k are kept: wound cables, which keep EA, get stiffer"
+        yield f"  ends: {self.end}"

@@ -19,7 +19,7 @@ from tensegrity import check
 from tensegrity.checked import checked
 from tensegrity.errors import TensegrityError
 from tensegrity.once import once
-from tensegrity.printing import filled
+from tensegrity.printing import Lines, Printed
 from tensegrity.root import root
 from tensegrity.springs.potential import Potential
 from tensegrity.typing import Mass, Positive
@@ -33,8 +33,8 @@ FARTHER = 2.0**11  # ratio of the two distances from the wall at which its expon
 CLOSEST = 4e-3  # fraction of the stroke that remains at the peak of the largest computed wave
 
 
-@dataclass(frozen=True)
-class Hypothesis:
+@dataclass(frozen=True, repr=False)
+class Hypothesis(Printed):
     """A condition of a prediction.
 
     Attributes
@@ -51,14 +51,12 @@ class Hypothesis:
     value: float
     holds: bool
 
-    def __str__(self) -> str:
-        return filled(f"{self.statement}: {self.value:.6g}, {'holds' if self.holds else 'FAILS'}")
-
-    __repr__ = __str__
+    def _lines(self) -> Lines:
+        yield f"{self.statement}: {self.value:.6g}, {'holds' if self.holds else 'FAILS'}"
 
 
-@dataclass(frozen=True)
-class PredictedFamily:
+@dataclass(frozen=True, repr=False)
+class PredictedFamily(Printed):
     """A family of solitary waves between two limits.
 
     Attributes
@@ -222,23 +220,19 @@ class PredictedFamily:
         left = math.exp(root(mismatch, low, high, 1e-14))
         return math.copysign(stroke - left, self.crests[1])
 
-    def __str__(self) -> str:
+    def _lines(self) -> Lines:
         low, high = self.speeds
         first, last = self.crests
         start = f"about {first:.6g} m" if self.starts == "threshold" else "0"
         end = "no end" if self.ends == "none" else self.ends
-        lines = [f"{self.name} waves:",
-            f"  peak elongation from {start} ({self.starts}) to {last:.6g} m ({end})",
-            f"  speed from {low:.6g} to {high:.6g} sites/s",
-            f"  {self.stability}", f"  {self.why}",
-            *(f"  {h}" for h in self.hypotheses)]  # fmt: skip
-        return filled("\n".join(lines))
-
-    __repr__ = __str__
+        yield f"{self.name} waves:"
+        yield f"  peak elongation from {start} ({self.starts}) to {last:.6g} m ({end})"
+        yield f"  speed from {low:.6g} to {high:.6g} sites/s"
+        yield from (f"  {words}" for words in (self.stability, self.why, *self.hypotheses))
 
 
-@dataclass(frozen=True)
-class Prediction:
+@dataclass(frozen=True, repr=False)
+class Prediction(Printed):
     """The families of solitary waves of a chain of equal masses and springs.
 
     Attributes
@@ -267,14 +261,12 @@ class Prediction:
         known = ", ".join(f.name for f in self.families) or "none"
         raise TensegrityError(f"family {check.shown(name)} is not one of {known}")
 
-    def __str__(self) -> str:
-        head = (
+    def _lines(self) -> Lines:
+        yield (
             f"solitary waves for masses of {self.mass:g} kg, by the energy V of a spring at the "
             f"elongation r; speed of sound {self.sound_speed:.6g} sites/s"
         )
-        return filled("\n".join([head, *map(str, self.families), *self.absent.values()]))
-
-    __repr__ = __str__
+        yield from (*map(str, self.families), *self.absent.values())
 
 
 @checked

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from tensegrity import check, plotting
 from tensegrity.checked import checked
 from tensegrity.errors import TensegrityError
-from tensegrity.notebook import page
+from tensegrity.printing import Lines, Printed, drawn
 from tensegrity.root import root
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.network import Network
@@ -41,8 +41,8 @@ LEAST_LEVEL = 1e-8  # of the peak, at which a width is computed
 PLOTTED = 1e-3  # of the peak, where a picture ends
 
 
-@dataclass(frozen=True, eq=False)
-class TravellingWave:
+@dataclass(frozen=True, eq=False, repr=False)
+class TravellingWave(Printed):
     """A wave of permanent form in a chain of equal masses and springs; see `SolitaryWave`."""
 
     potential: Potential | Network = field(repr=False)
@@ -189,16 +189,12 @@ class TravellingWave:
             "residual": f"{self.residual:.1e}",
         }
 
-    def __str__(self) -> str:
+    def _lines(self) -> Lines:
         first, *others = (f"{name} {value}" for name, value in self._texts().items())
-        pairs = (", ".join(others[k : k + 2]) for k in range(0, len(others), 2))
-        return "\n".join([f"{self._title}, {first}", *pairs])
+        yield f"{self._title}, {first}"
+        yield from (", ".join(others[k : k + 2]) for k in range(0, len(others), 2))
 
-    __repr__ = __str__
-
-    def _repr_html_(self) -> str:
-        title = self._title[0].upper() + self._title[1:]
-        return page(title, self._texts(), lambda figure: self.plot(figure.subplots()))
+    _draw = drawn
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Elongation against the distance from the peak, extension > 0.

@@ -20,6 +20,7 @@ from tensegrity import check, plotting
 from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.lattices.bloch import singular_frequencies
 from tensegrity.minimum import lowest, round_off
+from tensegrity.printing import Lines, Printed
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.ensemble import Ensemble
 from tensegrity.scenes.forcing import driven_entries
@@ -37,8 +38,8 @@ AT_REST = 1e-6  # force left on a site of an equilibrium, over those that meet t
 MOVED = 1e-9  # the same over the largest stiffness times a length
 
 
-@dataclass(frozen=True, eq=False)
-class Modes:
+@dataclass(frozen=True, eq=False, repr=False)
+class Modes(Printed):
     """Normal modes of a scene about an equilibrium.
 
     Attributes
@@ -60,19 +61,16 @@ class Modes:
     def __len__(self) -> int:
         return len(self.frequencies)
 
-    def __str__(self) -> str:
-        lines = [f"modes 1 to {len(self)} of {self.total}"]
+    def _lines(self) -> Lines:
+        yield f"modes 1 to {len(self)} of {self.total}"
         for number, (frequency, shape) in enumerate(
             zip(self.frequencies, self.shapes, strict=True)
         ):
             motion = np.sum(shape.reshape(self.scene.sites, -1) ** 2, axis=1)
-            lines.append(
+            yield (
                 f"  {number + 1}: {frequency:.6g} rad/s, {frequency / (2 * np.pi):.6g} Hz, "
                 f"site {int(motion.argmax())} moves most"
             )
-        return "\n".join(lines)
-
-    __repr__ = __str__
 
     def plot(self, ax: Axes | None = None, number: int = 0) -> Axes:
         """Draw a mode: of a chain displacement against site, of a network as arrows at its sites.
