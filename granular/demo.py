@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from tensegrity import Run, SolitaryWave
-    from tensegrity.prisms.path import EquilibriumPath
+    from tensegrity.prisms.problem import EquilibriumPath
 
 FRAMES, RATE = 40, 12
 SITES, TIMED, SEEN = 60, 40, 6  # bond where the arrival is measured; bonds drawn around it

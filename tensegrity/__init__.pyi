@@ -2,6 +2,7 @@
 
 from . import catalogue, objective
 from .animation import animate
+from .branches.problem import Problem, trace
 from .engine.methods import METHODS
 from .engine.schemes import Nystrom, Splitting
 from .errors import (
@@ -61,7 +62,7 @@ from .scenes.walls import Wall
 from .springs.polynomial import Polynomial
 from .springs.potential import Potential
 from .springs.power_law import PowerLaw
-from .structures.path import control_path, equilibrium
+from .structures.equilibrium import control_path, equilibrium
 from .structures.structure import Structure
 from .structures.supports import held, plates
 from .waves.asymptotics import sech2, tent
@@ -89,6 +90,7 @@ __all__ = [
     "Potential",
     "PowerLaw",
     "Prism",
+    "Problem",
     "RangeError",
     "Record",
     "RecordError",
@@ -146,6 +148,7 @@ __all__ = [
     "sweep",
     "tail_front",
     "tent",
+    "trace",
     "transition_wave",
     "transmission",
     "units",

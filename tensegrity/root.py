@@ -27,6 +27,7 @@ def root(
     high: float,
     absolute: float = 1e-300,
     relative: float = 2 * ROUND_OFF,
+    part: float = 0.5,
 ) -> float:
     """A point where f changes its sign between two points.
 
@@ -36,6 +37,8 @@ def root(
     low, high : float
     absolute, relative : float, optional
         Admissible errors, of which the sum counts.
+    part : float, optional
+        Fraction of the interval at which f is first evaluated.
 
     Returns
     -------
@@ -52,7 +55,7 @@ def root(
         return a
     if not (at_a <= 0 <= at_b or at_b <= 0 <= at_a):
         raise ValueError(f"no change of sign: {at_a:g} at {a:g} and {at_b:g} at {b:g}")
-    c, at_c, part = a, at_a, 0.5
+    c, at_c = a, at_a
     for _ in range(STEPS):
         best, value = (a, at_a) if abs(at_a) < abs(at_b) else (b, at_b)
         least = (relative * abs(best) + absolute) / (abs(b - a) or math.inf)

@@ -66,15 +66,16 @@ MADE_BY_OTHERS = {
 }  # fmt: skip
 INNER = {  # what runs, paths and searches ask of their objects, and nobody else
     "Best", "Budget", "Corrected", "Floquet", "Method", "Midpoint", "Modes", "Nystrom", "Objective",
-    "Orbit", "Prediction", "Pulse", "Splitting", "StructureModes", "Trace", "arrays", "at",
-    "available_energy", "beyond", "bind", "by_beads", "check", "check_room", "children",
+    "Orbit", "Prediction", "Problem", "Pulse", "Splitting", "StructureModes", "Trace", "arrays",
+    "at",
+    "available_energy", "beyond", "bind", "by_beads", "changed", "check", "check_room", "children",
     "columns", "contacts_at", "contacts_within", "cosines", "default", "derivative", "designs",
-    "each", "energies", "extreme", "fastest", "finer_share", "freedom", "frequency",
-    "frequency_of", "is_alike", "listed", "listings",
+    "each", "energies", "extreme", "fastest", "finer_share", "followed", "freedom", "frequency",
+    "frequency_of", "is_alike", "listed", "listings", "measure",
     "mutants", "name", "name_of", "needed", "nystrom_of", "of", "opened",
     "palindrome", "parts", "placed", "places_of", "plan", "present_ranges", "projected", "random",
     "refuse_open", "rows", "steps", "stiffest", "stiffness_within", "stored_by_site",
-    "stretch", "varied", "walls_hold", "walls_named", "with_springs", "worth",
+    "stretch", "table", "trace", "varied", "walls_hold", "walls_named", "with_springs", "worth",
 }  # fmt: skip
 
 R, TIME = sp.symbols("r t")
@@ -213,6 +214,9 @@ CALLS = [  # where other arguments are needed, or several in one call
                     "supports": ts.held([0, 1]), "loads": {0: (0.0, -0.1)}}),
     (TRUSS.prestressed, {"force_densities": [0.0, 0.0]}),
     (ROW.prestressed, {"force_densities": [0.1]}),
+    (ELASTIC.problem, {"min_height": 0.4, "max_load": 1.0, "max_height": 0.75,
+                       "past_contact": False}),
+    (TRUSS.problem, {"max_load": 0.1, "branch": "stable", **SOLVED}),
     (ts.bar_contact, {"path": ts.equilibrium_path(ELASTIC), "diameter": 0.01}),
     (ts.fit, {"shortening": [0.0, 0.01, 0.02, 0.03], "load": [0.0, 0.001, 0.002, 0.003],
            "prism": ELASTIC, "free": ("prestrain",), "noise": 0.1}),

@@ -6,16 +6,10 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from tensegrity import Prism, TensegrityError, equilibrium_path
-from tensegrity.branches.continuation import (
-    INITIAL_ROWS,
-    Branch,
-    ContinuationError,
-    Problem,
-    Settings,
-    trace,
-)
+from tensegrity import Prism, Problem, TensegrityError, equilibrium_path, trace
+from tensegrity.branches.continuation import INITIAL_ROWS, ContinuationError, Settings
 from tensegrity.branches.folds import fold_problem, fold_start
+from tensegrity.branches.problem import Branch
 
 
 def planar(residual, **extra):
@@ -25,12 +19,13 @@ def planar(residual, **extra):
     expressions = {
         key: {name: f(v, parameter, p) for name, f in given.items()} for key, given in extra.items()
     }
-    return Problem(("v", "parameter"), z, p, residual(v, parameter, p), **expressions)
+    symbols = {"v": v, "parameter": parameter}
+    return Problem(symbols, residual(v, parameter, p), p=p, **expressions)
 
 
 CIRCLE = planar(
     lambda v, c, p: v**2 + c**2 - p,
-    roots={"half": lambda v, c, p: c - 0.5 + 0 * v, "below": lambda v, c, p: v + 0.9},
+    events={"half": lambda v, c, p: c - 0.5 + 0 * v, "below": lambda v, c, p: v + 0.9},
 )
 EXACT = 4e-16
 
@@ -89,7 +84,7 @@ def test_arc_length_is_that_of_the_curve_to_fourth_order():
     """A small circle, on which asinh is the identity to 1e-8."""
     radius = 1e-4
     problem = planar(
-        lambda v, c, p: (v**2 + c**2) / p - 1, roots={"end": lambda v, c, p: v + 0 * c}
+        lambda v, c, p: (v**2 + c**2) / p - 1, events={"end": lambda v, c, p: v + 0 * c}
     )
     settings = Settings(first=1e-6, largest=1e-5, tolerance=1)
     branch = trace(problem, [radius, 0.0], [radius**2], settings, 1, ("end",))
@@ -123,7 +118,7 @@ SCENES = {
     "rigid bases": lambda: equilibrium_path(Prism(1.0, 0.3, 0.1, 1.0, k_bar=20.0)),
     "a pitchfork": lambda: trace(
         planar(
-            lambda v, c, p: v**3 - c * v + 0 * p, roots={"end": lambda v, c, p: c - 1 + 0 * v}
+            lambda v, c, p: v**3 - c * v + 0 * p, events={"end": lambda v, c, p: c - 1 + 0 * v}
         ),
         [0.0, -1.0], [0.0], direction=1, stop=("end",),
     ),
@@ -146,11 +141,10 @@ def followed():
 
 def test_a_start_beside_the_branch_meets_the_nearest_point_of_it():
     """On a helix of three unknowns: two equations, least-norm steps."""
-    z, p = ca.SX.sym("z", 3), ca.SX.sym("p", 0)
-    x, y, turn = ca.vertsplit(z)
+    x, y, turn = (ca.SX.sym(name) for name in ("x", "y", "turn"))
     helix = Problem(
-        ("x", "y", "turn"), z, p, ca.vertcat(x - ca.cos(turn), y - ca.sin(turn)),
-        roots={"end": turn - 3},
+        {"x": x, "y": y, "turn": turn}, [x - ca.cos(turn), y - ca.sin(turn)],
+        events={"end": turn - 3},
     )  # fmt: skip
     branch = trace(helix, [0.98, 0.23, 0.2], stop=("end",))
     scaled = [np.arcsinh(branch.z[0]), np.arcsinh([0.98, 0.23, 0.2])]
@@ -177,7 +171,9 @@ def test_both_directions_meet_the_mirror_image():
 @pytest.mark.parametrize("gap", [1e-2, 1e-4, 1e-6, 1e-8])
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-6])
 def test_unfolded_pitchfork_never_jumps_to_the_other_branch(gap, tolerance):
-    problem = planar(lambda v, c, p: v**3 - c * v - p, roots={"end": lambda v, c, p: c - 1 + 0 * v})
+    problem = planar(
+        lambda v, c, p: v**3 - c * v - p, events={"end": lambda v, c, p: c - 1 + 0 * v}
+    )
     branch = trace(problem, [0.0, -1.0], [gap], Settings(tolerance=tolerance), 1, ("end",))
     assert (branch.v > 0).all()
     assert abs(branch.v[-1] - max(np.roots([1, 0, -1, -gap]).real)) < 1e-9
@@ -185,7 +181,7 @@ def test_unfolded_pitchfork_never_jumps_to_the_other_branch(gap, tolerance):
 
 def test_pitchfork_is_a_bifurcation_and_is_passed_straight():
     problem = planar(
-        lambda v, c, p: v**3 - c * v + 0 * p, roots={"end": lambda v, c, p: c - 1 + 0 * v}
+        lambda v, c, p: v**3 - c * v + 0 * p, events={"end": lambda v, c, p: c - 1 + 0 * v}
     )
     branch = trace(problem, [0.0, -1.0], [0.0], direction=1, stop=("end",))
     (event,) = (e for e in branch.events if e.kind == "bifurcation")
@@ -194,7 +190,9 @@ def test_pitchfork_is_a_bifurcation_and_is_passed_straight():
 
 
 def test_smallest_step_too_coarse_fails_with_the_last_good_point():
-    problem = planar(lambda v, c, p: v**3 - c * v - p, roots={"end": lambda v, c, p: c - 1 + 0 * v})
+    problem = planar(
+        lambda v, c, p: v**3 - c * v - p, events={"end": lambda v, c, p: c - 1 + 0 * v}
+    )
     with pytest.raises(ContinuationError, match="last good point v ") as failure:
         trace(problem, [0.0, -1.0], [1e-4], Settings(first=0.05, smallest=0.04), 1, ("end",))
     branch = failure.value.branch
@@ -251,13 +249,12 @@ def truss(stiffness=1.0):
     balance = 2 * stiffness * (NATURAL - length) * w / length - load
     reach = RISE - w + p * load - end
     return Problem(
-        ("apex", "load", "end"),
-        z,
-        p,
-        ca.vertcat(balance, reach),
+        {"apex": w, "load": load, "end": end},
+        [balance, reach],
+        p=p,
         scale=(1.0, stiffness, 1.0),
         size=ca.vertcat(stiffness, 1.0),
-        roots={"through": w + RISE},
+        events={"through": w + RISE},
         folds={"fold": load, "turn": end},
     )
 
@@ -296,10 +293,8 @@ def test_stiff_spring_does_not_snap_back():
 
 
 def test_fold_continued_in_a_second_parameter_draws_the_cusp():
-    z, p = ca.SX.sym("z", 2), ca.SX.sym("p", 1)
-    problem = Problem(
-        ("v", "force"), z, p, z[0] ** 3 - p[0] * z[0] - z[1], roots={"over": z[0] - 1}
-    )
+    v, force, p = (ca.SX.sym(name) for name in ("v", "force", "p"))
+    problem = Problem({"v": v, "force": force}, v**3 - p * v - force, p=p, events={"over": v - 1})
     first = trace(problem, [-1.0, 0.0], [1.0], direction=1, stop=("fold", "over"))
     start = fold_start(problem, first.events[-1], [1.0], 0)
     curve = replace(fold_problem(problem, "fold", 0), folds=None)
@@ -315,7 +310,7 @@ def test_root_passed_twice_within_one_step_is_found_on_both_sides_of_the_fold():
     below = 1e-9
     problem = planar(
         lambda v, c, p: v**2 + c**2 - p,
-        roots={"near": lambda v, c, p: c - (1 - below) + 0 * v, "end": lambda v, c, p: v + 0.9},
+        events={"near": lambda v, c, p: c - (1 - below) + 0 * v, "end": lambda v, c, p: v + 0.9},
     )
     branch = trace(problem, [1.0, 0.0], [1.0], direction=1, stop=("end",))
     assert [e.kind for e in branch.events] == ["near", "fold", "near", "end"]
@@ -328,7 +323,7 @@ def test_loose_tolerance_does_not_step_across_a_bend():
     width = 0.01
     problem = planar(
         lambda v, c, p: v - 0.05 * (1 + ca.tanh((c - 1) / width)),
-        roots={"end": lambda v, c, p: c - 3 + 0 * v},
+        events={"end": lambda v, c, p: c - 3 + 0 * v},
     )
     loose = Settings(tolerance=1e6, first=0.1, largest=0.1)
     branch = trace(problem, [0.0, 0.0], [0.0], loose, direction=1, stop=("end",))
@@ -340,7 +335,7 @@ def test_events_lie_between_the_rows_that_they_are_told_to(step):
     """Newton's method, started near a peak of the event function, runs off to other roots."""
     problem = planar(
         lambda v, c, p: v,
-        roots={
+        events={
             "wave": lambda v, c, p: ca.sin(10 * c) + 0.3 + 0 * v,
             "end": lambda v, c, p: c - 6 + 0 * v,
         },

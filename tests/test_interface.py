@@ -21,7 +21,16 @@ DOORS = (
     "granular.lammps",
 )
 MOST = 100  # names, those of the catalogue and the later ones apart
-LATER = {"catalogue", "interface", "phase_shift", "pulses", "read_curve", "transmission"}
+LATER = {
+    "Problem",
+    "trace",
+    "catalogue",
+    "interface",
+    "phase_shift",
+    "pulses",
+    "read_curve",
+    "transmission",
+}
 LATER |= {"Scatter", "robustness"}
 LATER |= {"Lattice", "bands", "decay", "effective_mass", "moduli"}
 LATER |= {"floquet", "orbit_path", "periodic_orbit"}

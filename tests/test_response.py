@@ -17,10 +17,12 @@ from hypothesis import strategies as st
 
 from derivations import prism as derived
 from tensegrity import Prism, TensegrityError, equilibrium_path
-from tensegrity.branches.continuation import Settings, trace
-from tensegrity.prisms import condensed, elastic_path
+from tensegrity.branches.continuation import Settings
+from tensegrity.branches.problem import trace
+from tensegrity.prisms import condensed
+from tensegrity.prisms import problem as prism_problem
 from tensegrity.prisms.condensed import stable
-from tensegrity.prisms.equations import numbers, problem
+from tensegrity.prisms.equations import kind_of, numbers, problem
 
 INF = math.inf
 DIGITS = 50
@@ -193,8 +195,8 @@ def test_stability_is_that_of_the_plain_hessian(name, past_contact, natural, hes
 
 
 def test_tangent_of_the_mixed_form_is_symmetric():
-    p = numbers(Prism(1.0, 1.0, 0.1, 1.0, 5.0, 50.0), height=0.8)
-    z = trace(problem(False), np.zeros(4), p, direction=-1, stop=("height",)).z[-1]
+    p = numbers(Prism(1.0, 1.0, 0.1, 1.0, 5.0, 50.0))
+    z = trace(problem(False), np.zeros(4), p, direction=-1, until={"height": 0.8}).z[-1]
     matrix = condensed.function("tangent", False)(z, p).reshape(4, 4)
     assert np.abs(matrix - matrix.T).max() <= 1e-14 * np.abs(matrix).max()
     assert all(stable(z[None], p, False)[k][0] for k in (0, 1))
@@ -336,7 +338,7 @@ def test_steps_far_too_coarse_are_shortened_to_the_same_events(monkeypatch, larg
     for fields in PRISMS.values():
         path = equilibrium_path(Prism(*fields))
         with monkeypatch.context() as patch:
-            patch.setattr(elastic_path, "SETTINGS", coarse)
+            patch.setattr(prism_problem, "SETTINGS", coarse)
             rough = equilibrium_path(Prism(*fields))
         assert len(rough) < len(path) / 3
         assert kinds(rough) == kinds(path)
@@ -466,6 +468,7 @@ def test_path_is_a_table(tmp_path):
     assert (back["load_N"] == path.load).all()
     assert back.dtype.names == (
         "height_m", "twist_rad", "base_m", "load_N", "shortening_m", "stable_load", "stable_height",
+        "cross_tension_N", "base_tension_N", "bar_tension_N",
     )  # fmt: skip
 
 
@@ -495,10 +498,10 @@ def check_trace(prism, monkeypatch):
     path = equilibrium_path(prism, max_height=1.2 * prism.height)
     assert path.events[-1].kind in ("contact", "flat")
     assert all(np.isfinite(column).all() for column in path.columns.values())
-    used = elastic_path.SETTINGS
+    used = prism_problem.SETTINGS
     halved = replace(used, tolerance=used.tolerance / 16, largest=used.largest / 2)
     with monkeypatch.context() as patch:
-        patch.setattr(elastic_path, "SETTINGS", halved)
+        patch.setattr(prism_problem, "SETTINGS", halved)
         fine = equilibrium_path(prism, max_height=1.2 * prism.height)
     assert len(fine) > len(path)
     assert kinds(fine) == kinds(path)
@@ -523,5 +526,7 @@ def test_five_hundred_prisms_trace_to_the_same_events_with_half_the_step(prism):
 @settings(max_examples=40, deadline=None)
 @given(prism=ADMISSIBLE)
 def test_residual_is_round_off_at_every_row_of_any_admissible_prism(prism):
-    branch, _ = elastic_path._branch(prism, numbers(prism), -1, ("flat", "contact"))
+    of = problem(*kind_of(prism))
+    start, stop = np.zeros(4 - kind_of(prism)[0]), ("flat", "contact")
+    branch = trace(of, start, numbers(prism), prism_problem.SETTINGS, -1, stop)
     assert branch.residual.max() <= 1e-12

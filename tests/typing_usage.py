@@ -128,7 +128,7 @@ from tensegrity.engine import methods
 from tensegrity.measure import observables
 from tensegrity.measure.interfaces import Transmission
 from tensegrity.measure.pulses import Pulse
-from tensegrity.prisms.path import EquilibriumPath
+from tensegrity.prisms.problem import EquilibriumPath
 from tensegrity.prisms.stability import first_loss, lowest
 from tensegrity.structures.structure_path import StructurePath
 from tensegrity.typing import Array, Flags
@@ -161,8 +161,8 @@ def prisms_and_paths() -> Potential:
     Prism(base="1", height=0.7, prestrain=0.01, k_cross=1.0)  # type: ignore[arg-type]
     Prism(base=1.0, height=0.7, prestrain=0.01)  # type: ignore[call-arg]
     prism.height = 0.8  # type: ignore[misc]
-    equilibrium_path(spring)  # type: ignore[call-overload]
-    equilibrium_path(prism, 0.2)  # type: ignore[call-overload]
+    equilibrium_path(spring)  # type: ignore[arg-type]
+    equilibrium_path(prism, 0.2)  # type: ignore[call-arg,arg-type]
     equilibrium_paths(prism)  # type: ignore[arg-type]
     spring.tension(None)  # type: ignore[arg-type]
     path["load"]  # type: ignore[call-overload]
@@ -223,7 +223,6 @@ def structures() -> Structure:
     Structure([[0, 0], [1, 0]], bars=3)  # type: ignore[arg-type]
     control_path(s, [0.1])  # type: ignore[arg-type]
     control_path(s, {6: 0.1}, loads=[1.0])  # type: ignore[arg-type]
-    equilibrium_path(s)  # type: ignore[call-overload]
     plates(0)  # type: ignore[arg-type]
     return one
 

@@ -10,10 +10,11 @@ from pathlib import Path
 
 import casadi as ca
 
+from derivations import rigid_elastic
 from tensegrity import METHODS, Prism
 from tensegrity.engine.codegen import c_text, scalar
 from tensegrity.engine.law import functions, to_casadi
-from tensegrity.prisms.closed import half_turn, rigid_law, rigid_programs
+from tensegrity.prisms.closed import rigid_law, rigid_programs
 
 FOLDER = Path(__file__).parent
 METHOD = METHODS["rkn6"]
@@ -68,10 +69,10 @@ def text() -> str:
 
 def _half_turn():
     """Tangent of half the change of twist of a rigid prism, of r and its parameters."""
-    (form,), (r, *p) = half_turn()
-    given = ca.SX.sym("r"), ca.SX.sym("p", len(p))
+    form, symbols = rigid_elastic.half_turn(), (rigid_elastic.elongation, *rigid_elastic.PARAMETERS)
+    given = ca.SX.sym("r"), ca.SX.sym("p", len(symbols) - 1)
     return ca.Function(
-        "half_turn", given, [to_casadi(form, (r, *p))(given[0], *ca.vertsplit(given[1]))]
+        "half_turn", given, [to_casadi(form, symbols)(given[0], *ca.vertsplit(given[1]))]
     )
 
 

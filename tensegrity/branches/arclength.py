@@ -14,8 +14,10 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from tensegrity.root import root
+
 ITERATIONS = 3  # Newton iterations in a step
-POLISH = 20  # largest number of iterations that locate an event
+BISECTIONS = 60  # largest number of iterations that locate an event
 SETTLED = 1e-7  # largest change in the last iteration of a step; convergence is quadratic
 NEAR = 1e-3  # distance from a step's cubic, over the step, beyond which a branch is another
 ALIGNED = 0.99  # cosine to the cubic's tangent below which a computed tangent is round-off
@@ -27,7 +29,7 @@ TINY = 1e-300  # keeps quotients of zeros finite
 class ArclengthStepper:
     """Steps along a branch with m unknowns, events of several kinds and parameters p.
 
-    Subclasses implement `advance`, `values`, `linearised` and `polish`.  Methods without branches
+    Subclasses implement `advance` and `linearised`.  Methods without branches
     or loops take NumPy arrays and CasADi symbols alike.
     """
 
@@ -57,6 +59,12 @@ class ArclengthStepper:
         row = np.zeros(self.size)
         row[: self.m], row[self.m : 2 * self.m], row[self.length] = z, tangent, length
         return row
+
+    def data(self, rows):
+        """Unknowns and tabulated values of rows (n, size), (n, m + values)."""
+        table = rows[:, self.m : self.residual].copy()
+        table[:, : self.m] = np.sinh(rows[:, : self.m]) * self.scale  # in the place of tangents
+        return table
 
     def before(self, here):
         """A fictitious point before the first one, for which the cubic predictor is the tangent."""
@@ -156,7 +164,7 @@ class ArclengthStepper:
         some = sizes > 1e-15 * sizes[0]
         return ((g @ left)[some] / sizes[some]) @ right[:-1][some], right[-1]
 
-    def steps(self, rows, count, control, p):
+    def steps(self, rows, count, control, p, levels=None):
         """Take one step, or none if none is accepted; a compiled stepper steps on until a step
         contains an event or the rows are full.
 
@@ -190,42 +198,46 @@ class ArclengthStepper:
         np.copyto(tests, ROOT_AT_START * signs, where=tests == 0)
         return count + 1
 
-    def locate_event(self, kind, before, here, part, ends, p):
-        """Locate an event between two points by Newton's method on its extended system.
+    def locate(self, before, here, column, value, ends, p):
+        """The point between two others where a column has a value.
 
         Parameters
         ----------
-        kind : str
         before, here : ndarray, (size,)
             Rows of the two points.
-        part : float
-            Fraction of the way at which the iteration starts.
-        ends : tuple of two ndarray, (size,)
-            Rows that bracket the event.  A root farther from one of them than they are from each
-            other is another event.
+        column : int or callable
+            Place in a row, or a function of unknowns and tabulated values, (1, m + values).
+        value : float
+        ends : tuple of two float
+            By how much it exceeds the value at both points, with different signs.
         p : ndarray, (k,)
             Parameters.
 
         Returns
         -------
-        ndarray, (size,), or None
-            Row of the event; None if the iteration fails, or finds another event or branch.
+        ndarray, (size,)
+            Row of the point.
         """
-        z, tangent = self.interpolated(before, here, part)
-        z = self.polish(kind, z, tangent, p)
-        low, high = (end[: self.m] for end in ends)
-        spread = np.linalg.norm(high - low) + 1e-12
-        if z is None or any(np.linalg.norm(z - end) > spread for end in (low, high)):
-            return None
-        row = self.corrected(z, tangent, p)
-        row[: self.m], row[2 * self.m : self.residual] = z, self.values(z, p)
-        return row if self.on_curve(row, before, here) else None
+
+        def point(part):
+            return self.corrected(*self.interpolated(before, here, part), p)
+
+        def away(part):
+            if part in (0.0, 1.0):
+                return ends[int(part)]
+            return float(self.column(point(part)[None], column)[0]) - value
+
+        row = point(root(away, 0.0, 1.0, part=ends[0] / (ends[0] - ends[1])))
+        self.on_curve(row, before, here)
+        return row
+
+    def column(self, rows, column):
+        """A column of rows (n, size), by its place in a row or a function of `data`, (n,)."""
+        return column(self.data(rows)) if callable(column) else rows[:, column]
 
     def on_curve(self, row, before, here):
-        """Whether a point is close to the curve between two others, rather than on another branch.
-
-        Where branches intersect, the computed tangent of the point is round-off and is replaced
-        by that of the curve.
+        """Replace the tangent of a point where branches intersect, and it is round-off, by that of
+        the curve between two others.
 
         Parameters
         ----------
@@ -233,28 +245,10 @@ class ArclengthStepper:
             Row of the point, whose tangent may be changed in place.
         before, here : ndarray, (size,)
             Rows of the other two.
-
-        Returns
-        -------
-        bool
         """
-        beyond, cosine, tangent = self.deviation(row, before, here)
+        _, cosine, tangent = self.deviation(row, before, here)
         if cosine < ALIGNED:
             row[self.m : 2 * self.m] = tangent
-        return beyond <= 0
-
-
-def converged(step, x):
-    """The limit to round-off of an iteration x -> (next x, size of the change), or None."""
-    previous = math.inf
-    for _ in range(POLISH):
-        x, moved = step(x)
-        if not math.isfinite(moved):
-            return None
-        if moved <= 1e-15 or (moved < 1e-11 and moved >= previous / 4):
-            return x
-        previous = moved
-    return None
 
 
 def error_and_arc(missed, chord, cosine, step, length):

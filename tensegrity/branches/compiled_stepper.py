@@ -1,9 +1,8 @@
 """Steps along the branch of a `Problem` by compiled functions.
 
 The expressions of the problem become CasADi functions of the scaled unknowns.  If there is a
-compiler they are compiled together with the loop over steps without events (`follow.c`); the
-Newton step on the extended system of an event is built when it is first needed.  Several threads
-may trace the same problem at once.
+compiler they are compiled together with the loop over steps without events (`follow.c`).  Several
+threads may trace the same problem at once.
 """
 
 from __future__ import annotations
@@ -15,18 +14,18 @@ import numpy as np
 
 from tensegrity.branches.arclength import (
     ALIGNED,
+    BISECTIONS,
     ITERATIONS,
-    POLISH,
     ROOT_AT_START,
     TINY,
     ArclengthStepper,
-    converged,
     error_and_arc,
     step_control,
 )
-from tensegrity.engine.compiled import PREFIX, Functions
+from tensegrity.engine.compiled import Functions
 from tensegrity.engine.native import address
 from tensegrity.once import once
+from tensegrity.root import ROUND_OFF
 
 FULL_RANK = 1e-8  # smallest diagonal of a QR factor, over the largest, of full rank
 
@@ -49,15 +48,14 @@ class CompiledStepper(ArclengthStepper):
         self.numbers = layout["numbers"]
         self._key, self._scaled = key, once(lambda: _Scaled(problem))
         self.functions = Functions(self._cache_key("stepper"), self._build, self._loop_source())
-        self.newton = once(self._build_newton)
         self.library = self.functions.library
         if self.library:
             pointer, number = ctypes.c_void_p, ctypes.c_longlong
-            self.library.steps.argtypes = [*[pointer] * 3, number, number]
+            self.library.steps.argtypes = [*[pointer] * 3, number, number, pointer, pointer, number]
             self.library.corrected.argtypes = [pointer] * 4
             self.library.least_norm.argtypes = [pointer] * 3
-            several = [*[pointer] * 4, ctypes.c_double, *[pointer] * 3, number]
-            self.library.locate_event.argtypes = several
+            numbers = [number, *[ctypes.c_double] * 3]
+            self.library.locate.argtypes = [*[pointer] * 3, *numbers, pointer]
 
     def _cache_key(self, *what):
         return self._key and (*what, self._key)
@@ -75,7 +73,6 @@ class CompiledStepper(ArclengthStepper):
             "linear": ca.Function(
                 "linear", [s.z, s.p], [ca.vertcat(s.g, ca.vec(ca.densify(s.jacobian)))]
             ),
-            "values": ca.Function("values", [s.z, s.p], [s.values]),
             "interpolated": ca.Function("interpolated", [*rows[:2], part], [curve]),
             "deviation": ca.Function("deviation", rows, [ca.vertcat(*self.deviation(*rows))]),
         }
@@ -114,19 +111,16 @@ class CompiledStepper(ArclengthStepper):
     def _loop_source(self):
         """The C text of the loop, with its sizes and constants defined."""
         sizes = {"M": self.m, "VALUES": len(self.tabulated), "KINDS": len(self.kinds)}
-        sizes |= {"POLISH": POLISH, "ALIGNED": ALIGNED, "FULL_RANK": FULL_RANK, "TINY": TINY}
-        sizes |= {"ROOT_AT_START": ROOT_AT_START}
+        sizes |= {
+            "BISECTIONS": BISECTIONS,
+            "ALIGNED": ALIGNED,
+            "FULL_RANK": FULL_RANK,
+            "TINY": TINY,
+        }
+        sizes |= {"ROOT_AT_START": ROOT_AT_START, "ROUND_OFF": ROUND_OFF}
         defined = [f"#define {name} {number!r}" for name, number in sizes.items()]
         text = files(__package__).joinpath("follow.c").read_text()
         return "\n".join([*defined, '#line 1 "follow.c"', text])
-
-    def _build_newton(self, kind):
-        """One Newton step on the extended system of an event, and its machine address."""
-        step = Functions(
-            self._cache_key("newton", kind), lambda: {"newton": self._scaled().newton(kind)}
-        )
-        at = step.library and ctypes.cast(step.library[f"{PREFIX}newton"], ctypes.c_void_p).value
-        return step, at
 
     def advance(self, before, here, control, p):
         """One step beyond a point.
@@ -167,8 +161,9 @@ class CompiledStepper(ArclengthStepper):
         self.library.corrected(*map(address, (p, z, tangent, result)))
         return result
 
-    def steps(self, rows, count, control, p):
-        """Step on until a step contains an event, no step is accepted, or the rows are full.
+    def steps(self, rows, count, control, p, levels=()):
+        """Step on until a step contains an event or a level, no step is accepted, or the rows are
+        full.
 
         Parameters
         ----------
@@ -179,6 +174,8 @@ class CompiledStepper(ArclengthStepper):
             As for `ArclengthStepper.steps`; its step is updated in place.
         p : ndarray, (k,)
             Parameters.
+        levels : sequence of (int, float)
+            Places in a row, and values there.
 
         Returns
         -------
@@ -187,38 +184,31 @@ class CompiledStepper(ArclengthStepper):
         """
         if not self.library:
             return super().steps(rows, count, control, p)
-        return self.library.steps(*map(address, (p, control, rows)), count, len(rows))
+        given = (*map(address, (p, control, rows)), count, len(rows))
+        if not levels:
+            return self.library.steps(*given, None, None, 0)
+        places = np.array([place for place, _ in levels], dtype=np.int64)
+        values = np.array([value for _, value in levels])
+        return self.library.steps(*given, address(places), address(values), len(levels))
 
-    def locate_event(self, kind, before, here, part, ends, p):
-        """Locate an event between two points by Newton's method on its extended system.
+    def locate(self, before, here, column, value, ends, p):
+        """The point between two others where a column has a value.
 
         Parameters
         ----------
-        kind : str
-        before, here : ndarray, (size,)
-            Rows of the two points.
-        part : float
-            Fraction of the way at which the iteration starts.
-        ends : tuple of two ndarray, (size,)
-            Rows that bracket the event.
-        p : ndarray, (k,)
-            Parameters.
+        before, here, column, value, ends, p
+            As for `ArclengthStepper.locate`.
 
         Returns
         -------
-        ndarray, (size,), or None
-            Row of the event; None if the iteration fails, or finds another event or branch.
+        ndarray, (size,)
         """
-        newton = self.newton(kind)[1]
-        if not (self.library and newton):
-            return super().locate_event(kind, before, here, part, ends, p)
+        if callable(column) or not self.library:
+            return super().locate(before, here, column, value, ends, p)
         result = np.empty(self.size)
-        given = newton, *map(address, (p, before, here)), part, *map(address, (*ends, result))
-        return result if self.library.locate_event(*given, kind in self.folds) else None
-
-    def values(self, z, p):
-        """The tabulated values, (values,)."""
-        return self.functions("values", z, p)
+        points = map(address, (p, before, here))
+        self.library.locate(*points, column, value, *ends, address(result))
+        return result
 
     def least_norm(self, z, p):
         solutions = np.empty((2, self.m))
@@ -230,31 +220,6 @@ class CompiledStepper(ArclengthStepper):
         values = self.functions("linear", z, p)
         m = self.m
         return values[: m - 1], values[m - 1 :].reshape(m, m - 1).T
-
-    def polish(self, kind, z, tangent, p):
-        """An event by Newton's method on its extended system.
-
-        Parameters
-        ----------
-        kind : str
-        z, tangent : ndarray, (m,)
-            Initial scaled unknowns, and a tangent of the branch.
-        p : ndarray, (k,)
-            Parameters.
-
-        Returns
-        -------
-        ndarray, (m,), or None
-            Scaled unknowns; None if the iteration fails.
-        """
-        newton, normal = self.newton(kind)[0], [tangent] if kind in self.folds else []
-
-        def step(x):
-            *new, moved = newton("newton", x, *normal, p).tolist()
-            return np.array(new), moved
-
-        x = converged(step, np.concatenate([z, *normal]))
-        return None if x is None else x[: self.m]
 
 
 class _Scaled:
@@ -270,32 +235,13 @@ class _Scaled:
         def scaled(expression):
             return ca.substitute(ca.SX(expression), problem.z, scale * ca.sinh(z))
 
-        self.g = scaled(problem.residual)
+        self.g = scaled(problem.equations)
         self.jacobian = ca.jacobian(self.g, z)
         self.size = scaled(problem.size) if problem.size is not None else ca.SX.ones(m - 1)
-        self.roots = ca.vertcat(*(scaled(e) for e in problem.roots.values()))
-        self.values = ca.vertcat(*(scaled(e) for e in problem.values.values()))
+        self.roots = ca.vertcat(*(scaled(e) for e in problem.events.values()))
+        self.values = ca.vertcat(*(scaled(e) for e in problem.columns.values()))
         folds = [scaled(e) for e in problem.folds.values()]
         self.slopes = [ca.gradient(f, z) / (ca.norm_2(ca.gradient(f, z)) + TINY) for f in folds]
-        self._of_root = dict(zip(problem.roots, range(len(problem.roots)), strict=True))
-        self._of_fold = dict(zip(problem.folds, self.slopes, strict=True))
-
-    def newton(self, kind):
-        """One Newton step on the extended system of an event, and its size."""
-        import casadi as ca
-
-        m, x, normal = self.z.numel(), self.z, []
-        if kind in self._of_fold:
-            slope = self._of_fold[kind]
-            tangent, normal = ca.SX.sym("tangent", m), [ca.SX.sym("normal", m)]
-            stretched = ca.dot(*normal, tangent) - 1
-            x = ca.vertcat(self.z, tangent)
-            system = ca.vertcat(self.g, self.jacobian @ tangent, ca.dot(slope, tangent), stretched)
-        else:
-            system = ca.vertcat(self.g, self.roots[self._of_root[kind]])
-        new = x - ca.solve(ca.jacobian(system, x), system)
-        step = ca.vertcat(new, ca.norm_2((new - x) / (1 + ca.fabs(new))))
-        return ca.Function("newton", [x, *normal, self.p], [step])
 
 
 def _determinant(matrix):

@@ -7,144 +7,45 @@ measures the fourth derivative of the branch, hence the error of cubic interpola
 rows, which controls the step.  A point is accepted if its residual is at round-off and both the
 correction and the angle between the tangents are small; otherwise the step is reduced.  The step
 is also reduced where the bordered determinant changes sign, as between a branch and another one
-close to it.  Limit points (folds) are located on their extended system (Moore & Spence 1980), roots
-of user functions on the equations extended by the function.
+close to it.
 
-A `Problem` states the equations, `Settings` the tolerances, and a `Branch` is the result.  Steps
-between two events are a single call if they are compiled (`follow.c`).  An event is bracketed where
-its function changes sign; Newton's method starts from the cubic, bisection follows where it fails.
+Steps between two events are a single call if they are compiled (`follow.c`).  An event is bracketed
+where its function changes sign, and given values of columns where these pass them; both are found
+by Chandrupatla's method as functions of the place on the branch between the two points.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from tensegrity import check
-from tensegrity.branches.compiled_stepper import CompiledStepper
-from tensegrity.branches.table import INTERRUPTED, Event, Table
-from tensegrity.engine.disk_cache import cached, maker
+from tensegrity.branches.arclength import TINY
+from tensegrity.branches.table import INTERRUPTED
 from tensegrity.errors import TensegrityError
-from tensegrity.once import once
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterable, Mapping
+    from collections.abc import Callable, Sequence
     from typing import Any
 
-    from numpy.typing import ArrayLike
-
-    from tensegrity.branches.many import ManyProblem
     from tensegrity.typing import Array
 
+    Level = tuple[str, float, int | Callable[[Array], Array]]  # name, value, place or function
+
 START_ITERATIONS = 50
-BISECTIONS = 45  # where Newton's method does not locate an event
+BISECTIONS = 45  # that locate a bifurcation
 INITIAL_ROWS = 256  # rows allocated at first
+CHUNK = 16  # steps between two looks at the values of computed columns
+SINGULAR = 1e-3  # singular value at a bifurcation over that at the row before, below which it is 0
 
 
 class ContinuationError(TensegrityError):
     """A branch could not be followed; `branch` holds its points so far, or is None."""
 
     branch = None
-
-
-@dataclass(frozen=True, eq=False)
-class Problem:
-    """Equations of a branch, as CasADi SX expressions of the same symbols.
-
-    Attributes
-    ----------
-    unknowns : tuple of str
-        Names of the m unknowns; the last one sets the direction at the start.
-    z, p : casadi.SX, (m,), (k,)
-        Symbols of the unknowns, and of the parameters given to `trace`.
-    residual : casadi.SX, (m - 1,)
-    scale : sequence of float, (m,), optional
-        Typical magnitudes of the unknowns, which may have different units.  Arc length is that
-        of asinh(unknown/scale), so that unknowns above their scale count by relative changes and
-        forces may grow by orders of magnitude along the branch.
-    size : casadi.SX, (m - 1,), optional
-        Magnitude of the terms of each equation, by which its residual is divided; 1 by default.
-    roots, folds : dict of str to casadi.SX
-        Event functions of (z, p): an event is where a root vanishes, or where a fold is
-        stationary along the branch.  By default the limit point of the last unknown.
-    values : dict of str to casadi.SX
-        Further functions of (z, p) to tabulate.
-    """
-
-    unknowns: tuple[str, ...]
-    z: Any
-    p: Any
-    residual: Any
-    scale: tuple[float, ...] | None = None
-    size: Any = None
-    roots: dict[str, Any] = field(default_factory=dict)
-    folds: Any = None
-    values: dict[str, Any] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        m, n = len(self.unknowns), self.residual.numel()
-        if self.z.numel() != m or n != m - 1:
-            raise TensegrityError(
-                f"{n} equations and {self.z.numel()} symbols do not suit {m} unknowns, "
-                f"must be {m - 1} and {m}"
-            )
-        scale = tuple(
-            check.number(f"scale of {name}", s, above=0)
-            for name, s in zip(self.unknowns, self.scale or (1.0,) * m, strict=True)
-        )
-        object.__setattr__(self, "scale", scale)
-        if self.folds is None:
-            object.__setattr__(self, "folds", {"fold": self.z[m - 1]})
-
-        self.__dict__["_build_stepper"] = once(lambda: CompiledStepper(self, _layout(self)))
-
-    @property
-    def _stepper(self):
-        return self._build_stepper()
-
-
-class DerivedProblem(Problem):
-    """A problem whose expressions are derived by a function on first use.
-
-    Tracing needs no expressions if the compiled functions of the problem are in the disk cache
-    (`tensegrity.engine.disk_cache`).
-
-    Parameters
-    ----------
-    make : callable
-        A module-level function that returns a `Problem`.
-    *arguments
-        Its arguments, texts and numbers, which determine the problem.
-    """
-
-    def __init__(self, make: Callable[..., Problem], *arguments: Any) -> None:
-        name = maker(make, *arguments)
-        key, derive = ("problem", name), once(lambda: make(*arguments))
-        build = once(lambda: CompiledStepper(self, cached(key, lambda: _layout(self)), name))
-        self.__dict__.update(derived=derive, _build_stepper=build)
-
-
-def _field_of(name: str) -> Any:
-    return property(lambda self: getattr(self.derived(), name))
-
-
-for _field in fields(Problem):
-    setattr(DerivedProblem, _field.name, _field_of(_field.name))
-
-
-def _layout(problem):
-    """Names, scales and sizes of a problem, which a `CompiledStepper` needs besides functions."""
-    return {
-        "unknowns": list(problem.unknowns),
-        "scale": list(problem.scale),
-        "numbers": problem.p.numel(),
-        "roots": list(problem.roots),
-        "folds": list(problem.folds),
-        "values": list(problem.values),
-    }
 
 
 @dataclass(frozen=True)
@@ -184,126 +85,211 @@ class Settings:
         check.whole("points", self.points, least=2)
 
 
-class Branch(Table):
-    """A traced branch: a table of unknowns and values, with tangents and residuals.
+class Located(NamedTuple):
+    """A located point between two rows."""
+
+    kind: str
+    row: int  #: the last row before it, or at it
+    point: Array  #: unknowns and tabulated values there
+    note: str = ""
+    multiplicity: int = 1  #: of a bifurcation
+
+
+@dataclass
+class Part:
+    """A smooth part of a path.
 
     Attributes
     ----------
-    z, tangent : ndarray, (rows, m)
-        Unknowns, and unit tangents in scaled unknowns.
-    arc : ndarray, (rows,)
-        Arc length from the start of the branch, in scaled unknowns.
-    residual : ndarray, (rows,)
-        Largest scaled residual.
+    data : ndarray, (rows, m + values)
+        Unknowns, and tabulated values.
+    tangent : ndarray, (rows, m)
+        Unit tangents in scaled unknowns.
+    arc, residual : ndarray, (rows,)
+        Arc length from the start, in scaled unknowns, and largest scaled residual.
+    events : list of Located
+    end : str
+        Kind of the last event, name of the column whose value is reached, or a failure.
+    following : Problem or None
+        The part that begins where this one ends.
+    more : dict of str to ndarray, (rows, ..)
+        What else was computed by row.
     """
 
-    p: Any  # parameters of the trace, if they were stored
-    _by_row = ("z", "tangent", "arc", "residual")
+    data: Array
+    tangent: Array
+    arc: Array
+    residual: Array
+    events: list[Located]
+    end: str
+    following: Any = None
+    more: dict[str, Array] = field(default_factory=dict)
 
-    def __init__(
-        self,
-        columns: Mapping[str, Any],
-        events: Iterable[Event],
-        end: str,
-        z: Array,
-        tangent: Array,
-        arc: Array,
-        residual: Array,
-    ) -> None:
-        super().__init__(columns, events, end)
-        self.z, self.tangent, self.arc, self.residual = z, tangent, arc, residual
+    def cut(self, event: Located, end: str) -> None:
+        """End at an event, with it as the last row."""
+        number = next(k for k, other in enumerate(self.events) if other is event)
+        kept, beyond = range(event.row + 1), not np.array_equal(self.data[event.row], event.point)
+        self.take([*kept, *[event.row] * beyond])
+        self.data[-1] = event.point
+        self.events = [*self.events[:number], event._replace(row=event.row + beyond)]
+        self.end, self.following = end, None
+
+    def take(self, rows: Any) -> None:
+        """Keep some of the rows; those of events stay as they are."""
+        for name in ("data", "tangent", "arc", "residual"):
+            setattr(self, name, getattr(self, name)[rows])
+        self.more = {name: column[rows] for name, column in self.more.items()}
 
 
-def trace(
-    problem: Problem | ManyProblem,
-    start: ArrayLike,
-    parameters: ArrayLike = (),
-    settings: Settings | None = None,
-    direction: int = 1,
-    stop: Collection[str] = (),
-) -> Branch:
+def follow(
+    stepper, start, parameters, settings, direction, stop,
+    until: Sequence[Level] = (), at: Sequence[Level] = (),
+) -> Part:  # fmt: skip
     """Follow the branch through a given point.
 
     Parameters
     ----------
-    problem : Problem
+    stepper : ArclengthStepper
     start : array_like, (m,)
         A point on or near the branch.
     parameters : array_like, (k,)
-        Values of the symbols p.
-    settings : Settings, optional
+    settings : Settings
     direction : {1, -1}
         Initial sense of the last unknown; at a limit point, of the largest component.
     stop : collection of str
         Kinds of event at which the branch ends, with that event as its last row.
+    until, at : sequence of (name, value, column), optional
+        Values of columns, as `ArclengthStepper.locate` takes them, at which it ends, or which
+        become events of that name.
 
     Returns
     -------
-    Branch
-        It ends at the first event in `stop`; simple bifurcations are events as well.
-        Several threads may trace the same problem at once.
+    Part
 
     Raises
     ------
     ContinuationError, KeyboardInterrupt
-        If the start is not near a solution, the step falls below the smallest one, no end is
-        reached within `points` rows, or after Ctrl-C; its `branch` holds the rows so far.
-    TensegrityError
-        If start, parameters, direction or `stop` do not suit the problem.
+        As for `tensegrity.trace`; `part` holds the rows so far, or is None.
     """
-    settings, stepper = settings or Settings(), problem._stepper
     start, p = _checked(stepper, start, parameters, direction, stop)
-    rows, events, end = _follow_branch(stepper, start, p, settings, direction, stop)
-    branch = _branch(stepper, rows, events, end if end in stepper.kinds else "failed")
-    if end not in stepper.kinds:
-        words = f"{end}; last good point {_formatted(stepper, rows[-1])}"
-        failure: Any = KeyboardInterrupt() if end == INTERRUPTED else ContinuationError(words)
-        failure.branch = branch
-        raise failure
-    return branch
+    rows, events, end, failed = _follow(stepper, start, p, settings, direction, stop, until)
+    if at:
+        nodes = _nodes(stepper, rows, events)
+        for name, value, column in at:
+            events += [(name, *x) for x in _reached(stepper, column, value, nodes, p)]
+        events.sort(key=lambda event: (event[1], _place(stepper, rows[event[1]], event[2])))
+    part = _part(stepper, rows, events, end, p)
+    if not failed:
+        return part
+    words = f"{end}; last good point {_formatted(stepper, rows[-1])}"
+    failure: Any = KeyboardInterrupt() if end == INTERRUPTED else ContinuationError(words)
+    failure.part = part
+    raise failure
 
 
-def _follow_branch(stepper, start, p, settings, direction, stop):
-    """Rows, events (kind, row, point), and the kind of the last event or the failure."""
+def _follow(stepper, start, p, settings, direction, stop, until):
+    """Rows, events (kind, row, point), the kind of the last one or a failure, and whether it is a
+    failure."""
     first = _first_point(stepper, start, p, settings, direction)
     names = "tolerance", "residual", "turn", "largest", "smallest"
     first_step = min(settings.first, settings.largest)
     control = np.array([first_step, *(getattr(settings, name) for name in names)])
-    most, count, events, folds = settings.points, 1, [], []
+    most, count = settings.points, 1
     rows = np.empty((min(INITIAL_ROWS, most), stepper.size))
     rows[0], rows[0, stepper.length] = first, control[0]  # the predictor needs a length
-    for i, test in enumerate(first[stepper.tests :].tolist()):
-        if abs(test) <= stepper.vanishing[i]:
-            rows[0, stepper.tests + i] = 0.0  # its sign is that of the first step
-            if i >= len(stepper.roots):
-                folds.append(i)
-            else:
-                events.append((stepper.kinds[i], 0, first))
+    tests = np.abs(first[stepper.tests :]) <= stepper.vanishing
+    rows[0, stepper.tests :][tests] = 0.0  # its sign is that of the first step
+    roots, vanishing = len(stepper.roots), np.flatnonzero(tests).tolist()
+    events = [(stepper.kinds[i], 0, first) for i in vanishing if i < roots]
+    folds = [i for i in vanishing if i >= roots]
+    levels = [(column, value) for _, value, column in until if not callable(column)]
+    computed = len(levels) < len(until)
     while count < most:
         if count == len(rows):
             rows = np.concatenate([rows, np.empty_like(rows)])[:most]
-        last = count
+        last, room = count, count + CHUNK if computed else most
         try:
-            count = stepper.steps(rows, count, control, p)
+            count = stepper.steps(rows[:room], count, control, p, levels)
             found = _events_between(stepper, *rows[count - 2 : count], p) if count > last else []
         except KeyboardInterrupt:  # the events of a last step are not known
-            return rows[: max(count - 1, last)], events, INTERRUPTED
+            return rows[: max(count - 1, last)], events, INTERRUPTED, True
         if count == last:
-            return rows[:count], events, f"the step fell below {settings.smallest:g}"
+            return rows[:count], events, f"the step fell below {settings.smallest:g}", True
         if folds:
             events += _starting_folds(stepper, rows, folds, p)
             folds = []
+        found, level = _until(stepper, until, rows, last, count, found, p)
         for kind, point in found:
             events.append((kind, count - 1 - (kind not in stop), point))
             if kind in stop:
                 rows[count - 1] = _with_length(stepper, rows[count - 2], point)
-                return rows[:count], events, kind
-    return rows, events, f"{most} rows do not reach an end"
+                return rows[:count], events, kind, False
+        if level:
+            name, row, point = level
+            rows[row + 1] = _with_length(stepper, rows[row], point)
+            return rows[: row + 2], events, name, False
+    return rows, events, f"{most} rows do not reach an end", True
+
+
+def _place(stepper, row, point):
+    """How far a point lies beyond a row, along its tangent."""
+    m = stepper.m
+    return float((point[:m] - row[:m]) @ row[m : 2 * m])
+
+
+def _nodes(stepper, rows, events, first=0):
+    """Numbers of rows, and rows, with the events between them, at which a column may turn."""
+    inside = [(row, point) for kind, row, point in events if kind in stepper.kinds]
+    inside = [(row, point) for row, point in inside if row < first + len(rows) - 1]
+    if not inside:
+        return range(first, first + len(rows)), rows
+    listed = [*enumerate(rows, first), *inside]
+    listed.sort(key=lambda one: one[0])  # a row stands before the events beyond it
+    return [row for row, _ in listed], np.array([point for _, point in listed])
+
+
+def _until(stepper, until, rows, last, count, found, p):
+    """The events before the first value that is reached since row `last` - 1, and its name, row and
+    point; all events, and None, if none is."""
+    if not until:
+        return found, None
+    events = [(kind, count - 2, point) for kind, point in found]
+    nodes = _nodes(stepper, rows[last - 1 : count], events, last - 1)
+    reached = [
+        (name, *point)
+        for name, value, column in until
+        for point in _reached(stepper, column, value, nodes, p, first=True)
+    ]
+
+    def order(row, point):
+        return row, _place(stepper, rows[row], point)
+
+    level = min(reached, key=lambda x: order(*x[1:]), default=None)
+    if level:
+        found = [x for x in found if order(count - 2, x[1]) < order(*level[1:])]
+    return found, level
+
+
+def _reached(stepper, column, value, nodes, p, first=False):
+    """The points (row, point) at which a column has a value: the first one beyond the start alone,
+    or all."""
+    numbers, nodes = nodes
+    away = stepper.column(nodes, column) - value
+    crossed = (away[:-1] * away[1:] < 0) | (away[1:] == 0)
+    if not first and away[0] == 0:
+        yield numbers[0], nodes[0]
+    for k in np.flatnonzero(crossed).tolist()[: 1 if first else None]:
+        start, end = nodes[k], _with_length(stepper, nodes[k], nodes[k + 1])
+        ends = float(away[k]), float(away[k + 1])
+        yield (
+            numbers[k],
+            end if ends[1] == 0 else stepper.locate(start, end, column, value, ends, p),
+        )
 
 
 def _checked(stepper, start, parameters, direction, stop):
-    p = np.asarray(parameters, dtype=float).ravel()
-    start = np.asarray(start, dtype=float).ravel()
+    p = check.floats("parameters", parameters).ravel()
+    start = check.floats("start", start).ravel()
     m, k = stepper.m, stepper.numbers
     if p.size != k or start.size != m:
         raise TensegrityError(
@@ -363,18 +349,17 @@ def _events_between(stepper, before, here, p):
 
     A step with a fold is divided there, because a root may occur on both sides of it.
     """
-    m, roots = stepper.m, len(stepper.roots)
+    roots = len(stepper.roots)
     signs, tests = before[stepper.tests :].tolist(), here[stepper.tests :].tolist()
     crossed = [i for i, test in enumerate(tests) if signs[i] * test < 0]
 
     def event(i, start, end):
-        return stepper.kinds[i], _locate(stepper, start, end, i, signs[i], p)
-
-    def place(one):
-        return (one[1][:m] - before[:m]) @ before[m : 2 * m]
+        place = stepper.tests + i
+        ends = float(start[place]) or signs[i] * TINY, float(end[place])
+        return stepper.kinds[i], stepper.locate(start, end, place, 0.0, ends, p)
 
     def ordered(events):
-        return sorted(events, key=place) if len(events) > 1 else events
+        return sorted(events, key=lambda event: _place(stepper, before, event[1]))
 
     located = [event(i, before, here) for i in crossed if i >= roots]
     if not located:
@@ -399,27 +384,6 @@ def _with_length(stepper, start, end):
     return end
 
 
-def _locate(stepper, before, here, number, sign, p):
-    """The point between two others where an event function vanishes."""
-    test = stepper.tests + number
-    low = 0.0, float(before[test]), before
-    high = 1.0, float(here[test]), here
-    for _ in range(BISECTIONS):
-        part = low[0] + (high[0] - low[0]) * low[1] / (low[1] - high[1])
-        ends = low[2], high[2]
-        point = stepper.locate_event(stepper.kinds[number], before, here, part, ends, p)
-        if point is not None:
-            return point
-        part = (low[0] + high[0]) / 2
-        middle = stepper.corrected(*stepper.interpolated(before, here, part), p)
-        if middle[test] * sign > 0:
-            low = part, float(middle[test]), middle
-        else:
-            high = part, float(middle[test]), middle
-    stepper.on_curve(middle, before, here)
-    return middle
-
-
 def _bifurcation(stepper, before, here, p):
     """The point between two others where the bordered determinant changes sign."""
     low, high = 0.0, 1.0
@@ -433,18 +397,26 @@ def _bifurcation(stepper, before, here, p):
     return point
 
 
-def _branch(stepper, rows, events, end):
+def _part(stepper, rows, events, end, p):
     m, count = stepper.m, len(rows)
-    names, values = (*stepper.names, *stepper.tabulated), stepper.residual
-    data = np.concatenate([rows, *(point[None] for _, _, point in events)])
-    table = data[:, m:values].copy()
-    table[:, :m] = np.sinh(data[:, :m]) * stepper.scale  # in the place of tangents
-    listed = [
-        Event(kind, row, dict(zip(names, at, strict=True)))
-        for (kind, row, _), at in zip(events, table[count:].tolist(), strict=True)
+    data = stepper.data(np.concatenate([rows, *(point[None] for _, _, point in events)]))
+    located = [
+        Located(kind, row, at, multiplicity=_multiplicity(stepper, rows[row], point, p))
+        if kind == "bifurcation"
+        else Located(kind, row, at)
+        for (kind, row, point), at in zip(events, data[count:], strict=True)
     ]
-    columns = dict(zip(names, table[:count].T.copy(), strict=True))
     rows[0, stepper.length] = 0.0
     arc = np.add.accumulate(rows[:, stepper.length])
-    z, tangent, residual = table[:count, :m], rows[:, m : 2 * m].copy(), rows[:, values]
-    return Branch(columns, listed, end, z, tangent, arc, residual)
+    tangent, residual = rows[:, m : 2 * m].copy(), rows[:, stepper.residual].copy()
+    return Part(data[:count], tangent, arc, residual, located, end)
+
+
+def _multiplicity(stepper, before, point, p):
+    """How many tangents the branch through a point has besides its own: singular values of the
+    Jacobian that vanish there, compared with the row before."""
+    here, there = (
+        np.linalg.svd(stepper.linearised(x[: stepper.m], p)[1], compute_uv=False)
+        for x in (point, before)
+    )
+    return max(1, int(np.sum(here < SINGULAR * there)))

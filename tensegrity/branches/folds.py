@@ -7,9 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensegrity.branches.continuation import Problem
+from tensegrity.branches.problem import Problem
 from tensegrity.branches.table import Event
 from tensegrity.typing import Array
+
+NEARBY = 1e-3  # distance in scaled unknowns within which a limit point is refined
 
 
 def fold_problem(problem: Problem, fold: str, free: int) -> Problem:
@@ -37,7 +39,7 @@ def fold_problem(problem: Problem, fold: str, free: int) -> Problem:
     def released(expression: Any) -> Any:
         return ca.substitute(ca.SX(expression), p[free], freed)
 
-    g, function = released(problem.residual), released(problem.folds[fold])
+    g, function = released(problem.equations), released(problem.folds[fold])
     scaled = tangent * ca.DM(scale)
     system = ca.vertcat(
         g,
@@ -46,15 +48,16 @@ def fold_problem(problem: Problem, fold: str, free: int) -> Problem:
         ca.dot(tangent, tangent) - 1,
     )
     size = ca.SX.ones(m - 1) if problem.size is None else released(problem.size)
+    names = (*problem.unknowns, *(f"d {name}" for name in problem.unknowns), "free")
+    symbols = ca.vertsplit(ca.vertcat(problem.z, tangent, freed))
     return Problem(
-        (*problem.unknowns, *(f"d {name}" for name in problem.unknowns), "free"),
-        ca.vertcat(problem.z, tangent, freed),
-        p,
+        dict(zip(names, symbols, strict=True)),
         system,
-        (*scale, *(1.0,) * m, 1.0),
+        p=p,
+        scale=(*scale, *(1.0,) * m, 1.0),
         size=ca.vertcat(size, 1 + size, 1 + ca.norm_2(ca.gradient(function, problem.z)), 1),
-        roots={"end": freed - p[free]},
-        values={name: released(value) for name, value in problem.values.items()},
+        events={"end": freed - p[free]},
+        columns={name: released(value) for name, value in problem.columns.items()},
     )
 
 
@@ -83,8 +86,8 @@ def fold_start(problem: Problem, event: Event, parameters: ArrayLike, free: int)
     return np.concatenate([z, tangent / np.linalg.norm(tangent), [p[free]]])
 
 
-def refined_fold(problem: Problem, fold: str, z: ArrayLike, parameters: ArrayLike) -> Array | None:
-    """The limit point close to given unknowns, located on the extended system.
+def refined_fold(problem: Problem, fold: str, z: ArrayLike, parameters: ArrayLike) -> Array:
+    """The limit point next to given unknowns, located along the branch.
 
     Parameters
     ----------
@@ -97,13 +100,17 @@ def refined_fold(problem: Problem, fold: str, z: ArrayLike, parameters: ArrayLik
 
     Returns
     -------
-    ndarray, (m,), or None
-        Unknowns; None if Newton's method fails.
+    ndarray, (m + values,)
+        Unknowns and tabulated values.
     """
-    p, scale = np.asarray(parameters, dtype=float), np.array(problem.scale)
-    z = np.arcsinh(np.asarray(z, dtype=float) / scale)
-    z = problem._stepper.polish(fold, z, _tangent(problem, z, p), p)
-    return None if z is None else np.sinh(z) * scale
+    stepper, p = problem._stepper, np.asarray(parameters, dtype=float)
+    z = np.arcsinh(np.asarray(z, dtype=float) / stepper.scale)
+    along, place = _tangent(problem, z, p), stepper.tests + stepper.kinds.index(fold)
+    before, here = (stepper.corrected(z + x * along, along, p) for x in (-NEARBY, NEARBY))
+    here[stepper.length] = np.linalg.norm((here - before)[: stepper.m])
+    ends = before[place], here[place]
+    row = stepper.locate(before, here, place, 0.0, ends, p) if ends[0] * ends[1] < 0 else before
+    return np.asarray(stepper.data(row[None])[0])
 
 
 def _tangent(problem: Problem, z: Array, p: Array) -> Array:

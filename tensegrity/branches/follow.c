@@ -84,7 +84,8 @@ static const double *preceding(const double *here, double *before)
 }
 
 /* See ArclengthStepper.steps. */
-int steps(const double *p, double *control, double *rows, integer count, integer room)
+int steps(const double *p, double *control, double *rows, integer count, integer room,
+          const integer *places, const double *values, integer levels)
 {
     while (count < room) {
         double *here = rows + SIZE * (count - 1), *row = here + SIZE;
@@ -104,6 +105,8 @@ int steps(const double *p, double *control, double *rows, integer count, integer
                 row[kind] = ROOT_AT_START * here[kind];
             quiet &= !(here[kind] * row[kind] < 0);
         }
+        for (int k = 0; k < levels; k++)
+            quiet &= (here[places[k]] - values[k]) * (row[places[k]] - values[k]) > 0;
         if (!quiet)
             break;
     }
@@ -121,50 +124,47 @@ void corrected(const double *p, const double *z, const double *tangent, double *
     memcpy(row, out, SIZE * sizeof(double));
 }
 
-static int polish(evaluate *newton, int fold, const double *p, double *z, const double *tangent)
+/* The point at a fraction of the way between two others, and the distance of an entry of its row
+   from a value. */
+static double away(const double *p, const double *before, const double *here, double part,
+                   integer place, double value, double *row)
 {
-    int n = fold ? 2 * M : M;
-    double x[2 * M], new[2 * M + 1], previous = INFINITY;
-    memcpy(x, z, M * sizeof(double));
-    memcpy(x + M, tangent, M * sizeof(double));
-    for (int k = 0; k < POLISH; k++) {
-        call(newton, new, x, fold ? tangent : p, p, 0);
-        double moved = new[n];
-        if (!isfinite(moved))
-            return 0;
-        memcpy(x, new, n * sizeof(double));
-        if (moved <= 1e-15 || (moved < 1e-11 && moved >= previous / 4)) {
-            memcpy(z, x, M * sizeof(double));
-            return 1;
-        }
-        previous = moved;
-    }
-    return 0;
-}
-
-static double distance(const double *a, const double *b)
-{
-    double sum = 0;
-    for (int i = 0; i < M; i++)
-        sum += (a[i] - b[i]) * (a[i] - b[i]);
-    return sqrt(sum);
-}
-
-/* See ArclengthStepper.locate_event. */
-int locate_event(evaluate *newton, const double *p, const double *before, const double *here,
-                 double part, const double *low, const double *high, double *row, integer fold)
-{
-    double curve[2 * M], found[2 + M], spread = distance(high, low) + 1e-12;
+    double curve[2 * M];
     call(tensegrity_interpolated, curve, before, here, &part, 0);
-    if (!polish(newton, fold, p, curve, curve + M))
-        return 0;
-    if (!(distance(curve, low) <= spread && distance(curve, high) <= spread))
-        return 0;
     corrected(p, curve, curve + M, row);
-    memcpy(row, curve, M * sizeof(double));
-    call(tensegrity_values, row + 2 * M, curve, p, 0, 0);
+    return row[place] - value;
+}
+
+/* See ArclengthStepper.locate: Chandrupatla's method, as in root.py. */
+void locate(const double *p, const double *before, const double *here, integer place, double value,
+            double low, double high, double *row)
+{
+    double a = 0, at_a = low, b = 1, at_b = high, c = a, at_c = at_a, part = low / (low - high);
+    double found[2 + M], noise = ROUND_OFF / 2 * fmax(fabs(low), fabs(high));
+    for (int k = 0; k < BISECTIONS; k++) {
+        double best = fabs(at_a) < fabs(at_b) ? a : b;
+        double least = 2 * ROUND_OFF * best / fabs(b - a);
+        if (fmin(fabs(at_a), fabs(at_b)) <= noise || least > 0.5)
+            break;
+        double x = a + fmin(fmax(part, least), 1 - least) * (b - a);
+        if (x == a || x == b)
+            break;
+        double at_x = away(p, before, here, x, place, value, row);
+        if ((at_x > 0) == (at_a > 0)) {
+            c = a, at_c = at_a;
+        } else {
+            c = b, at_c = at_b, b = a, at_b = at_a;
+        }
+        a = x, at_a = at_x, part = 0.5;
+        double s = (a - b) / (c - b), height = (at_a - at_b) / (at_c - at_b);
+        if (height * height < s && (1 - height) * (1 - height) < 1 - s) {
+            part = at_a / (at_b - at_a) * at_c / (at_b - at_c);
+            part += (c - a) / (b - a) * at_a / (at_c - at_a) * at_b / (at_c - at_b);
+        }
+    }
+    if (a == 0 || fabs(at_b) < fabs(at_a)) /* else the row is that of a */
+        away(p, before, here, fabs(at_a) < fabs(at_b) ? a : b, place, value, row);
     call(tensegrity_deviation, found, row, before, here, 0);
     if (found[1] < ALIGNED)
         memcpy(row + M, found + 2, M * sizeof(double));
-    return found[0] <= 0;
 }

@@ -8,7 +8,7 @@ evaluates residual and Jacobian as arrays and solves by LAPACK, for tens to hund
 from __future__ import annotations
 
 import math
-from typing import Any, Protocol, Self
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -16,21 +16,22 @@ from tensegrity.branches.arclength import (
     ITERATIONS,
     NUMBERS,
     ArclengthStepper,
-    converged,
     error_and_arc,
     step_control,
 )
+from tensegrity.errors import TensegrityError
 from tensegrity.typing import Array, Indices
 
 CONSTANT = 1e-13  # component of a unit tangent below which an unknown is constant
 SAME_POINT = 1e-12  # last correction up to which its Jacobian is that of the corrected point
-SECANT, LARGEST_SECANT = 1e-4, 0.2  # first and largest secant step, in scaled unknowns
+DIFFERENCE = 1e-3  # step of differences, over the unknown or its scale
+STENCIL = (1, 2 / 3), (2, -1 / 12)  # multiples of it, and weights: order 4
 
 
 class Equations(Protocol):
     """Equations of a branch in unknowns u (m,); the last one sets the direction at the start."""
 
-    names: tuple[str, ...]
+    unknowns: tuple[str, ...]
     scale: Array
     roots: tuple[str, ...]
     folds: dict[str, int]  # name of the event, and number of the unknown that is stationary
@@ -45,8 +46,39 @@ class Equations(Protocol):
     def tests(self, u: Array) -> Array:
         """Event functions, each of which vanishes at its events, (roots,)."""
 
-    def test_gradient(self, u: Array, number: int) -> Array:
-        """Gradient of one event function, (m,); may be missing."""
+
+class PlainEquations:
+    """Equations and events that a `Problem` states by functions of the unknowns."""
+
+    leaving = np.zeros(0, dtype=int)
+
+    def __init__(self, problem: Any) -> None:
+        self.unknowns, self.scale = tuple(problem.unknowns), np.array(problem.scale)
+        self.roots, self._problem = tuple(problem.events), problem
+        self.folds = {kind: self.unknowns.index(name) for kind, name in problem.folds.items()}
+
+    def residual(self, u: Array) -> Array:
+        """Scaled residual (m - 1,)."""
+        size = 1.0 if self._problem.size is None else np.asarray(self._problem.size(u))
+        residual = np.ravel(np.asarray(self._problem.equations(u), dtype=float) / size)
+        if len(residual) != len(u) - 1:
+            raise TensegrityError(
+                f"{len(residual)} equations do not suit {len(u)} unknowns, must be {len(u) - 1}"
+            )
+        return residual
+
+    def linearised(self, u: Array) -> tuple[Array, Array]:
+        """Scaled residual (m - 1,), and its Jacobian (m - 1, m) by central differences."""
+        steps = DIFFERENCE * np.hypot(self.scale, u)
+        slopes = [
+            sum(w * (self.residual(u + k * step) - self.residual(u - k * step)) for k, w in STENCIL)
+            for step in np.diag(steps)
+        ]
+        return self.residual(u), np.array(slopes).T / steps
+
+    def tests(self, u: Array) -> Array:
+        """Event functions (roots,)."""
+        return np.array([float(event(u)) for event in self._problem.events.values()])
 
 
 class ManyProblem(ArclengthStepper):
@@ -55,15 +87,11 @@ class ManyProblem(ArclengthStepper):
     numbers = 0
 
     def __init__(self, equations: Any) -> None:
-        super().__init__(equations.names, equations.scale, equations.roots, equations.folds)
+        super().__init__(equations.unknowns, equations.scale, equations.roots, equations.folds)
         self.equations, self._stationary = equations, list(equations.folds.values())
         self._unmoved = np.arange(self.m)
         for number in equations.leaving:
             self.vanishing[number] = math.inf
-
-    @property
-    def _stepper(self) -> Self:
-        return self
 
     def unknowns(self, z: Array) -> Array:
         """Unknowns u of scaled unknowns z, (m,)."""
@@ -73,10 +101,6 @@ class ManyProblem(ArclengthStepper):
         """Residual (m - 1,) and Jacobian (m - 1, m) in scaled unknowns."""
         g, jacobian = self.equations.linearised(self.unknowns(z))
         return g, jacobian * (np.cosh(z) * self.scale)
-
-    def values(self, z: Array, p: Any) -> Any:
-        """No further tabulated values."""
-        return ()
 
     @np.errstate(all="ignore")  # divergence is detected by non-finite values
     def advance(self, before: Array, here: Array, control: Array, p: Any) -> Array:
@@ -140,52 +164,3 @@ class ManyProblem(ArclengthStepper):
         row = self.row(z, np.zeros(self.m), 0.0)
         row[self.residual] = math.inf
         return np.append(row, [0.0, control[0] / 10])
-
-    @np.errstate(all="ignore")
-    def polish(self, kind: str, z: Array, tangent: Array, p: Any) -> Array | None:
-        """An event by Newton's method on the extended system, or by the secant method for folds
-        and for other functions without gradients.
-
-        Parameters
-        ----------
-        kind : str
-        z, tangent : ndarray, (m,)
-            Initial scaled unknowns, and a tangent of the branch.
-        p : ignored
-
-        Returns
-        -------
-        ndarray, (m,), or None
-            Scaled unknowns; None if the iteration fails.
-        """
-        if kind not in self.roots or not hasattr(self.equations, "test_gradient"):
-            return self._vanishing_at(self.tests + self.kinds.index(kind), z, tangent)
-        number = self.roots.index(kind)
-
-        def step(z: Array) -> tuple[Array, float]:
-            u = self.unknowns(z)
-            rates = np.cosh(z) * self.scale
-            g, jacobian = self.equations.linearised(u)
-            row = self.equations.test_gradient(u, number) * rates
-            right = np.append(g, self.equations.tests(u)[number])
-            try:
-                new = z - np.linalg.solve(np.vstack([jacobian * rates, row]), right)
-            except np.linalg.LinAlgError:
-                return z, math.nan
-            return new, float(np.linalg.norm((new - z) / (1 + np.abs(new))))
-
-        return converged(step, z)
-
-    def _vanishing_at(self, place: int, z: Array, tangent: Array) -> Array | None:
-        """The point where one entry of the rows vanishes, by the secant method, or None."""
-
-        def secant(x: tuple[Array, float, float]) -> tuple[Any, float]:
-            row, step, largest = x
-            z, tangent = row[: self.m], row[self.m : 2 * self.m]
-            new = self.corrected(z + step * tangent, tangent, None)
-            step *= -new[place] / (new[place] - row[place])
-            good = new[self.m : 2 * self.m].any() and abs(step) < max(largest / 2, 1e-11)
-            return (new, step, abs(step)), abs(step) if good else math.nan
-
-        x = converged(secant, (self.corrected(z, tangent, None), SECANT, LARGEST_SECANT))
-        return None if x is None else x[0][: self.m] + x[1] * x[0][self.m : 2 * self.m]

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
 
+    from tensegrity.typing import Array
+
 INTERRUPTED = "interrupted"  # why a curve ends after Ctrl-C
 FIRST = 6  # number of columns in the text of an event
 ROUND_OFF = 1e-13  # of the largest value of a column: less is printed as 0
@@ -46,6 +48,7 @@ class Event:
     at: dict[str, float] = field(repr=False)
     note: str = ""
     units: Mapping[str, str] = field(default_factory=dict, repr=False)
+    multiplicity: int = 1
 
     @property
     def value(self) -> float:
@@ -83,9 +86,12 @@ class Table(Printed):
     _by_row: tuple[str, ...] = ()  # further arrays with one entry per row
     _units: ClassVar[Mapping[str, str]] = {}  # of columns
 
-    def __init__(self, columns: Mapping[str, Any], events: Iterable[Event], end: str) -> None:
+    def __init__(
+        self, columns: Mapping[str, Any], events: Iterable[Event], end: str, **about: Any
+    ) -> None:
         self.events = tuple(replace(e, units=self._units) for e in events)
         self.columns, self.end = dict(columns), end
+        self.__dict__.update(about, **{name: self.columns.pop(name) for name in self._by_row})
 
     def __getattr__(self, name: str) -> Any:
         columns = self.__dict__.get("columns", {})
@@ -229,3 +235,23 @@ class Table(Printed):
         labels = [self._heading(name) + signs.get(name, "") for name in (x, y)]
         drawn.set(xlabel=labels[0], ylabel=labels[1])
         return drawn
+
+
+class Branch(Table):
+    """A traced branch: a table of unknowns and columns, with tangents and residuals.
+
+    Attributes
+    ----------
+    z, tangent : ndarray, (rows, m)
+        Unknowns, and unit tangents in scaled unknowns.
+    arc : ndarray, (rows,)
+        Arc length from the start of the branch, in scaled unknowns.
+    residual : ndarray, (rows,)
+        Largest scaled residual.
+    """
+
+    z: Array
+    tangent: Array
+    arc: Array
+    residual: Array
+    _by_row = ("z", "tangent", "arc", "residual")

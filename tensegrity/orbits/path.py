@@ -9,14 +9,15 @@ may change along the branch: an orbit returns after the same phase of the drives
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from tensegrity import check
-from tensegrity.branches.continuation import Branch, ContinuationError, Settings, trace
+from tensegrity.branches.continuation import ContinuationError, Part, Settings
 from tensegrity.branches.many import ManyProblem
-from tensegrity.branches.table import INTERRUPTED, Event, Table
+from tensegrity.branches.problem import Joined, Problem, trace
+from tensegrity.branches.table import INTERRUPTED, Table
 from tensegrity.checked import checked
 from tensegrity.errors import TensegrityError
 from tensegrity.orbits.driven_orbit import drive_parameters
@@ -26,6 +27,8 @@ from tensegrity.orbits.stability import STABLE
 from tensegrity.scenes.dynamics import dynamics
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from tensegrity.typing import Array, Flags
 
 FINER = 2  # steps of the flow along a path over those of its first orbit
@@ -71,7 +74,9 @@ class OrbitPath(Table):
 
 
 @checked
-def orbit_path(orbit: Orbit, by: str, until: float) -> OrbitPath:
+def orbit_path(
+    orbit: Orbit, by: str, until: float | Mapping[str, Any], at: Mapping[str, Any] | None = None
+) -> OrbitPath:
     """Follow a periodic orbit in its period, its energy, or a parameter of its drives.
 
     Parameters
@@ -80,8 +85,11 @@ def orbit_path(orbit: Orbit, by: str, until: float) -> OrbitPath:
         The orbit at which the path begins.
     by : str
         "period" or "energy" of an undriven orbit, or the name of a parameter of the drives.
-    until : float
-        Value at which the path ends; it sets the initial direction.
+    until : float or dict of str to float
+        Value at which the path ends; it sets the initial direction.  Or values of columns, as for
+        `trace`: without one of `by` this quantity grows at first.
+    at : dict of str to float, optional
+        Values of columns of which the places become events; see `trace`.
 
     Returns
     -------
@@ -115,49 +123,87 @@ def orbit_path(orbit: Orbit, by: str, until: float) -> OrbitPath:
         raise TensegrityError(
             f"by {check.shown(by)} is not one of {', '.join(names) or 'any parameters of drives'}"
         )
-    begin = names[by]
-    if math.isclose(until, begin) or (not driven and until <= 0):
+    begin, goals = names[by], dict(until) if isinstance(until, dict) else {by: until}
+    end = check.number("until", goals.pop(by)) if by in goals else None
+    if end is not None and (math.isclose(end, begin) or (not driven and end <= 0)):
         words = "differ from it" if driven else "differ from it and be above 0"
-        raise TensegrityError(f"until {until:g} must {words}: the path begins at {by} {begin:g}")
-    steps, towards = orbit.steps * (1 if orbit.opens else FINER), 1 if until > begin else -1
-    for _ in range(REFINED):
-        of = family_of(orbit, by)
-        of.flow.steps = max(steps, of.steps_to(until))
-        family = _Family(of, by, until)
-        settings = Settings(points=POINTS, largest=of.longest)
-        try:
-            branch = trace(ManyProblem(family), of.guess, (), settings, towards, ("end",))
-        except ContinuationError as error:
-            words = f"the path by {by} does not reach {until:g}"
-            raise TensegrityError(f"{words}: {family.stopped(error)}") from None
-        except KeyboardInterrupt as error:
-            if (begun := getattr(error, "branch", None)) is None:
-                raise
-            return family.path(begun, INTERRUPTED)
-        # errors at kinks hardly decrease with the step, and the first orbit has many steps
-        if orbit.opens or family.resolved(_events_and_ends(family, branch)[1]):
-            break
-        steps *= FINER
-    return family.path(branch, f"{by} {until:g}")
+        raise TensegrityError(f"until {end:g} must {words}: the path begins at {by} {begin:g}")
+    family = _Family(orbit, by, end)
+    try:
+        return trace(family, until=goals or None, at=at)
+    except ContinuationError as error:
+        goal = f"{end:g}" if end is not None else ", ".join(f"{k} {x:g}" for k, x in goals.items())
+        words = f"the path by {by} does not reach {goal}"
+        raise TensegrityError(f"{words}: {family.stopped(error)}") from None
+    except KeyboardInterrupt as error:
+        if (begun := getattr(error, "branch", None)) is None:
+            raise
+        begun.end = INTERRUPTED
+        return begun
 
 
-def _events_and_ends(family: _Family, branch: Branch) -> tuple[list[Array], list[Array]]:
-    """Unknowns of the events of a branch, and of these and both ends."""
-    at = [np.array([event.at[name] for name in family.names]) for event in branch.events]
-    return at, [branch.z[0], branch.z[-1], *at]
-
-
-class _Family:
+class _Family(Problem):
     """A family of orbits as `Equations` of `tensegrity.branches.many`, with events."""
 
     leaving = np.zeros(0, dtype=int)
+    of: Family
+    by: str
+    goal: float | None
+    roots: tuple[str, ...]
+    _opens: bool
+    _steps: tuple[int, int]
+    _listed: dict[bytes, tuple[Orbit, dict[str, float]]]
 
-    def __init__(self, of: Family, by: str, until: float) -> None:
-        self.of, self.by, self.until = of, by, until
-        self.scale = np.append(of.scale, abs(of.guess[-1]) or abs(until))
-        self.roots = ("end", *(f"{kind} {k}" for kind in of.kinds for k in range(of.count)))
-        self.names = (*(f"unknown {k}" for k in range(len(of.scale))), by)
-        self.folds = {"fold": len(of.scale)}
+    def __init__(self, orbit: Orbit, by: str, goal: float | None) -> None:
+        of = family_of(orbit, by)
+        begin = float(of.guess[-1])
+        until = begin if goal is None else goal
+        steps = orbit.steps * (1 if orbit.opens else FINER), of.steps_to(until)
+        of.flow.steps = max(steps)
+        self.__dict__.update(
+            of=of, by=by, goal=goal, start=of.guess, until={}, stop=("end",), _opens=orbit.opens,
+            direction=1 if goal is None or goal > begin else -1, _steps=steps, _listed={},
+            settings=Settings(points=POINTS, largest=of.longest),
+            scale=np.append(of.scale, abs(begin) or abs(until) or 1.0),
+            roots=("end", *(f"{kind} {k}" for kind in of.kinds for k in range(of.count))),
+            unknowns=(*(f"unknown {k}" for k in range(len(of.scale))), by),
+            folds={"fold": len(of.scale)},
+        )  # fmt: skip
+        stepper = ManyProblem(self)
+        self.__dict__["_build_stepper"] = lambda: stepper
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """See `Problem.names`."""
+        return tuple(dict.fromkeys((self.by, "amplitude", "period", "energy", "multiplier")))
+
+    def followed(self, until: Mapping[str, Any], at: Mapping[str, Any]) -> Part:
+        """See `Problem.followed`: repeated with more steps of the flow until they do not matter."""
+        for last in range(REFINED):
+            self._listed.clear()
+            part = super().followed(until, at)
+            # errors at kinks hardly decrease with the step, and the first orbit has many steps
+            points = [part.data[0], part.data[-1], *(event.point for event in part.events)]
+            if self._opens or last == REFINED - 1 or self.resolved(points):
+                break
+            self.of.flow.steps = max(FINER ** (last + 1) * self._steps[0], self._steps[1])
+        events, part.events = part.events, []
+        for event in events:
+            kind = "stability" if event.kind == "bifurcation" else event.kind.split()[0]
+            wanted = kind in self.names  # a value of a column
+            if not wanted and (kind == "end" or not self._is_event(kind, event.point)):
+                continue
+            same = [x.point[-1] for x in part.events[-self.of.count :] if x.kind == kind]
+            if wanted or not any(
+                math.isclose(x, event.point[-1], rel_tol=SAME_PLACE) for x in same
+            ):
+                part.events.append(event._replace(kind=kind))
+        if part.end == "end":
+            part.end = f"{self.by} {self.goal:g}"
+        return part
+
+    def _is_event(self, kind: str, u: Array) -> bool:
+        return self.of.is_event(kind, self.of.multipliers(u)[0])
 
     def linearised(self, u: Array) -> tuple[Array, Array]:
         """Scaled residual (m - 1,) and its Jacobian (m - 1, m)."""
@@ -177,7 +223,7 @@ class _Family:
         rows = np.full((len(self.of.kinds), self.of.count), 1.0)
         for row, values in zip(rows, self.of.distances(self.of.multipliers(u)[0]), strict=True):
             row[: len(values)] = np.sort(values)[: self.of.count]
-        return np.append(u[-1] - self.until, rows)
+        return np.append(1.0 if self.goal is None else u[-1] - self.goal, rows)
 
     def resolved(self, points: list[Array]) -> bool:
         """Whether twice as many steps of the flow find the same orbits."""
@@ -188,9 +234,10 @@ class _Family:
 
     def stopped(self, error: ContinuationError) -> str:
         """Text on the last orbit before an error, and a possible reason why it is the last."""
-        if error.branch is None:
+        part: Part | None = getattr(error, "part", None)
+        if part is None:
             return str(error)
-        orbit, row = self.row(error.branch.z[-1])
+        orbit, row = self.row(part.data[-1])
         low, high = dynamics(orbit.scene).springs.computable_domain.T
         ranges = self.of.flow.ranges
         left = np.minimum(ranges[:, 0] - low, high - ranges[:, 1])
@@ -199,33 +246,37 @@ class _Family:
             "a spring is close to the end of its domain there": near.any(),
             "springs pass kinks, at which tangents are not smooth": orbit.opens,
             f"its residual is {orbit.residual:.1e}": orbit.residual > CLOSED,
-            f"it has {POINTS} rows": len(error.branch.z) >= POINTS,
+            f"it has {POINTS} rows": len(part.data) >= POINTS,
         }
         causes = [words for words, holds in reasons.items() if holds]
         at = ", ".join(f"{name} {row[name]:.6g}" for name in (self.by, "amplitude", "period"))
         why = "; ".join(causes) or "the steps became too short, as they do near other branches"
         return f"its last orbit is that of {at}: {why}"
 
-    def path(self, branch: Branch, end: str) -> OrbitPath:
-        """The orbits of a branch, its events in terms of the orbits, and why it ends."""
-        rows, events = [self.row(u) for u in branch.z], list[Event]()
-        for event, u in zip(branch.events, _events_and_ends(self, branch)[0], strict=True):
-            kind = "stability" if event.kind == "bifurcation" else event.kind.split()[0]
-            if kind == "end" or not self.of.is_event(kind, self.of.multipliers(u)[0]):
-                continue
-            new = Event(kind, event.row, self.row(u)[1])
-            if not any(kind == x.kind and math.isclose(x.value, new.value, rel_tol=SAME_PLACE)
-                       for x in events[-self.of.count :]):  # fmt: skip
-                events.append(new)
-        columns = {name: np.array([row[name] for _, row in rows]) for name in rows[0][1]}
-        path = OrbitPath(columns, events, end)
-        path.orbits = tuple(one for one, _ in rows)
-        return path
+    def measure(self, data: Array) -> dict[str, Array]:
+        """See `Problem.measure`."""
+        rows = [self.row(u)[1] for u in data]
+        return {name: np.array([row[name] for row in rows]) for name in rows[0]}
+
+    def rows(self, part: Part) -> dict[str, Array]:
+        """See `Problem.rows`."""
+        orbits = np.empty(len(part.data), dtype=object)
+        for k, u in enumerate(part.data):
+            orbits[k] = self.row(u)[0]
+        return {"orbits": orbits}
+
+    def table(self, path: Joined) -> OrbitPath:
+        """See `Problem.table`."""
+        orbits = tuple(path.columns["orbits"])
+        return OrbitPath(path.columns | {"orbits": orbits}, path.events, path.end)
 
     def row(self, u: Array) -> tuple[Orbit, dict[str, float]]:
-        """The orbit of given unknowns, and its row of the table."""
-        orbit = self.of.orbit(u)
-        largest = float(np.abs(self.of.multipliers(u)[0]).max(initial=0.0))
-        row = {self.by: float(u[-1]), "amplitude": self.of.amplitude(orbit)}
-        row |= {"period": orbit.period, "energy": orbit.energy} | row
-        return orbit, row | {"multiplier": largest, "stable": largest <= 1 + STABLE}
+        """The orbit of given unknowns, and its row of the table, computed once."""
+        if u.tobytes() not in self._listed:
+            orbit = self.of.orbit(u)
+            largest = float(np.abs(self.of.multipliers(u)[0]).max(initial=0.0))
+            row = {self.by: float(u[-1]), "amplitude": self.of.amplitude(orbit)}
+            row |= {"period": orbit.period, "energy": orbit.energy} | row
+            row |= {"multiplier": largest, "stable": largest <= 1 + STABLE}
+            self._listed[u.tobytes()] = orbit, row
+        return self._listed[u.tobytes()]

@@ -1,7 +1,7 @@
-"""Closed forms of prisms: exact quantities, potential and path of rigid ones, assembly of members.
+"""Closed forms of prisms: exact quantities, potential of rigid ones, assembly of members.
 
 The forms of `derivations` are evaluated in multiple precision, at the values of a prism taken as
-exact.  With rigid bases and bars the potential and the path are closed forms as well.  Source:
+exact.  With rigid bases and bars the potential is a closed form as well.  Source:
 the talk, part III; for the assembly from natural lengths `derivations.polygon`, "From cut
 lengths".
 """
@@ -21,7 +21,7 @@ from tensegrity.engine.disk_cache import cached
 from tensegrity.engine.law import DerivedLaw, Law
 from tensegrity.engine.programs import derived as program_of
 from tensegrity.engine.programs import run
-from tensegrity.errors import EquilibriumError, NoLocking
+from tensegrity.errors import EquilibriumError
 from tensegrity.once import once
 from tensegrity.printing import call
 from tensegrity.root import root
@@ -32,17 +32,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from typing import Any
 
-    from tensegrity.typing import Array
-
-    Columns = dict[str, Any]
-    LocatedEvent = tuple[str, int, dict[str, float]]  # kind, row, numbers
-    PathParts = tuple[list[Columns], list[LocatedEvent], str, bool]  # end, upright start
 
 DIGITS = 40  # decimal digits of the computation before rounding
 NEGLIGIBLE = 1e-30  # parameter over its value with prestrain, below which it is zero
 SAMPLES = 4000  # elongations at which a limit point is searched for
-STATE = ("height", "twist", "base", "load")  # columns of a path
-ROWS = 200  # number of rows of a path
 
 
 @once
@@ -204,109 +197,6 @@ def _roles() -> dict[str, str]:
         return {x: str(getattr(derived, x)) for x in ("lock", "far_lock", "no_lock", "stroke")}
 
     return cached(("roles of the rigid law",), make)
-
-
-def rigid_path(
-    prism: Any, min_height: float, max_load: float, max_height: float | None
-) -> PathParts:
-    """Rows of the closed form, denser towards locking, and events.
-
-    Parameters
-    ----------
-    prism : Prism
-        With rigid bases and bars.
-    min_height : float
-        Height at which the path ends [m].
-    max_load : float
-        Axial load at which it ends [N], compression > 0.
-    max_height : float or None
-        Height up to which the tension side is included [m].
-
-    Returns
-    -------
-    tuple
-        Parts (dicts of columns), events (kind, row, numbers), the kind of end, and whether the
-        path begins with upright bars.
-    """
-    potential = prism.potential()
-    low, _ = potential.domain
-    try:
-        end, kind = prism.locking_height() - prism.height, "contact"
-    except NoLocking:
-        end, kind = -prism.height, "flat"
-    if min_height - prism.height > end:
-        end, kind = min_height - prism.height, "height"
-
-    part = np.linspace(0.0, 1.0, ROWS + 1)
-    r = end * (1 - (1 - part) ** 4 if kind == "contact" else part)
-    r = r[r > low] if kind != "height" else r
-    if kind == "flat":
-        r = np.append(r[r > -prism.height], np.nextafter(-prism.height, 0.0))
-    load = -potential.tension(r)
-    events = []
-
-    turning = potential.stiffness(r)
-    for i in np.flatnonzero(turning[:-1] * turning[1:] < 0).tolist():
-        at = root(lambda x: float(potential.stiffness(x)), r[i + 1], r[i])
-        events.append(("fold", i, at))
-    over = np.flatnonzero(load >= max_load)
-    if over.size or (kind == "contact" and math.isfinite(max_load)):
-        first = int(over[0]) if over.size else len(r)
-        nearest = r[first] if over.size else np.nextafter(low, 0)
-        at = root(lambda x: -float(potential.tension(x)) - max_load, nearest, r[first - 1])
-        r, kind = np.append(r[:first], at), "load"
-        events = [event for event in events if event[2] >= at]
-    elif kind in ("contact", "flat"):
-        events.append((kind, len(r) - 1, end))
-
-    rows, upright = 0, False
-    if max_height is not None:
-        up = _tension_side(prism, potential, max_height)
-        r, rows = np.concatenate([up, r]), len(up)
-        upright = max_height - prism.height >= potential.domain[1]
-    columns = _rigid_columns(prism, potential, r)
-    if prism.prestrain == 0:
-        events = [("slack", 0, 0.0), *events]
-    listed = []
-    for name, row, at in events:
-        locked = name in ("contact", "flat")
-        one = _rigid_columns(prism, potential, np.array([at]), locked)
-        numbers_there = {key: float(one[key][0]) for key in STATE}
-        if name == "contact":
-            numbers_there["load"] = math.inf
-        listed.append((name, row + rows, numbers_there))
-    return [columns], listed, kind, upright
-
-
-def _tension_side(prism: Any, potential: Potential, max_height: float) -> Array:
-    """Elongations above the reference in descending order."""
-    top = min(max_height - prism.height, potential.domain[1])
-    part = np.linspace(1.0, 0.0, ROWS + 1)[:-1]
-    r = top * (1 - (1 - part) ** 4)
-    return r[r < potential.domain[1]]
-
-
-def _rigid_columns(prism: Any, potential: Potential, r: Array, locked: bool = False) -> Columns:
-    """Columns at elongations r; at a locked end the load is 0 and the stiffness infinite."""
-    shared = len(rigid_law().parameters)  # without the number of sides
-    (half,) = run(program_of(half_turn), np, (r, *potential.values[:shared]))
-    load = np.zeros_like(r) if locked else -potential.tension(r)
-    stiff = np.full(r.shape, np.inf) if locked else potential.stiffness(r)
-    return {
-        "height": prism.height + r,
-        "twist": prism.reference_twist + 2 * np.arctan(half),
-        "base": np.full(r.shape, prism.base),
-        "load": load,
-        "stable_load": stiff >= 0,  # zero without prestrain, at a minimum of the energy
-        "stable_height": np.ones(r.shape, dtype=bool),
-    }
-
-
-def half_turn() -> tuple[list[Any], tuple[Any, ...]]:
-    """Tangent of half the change of twist, from constant lengths of bars and bases."""
-    from derivations import rigid_elastic as form
-
-    return [form.half_turn()], (form.elongation, *form.PARAMETERS)
 
 
 def member_stiffness(modulus: float, area: float, length: float) -> float:

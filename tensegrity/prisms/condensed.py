@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity import check
-from tensegrity.branches.continuation import Settings, trace
+from tensegrity.branches.continuation import Settings
+from tensegrity.branches.problem import trace
 from tensegrity.engine.compiled import Functions, evaluated
 from tensegrity.engine.law import deflated, horner
 from tensegrity.errors import EquilibriumError, LockingError, RangeError
@@ -59,11 +60,16 @@ def stable(z: Array, p: Sequence[float], rigid_base: bool) -> tuple[Flags, Flags
     rows, m = z.shape
     matrices = function("tangent", rigid_base, len(p) > 6)(z, p).reshape(rows, m, m)
 
-    def only_multiplier(part):
-        values = np.linalg.eigvalsh((part + part.transpose(0, 2, 1)) / 2)
-        return (values < -ROUND_OFF).sum(axis=1) == 1
+    matrices = (matrices + matrices.transpose(0, 2, 1)) / 2
 
-    return only_multiplier(matrices), only_multiplier(matrices[:, :-1, :-1])
+    def only_multiplier(part):
+        return (np.linalg.eigvalsh(part) < -ROUND_OFF).sum(axis=1) == 1
+
+    by_load = only_multiplier(matrices)
+    by_height = by_load.copy()  # of fewer motions not more are unstable
+    if not by_load.all():
+        by_height[~by_load] = only_multiplier(matrices[~by_load, :-1, :-1])
+    return by_load, by_height
 
 
 @dataclass(frozen=True)
@@ -118,7 +124,7 @@ class ElasticLaw:
             for row in rows
         ]
         z = ca.vertcat(*guess, at_rest + r * per_base)
-        prism = ca.vertcat(*prism, 0, 0, *sides)  # the bounds of a branch are not used here
+        prism = ca.vertcat(*prism, 0, 0, *sides)  # the units of columns are not used here
         return r, p, z, prism
 
     def forms(self) -> tuple[Any, Any, Sequence[Any]]:
@@ -199,14 +205,13 @@ class ElasticPotential(Potential):
 
     def _loaded(self):
         """Unknowns under the preload, on the branch up to its first limit point."""
-        p = numbers(self._prism, load=self._preload)
-        stop = ("load", "fold", "contact", "flat")
-        branch = trace(problem(*self._kind), self._zero(), p, direction=-1, stop=stop)
-        if branch.end != "load":
-            largest = branch.load[-1] * self._prism.k_cross * self._prism.base
+        of, stop = problem(*self._kind), ("fold", "contact", "flat")
+        until = {"load": self._preload}
+        branch = trace(of, self._zero(), self._p, direction=-1, stop=stop, until=until)
+        if branch.end in stop:
             raise EquilibriumError(
-                f"preload {self._preload:g} N is beyond {largest:g} N, the largest axial load of "
-                f"this prism (at height {branch.height[-1] * self._prism.base:g} m)"
+                f"preload {self._preload:g} N is beyond {branch.load[-1]:g} N, the largest axial "
+                f"load of this prism (at height {branch.height[-1]:g} m)"
             )
         return branch.z[-1]
 

@@ -13,7 +13,7 @@ import numpy as np
 from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.printing import concise
-from tensegrity.prisms.path import EquilibriumPath
+from tensegrity.prisms.problem import EquilibriumPath
 from tensegrity.prisms.stack import symmetric_nodes
 from tensegrity.structures.structure_path import StructurePath
 from tensegrity.typing import Array

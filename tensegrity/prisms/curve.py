@@ -146,13 +146,12 @@ def _functions(rigid_base: bool, any_sides: bool) -> tuple[Any, Any]:
     moved = ca.SX(p)
     for place, change in ((1, prestrain), (2, cross - k_base), (3, cross - k_bar)):
         moved[place] = p[place] * ca.exp(change)
+    moved[4:6] = 1  # columns without units
     z = ca.vertcat(v, -(x + offset) / base)
-    natural = (
-        of.values["base"] - of.p[2] * of.roots["unloaded"]
-    )  # of base strings, must be positive
+    natural = of.columns["base"] - of.p[2] * of.events["unloaded"]  # of base strings, positive
     g, load, *inside = (
         ca.substitute(form, ca.vertcat(of.z, of.p), ca.vertcat(z, moved))
-        for form in (of.residual, of.values["load"], natural, *(of.roots[name] for name in ENDS))
+        for form in (of.equations, of.columns["load"], natural, *(of.events[x] for x in ENDS))
     )
     if rigid_base:
         inside[2] = -inside[2]  # tension of the bars, negative on the branch

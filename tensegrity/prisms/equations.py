@@ -1,8 +1,7 @@
 """The equilibrium equations of prisms with elastic bases or bars, in CasADi.
 
-The forms of `derivations.mixed` make a problem for `tensegrity.branches.continuation`.  Lengths are
-in units of the base and forces in units of k_cross times base, so that one set of functions serves
-all prisms.
+The forms of `derivations.mixed` make a problem for `tensegrity.trace`.  Lengths are in units of the
+base and forces in units of k_cross times base, so that one set of functions serves all prisms.
 """
 
 from __future__ import annotations
@@ -10,13 +9,14 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from tensegrity.branches.continuation import DerivedProblem, Problem
+from tensegrity.branches.problem import DerivedProblem, Problem
 from tensegrity.engine.law import to_casadi
 from tensegrity.once import once
 from tensegrity.prisms.closed import polygon
 from tensegrity.typing import Members
 
 LEAST = 1e-5  # force over k_cross base that scales residuals if all members are unloaded
+TENSIONS = ("cross_tension", "base_tension", "bar_tension")
 UNKNOWNS = ("base tension", "bar tension", "half turn", "rise")
 
 
@@ -43,10 +43,19 @@ def _forms(rigid_base: bool, any_sides: bool) -> Any:
         zip(("cross_tension", "base_tension", "bar_tension"), derived.tensions(of), strict=True)
     )
     forms |= dict(zip(("cross_length", "width", "bar_length"), derived.lengths(of), strict=True))
-    given = [p[i] for i in range(p.numel()) if i not in (4, 5)]  # without the bounds of a branch
-    values = to_casadi(list(forms.values()), symbols)(*unknowns, *given)
-    constants = {name: ca.SX(value) for name, value in zip(forms, values, strict=True)}
-    return z, p, constants | {"half_turn": unknowns[2], "rise": unknowns[3]}
+    given = [p[i] for i in range(p.numel()) if i not in (4, 5)]  # without the units of columns
+
+    def at(*unknowns: Any) -> dict[str, Any]:
+        values = to_casadi(list(forms.values()), symbols)(*unknowns, *given)
+        return {name: ca.SX(value) for name, value in zip(forms, values, strict=True)}
+
+    form = at(*unknowns) | {"half_turn": unknowns[2], "rise": unknowns[3]}
+    if rigid_base:  # the tension of the bases is what holds their length
+        tension = ca.SX.sym("tension")
+        held = at(tension, *unknowns[1:])
+        there = -form["base"] / ca.substitute(ca.jacobian(held["base"], tension), tension, 0)
+        form["held"] = ca.substitute(held["base_tension"], tension, there)
+    return z, p, form
 
 
 @once
@@ -56,10 +65,10 @@ def problem(rigid_base: bool = False, any_sides: bool = False) -> Problem:
     The unknowns are the changes of the tensions of a base string (absent if the bases are rigid)
     and of a bar, the tangent of half the change of twist, and the rise.  For rigid bars the
     tension is the Lagrange multiplier of their constant length.  The parameters are h0, p0, k1/k2,
-    k1/k3, and a height and a load at which to end; then n, sin(pi/n) and cos(pi/n) if `any_sides`,
-    otherwise the prism is triangular.  The events are contact (cross strings unload at twist pi),
-    unloaded (base strings and bars unload at twist 2 pi/n), flat, height and load, and the limit
-    points in load ("fold") and in displacement ("turn").
+    k1/k3, and the base [m] and the force k_cross times base [N], in which columns are; then n,
+    sin(pi/n) and cos(pi/n) if `any_sides`, otherwise the prism is triangular.  The events are
+    contact (cross strings unload at twist pi), unloaded (base strings and bars unload at twist
+    2 pi/n) and flat, and the limit points in load ("fold") and in displacement ("turn").
     """
     return DerivedProblem(_problem, rigid_base, any_sides)
 
@@ -76,26 +85,26 @@ def _problem(rigid_base: bool, any_sides: bool) -> Problem:
     names = ("twist", "bar") if rigid_base else ("base", "twist", "bar")
     sizes = {"base": force, "twist": force, "bar": form["bar_length"] ** 2}
     height = p[0] + form["rise"]
+    kinds = ("cross_tension", "held" if rigid_base else "base_tension", "bar_tension")
+    columns = {
+        "height": height * p[4],
+        "twist": reference + 2 * ca.atan(form["half_turn"]),
+        "base": form["width"] * p[4],
+        "load": form["load"] * p[5],
+    }
+    columns |= {name: form[kind] * p[5] for name, kind in zip(TENSIONS, kinds, strict=True)}
     return Problem(
-        UNKNOWNS[rigid_base:],
-        z,
-        p,
+        dict(zip(UNKNOWNS[rigid_base:], ca.vertsplit(z), strict=True)),
         ca.vertcat(*(form[name] for name in names)),
+        p=p,
         size=ca.vertcat(*(sizes[name] for name in names)),
-        roots={
+        events={
             "contact": form["cross_tension"],
             "unloaded": form["bar_tension"] if rigid_base else form["base_tension"],
             "flat": height,
-            "height": height - p[4],
-            "load": form["load"] - p[5],
         },
         folds={"fold": form["load"], "turn": form["rise"]},
-        values={
-            "height": height,
-            "twist": reference + 2 * ca.atan(form["half_turn"]),
-            "base": form["width"],
-            "load": form["load"],
-        },
+        columns=columns,
     )
 
 
@@ -104,22 +113,8 @@ def kind_of(prism: Members) -> tuple[bool, bool]:
     return math.isinf(prism.k_base), prism.sides != 3
 
 
-def numbers(prism: Members, height: float = -1.0, load: float = math.inf) -> list[float]:
-    """Parameters of `problem` for a prism.
-
-    Parameters
-    ----------
-    prism : Prism
-    height : float, optional
-        Height at which a branch ends [m].
-    load : float, optional
-        Axial load at which it ends [N], compression > 0.
-
-    Returns
-    -------
-    list of float, (6,) or (9,)
-        Dimensionless.
-    """
+def numbers(prism: Members) -> list[float]:
+    """Parameters of `problem` for a prism, (6,) or (9,)."""
     n, angle = prism.sides, math.pi / prism.sides
     sides = (float(n), math.sin(angle), math.cos(angle)) if kind_of(prism)[1] else ()
     return [
@@ -127,8 +122,8 @@ def numbers(prism: Members, height: float = -1.0, load: float = math.inf) -> lis
         prism.prestrain,
         prism.k_cross / prism.k_base,
         prism.k_cross / prism.k_bar,
-        height / prism.base,
-        load / (prism.k_cross * prism.base),
+        prism.base,
+        prism.k_cross * prism.base,
         *sides,
     ]
 
@@ -165,7 +160,7 @@ def inner(rigid_base: bool, any_sides: bool) -> Any:
     import casadi as ca
 
     z, p, form = _forms(rigid_base, any_sides)
-    g = problem(rigid_base, any_sides).residual
+    g = problem(rigid_base, any_sides).equations
     v, rise = z[:-1], z[-1]
     move = ca.solve(ca.jacobian(g, v), g)
     rate = ca.vertcat(-ca.solve(ca.jacobian(g, v), ca.jacobian(g, rise)), 1)

@@ -5,19 +5,18 @@ Source: the talk, part III, "Effects of element rigidity and internal prestress"
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 
 from tensegrity import check
-from tensegrity.branches.continuation import Problem, Settings, trace
+from tensegrity.branches.continuation import Settings
 from tensegrity.branches.folds import fold_problem, fold_start, refined_fold
+from tensegrity.branches.problem import Problem, trace
 from tensegrity.branches.table import Table
 from tensegrity.errors import TensegrityError
 from tensegrity.once import once
 from tensegrity.prisms.equations import kind_of, numbers, problem
 from tensegrity.prisms.prism import Prism
+from tensegrity.prisms.problem import STATE
 
 PRESTRAIN = 1  # index of the prestrain in the parameters of `equations.problem`
 SETTINGS = Settings(tolerance=1e-7, largest=0.05)
@@ -26,16 +25,6 @@ SETTINGS = Settings(tolerance=1e-7, largest=0.05)
 @once
 def _folds(rigid_base: bool, any_sides: bool) -> Problem:
     return fold_problem(problem(rigid_base, any_sides), "fold", PRESTRAIN)
-
-
-@once
-def _values(rigid_base: bool, any_sides: bool) -> Callable[..., Any]:
-    """A function of unknowns and parameters that returns height, twist, base and load."""
-    import casadi as ca
-
-    of = problem(rigid_base, any_sides)
-    values = [of.values[name] for name in ("height", "twist", "base", "load")]
-    return ca.Function("values", [of.z, of.p], [ca.vertcat(*values)])
 
 
 def limit_load(prism: Prism, prestrain: float) -> Table:
@@ -77,15 +66,8 @@ def limit_load(prism: Prism, prestrain: float) -> Table:
     p[PRESTRAIN] = prestrain
     branch = trace(_folds(*kind), on_fold, p, SETTINGS, direction, ("end",))
     states = []
-    for state, freed in zip(branch.z, branch.free, strict=True):
-        p[PRESTRAIN] = freed
-        states.append((refined_fold(of, "fold", state[: len(start)], p), list(p)))
-    height, twist, base, load = np.hstack([np.array(_values(*kind)(*state)) for state in states])
-    columns = {
-        "prestrain": branch.free,
-        "height": height * prism.base,
-        "twist": twist,
-        "base": base * prism.base,
-        "load": load * prism.k_cross * prism.base,
-    }
+    for state, p[PRESTRAIN] in zip(branch.z, branch.free, strict=True):
+        states.append(refined_fold(of, "fold", state[: len(start)], p))
+    values = np.array(states).T[len(start) :]
+    columns = {"prestrain": branch.free} | dict(zip(STATE, values[: len(STATE)], strict=True))
     return Table(columns, (), "the requested prestrain is reached")

@@ -28,6 +28,7 @@ from tensegrity.unit_names import in_units
 if TYPE_CHECKING:
     from tensegrity.lattices.bloch import PeriodicBonds
     from tensegrity.lattices.lattice import Lattice
+    from tensegrity.prisms.problem import PrismProblem
     from tensegrity.scenes.network import Network
 
 DRAWN = 0.95  # fraction of the compressive domain that a notebook's picture shows
@@ -351,6 +352,51 @@ class Prism:
         """
         (stiffness,) = exact("axial stiffness", self)
         return float(stiffness)
+
+    def problem(
+        self,
+        *,
+        min_height: float = 0.0,
+        max_load: float = math.inf,
+        max_height: float | None = None,
+        past_contact: bool = False,
+    ) -> PrismProblem:
+        """The problem whose path `equilibrium_path` follows, with the same arguments.
+
+        Parameters
+        ----------
+        min_height, max_load, max_height, past_contact : optional
+            See `tensegrity.equilibrium_path`.
+
+        Returns
+        -------
+        PrismProblem
+            Its `events` and `columns` are expressions of its `unknowns`.
+
+        Raises
+        ------
+        TensegrityError
+            If an argument is outside its bounds.
+        """
+        from tensegrity.prisms.problem import PrismProblem
+
+        past_contact = check.truth("past_contact", past_contact)
+        least = check.number("min_height", min_height, least=0, unit="m")
+        most = check.number("max_load", max_load, above=0, finite=False, unit="N")
+        if least >= self.height:
+            raise TensegrityError(
+                f"min_height {least:g} m must be below the height {self.height:g} m of the prism"
+            )
+        if self.is_rigid and past_contact:
+            raise TensegrityError(
+                "past_contact=True needs elastic bases or bars: rigid ones lock where the bars meet"
+            )
+        above = None
+        if max_height is not None:
+            most_height = check.number("max_height", max_height, above=self.height, unit="m")
+            above = PrismProblem(self, 1, {"height": most_height}, past_contact)
+        until = {"load": most} | ({"height": least} if least else {})
+        return PrismProblem(self, -1, until, past_contact, above)
 
     def potential(self, preload: float = 0.0) -> Potential:
         """Axial potential of the prism, for use as a spring of a chain.

@@ -15,11 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from tensegrity import check
+from tensegrity.branches.problem import trace
 from tensegrity.branches.table import Table
 from tensegrity.errors import TensegrityError
 from tensegrity.prisms.prism import Prism
 from tensegrity.prisms.stack import symmetric_nodes
-from tensegrity.structures.path import structure_path
 from tensegrity.structures.supports import Supports, plates
 from tensegrity.typing import Array, Flags
 
@@ -108,7 +108,7 @@ def first_loss(prism: Prism, support: str = "plates") -> StabilityLoss:
     check.kind("prism", prism, Prism)
     n, supports = prism.sides, _held(support, prism.sides)
     loads = {node: (0.0, 0.0, -1 / n) for node in range(n, 2 * n)}
-    path = structure_path(prism.structure(), supports=supports, loads=loads, branch="symmetric")
+    path = trace(prism.structure().problem(supports, loads, branch="symmetric"))
     for event in path.events:
         if event.kind in ("fold", "bifurcation"):
             return StabilityLoss(prism.height - event.shortening, event.load, event.kind == "fold")

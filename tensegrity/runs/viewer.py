@@ -9,15 +9,13 @@ from __future__ import annotations
 import base64
 import html
 import json
-import math
 from importlib.resources import files
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tensegrity.errors import TensegrityError
-from tensegrity.prisms.closed import rigid_path
-from tensegrity.prisms.elastic_path import elastic_path
+from tensegrity.prisms.path import equilibrium_path
 from tensegrity.runs.record import require_all_sites
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.dynamics import dynamics
@@ -91,7 +89,9 @@ def _prisms(scene: Chain, u: Array) -> dict[str, Any]:
     for k, spring in enumerate(different):
         which = group == k
         height: Array = spring.length + elongation[:, which]
-        path = _path(provenance(spring)[1][0], float(height.max()))
+        prism = provenance(spring)[1][0]
+        above = max(float(height.max()), prism.height) * 1.001
+        path = equilibrium_path(prism, max_height=above).columns
         order = np.argsort(path["height"])
         columns["height"][:, which] = height
         for name in ("twist", "base"):
@@ -99,17 +99,6 @@ def _prisms(scene: Chain, u: Array) -> dict[str, Any]:
     strain = elongation / np.array([spring.length for spring in different])[group]
     packed = {name: _packed(values) for name, values in columns.items()}
     return packed | {"strain": _packed(strain), "first": float(different[group[0]].length or 0.0)}
-
-
-def _path(prism: Any, highest: float) -> dict[str, Array]:
-    """Columns of the equilibrium path of a prism up to a height [m]."""
-    above = max(highest, prism.height) * 1.001
-    if prism.is_rigid:
-        parts = rigid_path(prism, 0.0, math.inf, above)[0]
-    else:
-        parts = elastic_path(prism, 0.0, math.inf, above, False)[0]
-    names = ("height", "twist", "base")
-    return {name: np.concatenate([part[name] for part in parts]) for name in names}
 
 
 def drawing(scene: Any, places: Array) -> dict[str, Any]:

@@ -196,7 +196,7 @@ def _outgoing_branch(
     if not np.isfinite(rate).all() or np.abs(rate / piece.scale).max() > 1e8 / piece.scale[-1]:
         return None
     numbers = piece.leaving
-    longer = np.array([piece.test_gradient(u, n) @ rate for n in numbers])
+    longer = np.array([piece.strain_gradient(u, n) @ rate for n in numbers])
     size = SAME * (np.abs(longer).max(initial=0.0) + 1e-300)
     wanted = np.where(choice[critical], longer >= -size, longer <= size)
     if check and not wanted.all():

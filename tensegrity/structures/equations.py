@@ -231,9 +231,10 @@ class Loading:
         names = [f"string {s}" for s in self.strings.tolist()]
         names += [f"contact {a} {b}" for a, b in self.pairs.tolist()]
         names += self.at_plates[0]
-        names += [name for name, end in zip(("load", "height"), self.limits, strict=True)
+        last = "shortening" if self.pattern is not None else "control"
+        names += [f"end {name}" for name, end in zip(("load", last), self.limits, strict=True)
                   if np.isfinite(end)]  # fmt: skip
-        return (*names, *(["back"] if self.pattern is None else []))
+        return (*names, *(["end back"] if self.pattern is None else []))
 
 
 def _cross(a: Array, b: Array) -> Array:
@@ -264,7 +265,7 @@ class SmoothPiece:
         self.leaving = np.searchsorted(self.strings, critical)
         loaded = loading.pattern is not None
         names = [f"w{i}" for i in range(loading.free - loaded)]
-        self.names = (*names, *(("load", "shortening") if loaded else ("control",)))
+        self.unknowns = (*names, *(("load", "shortening") if loaded else ("control",)))
         last = [loading.force, loading.span] if loaded else [1.0]
         self.scale = np.array([loading.span] * len(names) + last)
         self.folds = {"fold": -2, "turn": -1} if loaded else {"fold": -1}
@@ -364,42 +365,12 @@ class SmoothPiece:
         ends += [(u[-1] / farthest) ** 2 - 1] if np.isfinite(farthest) else []
         return np.concatenate([*parts, ends, [u[-1] - BACK] if loading.pattern is None else []])
 
-    def test_gradient(self, u: Array, number: int) -> Array:
-        """Gradient of one event function where it vanishes, (m,)."""
-        loading, strings = self.loading, len(self.strings)
-        row = np.zeros(len(u))
-        if number < strings:
-            member = self.strings[number]
-            d, lengths = self.separations(u)
-            natural = self.natural(u)[member]
-            row = (d[member] / lengths[member]) @ loading.gain[member] / natural
-            if loading.pattern is None:
-                row[-1] = -lengths[member] * loading.change[member] / natural**2
-            return row
-        name, *rest = self.roots[number].split()
-        if name == "load":
-            row[-2] = 1 / loading.force
-        elif name == "height":
-            row[-1] = 2 * u[-1] / loading.limits[1] ** 2
-        elif name == "back":
-            row[-1] = 1.0
-        elif name == "contact":
-            row = self._volume_gradient(loading.positions_at(u), *map(int, rest))
-        else:
-            names, _, rows = loading.at_plates
-            row = rows[names.index(self.roots[number])]
-        return row
-
-    def _volume_gradient(self, x: Array, one: int, other: int) -> Array:
-        """Gradient of the scaled volume of `Loading.crossing`, (m,)."""
-        loading, ends = self.loading, self.loading.members.ends
-        (a, b), (c, d) = ends[one], ends[other]
-        first, second, separations = x[b] - x[a], x[d] - x[c], x[c] - x[a]
-        rows = loading.by_node
-        change = (
-            np.cross(first, second) @ (rows[c] - rows[a])
-            + np.cross(second, separations) @ (rows[b] - rows[a])
-            + np.cross(separations, first) @ (rows[d] - rows[c])
-        )
-        size = np.linalg.norm(first) * np.linalg.norm(second) * loading.span
-        return np.asarray(change / size)
+    def strain_gradient(self, u: Array, number: int) -> Array:
+        """Gradient of the strain of a string, by its place in `strings`, (m,)."""
+        loading, member = self.loading, self.strings[number]
+        d, lengths = self.separations(u)
+        natural = self.natural(u)[member]
+        row = (d[member] / lengths[member]) @ loading.gain[member] / natural
+        if loading.pattern is None:
+            row[-1] = -lengths[member] * loading.change[member] / natural**2
+        return np.asarray(row)

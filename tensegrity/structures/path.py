@@ -1,4 +1,4 @@
-"""Equilibria of structures under given loads, under growing loads, and as natural lengths change.
+"""The problems of a structure under growing loads, and as its natural lengths change.
 
 The model is that of `Structure`; bars and strings have no thickness.
 """
@@ -6,144 +6,27 @@ The model is that of `Structure`; bars and strings have no thickness.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import EquilibriumError, TensegrityError
-from tensegrity.printing import Lines, Printed, listed, span
-from tensegrity.readonly import fixed
-from tensegrity.structures.equations import Loading
-from tensegrity.structures.members import equilibrium_positions
-from tensegrity.structures.path_follower import PathFollower
-from tensegrity.structures.structure import Structure
-from tensegrity.structures.structure_path import StructurePath
-from tensegrity.structures.supports import Supports
+from tensegrity.minimum import least_part
+from tensegrity.structures.active_set import outgoing, selected, strains_at
+from tensegrity.structures.equations import Loading, SmoothPiece
+from tensegrity.structures.problem import StructureProblem, critical_strings
+from tensegrity.structures.supports import NEGLIGIBLE, Supports
 
 if TYPE_CHECKING:
-    from typing import Any
-
     from tensegrity.structures.equations import Plates
-    from tensegrity.typing import Array, Flags
+    from tensegrity.typing import Array
+
+NEUTRAL = 1e-10  # eigenvalues below this fraction of the stiffness are zero
 
 
-@dataclass(frozen=True, repr=False)
-class Equilibrium(Printed):
-    """A state of equilibrium under loads.
-
-    Attributes
-    ----------
-    structure : Structure
-        The structure at the equilibrium positions.
-    loads : ndarray, (nodes, dim)
-        Loads on the nodes [N].
-    supports : Supports or None
-    start : Structure
-        From which it was found, without the loads.
-    """
-
-    structure: Structure
-    loads: Array
-    supports: Supports | None
-    start: Structure
-
-    def _lines(self) -> Lines:
-        loads, moved = (np.linalg.norm(x, axis=1) for x in (self.loads, self.displacements))
-        state = "stable" if self.stable else "not stable"
-        yield (
-            f"equilibrium of {self.structure.nodes} nodes under loads of {loads.sum():.6g} N at "
-            f"{np.count_nonzero(loads)} of them, {self.supports or 'no supports'}: {state}"
-        )
-        yield f"  displacements up to {moved.max():.6g} m, of node {int(moved.argmax())}"
-        yield f"  tensions {span(self.tensions, 'N')}"
-        yield f"  slack strings: {listed(np.flatnonzero(self.slack))}"
-
-    @property
-    def displacements(self) -> Array:
-        """Of the nodes from where they were without the loads [m], (nodes, dim)."""
-        return self.positions - self.start.positions
-
-    @property
-    def positions(self) -> Array:
-        """Positions of the nodes [m], (nodes, dim)."""
-        return self.structure.positions
-
-    @property
-    def tensions(self) -> Array:
-        """Tensions of the members [N], (members,)."""
-        return self.structure.tensions
-
-    @property
-    def slack(self) -> Flags:
-        """Which members are slack strings, (members,); see `Structure`."""
-        return self.structure.slack
-
-    @cached_property
-    def stable(self) -> bool:
-        """Whether the energy has a strict minimum there under these loads and supports."""
-        return self.structure.is_stable(self.supports)
-
-    @cached_property
-    def reactions(self) -> Array:
-        """Reaction forces of the supports on the nodes [N], (nodes, dim)."""
-        return self.structure.members.gradient(self.positions) - self.loads
-
-
-def equilibrium(
-    structure: Structure,
-    loads: Mapping[int, Sequence[float]] | None = None,
-    supports: Supports | None = None,
-) -> Equilibrium:
-    """The equilibrium under constant loads, by minimising the energy from the given positions.
-
-    Parameters
-    ----------
-    structure : Structure
-    loads : dict, optional
-        {node: force (dim,) [N]}; by default none.
-    supports : Supports, optional
-        By default none, in which case the loads must balance each other.
-
-    Returns
-    -------
-    Equilibrium
-
-    Raises
-    ------
-    TensegrityError
-        If a load or support names no node, or is outside its bounds.
-    EquilibriumError
-        If the loads do work on a rigid motion that the supports permit, or the structure cannot
-        carry them.
-
-    Examples
-    --------
-    >>> from tensegrity import Structure, equilibrium, held
-    >>> corners = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
-    >>> sides = [(0, 1), (1, 2), (2, 3), (3, 0)]
-    >>> cross = Structure(corners, bars=[(0, 2), (1, 3)], strings=sides)
-    >>> stressed = cross.prestressed(prestrain={2: 0.05})
-    >>> foot = held([0]) + held([1], axes=[1])
-    >>> loaded = equilibrium(stressed, {2: (0.0, -0.05), 3: (0.0, -0.05)}, foot)
-    >>> loaded.tensions.round(4).tolist()
-    [-0.1019, -0.1019, 0.074, 0.0201, 0.074, 0.0201]
-    >>> round(float(loaded.positions[2, 1]), 4), loaded.stable
-    (0.9725, True)
-    >>> loaded.reactions[:2, 1].round(4).tolist()
-    [0.05, 0.05]
-    """
-    check.kind("structure", structure, Structure)
-    forces = nodal(structure, loads)
-    freedom = structure.freedom(supports)
-    x = equilibrium_positions(structure.members, freedom, structure.positions, forces)
-    return Equilibrium(structure.at(x), fixed(forces), supports, structure)
-
-
-def nodal(structure: Structure, loads: Any) -> Array:
+def nodal(structure: Any, loads: Any) -> Array:
     """Loads {node: force} as an array (nodes, dim) [N]."""
     result = np.zeros(structure.positions.shape)
     if loads is None:
@@ -156,39 +39,37 @@ def nodal(structure: Structure, loads: Any) -> Array:
     return result
 
 
-def structure_path(
-    structure: Structure,
-    *,
-    supports: Supports,
-    max_load: float = math.inf,
-    branch: str = "stable",
-    loads: Mapping[int, Sequence[float]] | None = None,
-    max_shortening: float = math.inf,
-) -> StructurePath:
-    """Equilibrium path of a structure; `tensegrity.equilibrium_path` documents the arguments.
+def loaded(
+    structure: Any,
+    supports: Any,
+    branch: str,
+    loads: Any,
+    max_load: float,
+    max_shortening: float,
+) -> StructureProblem:
+    """The problem of a structure under growing loads; `equilibrium_path` documents the arguments.
 
     Parameters
     ----------
     structure : Structure
     supports : Supports
-    max_load, max_shortening : float, optional
-        Load [N] and shortening [m] at which the path ends.
-    branch : {"stable", "symmetric"}, optional
-    loads : dict, optional
+    branch : {"stable", "symmetric"}
+    loads : dict or None
         {node: force (dim,)}.
+    max_load, max_shortening : float
+        Load [N] and shortening [m] at which the path ends.
 
     Returns
     -------
-    StructurePath
+    StructureProblem
 
     Raises
     ------
     TensegrityError
-        If an argument is outside its bounds, or there are neither loads nor an upper plate.
-    EquilibriumError
-        If the loads do no work, do work on a rigid motion, or determine no path at the start.
+        As of `equilibrium_path` and `control_path`.
     """
-    check.kind("structure", structure, Structure)
+    if supports is None:
+        raise TensegrityError("a path of a structure needs supports: held(...) or plates(...)")
     check.kind("supports", supports, Supports, ": made by held(...) or plates(...)")
     max_load = check.number("max_load", max_load, above=0, finite=False, unit="N")
     max_shortening = check.number("max_shortening", max_shortening, above=0, finite=False, unit="m")
@@ -211,60 +92,33 @@ def structure_path(
         structure.members, structure.positions, motions, pattern, 0 * structure.lengths,
         _plate(structure, supports), (max_load, max_shortening), 0 * pattern,
     )  # fmt: skip
-    return PathFollower(structure, supports, loading, branch).path()
+    return _first_piece(structure, supports, loading, branch)
 
 
-def control_path(
-    structure: Structure,
-    natural_lengths: Mapping[int, float],
-    supports: Supports | None = None,
-    branch: str = "stable",
-    loads: Mapping[int, Sequence[float]] | None = None,
-) -> StructurePath:
-    """Equilibrium path as the natural lengths of some members change to given values.
-
-    Spring constants k stay as they are.  A cable on a winch keeps EA instead, and k = EA over
-    natural length grows as it is wound up: at the end of the path tensions are those of such a
-    cable only if k is given for its final natural length, and the work is not.
+def controlled(
+    structure: Any, natural_lengths: Any, supports: Any, branch: str, loads: Any
+) -> StructureProblem:
+    """The problem of a structure whose natural lengths change; see `control_path`.
 
     Parameters
     ----------
     structure : Structure
-        A structure in equilibrium under the loads; see `equilibrium` and `Structure.relaxed`.
     natural_lengths : dict
-        {member: final natural length [m]}; all of them change in proportion.
-    supports : Supports, optional
-        By default none.
-    branch : {"stable", "symmetric"}, optional
-        The branch to follow where several are possible, as for `equilibrium_path`.
-    loads : dict, optional
-        {node: force (dim,) [N]}, constant along the path.
+        {member: final natural length [m]}.
+    supports : Supports or None
+    branch : {"stable", "symmetric"}
+    loads : dict or None
+        {node: force (dim,) [N]}.
 
     Returns
     -------
-    StructurePath
-        Its column `control` grows from 0 to 1; "work" [J] is the work done by the change, that
-        is, the gain of stored energy minus the work of the loads.  The structure snaps at a fold.
+    StructureProblem
 
     Raises
     ------
     TensegrityError
-        If an argument is outside its bounds, or no natural length changes.
-    EquilibriumError
-        If the structure is not in equilibrium, or a motion has no stiffness there.
-
-    Examples
-    --------
-    >>> from tensegrity import Structure, control_path
-    >>> corners = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
-    >>> sides = [(0, 1), (1, 2), (2, 3), (3, 0)]
-    >>> cross = Structure(corners, bars=[(0, 2), (1, 3)], strings=sides)
-    >>> stressed = cross.prestressed(prestrain={2: 0.05})
-    >>> path = control_path(stressed, {2: 0.8})
-    >>> round(float(path.work[-1]), 6), bool(path.slack.any())
-    (0.010316, False)
+        As of `equilibrium_path` and `control_path`.
     """
-    check.kind("structure", structure, Structure)
     _refuse_unknown(branch)
     if not isinstance(natural_lengths, Mapping) or not natural_lengths:
         raise TensegrityError(
@@ -296,7 +150,40 @@ def control_path(
             f"{size:.3g} N; "
             "see equilibrium and Structure.relaxed"
         )
-    return PathFollower(structure, supports, loading, branch).path()
+    return _first_piece(structure, supports, loading, branch)
+
+
+def _first_piece(structure: Any, supports: Any, loading: Loading, branch: str) -> StructureProblem:
+    """The first piece of a path."""
+    u, none = np.zeros(loading.free + 1), np.zeros(len(structure.ends), bool)
+    strains, sense = strains_at(loading, u, none), 1
+    critical = critical_strings(loading, strains)
+    taut = ~loading.members.tension_only | (strains > 0)
+    if len(critical):
+        whole = np.ones(len(taut), bool)
+        softest = np.linalg.eigvalsh(SmoothPiece(loading, whole, critical, strains).tangent(u))[0]
+        if not softest > NEUTRAL * float(loading.members.stiffness.max()):
+            raise EquilibriumError(
+                f"{len(critical)} strings are without tension at the start and a motion is "
+                f"without stiffness (smallest eigenvalue {softest:.3g} N/m): no branch is "
+                "determined; prestress the structure"
+            )
+        chosen = selected(outgoing(loading, u, taut, critical), branch, critical)
+        if chosen is None:
+            raise EquilibriumError(
+                f"{len(critical)} strings are at their natural length at the start and no "
+                "equilibrium path leads away from it"
+            )
+        taut, sense = chosen.taut, chosen.sense
+    about = {"structure": structure, "supports": supports}
+    problem = StructureProblem(loading, branch, about, u, taut, critical, sense)
+    left = least_part(problem.piece.linearised(u)[1] * problem.piece.scale)
+    if left <= NEGLIGIBLE:  # the equations are rank deficient: several branches leave the start
+        raise EquilibriumError(
+            "a motion is without stiffness at the start and not driven (smallest singular "
+            f"value {left:.3g} of the largest): no branch is determined; prestress it"
+        )
+    return problem
 
 
 def _refuse_unknown(branch: str) -> None:
@@ -304,13 +191,13 @@ def _refuse_unknown(branch: str) -> None:
         raise TensegrityError(f"branch {check.shown(branch)} must be 'stable' or 'symmetric'")
 
 
-def _plate(structure: Structure, supports: Supports | None) -> Plates | None:
+def _plate(structure: Any, supports: Supports | None) -> Plates | None:
     if supports is None or not (supports.lower or supports.upper):
         return None
     return supports.direction(structure.dim), supports.lower, supports.upper
 
 
-def _motions(structure: Structure, supports: Supports | None, pattern: Array) -> Array:
+def _motions(structure: Any, supports: Supports | None, pattern: Array) -> Array:
     freedom = structure.freedom(supports)
     freedom.refuse_unbalanced(structure.positions, pattern)
     return np.asarray(freedom.motions @ freedom.complement())

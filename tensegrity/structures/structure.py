@@ -7,6 +7,7 @@ Pellegrino & Calladine 1986 for self-stress and mechanisms.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from functools import cached_property, lru_cache, partial
 from typing import TYPE_CHECKING, Any
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
 
     from tensegrity.scenes.force import Force
     from tensegrity.scenes.forcing import Damping, Drive
+    from tensegrity.structures.problem import StructureProblem
 
 KEPT = 4  # supports of a structure whose permitted motions are kept
 SOFT = 1e-12  # eigenvalues below this fraction of the largest stiffness are round-off
@@ -250,6 +252,37 @@ class Structure(Printed, Framework):
         joined = coo_matrix((np.ones(len(self.ends)), self.ends.T), shape=(self.nodes,) * 2)
         count, label = connected_components(joined, directed=False)
         return tuple(np.flatnonzero(label == k) for k in range(count))
+
+    def problem(
+        self,
+        supports: Supports | None = None,
+        loads: Mapping[int, Sequence[float]] | None = None,
+        *,
+        branch: str = "stable",
+        max_load: float = math.inf,
+        max_shortening: float = math.inf,
+    ) -> StructureProblem:
+        """The problem whose path `equilibrium_path` follows, with the same arguments.
+
+        Parameters
+        ----------
+        supports, loads, branch, max_load, max_shortening
+            See `tensegrity.equilibrium_path`.
+
+        Returns
+        -------
+        StructureProblem
+
+        Raises
+        ------
+        TensegrityError
+            If an argument is outside its bounds, or there are neither loads nor an upper plate.
+        EquilibriumError
+            If the loads do no work, do work on a rigid motion, or determine no path at the start.
+        """
+        from tensegrity.structures.path import loaded
+
+        return loaded(self, supports, branch, loads, max_load, max_shortening)
 
     def network(
         self,

@@ -6,16 +6,13 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from tensegrity.branches.table import Event, Table
+from tensegrity.branches.table import Table
 from tensegrity.printing import Lines, listed, span
 from tensegrity.unit_names import in_units
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
     from typing import Any
 
-    from tensegrity.structures.structure import Structure
-    from tensegrity.structures.supports import Supports
     from tensegrity.typing import Array, Flags
 
 
@@ -41,7 +38,8 @@ class StructurePath(Table):
     events : tuple of Event
         Located points, with the columns as attributes.  The kinds are "slack" (strings go slack,
         or taut again, as the note says), "fold" (limit point in load), "turn" (limit point in
-        displacement), "bifurcation", "plate" and "contact".  Strings that reach their natural
+        displacement), "bifurcation" with its `multiplicity`, "plate", "contact", and names of
+        columns given in `at`.  Strings that reach their natural
         length at the same point make one event.
     structure : Structure
         The structure at the start of the path.
@@ -55,22 +53,10 @@ class StructurePath(Table):
     stable_height: Flags
     positions: Array
     slack: Flags
+    structure: Any
+    supports: Any
     _by_row = ("positions", "slack")
     _units: ClassVar = {"shortening": "m", "load": "N", "work": "J"}
-
-    def __init__(
-        self,
-        structure: Structure,
-        columns: Mapping[str, Any],
-        events: Iterable[Event],
-        end: str,
-        positions: Array,
-        slack: Flags,
-        supports: Supports | None,
-    ) -> None:
-        super().__init__(columns, events, end)
-        self.structure, self.positions, self.slack = structure, positions, slack
-        self.supports = supports
 
     @property
     def tensions(self) -> Array:
