@@ -22,7 +22,6 @@ from tensegrity.engine.programs import derived, run
 from tensegrity.printing import Lines
 from tensegrity.prisms.condensed import stable
 from tensegrity.prisms.equations import TENSIONS, kind_of, numbers, problem
-from tensegrity.typing import Members
 
 if TYPE_CHECKING:
     from tensegrity.typing import Array, Flags
@@ -95,7 +94,7 @@ class EquilibriumPath(Table):
     bar_tension: Array
     stable_load: Flags
     stable_height: Flags
-    prism: Members
+    prism: Any  # a Prism, which imports this module
     begin: str
     _units: ClassVar = UNITS
 
