@@ -59,7 +59,6 @@ def number(
     Raises
     ------
     TensegrityError
-        Not a number, NaN, or out of bounds.
     """
     bounds = above, least, most, below
     if type(value) is float and -math.inf < value < math.inf and not _missed(value, *bounds):
