@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import math
+import warnings
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from granular.materials import Material
 from tensegrity import check
+from tensegrity.checked import checked
 from tensegrity.errors import TensegrityError
 from tensegrity.printing import filled
+from tensegrity.typing import Distance, Length, Mass, Speed
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -18,6 +22,7 @@ if TYPE_CHECKING:
 HUGE, FAST = 1.0, 100.0  # m, m/s: larger values probably stem from a wrong unit
 
 
+@checked
 @dataclass(frozen=True)
 class Bead:
     """A sphere.
@@ -48,33 +53,28 @@ class Bead:
 
     diameter: float
     material: Material
-    mass: float = None  # type: ignore[assignment]
-    contact_radius: float = None  # type: ignore[assignment]
+    mass: float
+    contact_radius: float
 
-    if TYPE_CHECKING:  # omitted values follow from the others
-
-        def __init__(
-            self,
-            diameter: float,
-            material: Material,
-            mass: float | None = None,
-            contact_radius: float | None = None,
-        ) -> None: ...
-
-    def __post_init__(self) -> None:
-        diameter = check.number("diameter", self.diameter, above=0, unit="m")
-        _require("material", self.material, Material)
+    def __init__(
+        self,
+        diameter: Length,
+        material: Material,
+        mass: Mass | None = None,
+        contact_radius: Length | None = None,
+    ) -> None:
         if diameter >= HUGE:
-            check.warn_once(
+            _warn_once(
                 f"a bead of diameter {diameter:g} m, {1e3 * diameter:g} mm: lengths are in metres, "
                 f"{diameter:g} mm are {diameter / 1e3:g} m"
             )
-        mass = self.material.density * volume(diameter) if self.mass is None else self.mass
-        radius = diameter / 2 if self.contact_radius is None else self.contact_radius
+        if mass is None:
+            mass = check.number("mass", material.density * volume(diameter), above=0, unit="kg")
+        radius = diameter / 2 if contact_radius is None else contact_radius
         object.__setattr__(self, "diameter", diameter)
-        object.__setattr__(self, "mass", check.number("mass", mass, above=0, unit="kg"))
-        radius = check.number("contact radius", radius, above=0, unit="m")
-        object.__setattr__(self, "contact_radius", radius)
+        object.__setattr__(self, "material", material)
+        object.__setattr__(self, "mass", mass)
+        object.__setattr__(self, "contact_radius", check.number("contact_radius", radius, above=0))
 
     def __str__(self) -> str:
         return filled(
@@ -88,16 +88,16 @@ class Bead:
         return self.diameter / 2
 
     @classmethod
-    def of_mass(cls, mass: float, material: Material) -> Bead:
+    @checked
+    def of_mass(cls, mass: Mass, material: Material) -> Bead:
         """A bead of the given mass [kg], > 0, whose diameter follows from the density.
 
         The heavy striker of the paper is specified by its mass alone.
         """
-        mass = check.number("mass", mass, above=0, unit="kg")
-        _require("material", material, Material)
         return cls((6 * mass / (math.pi * material.density)) ** (1 / 3), material, mass)
 
-    def coated(self, coating: Material, thickness: float) -> Bead:
+    @checked
+    def coated(self, coating: Material, thickness: Distance) -> Bead:
         """This bead with a soft coating, modelled, as in the paper, as a homogeneous sphere.
 
         Mass and lattice spacing remain those of the core; the contact takes the elastic constants
@@ -115,11 +115,10 @@ class Bead:
         Bead
             With the diameter and the mass of the core.
         """
-        _require("coating", coating, Material)
-        thickness = check.number("thickness", thickness, least=0, unit="m")
         return Bead(self.diameter, coating, self.mass, self.contact_radius + thickness)
 
 
+@checked
 @dataclass(frozen=True)
 class Striker:
     """A bead that strikes the first bead of a scene.
@@ -147,20 +146,17 @@ class Striker:
     bead: Bead
     speed: float
 
+    def __init__(self, bead: Bead, speed: Speed) -> None:
+        if speed >= FAST:
+            _warn_once(
+                f"a striker of {1e3 * bead.diameter:g} mm at {speed:g} m/s: speeds are in m/s, "
+                f"and Hertzian contact without loss holds far below {FAST:g} m/s"
+            )
+        object.__setattr__(self, "bead", bead)
+        object.__setattr__(self, "speed", speed)
+
     def __str__(self) -> str:
         return filled(f"striker at {self.speed:.6g} m/s, a {' '.join(str(self.bead).split())}")
-
-    def __post_init__(self) -> None:
-        _require("striker", self.bead, Bead)
-        speed = check.number(
-            "speed of the striker, towards the chain", self.speed, above=0, unit="m/s"
-        )
-        if speed >= FAST:
-            check.warn_once(
-                f"a striker of {1e3 * self.bead.diameter:g} mm at {speed:g} m/s: speeds are in "
-                f"m/s, and Hertzian contact without loss holds far below {FAST:g} m/s"
-            )
-        object.__setattr__(self, "speed", speed)
 
 
 def beads_of(given: Iterable[object], where: str = "") -> tuple[Bead, ...]:
@@ -177,6 +173,7 @@ def volume(diameter: float) -> float:
     return math.pi / 6 * diameter * diameter * diameter  # inf where it has no number, no error
 
 
-def _require(name: str, value: object, kind: type) -> None:
-    known = "; take one of granular.materials" if kind is Material else ""
-    check.kind(name, value, kind, known)
+@lru_cache(maxsize=256)
+def _warn_once(words: str) -> None:
+    """Warn whoever makes an object whose `__init__`, which is checked, calls this; once."""
+    warnings.warn(words, UserWarning, stacklevel=4)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
@@ -17,9 +17,11 @@ from granular.beads import Bead
 from granular.dissipation import ELASTIC, Dissipation, collision, form_of
 from granular.materials import Material
 from tensegrity import Potential, PowerLaw, TensegrityError, check
+from tensegrity.checked import checked
 from tensegrity.engine.programs import derived, run
 from tensegrity.printing import concise, filled
 from tensegrity.springs.pressed import Pressed, crossing, overlap_under, pressed
+from tensegrity.typing import Mass
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -100,7 +102,10 @@ class Contact:
             return (force / law.values[0]) ** (1 / law.exponent)
         return np.vectorize(lambda load: overlap_under(law, load), otypes=[float])(force)[()]
 
-    def restitution(self, mass: float, speed: float) -> tuple[float, float]:
+    @checked
+    def restitution(
+        self, mass: Mass, speed: Annotated[float, "> 0", f"< {C}", "m/s"]
+    ) -> tuple[float, float]:
         """Coefficient of restitution and duration of a collision without other forces.
 
         Parameters
@@ -122,8 +127,6 @@ class Contact:
         TensegrityError
             A mass or a speed that is not above 0.
         """
-        mass = check.number("reduced mass", mass, above=0, unit="kg")
-        speed = check.number("speed of approach", speed, above=0, below=C, unit="m/s")
         loss, law, work = self.dissipation or ELASTIC, self.potential, mass * speed**2
         if isinstance(law, PowerLaw) and 0 < work / law.values[0] < math.inf:
             stiffness, n = float(law.values[0]), law.exponent

@@ -25,7 +25,9 @@ from granular.dissipation import (
     form_of,
 )  # fmt: skip
 from tensegrity import Force, PowerLaw, TensegrityError, check
+from tensegrity.checked import checked
 from tensegrity.once import once
+from tensegrity.typing import Positive, Share, Speed
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -185,11 +187,12 @@ def _solved(model: Dissipation, contact: Contact, mass: float, e: float, speed: 
         ) from None
 
 
+@checked
 def _law(
-    model: Dissipation, name: str, constant: Any, e: float | None, speed: float | None
+    model: Dissipation, name: str, constant: Any, restitution: Share | None, speed: Speed | None
 ) -> ContactLaw:
     """A contact law of a model, given by its constant, or by a restitution at a speed."""
-    if (constant is None) == (e is None) or (e is None) != (speed is None):
+    if (constant is None) == (restitution is None) or (restitution is None) != (speed is None):
         raise TensegrityError(
             f"{model.model} is given by {name}, or by restitution and speed: exactly one of these"
         )
@@ -197,18 +200,15 @@ def _law(
         value = check.number(f"{name} of {model.model}", constant, least=0, unit=UNITS[model.model])
         given = replace(model, constant=value)
         return lambda bead, other: replace(hertz(bead, other), dissipation=given)
-    assert e is not None
-    e = check.number("restitution", e, above=0)
-    if e > 1:
-        raise TensegrityError(f"restitution {e:g} must be at most 1")
-    speed = check.number("speed of the restitution", speed, above=0, unit="m/s")
+    assert restitution is not None
+    assert speed is not None
 
     def law(bead: Bead, other: Bead | Material) -> Contact:
         contact = hertz(bead, other)
         mass = bead.mass
         if isinstance(other, Bead):
             mass = bead.mass * other.mass / (bead.mass + other.mass)
-        solved = _solved(model, contact, mass, e, speed)
+        solved = _solved(model, contact, mass, restitution, speed)
         return replace(contact, dissipation=replace(model, constant=solved))
 
     return law
@@ -297,9 +297,10 @@ def viscous(
     return _law(Dissipation("viscous", 0.0), "c", c, restitution, speed)
 
 
+@checked
 def carretero_gonzalez(
     g: float | None = None,
-    a: float = 1.0,
+    a: Positive = 1.0,
     *,
     restitution: float | None = None,
     speed: float | None = None,
@@ -324,5 +325,4 @@ def carretero_gonzalez(
     TensegrityError
         As for `kuwabara_kono`; an exponent that is not above 0.
     """
-    a = check.number("exponent a of Carretero-Gonzalez", a, above=0)
     return _law(Dissipation("Carretero-Gonzalez", 0.0, a), "g", g, restitution, speed)

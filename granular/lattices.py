@@ -19,8 +19,10 @@ from granular.materials import Material
 from granular.packing import PER_BEAD, Pack, per_place
 from granular.surroundings import OfLattice, Surroundings, accepted, surrounded
 from tensegrity import TensegrityError, Wall, check
+from tensegrity.checked import checked
 from tensegrity.readonly import Repeated, as_fixed
 from tensegrity.scenes.network_input import refuse_too_many
+from tensegrity.typing import Count, Distance
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -34,9 +36,10 @@ if TYPE_CHECKING:
 
 
 @surrounded(OfLattice)
+@checked
 def fcc_pack(
-    layers: int = 17,
-    side: int = 7,
+    layers: Count = 17,
+    side: Count = 7,
     *,
     bead: Bead | Sequence[Bead],
     floor: Material | None = None,
@@ -94,7 +97,6 @@ def fcc_pack(
     Pack(striker: 1, layer 1: 9, layer 2: 9, layer 3: 9, struck at 0.5 m/s) on
         Network(28 sites in 3 dimensions, 87 bonds, 5 walls with 27 contacts)
     """
-    layers, side = check.whole("layers", layers, least=1), check.whole("side", side, least=1)
     refuse_too_many(layers * side**2)
     check.memory(f"a pack of {layers} layers of {side} x {side} beads", PER_BEAD * layers * side**2)
     beads, d = _equal(bead, layers * side**2, lambda k: f"bead {k % side**2 + 1} of layer "
@@ -113,7 +115,7 @@ def fcc_pack(
     parts = {f"layer {k + 1}": range(k * side**2, (k + 1) * side**2) for k in range(layers)}
     middle = (side - 1) // 2
     column, row = (
-        _within("struck", value, side)
+        check.whole("struck", value, least=0, below=side)
         for value in ((middle, middle) if struck is None else _pair("struck", struck))
     )
     hit = (layers - 1) * side**2 + row * side + column
@@ -132,9 +134,10 @@ def fcc_pack(
 
 
 @surrounded(OfLattice)
+@checked
 def hexagonal_pack(
-    rows: int = 12,
-    columns: int = 21,
+    rows: Count = 12,
+    columns: Count = 21,
     *,
     bead: Bead | Sequence[Bead],
     floor: Material | None = None,
@@ -143,7 +146,7 @@ def hexagonal_pack(
     struck: int | None = None,
     offset: ArrayLike = (0, 1),
     direction: ArrayLike = (0, -1),
-    gap: float = 0.0,
+    gap: Distance = 0.0,
     contacts: str | None = None,
     **surroundings: Unpack[OfLattice],
 ) -> Pack:
@@ -198,7 +201,6 @@ def hexagonal_pack(
     Pack(row 1: 4, row 2: 3, row 3: 4) on Network(11 sites in 2 dimensions,
         20 bonds, 3 walls with 8 contacts)
     """
-    rows, columns = check.whole("rows", rows, least=1), check.whole("columns", columns, least=1)
     if rows > 1 and columns < 2:
         raise TensegrityError(f"columns {columns} must be at least 2: row 2 has one bead fewer")
     refuse_too_many(rows * columns)
@@ -217,8 +219,8 @@ def hexagonal_pack(
     places = np.stack([x, d / 2 + (rows - 1 - row) * (d * math.sqrt(3) / 2)], axis=1)
     pieces = {"left": ((0, 0), (1, 0)), "right": ((columns * d, 0), (-1, 0))}
     walls = _box(floor, sides, pieces, 2)
-    hit = (columns - 1) // 2 if struck is None else _within("struck", struck, columns)
-    gap = check.number("gap", gap, least=0, unit="m")
+    struck = (columns - 1) // 2 if struck is None else struck
+    hit = check.whole("struck", struck, least=0, below=columns)
     approach = _approach(striker, places[hit], beads[hit], offset, direction, gap)
     around = _pressed(accepted(hexagonal_pack, surroundings), parts["row 1"], 2)
     return Pack(
@@ -273,13 +275,9 @@ def _box(
     """The walls of a box that is open above."""
     up = (0,) * (dim - 1) + (1,)
     walls: dict[str, tuple[Wall, Material]] = {}
-    for name, material, planes in (
-        ("floor", floor, {"floor": ((0,) * dim, up)}),
-        ("sides", sides, pieces),
-    ):
+    for material, planes in ((floor, {"floor": ((0,) * dim, up)}), (sides, pieces)):
         if material is None:
             continue
-        check.kind(name, material, Material, "; take one of granular.materials")
         walls |= {k: (Wall(point, normal), material) for k, (point, normal) in planes.items()}
     return walls
 
@@ -297,7 +295,6 @@ def _approach(
     direction = _unit("direction", direction, len(place))
     if striker is None:
         return None
-    check.kind("striker", striker, Striker)
     return place + (bead.radius + striker.bead.radius + gap) * offset, direction
 
 
@@ -315,10 +312,3 @@ def _pair(name: str, given: object) -> tuple[object, object]:
     if not isinstance(given, (tuple, list)) or len(given) != 2:
         raise TensegrityError(f"{name} {check.shown(given)} must be two numbers, (ix, iy)")
     return given[0], given[1]
-
-
-def _within(name: str, value: object, count: int) -> int:
-    number = check.whole(name, value, least=0)
-    if number >= count:
-        raise TensegrityError(f"{name} {number} must be below {count}, the beads there are")
-    return number

@@ -17,14 +17,15 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
+from typing import Annotated, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity import TensegrityError, check
+from tensegrity.checked import checked
 from tensegrity.readonly import ReadOnly, fixed
-from tensegrity.typing import Array, Indices
+from tensegrity.typing import Array, Distance, Indices, Length
 
 TOUCH = 1e-9  # of a diameter: closer than this, beads that should touch do
 NEAR = 0.2  # diameters: a bead this close to a bevel may touch it during a run
@@ -33,6 +34,9 @@ SIDE = math.pi / 6  # direction of two first branch beads that touch each other
 BEVEL = 0.25  # half length of a bevel, in diameters
 OPEN = 1.0  # diameters by which a channel extends behind its last bead
 ENTRY = 0.25  # and before its first, short enough for a striker of any size
+
+Several: TypeAlias = Annotated[int, ">= 2"]  # beads
+Angle: TypeAlias = Annotated[float, "> 0", f"< {math.pi / 2}", "rad"]
 
 
 @dataclass(frozen=True)
@@ -194,13 +198,14 @@ class Layout(ReadOnly):
         return replace(self, walls=(*self.walls, *ends))
 
 
+@checked
 def y_layout(
-    stem: int,
-    branch: int,
-    half_angle: float,
-    diameter: float,
-    gap: float = 0.0,
-    through: float = 0.0,
+    stem: Several,
+    branch: Several,
+    half_angle: Angle,
+    diameter: Length,
+    gap: Distance = 0.0,
+    through: Distance = 0.0,
 ) -> Layout:
     """The first half of the guide: a stem of beads and two branches.
 
@@ -223,9 +228,7 @@ def y_layout(
     -------
     Layout
     """
-    stem, branch, half_angle, diameter, gap, through = _checked(
-        stem, branch, half_angle, diameter, gap, through
-    )
+    _refuse_too_many(stem, branch)
     positions, parts = _y_positions(stem, branch, half_angle, max(half_angle, SIDE), diameter)
     first, last = positions[parts["stem 1"][0]], positions[parts["branch 1"][-1]]
     bend, ahead = positions[parts["branch 1"][0]], _direction(half_angle)
@@ -243,13 +246,14 @@ def y_layout(
     return Layout(diameter, positions, parts, gap, tuple(walls))
 
 
+@checked
 def diamond_layout(
-    stem: int,
-    branch: int,
-    half_angle: float,
-    diameter: float,
-    gap: float = 0.0,
-    through: float = 0.0,
+    stem: Several,
+    branch: Several,
+    half_angle: Angle,
+    diameter: Length,
+    gap: Distance = 0.0,
+    through: Distance = 0.0,
 ) -> Layout:
     """The full guide: stem 1, two branches with a corner each, and stem 2.
 
@@ -273,9 +277,7 @@ def diamond_layout(
     TensegrityError
         An even `branch`, or a half angle out of its range.
     """
-    stem, branch, half_angle, diameter, gap, through = _checked(
-        stem, branch, half_angle, diameter, gap, through
-    )
+    _refuse_too_many(stem, branch)
     if branch % 2 == 0:
         raise TensegrityError(
             f"branch of {branch} beads must have an odd number: one is the corner"
@@ -310,23 +312,9 @@ def diamond_layout(
     return _joined(diameter, pieces, gap, tuple(walls))
 
 
-def _checked(
-    stem: int, branch: int, half_angle: float, diameter: float, gap: float, through: float
-) -> tuple[int, int, float, float, float, float]:
-    half_angle = check.number("half angle", half_angle, above=0, below=math.pi / 2, unit="rad")
-    stem, branch = check.whole("stem", stem, least=2), check.whole("branch", branch, least=2)
-    beads = stem + 2 * branch
-    check.memory(
-        f"a guide with a stem of {stem} and branches of {branch} beads", PER_PAIR * beads**2
-    )
-    return (
-        stem,
-        branch,
-        half_angle,
-        check.number("diameter", diameter, above=0, unit="m"),
-        check.number("gap of the walls", gap, least=0, unit="m"),
-        check.number("through", through, least=0, unit="m"),
-    )
+def _refuse_too_many(stem: int, branch: int) -> None:
+    words = f"a guide with a stem of {stem} and branches of {branch} beads"
+    check.memory(words, PER_PAIR * (stem + 2 * branch) ** 2)
 
 
 def _y_positions(

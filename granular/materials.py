@@ -7,12 +7,15 @@ Source: the talk, part II, "Analyzed systems and materials" (six materials); the
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 from tensegrity import check
+from tensegrity.checked import checked
 from tensegrity.errors import TensegrityError
 from tensegrity.printing import filled
 
 
+@checked
 @dataclass(frozen=True)
 class Material:
     """A linear elastic material.
@@ -31,10 +34,11 @@ class Material:
     """
 
     name: str
-    modulus: float
-    poisson: float
-    density: float
+    modulus: Annotated[float, "> 0", "Pa"]
+    poisson: Annotated[float, "> -1", "<= 0.5"]
+    density: Annotated[float, "> 0", "kg/m^3"]
     source: str = ""
+    _given_by = "; take one of granular.materials"
 
     def __str__(self) -> str:
         return filled(
@@ -45,13 +49,6 @@ class Material:
     def __post_init__(self) -> None:
         check.kind("name of a material", self.name, str)
         check.kind(f"source of {self.name}", self.source, str)
-        modulus = check.number(f"modulus of {self.name}", self.modulus, above=0, unit="Pa")
-        density = check.number(f"density of {self.name}", self.density, above=0, unit="kg/m^3")
-        poisson = check.number(f"Poisson's ratio of {self.name}", self.poisson, above=-1)
-        if poisson > 0.5:
-            raise TensegrityError(f"Poisson's ratio {poisson:g} of {self.name} must be at most 0.5")
-        for name, value in (("modulus", modulus), ("poisson", poisson), ("density", density)):
-            object.__setattr__(self, name, value)
 
 
 class _Catalogue(dict[str, Material]):

@@ -403,7 +403,6 @@ def _named_walls(walls: Walls | None) -> dict[str, tuple[Wall, Material]]:
                 f"wall {name!r} is {check.shown(pair)}, must be a pair (Wall, Material)"
             )
         check.kind(f"wall {name!r}", pair[0], Wall)
-        known = "; take one of granular.materials"
-        check.kind(f"material of the wall {name!r}", pair[1], Material, known)
+        check.kind(f"material of the wall {name!r}", pair[1], Material)
         named[name] = (pair[0], pair[1])
     return named

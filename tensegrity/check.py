@@ -10,10 +10,8 @@ import math
 import os
 import secrets
 import sys
-import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from functools import lru_cache
 from numbers import Integral, Real
 from pathlib import Path
 from typing import Any, TypeVar
@@ -35,6 +33,7 @@ def number(
     *,
     above: float | None = None,
     least: float | None = None,
+    most: float | None = None,
     below: float | None = None,
     finite: bool = True,
     unit: str = "",
@@ -46,8 +45,8 @@ def number(
     name : str
         Name in messages.
     value : object
-    above, least, below : float, optional
-        The number must be > above, >= least and < below.
+    above, least, most, below : float, optional
+        The number must be > above, >= least, <= most and < below.
     finite : bool, optional
         Whether infinity is refused.
     unit : str, optional
@@ -60,9 +59,8 @@ def number(
     Raises
     ------
     TensegrityError
-        Not a number, NaN, or out of bounds.
     """
-    bounds = above, least, below
+    bounds = above, least, most, below
     if type(value) is float and -math.inf < value < math.inf and not _missed(value, *bounds):
         return value
     value = _scalar(value)
@@ -81,12 +79,16 @@ def number(
     return value
 
 
-def _missed(value: float, above: float | None, least: float | None, below: float | None) -> str:
+def _missed(
+    value: float, above: float | None, least: float | None, most: float | None, below: float | None
+) -> str:
     """The bound that a number violates, in words, or ""."""
     if above is not None and not value > above:
         return f"above {above:g}"
     if least is not None and not value >= least:
         return f"at least {least:g}"
+    if most is not None and not value <= most:
+        return f"at most {most:g}"
     if below is not None and not value < below:
         return f"below {below:g}"
     return ""
@@ -110,7 +112,6 @@ def whole(name: str, value: object, *, least: int = LEAST, below: int | None = N
     Raises
     ------
     TensegrityError
-        Not a whole number, or out of bounds.
     """
     value = _scalar(value)
     if not _is(value, Integral):
@@ -131,7 +132,7 @@ def truth(name: str, value: object) -> bool:
     return bool(value)
 
 
-def kind(name: str, value: T, wanted: type, words: str = "") -> T:
+def kind(name: str, value: T, wanted: type) -> T:
     """A value, if it is an instance of a class.
 
     Parameters
@@ -140,8 +141,7 @@ def kind(name: str, value: T, wanted: type, words: str = "") -> T:
         Name in messages.
     value : object
     wanted : type
-    words : str, optional
-        End of the message, such as an example.
+        Its `_given_by`, if it has one, ends the message.
 
     Returns
     -------
@@ -153,7 +153,7 @@ def kind(name: str, value: T, wanted: type, words: str = "") -> T:
     """
     if not isinstance(value, wanted):
         article = "an" if wanted.__name__[0] in "AEIOU" else "a"
-        words = words or made_by(value, wanted)
+        words = getattr(wanted, "_given_by", "") or made_by(value, wanted)
         raise TensegrityError(f"{name} {shown(value)} is not {article} {wanted.__name__}{words}")
     return value
 
@@ -197,11 +197,9 @@ def numbers(name: str, value: ArrayLike, unit: str) -> NDArray[np.float64]:
 
     Parameters
     ----------
-    name : str
-        Name in messages.
+    name, unit : str
+        In messages.
     value : array_like
-    unit : str
-        Unit in messages.
 
     Returns
     -------
@@ -240,6 +238,15 @@ def vector(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.fl
     if value.shape != shape:
         raise TensegrityError(f"{name} has shape {value.shape}, must be {shape}")
     return finite(name, value)
+
+
+def columns(**given: ArrayLike) -> list[NDArray[np.float64]]:
+    """Arrays by their names: of one axis and one length, not empty, converted as by `vector`."""
+    arrays = {name: floats(name, value) for name, value in given.items()}
+    name, shape = next((name, value.shape) for name, value in arrays.items())
+    if len(shape) != 1 or not shape[0]:
+        raise TensegrityError(f"{name} has shape {shape}, must have one axis, (n,)")
+    return [vector(name, value, shape) for name, value in arrays.items()]
 
 
 def finite(name: str, value: NDArray[Any]) -> NDArray[Any]:
@@ -308,12 +315,6 @@ def sequence(name: str, value: Any, of: str) -> tuple[Any, ...]:
     raise TensegrityError(f"{name} {shown(value)} must be a sequence of {of}")
 
 
-@lru_cache(maxsize=256)
-def warn_once(words: str) -> None:
-    """Warn whoever makes an object whose `__post_init__` calls this; of the same only once."""
-    warnings.warn(words, UserWarning, stacklevel=4)
-
-
 def package(name: str, what: str, extra: str) -> Any:
     """Import an optional package.
 
@@ -333,7 +334,6 @@ def package(name: str, what: str, extra: str) -> Any:
     Raises
     ------
     TensegrityError
-        The package is not installed.
     """
     try:
         return importlib.import_module(name)

@@ -5,9 +5,9 @@
 
 A float is converted by `check.number`, an int by `check.whole`, a bool by `check.truth`; an
 instance of a class is asked by `check.kind`.  `Annotated` holds what else they are told: bounds
-such as "> 0", ">= 1" or f"< {FASTEST}", the unit, and "or inf"; text is one of a collection,
-`Annotated[str, KINDS]`.  None is taken where the annotation has
-it.  What recurs has a name in `tensegrity.typing`.
+such as "> 0", ">= 1", "<= 0.5" or f"< {FASTEST}", the unit, and "or inf"; text is one of a
+collection, `Annotated[str, KINDS]`.  None is taken where the annotation has it.  What recurs has a
+name in `tensegrity.typing`.
 
 The rest is left to the body: unions of several types; arrays and sequences, which are of another
 type once they are converted; classes imported for the type checker alone.  Defaults are not
@@ -36,7 +36,7 @@ def _one_of(name: str, value: object, allowed: Collection[str]) -> str:
 
 
 CHECKS: dict[Any, Any] = {float: check.number, int: check.whole, bool: check.truth, str: _one_of}
-BOUNDS = {">=": "least", ">": "above", "<": "below"}
+BOUNDS = {">=": "least", ">": "above", "<": "below", "<=": "most"}
 NAMED = [name for name, value in vars(typing).items() if get_origin(value) is Annotated]
 ANNOTATED = re.compile(rf"\bAnnotated\[(\w+), [^]]*\]|\b({'|'.join(NAMED)})\b")
 
@@ -51,10 +51,11 @@ class Declared(NamedTuple):
     @property
     def range(self) -> tuple[float, float]:
         """The open interval of the numbers that are taken."""
-        said, most = self.keywords, sys.maxsize if self.kind is int else math.inf
-        least = said.get("least", -most)
+        said, largest = self.keywords, sys.maxsize if self.kind is int else math.inf
+        least, most = said.get("least", -largest), said.get("most", largest)
         below = least - 1 if self.kind is int else math.nextafter(least, -math.inf)
-        return said.get("above", below), said.get("below", most)
+        above = largest if most == largest else math.nextafter(most, math.inf)
+        return said.get("above", below), said.get("below", above)
 
     def check(self, name: str) -> Callable[[Any], Any]:
         """A function that checks and converts a value, under its name in messages."""

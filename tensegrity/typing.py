@@ -23,11 +23,18 @@ Number = TypeVar("Number", float, Array)  # the result has the type of the argum
 Positive: TypeAlias = Annotated[float, "> 0"]
 NotNegative: TypeAlias = Annotated[float, ">= 0"]
 Fraction: TypeAlias = Annotated[float, "> 0", "< 1"]
+Share: TypeAlias = Annotated[float, "> 0", "<= 1"]
+Quantile: TypeAlias = Annotated[float, ">= 0", "<= 1"]
 Length: TypeAlias = Annotated[float, "> 0", "m"]
+Distance: TypeAlias = Annotated[float, ">= 0", "m"]
 Duration: TypeAlias = Annotated[float, "> 0", "s"]
+Speed: TypeAlias = Annotated[float, "> 0", "m/s"]
 Mass: TypeAlias = Annotated[float, "> 0", "kg"]
 Stiffness: TypeAlias = Annotated[float, "> 0", "N/m"]
+StiffnessOrInf: TypeAlias = Annotated[float, "> 0", "or inf", "N/m"]
+Preload: TypeAlias = Annotated[float, ">= 0", "N"]
 Count: TypeAlias = Annotated[int, ">= 1"]
+Sides: TypeAlias = Annotated[int, ">= 3"]
 Index: TypeAlias = Annotated[int, ">= 0"]
 
 

@@ -477,19 +477,24 @@ def faults(name, function, given):
                 yield f"{words} gives NaN: {answer!r:.200}"
 
 
+def printed(number):
+    """A number as messages show it."""
+    return f"{number:g}" if isinstance(number, float) else str(number)
+
+
 def beside_bounds(said):
     """(number, words of its refusal, whether it is refused) on both sides of each bound that an
     argument declares."""
     beside = (lambda x, to: x + int(math.copysign(1, to))) if said.kind is int else math.nextafter
     for sign, bound in said.keywords.items():
         if sign in ("above", "below"):
-            words = f"must be {sign} {bound:g}"
+            words = f"must be {sign} {printed(bound)}"
             yield bound, words, True
             yield beside(bound, math.inf if sign == "above" else -math.inf), words, False
-        elif sign == "least":
-            words = f"must be at least {bound:g}"
+        elif sign in ("least", "most"):
+            words = f"must be at {sign} {printed(bound)}"
             yield bound, words, False
-            yield beside(bound, -math.inf), words, True
+            yield beside(bound, -math.inf if sign == "least" else math.inf), words, True
 
 
 def takes_others(name, kind):
@@ -519,7 +524,7 @@ def test_numbers_are_refused_at_declared_bounds_and_taken_beside_them(case):
         for value, words, refused in beside_bounds(said):
             answer = outcome(case[1], good | {argument: value})
             answer = str(answer) if isinstance(answer, ts.TensegrityError) else ""
-            is_named = answer.startswith(f"{argument} {value:g}")
+            is_named = answer.startswith(f"{argument} {printed(value)}")
             assert (is_named and answer.endswith(words)) is refused, f"{argument} {value}: {answer}"
 
 

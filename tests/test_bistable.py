@@ -352,23 +352,9 @@ def test_a_row_of_discs_on_unequal_units_switches_one_way():
         front_between(spring, ahead=high, behind=low, ground=biased, damping=damping)
 
 
-@pytest.mark.parametrize(
-    ("words", "given"),
-    [
-        ("sides", {"sides": 2}),
-        ("base", {"base": 0.0}),
-        ("height", {"height": -1.0}),
-        ("prestrain", {"prestrain": -1.0}),
-        ("other_prestrain", {"other_prestrain": -2.0}),
-        ("k_string", {"k_string": 0.0}),
-        ("other_k_string", {"other_k_string": 0.0}),
-        ("torque", {"torque": np.nan}),
-        ("too large", {"base": 1e308, "height": 1e308}),
-    ],
-)
-def test_wrong_units_are_refused(words, given):
-    with pytest.raises(TensegrityError, match=words):
-        catalogue.twin_strings(**given)
+def test_a_unit_too_large_for_numbers_is_refused():
+    with pytest.raises(TensegrityError, match="too large"):
+        catalogue.twin_strings(base=1e308, height=1e308)
 
 
 def test_a_slender_unit_turns_until_its_bars_meet():

@@ -130,8 +130,6 @@ def test_too_short_a_time_says_when_the_wave_arrives():
         (lambda: Choice(5, 1e-2, [materials["stone"]]), "'stone' is not one of steel"),
         (lambda: Order([BIG] * 3), "one order only"),
         (lambda: Order([BIG, "steel"]), "'steel' is not a Bead"),
-        (lambda: peak_force([BIG], t_end=1e-3, striker=STRIKER, wall="steel"), "granular.mater"),
-        (lambda: peak_force([BIG], t_end=np.nan, **BLOW), "t_end nan s is not finite"),
         (lambda: peak_force([BIG], t_end=1e9, **BLOW), "steps, must be at most"),
         (lambda: peak_force([BIG], t_end=1, dt=0.1, **BLOW), "dt 0.1 s must be at most 1.*e-05 s"),
         (lambda: peak_force([[BIG], [None]], t_end=1e-3, **BLOW), "bead 0 of design 1 is None"),

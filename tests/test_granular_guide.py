@@ -271,7 +271,6 @@ def test_a_contact_that_is_not_in_the_list_is_named():
             "beads of branch 2 have diameter 0.00486 m, must be .* 0.00476 m: others would overlap",
         ),
         (lambda: y_guide(bead=STEEL, law=3), "law 3 is not a function"),
-        (lambda: y_guide(bead=STEEL, gap=-1e-6), "gap of the walls -1e-06 m must be at least 0"),
         (lambda: y_guide(bead=STEEL, law=power(1e9, 1.5)).site("stem 2", 1), "part 'stem 2'"),
     ],
 )

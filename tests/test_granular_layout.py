@@ -164,18 +164,6 @@ def test_overlapping_beads_and_beads_outside_are_named(half):
         replace(half, positions=moved).check()
 
 
-@pytest.mark.parametrize(
-    ("make", "words"),
-    [
-        (lambda: y_layout(19, 23, 0.0, D), "half angle 0 rad must be above 0"),
-        (lambda: y_layout(19, 23, 2.0, D), "half angle 2 rad must be below"),
-        (lambda: y_layout(1, 23, THIRTY, D), "stem 1 must be at least 2"),
-        (lambda: y_layout(19, 2.5, THIRTY, D), "branch 2.5 is not a whole"),
-        (lambda: y_layout(19, 23, THIRTY, D, gap=-1e-6), "gap"),
-        (lambda: diamond_layout(19, 47, 0.3, D), "half angle 0.3 must be at least 0.5235"),
-        (lambda: y_layout(19, 23, THIRTY, np.nan), "diameter nan"),
-    ],
-)
-def test_bad_geometry_is_refused(make, words):
-    with pytest.raises(TensegrityError, match=words):
-        make()
+def test_branches_of_a_diamond_that_would_overlap_are_refused():
+    with pytest.raises(TensegrityError, match=r"half angle 0\.3 must be at least 0\.5235"):
+        diamond_layout(19, 47, 0.3, D)

@@ -1,4 +1,4 @@
-"""The public interface: names and signatures at the doors, held by `interface.txt`.
+"""The public interface: names, signatures and declared checks, held by `interface.txt`.
 
 `python tests/test_interface.py` writes that file anew, after a change that is meant.
 """
@@ -9,6 +9,8 @@ import re
 from pathlib import Path
 
 import pytest
+
+from tensegrity.checked import declared
 
 pytestmark = pytest.mark.unchanged("granular", "tests/interface.txt")
 
@@ -44,7 +46,15 @@ def signature(thing):
         found = str(inspect.signature(thing))
     except (TypeError, ValueError):
         return ""
-    return re.sub(r"<function (\w+) at \w+>", r"\1", found.replace("'", ""))
+    found = re.sub(r"<function (\w+) at \w+>", r"\1", found.replace("'", ""))
+    for name, said in declared(thing).items():
+        words = {k: v for k, v in said.keywords.items() if k != "wanted"}
+        words = ", ".join(f"{k} {v if k != 'allowed' else '/'.join(v)}" for k, v in words.items())
+        kind = re.compile(rf"\b{name}: {said.kind.__name__}\b")
+        found = kind.sub(
+            lambda hit, words=words: f"{hit[0]} ({words or 'checked'})", found, count=1
+        )
+    return found
 
 
 def members(cls):

@@ -297,7 +297,6 @@ def test_columns_of_one_hand_repeat(sides):
 @pytest.mark.parametrize(
     ("call", "words"),
     [
-        (lambda: decay("x", [1.0]), "lattice"),
         (lambda: decay(row(1.0), 1.0), "frequencies have shape"),
         (lambda: decay(row(1.0), [-1.0]), "frequency -1 rad/s must be >= 0"),
         (lambda: decay(row(1.0), [math.nan]), "frequencies"),
@@ -310,11 +309,6 @@ def test_columns_of_one_hand_repeat(sides):
         (lambda: PRISM.column(3, periodic=True), "count 3 must be a multiple of 2"),
         (lambda: PRISM.column(2, "same", periodic=True), "count 2 must be a multiple of 4"),
         (lambda: PRISM.column(plates=True, periodic=True), "no plates"),
-        (lambda: catalogue.octahedra(layers=2), "layers 2"),
-        (lambda: catalogue.octahedra(prestrain=-0.1), "prestrain"),
-        (lambda: catalogue.x_strip(k_string=-1.0), "k_string"),
-        (lambda: catalogue.resonators(force_density=-0.1), "force_density"),
-        (lambda: catalogue.honeycomb(side=0.0), "side 0"),
     ],
 )  # fmt: skip
 def test_bad_input_is_refused(call, words):

@@ -14,7 +14,6 @@ from tensegrity import (
     Chain,
     EquilibriumError,
     Prism,
-    TensegrityError,
     equilibrium_path,
     member_stiffness,
     plates,
@@ -166,8 +165,6 @@ def test_members_of_four_sides_and_of_no_prism():
         Prism.from_members(0.1, 0.09, 0.14, 2e4, 2.5e4, 4e7, sides=4)
     with pytest.raises(EquilibriumError, match=r"h\^2 = .* must be above 0"):
         Prism.from_members(0.01, 0.09, 0.1525, 2e6, 2.5e4, 4e7, sides=4)
-    with pytest.raises(TensegrityError, match="sides 2 must be at least 3"):
-        Prism(1.0, 1.0, 0.1, 1.0, sides=2)
 
 
 @pytest.mark.parametrize("sides", [3, 4, 7])

@@ -1,7 +1,6 @@
 """Polynomials in place of a tension: their errors, as estimated, and runs that choose them."""
 
 import doctest
-import math
 import subprocess
 import sys
 from functools import cache
@@ -184,11 +183,8 @@ def test_a_wider_range_takes_a_higher_degree_until_none_will_do():
     [
         (RIGID, 0.0, 0.01, TensegrityError, "must contain 0"),
         (RIGID, -0.01, -0.02, TensegrityError, "must contain 0"),
-        (RIGID, -math.inf, 0.01, TensegrityError, "finite"),
-        (RIGID, -0.01, math.nan, TensegrityError, "not"),
         (RIGID, -0.06, 0.01, LockingError, "bars meet"),
         (SOFT, -0.1, 0.4, LockingError, "unloaded"),
-        ("spring", -0.1, 0.1, TensegrityError, "not a Potential"),
         (PowerLaw(1.0, 1.5), -0.1, 0.1, ResolutionError, "must be at least"),
         (RIGID, -1e-310, 1e-310, TensegrityError, "width of the range .* must be at least"),
     ],

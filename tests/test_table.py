@@ -273,7 +273,6 @@ REFUSED = {
     "0 outside": (([1, 2, 3, 4], [1, 2, 3, 4]), {}, "from 1 m to 4 m must contain 0 m inside"),
     "0 at an end": (([0, 2, 3, 4], [1, 2, 3, 4]), {}, "must contain 0 m inside"),
     "lengths": (([-1, 0, 1, 2], [1, 2, 3]), {}, "must be of one length"),
-    "kind": (([-1, 0, 1, 2], [1, 2, 3, 4]), {"kind": "x"}, "kind 'x' must be one of cubic"),
     "noise": (([-1, 0, 1, 2], [1, 2, 3, 4]), {"noise": 0.1}, "noise 0.1 N of a cubic table"),
     "preload": (([-1, 0, 1, 2], [1, 2, 3, 4]), {"preload": 9.0}, "no tension -9 N"),
     "steep": (([-1, 0, 1e-9, 1], [0, 0, 1, 1]), {}, "has an error of"),

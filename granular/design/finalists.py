@@ -17,14 +17,15 @@ import numpy as np
 
 from granular.beads import Bead, Striker
 from granular.design import objective
-from granular.design.scatter import Scatter, fraction
+from granular.design.scatter import Scatter
 from granular.design.spaces import Designs
 from granular.materials import Material
-from tensegrity import TensegrityError, check
+from tensegrity import TensegrityError
+from tensegrity.checked import checked
 from tensegrity.engine import native
 from tensegrity.printing import Lines, Printed
 from tensegrity.readonly import fixed
-from tensegrity.typing import Array
+from tensegrity.typing import Array, Duration, Quantile
 
 Force: TypeAlias = Callable[[float, float, Array], Array]  # forces [N] of t_end, dt [s], genes
 
@@ -175,7 +176,8 @@ class Robustness(Printed):
 
     peaks: Array
 
-    def quantile(self, q: float) -> float:
+    @checked
+    def quantile(self, q: Quantile) -> float:
         """Force that a fraction q of the draws stays below [N].
 
         Parameters
@@ -193,7 +195,7 @@ class Robustness(Printed):
         TensegrityError
             A fraction out of its range.
         """
-        return float(np.quantile(self.peaks, fraction("quantile", q)))
+        return float(np.quantile(self.peaks, q))
 
     def _lines(self) -> Lines:
         low, middle, high = (self.quantile(q) for q in (0.1, 0.5, 0.9))
@@ -203,12 +205,13 @@ class Robustness(Printed):
         )
 
 
+@checked
 def robustness(
     beads: Sequence[Bead],
     *,
     striker: Striker,
     wall: Material,
-    t_end: float,
+    t_end: Duration,
     diameters: float = 0.0,
     gaps: float = 0.0,
     speed: float = 0.0,
@@ -257,8 +260,6 @@ def robustness(
     chains, single = objective.checked_beads(beads)
     if not single:
         raise TensegrityError(f"{len(chains)} designs: give the beads of one")
-    objective.check_blow(striker, wall)
-    t_end = check.number("t_end", t_end, above=0, unit="s")
     native.require()
     varied, separations, speeds = scatter.varied(Designs.of(chains), striker.speed)
     unit = float(varied.behind(striker.bead).unit(wall, speeds.max()).min())

@@ -35,10 +35,11 @@ from granular.design.spaces import Designs, Space
 from granular.materials import Material
 from granular.observables import wall_force
 from tensegrity import METHODS, PowerLaw, Record, TensegrityError, check, largest_peak, simulate
+from tensegrity.checked import checked
 from tensegrity.engine import kernel, native
 from tensegrity.engine.bonds import Bonds
 from tensegrity.engine.march import Wanted
-from tensegrity.typing import Array
+from tensegrity.typing import Array, Duration
 
 METHOD: Any = METHODS["rkn6"]
 EXPONENT = 1.5  # of Hertz's law; `granular.contact` derives it
@@ -68,13 +69,14 @@ class Peaks(NamedTuple):
     first: Array
 
 
+@checked
 def peak_force(
     beads: Sequence[Bead] | Sequence[Sequence[Bead]],
     *,
     striker: Striker,
     wall: Material,
-    t_end: float,
-    dt: float | None = None,
+    t_end: Duration,
+    dt: Duration | None = None,
 ) -> float | Array:
     """Largest force on the wall behind a chain of touching beads.
 
@@ -115,9 +117,6 @@ def peak_force(
     57.664
     """
     chains, single = checked_beads(beads)
-    check_blow(striker, wall)
-    t_end = check.number("t_end", t_end, above=0, unit="s")
-    dt = None if dt is None else check.number("dt", dt, above=0, unit="s")
     native.require()
     forces = np.empty(len(chains))
     for steps, members in _by_step_count(chains, striker, wall, t_end, dt):
@@ -143,12 +142,6 @@ def checked_beads(beads: Any) -> tuple[list[tuple[Bead, ...]], bool]:
             raise TensegrityError(f"design {number} is {check.shown(chain)}, not a row of Beads")
         chains.append(beads_of(chain, where))
     return chains, single
-
-
-def check_blow(striker: Striker, wall: Material) -> None:
-    """Refuse anything but a striker and the material of a wall."""
-    check.kind("striker", striker, Striker)
-    check.kind("wall", wall, Material, "; take one of granular.materials")
 
 
 def step_count(unit: float, t_end: float, dt: float | None) -> int:

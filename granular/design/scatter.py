@@ -10,13 +10,14 @@ designs are then those of the designs (common random numbers).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
 from granular.design.spaces import Designs
-from tensegrity import TensegrityError, check
+from tensegrity.checked import checked
 from tensegrity.printing import printed
+from tensegrity.typing import Distance, Index, Quantile
 
 if TYPE_CHECKING:
     from tensegrity.typing import Array
@@ -25,6 +26,7 @@ WIDEST = 0.1  # relative standard deviation: ten of these make a diameter 0
 MOST_DRAWS = 10**6
 
 
+@checked
 @dataclass(frozen=True)
 class Scatter:
     """Deviations of a chain, and the quantile of the peak force over them.
@@ -56,26 +58,14 @@ class Scatter:
     Scatter: diameters 0.01, gaps 1e-06 m, speed 0, draws 16, seed 0, quantile 0.5
     """
 
-    diameters: float = 0.0
-    gaps: float = 0.0
-    speed: float = 0.0
-    draws: int = 100
-    seed: int = 0
-    quantile: float = 0.5
+    diameters: Annotated[float, ">= 0", f"< {WIDEST}"] = 0.0
+    gaps: Distance = 0.0
+    speed: Annotated[float, ">= 0", f"< {WIDEST}"] = 0.0
+    draws: Annotated[int, ">= 1", f"< {MOST_DRAWS}"] = 100
+    seed: Index = 0
+    quantile: Quantile = 0.5
 
     __str__ = printed(gaps="m")
-
-    def __post_init__(self) -> None:
-        numbers: dict[str, float] = {
-            name: check.number(f"relative deviation of {name}", given, least=0, below=WIDEST)
-            for name, given in (("diameters", self.diameters), ("speed", self.speed))
-        }
-        numbers["gaps"] = check.number("largest gap", self.gaps, least=0, unit="m")
-        numbers["draws"] = check.whole("draws", self.draws, least=1, below=MOST_DRAWS)
-        numbers["seed"] = check.whole("seed", self.seed, least=0)
-        numbers["quantile"] = fraction("quantile", self.quantile)
-        for name, value in numbers.items():
-            object.__setattr__(self, name, value)
 
     def varied(self, designs: Designs, speed: float) -> tuple[Designs, Array, Array]:
         """Every design with every draw.
@@ -113,11 +103,3 @@ class Scatter:
         worth = np.full(len(forces), np.inf)
         worth[finite] = np.quantile(forces[finite], self.quantile, axis=1)
         return np.where(np.isnan(forces).any(axis=1), np.nan, worth)
-
-
-def fraction(name: str, value: object) -> float:
-    """A number from 0 to 1, both included; TensegrityError otherwise."""
-    number = check.number(name, value, least=0)
-    if number > 1:
-        raise TensegrityError(f"{name} {number:g} must be at most 1")
-    return number

@@ -27,28 +27,30 @@ from granular.design.scatter import Scatter
 from granular.design.spaces import Choice, Order, Sizes, Space
 from granular.materials import Material
 from tensegrity import TensegrityError, check
+from tensegrity.checked import checked
 from tensegrity.engine import native
 from tensegrity.notebook import one_bar, progress
 from tensegrity.runs import archive
 from tensegrity.runs.sweep import Checkpoint, Failed, outcomes, require_executor
-from tensegrity.typing import Array
+from tensegrity.typing import Array, Count, Duration, Index
 
 COARSE = 4.0  # steps of a search of chains over the default ones: they rank designs alike
 BUILT = 2.0  # of other scenes, whose beads have more contacts and stiffer modes
 IDLE = 30  # batches without a new design, after which a search ends
 
 
+@checked
 def search(
     space: Space,
     *,
     striker: Striker,
     wall: Material,
-    t_end: float,
+    t_end: Duration,
     build: Build | None = None,
     scatter: Scatter | None = None,
     method: str | None = None,
-    budget: int = 20000,
-    seed: int = 0,
+    budget: Count = 20000,
+    seed: Index = 0,
     executor: Executor | None = None,
     checkpoint: str | os.PathLike[str] | None = None,
 ) -> Best:
@@ -112,21 +114,15 @@ def search(
     """
     if not isinstance(space, (Order, Sizes, Choice)):
         raise TensegrityError(f"space {check.shown(space)} is not an Order, Sizes or a Choice")
-    objective.check_blow(striker, wall)
-    t_end = check.number("t_end", t_end, above=0, unit="s")
     if build is not None and not callable(build):
         raise TensegrityError(f"build {check.shown(build)} cannot be called")
-    if scatter is not None:
-        check.kind("scatter", scatter, Scatter)
-        if build is not None:
-            raise TensegrityError(f"a build excludes {scatter}, of chains before a wall")
+    if scatter is not None and build is not None:
+        raise TensegrityError(f"a build excludes {scatter}, of chains before a wall")
     name, propose = suits(method, space, build is not None, scatter is not None)
-    budget = check.whole("budget", budget, least=1)
     if budget < POPULATION:
         raise TensegrityError(
             f"budget {budget} is below one population of {name!r}, {POPULATION} designs"
         )
-    seed = check.whole("seed", seed, least=0)
     unit = float(space.all_kinds.behind(striker.bead).unit(wall, striker.speed)[0])
     longest = _coarse(build) * objective.STEP_FRACTION * unit
     dt = t_end / objective.step_count(unit, t_end, longest)

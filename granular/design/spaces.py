@@ -11,7 +11,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
@@ -19,7 +19,9 @@ from granular.beads import Bead, volume
 from granular.contact import hertz_constants, hertz_slopes
 from granular.materials import Material
 from tensegrity import TensegrityError, check
+from tensegrity.checked import checked
 from tensegrity.printing import printed
+from tensegrity.typing import Count, Length
 
 if TYPE_CHECKING:
     from numpy.random import Generator
@@ -205,6 +207,7 @@ class Order(Kinds):
         return np.where(rng.random((len(rows), 1)) < 0.5, swapped, moved(rng, rows))
 
 
+@checked
 @dataclass(frozen=True)
 class Choice(Kinds):
     """A material for each of some beads of one size.
@@ -230,12 +233,12 @@ class Choice(Kinds):
 
     __str__ = printed(diameter="m")
 
-    def __init__(self, count: int, diameter: float, materials: Sequence[Material]) -> None:
+    def __init__(self, count: Count, diameter: Length, materials: Sequence[Material]) -> None:
         given = _tuple("materials", materials, Material)
-        object.__setattr__(self, "count", check.whole("count of beads", count, least=1))
+        object.__setattr__(self, "count", count)
         object.__setattr__(self, "materials", tuple(dict.fromkeys(given)))
         object.__setattr__(self, "kinds", tuple(Bead(diameter, m) for m in self.materials))
-        object.__setattr__(self, "diameter", self.kinds[0].diameter)
+        object.__setattr__(self, "diameter", diameter)
         if len(self.materials) < 2:
             raise TensegrityError(f"materials {check.shown(materials)} leave no choice")
 
@@ -270,6 +273,7 @@ class Choice(Kinds):
         return np.where(rng.random((len(rows), 1)) < 0.5, changed, moved(rng, rows))
 
 
+@checked
 @dataclass(frozen=True)
 class Sizes:
     """Diameters of beads of one material that fill a length.
@@ -290,29 +294,26 @@ class Sizes:
         No such diameters have this sum; limits in the wrong order.
     """
 
-    count: int
+    count: Annotated[int, ">= 2"]
     diameters: tuple[float, float]
-    length: float
+    length: Length
     material: Material
 
     __str__ = printed(diameters="m", length="m")
 
     def __post_init__(self) -> None:
-        count = check.whole("count of beads", self.count, least=2)
+        count, length = self.count, self.length
         limits = check.floats("diameters", self.diameters)
         if limits.shape != (2,):
             raise TensegrityError(f"diameters {check.shown(self.diameters)} must be two limits")
         low = check.number("smallest diameter", limits[0], above=0, unit="m")
         high = check.number("largest diameter", limits[1], above=low, unit="m")
-        length = check.number("length", self.length, above=0, unit="m")
         if not count * low * (1 - SLACK) <= length <= count * high * (1 + SLACK):
             raise TensegrityError(
                 f"length {length:g} m: {count} diameters from {low:g} m to {high:g} m sum to "
                 f"{count * low:g} m at least and {count * high:g} m at most"
             )
-        check.kind("material", self.material, Material, "; take one of granular.materials")
-        for name, value in (("count", count), ("diameters", (low, high)), ("length", length)):
-            object.__setattr__(self, name, value)
+        object.__setattr__(self, "diameters", (low, high))
 
     def random(self, rng: Generator, count: int) -> Array:
         """Rows of diameters, uniform between the limits, then shifted to the length [m]."""

@@ -13,7 +13,7 @@ from tensegrity.checked import checked
 from tensegrity.errors import EquilibriumError
 from tensegrity.prisms.stack import polygon
 from tensegrity.structures.structure import Structure
-from tensegrity.typing import Array, Index, Length, NotNegative
+from tensegrity.typing import Array, Index, Length, NotNegative, Sides
 
 GRID = np.arange(1, 101) / 101  # overlaps at which the determinant of a tower is computed
 
@@ -113,7 +113,7 @@ def _stages(x: Array, stages: int) -> tuple[list[Orbit], list[Orbit]]:
 
 @checked
 def dome(
-    sides: Annotated[int, ">= 3"] = 8,
+    sides: Sides = 8,
     hoops: Index = 1,
     radius: Length = 1.0,
     rise: Length = 0.25,

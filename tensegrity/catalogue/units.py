@@ -15,12 +15,12 @@ from tensegrity.checked import checked
 from tensegrity.errors import TensegrityError
 from tensegrity.springs.potential import Potential
 from tensegrity.structures.structure import Structure
-from tensegrity.typing import Length, NotNegative, Stiffness
+from tensegrity.typing import Length, NotNegative, Sides, Stiffness
 
 
 @checked
 def twin_strings(
-    sides: Annotated[int, ">= 3"] = 3,
+    sides: Sides = 3,
     base: Length = 1.0,
     height: Length = 1.0,
     prestrain: Annotated[float, "> -1"] = 0.1,
@@ -96,7 +96,7 @@ def twin_strings(
 
 @checked
 def twin_prism(
-    sides: Annotated[int, ">= 3"] = 3,
+    sides: Sides = 3,
     base: Length = 1.0,
     height: Length = 1.0,
     prestrain: NotNegative = 0.05,

@@ -50,6 +50,7 @@ class Trace:
     kind: str
     where: Any
     axis: int = 0
+    _given_by = ", such as objective.load(bond=3), nor made of one"
 
     def __str__(self) -> str:
         name = "load" if self.kind in ("bond", "wall") else self.kind
@@ -143,6 +144,7 @@ def energy(sites: Sequence[int] | None = None) -> Trace:
     return Trace("energy", chosen)
 
 
+@checked
 def peak(trace: Trace) -> Objective:
     """Largest value of a trace: the vertex of the parabola through its largest sample and the two
     next to it.
@@ -162,10 +164,15 @@ def peak(trace: Trace) -> Objective:
     >>> objective.peak(objective.load(bond=3))
     peak of load of bond 3
     """
-    return Objective((_trace(trace),), _peak, ALWAYS, "peak")
+    return Objective((trace,), _peak, ALWAYS, "peak")
 
 
-def p_norm(trace: Trace, p: float = 32, over: tuple[float, float] | None = None) -> Objective:
+@checked
+def p_norm(
+    trace: Trace,
+    p: Annotated[float, ">= 1", f"<= {STEEPEST}"] = 32,
+    over: tuple[float, float] | None = None,
+) -> Objective:
     """A smooth approximation of the peak: (dt sum of max(y, 0)^p)^(1/p).
 
     Parameters
@@ -186,9 +193,6 @@ def p_norm(trace: Trace, p: float = 32, over: tuple[float, float] | None = None)
     TensegrityError
         p or the interval is out of bounds.
     """
-    p = check.number("p of a norm", p, least=1)
-    if p > STEEPEST:
-        raise TensegrityError(f"p {p:g} of a norm must be at most {STEEPEST:g}")
 
     def rule(t: Any, y: Any) -> Any:
         dt = (t[-1] - t[0]) / (len(t) - 1) if len(t) > 1 else 1.0
@@ -202,7 +206,7 @@ def p_norm(trace: Trace, p: float = 32, over: tuple[float, float] | None = None)
         return value, (dt * (ratio ** (p - 1)) * mean ** (1 / p - 1))[None]
 
     latest = 0.0 if over is None else _window(over)[1]
-    return Objective((_trace(trace),), rule, _window(over), f"{p:g}-norm", latest)
+    return Objective((trace,), rule, _window(over), f"{p:g}-norm", latest)
 
 
 def impulse(bond: int | None = None, wall: int | None = None) -> Objective:
@@ -235,6 +239,7 @@ def arrival(site: Index, displacement: Annotated[float, "m"]) -> Objective:
     return Objective((Trace("displacement", site),), rule, ALWAYS, "arrival")
 
 
+@checked
 def misfit(trace: Trace, t: ArrayLike, values: ArrayLike) -> Objective:
     """Half the sum of squared differences of a trace from given values.
 
@@ -257,13 +262,7 @@ def misfit(trace: Trace, t: ArrayLike, values: ArrayLike) -> Objective:
     TensegrityError
         Arrays of different shapes, or instants that do not increase from 0 or later.
     """
-    t, values = check.floats("t", t), check.floats("values", values)
-    if t.ndim != 1 or not t.size or values.shape != t.shape:
-        raise TensegrityError(
-            f"t of shape {t.shape} and values of shape {values.shape} must have one length >= 1"
-        )
-    for name, x in (("t", t), ("values", values)):
-        check.vector(name, x, x.shape)
+    t, values = check.columns(t=t, values=values)
     if np.any(np.diff(t) <= 0) or t[0] < 0:
         raise TensegrityError("t must increase, from 0 s or later")
     times, wanted = t.copy(), values.copy()
@@ -276,7 +275,7 @@ def misfit(trace: Trace, t: ArrayLike, values: ArrayLike) -> Objective:
         np.add.at(slope[0], at, weights * short[:, None])
         return float(short @ short / 2), slope
 
-    return Objective((_trace(trace),), rule, ALWAYS, "misfit", float(times[-1]))
+    return Objective((trace,), rule, ALWAYS, "misfit", float(times[-1]))
 
 
 def of(traces: Sequence[Trace], function: Rule) -> Objective:
@@ -313,24 +312,19 @@ def of(traces: Sequence[Trace], function: Rule) -> Objective:
         slope = check.floats("derivatives of a function of traces", answer[1])
         return value, check.vector("derivatives of a function of traces", slope, y.shape)
 
-    return Objective(tuple(map(_trace, traces)), rule, ALWAYS, "function")
+    parts = tuple(check.kind("trace", trace, Trace) for trace in traces)
+    return Objective(parts, rule, ALWAYS, "function")
 
 
 def objective_of(given: Trace | Objective) -> Objective:
     """An objective itself, or the objective of a bare trace, its value at the end."""
     if isinstance(given, Objective):
         return given
-    trace = _trace(given)
-    return Objective((trace,), _last, None, "end")
+    return Objective((check.kind("objective", given, Trace),), _last, None, "end")
 
 
 def _last(t: Array, y: Array) -> tuple[float, Array]:
     return float(y[0, -1]), np.eye(1, y.shape[1], y.shape[1] - 1)
-
-
-def _trace(given: Any) -> Trace:
-    check.kind("objective", given, Trace, ", such as objective.load(bond=3), nor made of one")
-    return given
 
 
 def _window(over: Any) -> tuple[float, float]:

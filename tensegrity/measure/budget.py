@@ -106,9 +106,7 @@ def bond_force(run: Run) -> Array:
 
 def _recorded_whole(run: Run, *kinds: Any) -> Any:
     """The scene of a run with all its sites, if it is of these kinds."""
-    if not isinstance(run, Run):
-        raise TensegrityError(f"run is {type(run).__name__}, not a Run")
-    scene: Any = run.scene
+    scene: Any = check.kind("run", run, Run).scene
     if not isinstance(scene, kinds):
         names = " or a ".join(kind.__name__ for kind in kinds)
         raise TensegrityError(f"the scene of the run is {type(scene).__name__}, not a {names}")

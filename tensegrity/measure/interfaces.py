@@ -15,13 +15,13 @@ from numpy.typing import ArrayLike
 from tensegrity import check
 from tensegrity.checked import checked
 from tensegrity.errors import TensegrityError
-from tensegrity.measure.pulses import FRACTION, Instant, Pulse, chain_of, check_fraction, check_row
+from tensegrity.measure.pulses import FRACTION, Instant, Pulse, chain_of, check_row
 from tensegrity.printing import Lines, Printed
 from tensegrity.runs.run import Run
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.scene import State
 from tensegrity.springs.potential import Potential
-from tensegrity.typing import Array
+from tensegrity.typing import Array, Share
 
 NOTHING = 1e-6  # of the incident amplitude: smaller peaks are not pulses
 QUIET = 1e-3  # of the incident amplitude: largest elongation at an end that no wave has reached
@@ -118,7 +118,8 @@ class Transmission(Printed):
             yield from (f"    {' '.join(str(pulse).split())}" for pulse in pulses)
 
 
-def transmission(run: Run, row: int = -1, fraction: float = FRACTION) -> Transmission:
+@checked
+def transmission(run: Run, row: int = -1, fraction: Share = FRACTION) -> Transmission:
     """Reflected and transmitted pulses of a wave at the interface of two chains.
 
     Parameters
@@ -154,7 +155,7 @@ def transmission(run: Run, row: int = -1, fraction: float = FRACTION) -> Transmi
     >>> f"{found.transmitted_energy:.3f}", found.transmitted[-1].direction
     ('0.982', 1)
     """
-    chain, row, fraction = chain_of(run), check_row(run, row), check_fraction(fraction)
+    chain, row = chain_of(run), check_row(run, row)
     site = _site_of(chain)
     first = Instant(chain, State(run.u[0], run.v[0]))
     incident = _incident(first.pulses(fraction), site)

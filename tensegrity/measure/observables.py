@@ -23,7 +23,6 @@ from tensegrity.root import polynomial_through, root
 from tensegrity.runs.run import Run
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.dynamics import dynamics
-from tensegrity.scenes.ensemble import Ensemble
 from tensegrity.scenes.network import Network
 from tensegrity.scenes.scene import State
 from tensegrity.typing import Array, Fraction, Index
@@ -52,7 +51,7 @@ def passage(t: Array, elongation: Array, rate: Array) -> float:
     TensegrityError
         No extremum within the record; arrays of different lengths, or values that are not finite.
     """
-    t, elongation, rate = _columns(t=t, elongation=elongation, rate=rate)
+    t, elongation, rate = check.columns(t=t, elongation=elongation, rate=rate)
     size = np.abs(elongation)
     large = size >= PEAK_FRACTION * size.max()
     sign_changes = (rate[:-1] * rate[1:] <= 0) & (large[:-1] | large[1:]) & (size.max() > 0)
@@ -135,6 +134,7 @@ def speed(run: Run, where: tuple[int, int]) -> float: ...
 def speed(
     run: Run, where: str, numbers: tuple[int, int], between: tuple[float, float] = ...
 ) -> float: ...
+@checked
 def speed(
     run: Run,
     where: str | tuple[int, int],
@@ -177,8 +177,6 @@ def speed(
     >>> print(f"{speed(run, (40, 60)):.4f}, sound speed {spring.sound_speed(1.0):.4f} sites/s")
     1.2105, sound speed 1.2247 sites/s
     """
-    if not isinstance(run, Run):
-        raise TensegrityError(f"run is {type(run).__name__}, not a Run")
     return speed_in(run.scene, run, where, numbers, between)
 
 
@@ -259,7 +257,8 @@ def duration(run: Run, bond: Index, level: Fraction = 0.05) -> float:
     return float(after[0] - before[-1])
 
 
-def tail_front(chain: Chain, state: State, level: float = 0.5) -> float:
+@checked
+def tail_front(chain: Chain, state: State, level: Fraction = 0.5) -> float:
     """Position of the front of the tail that follows the leading pulse, with site j at j.
 
     Parameters
@@ -280,10 +279,6 @@ def tail_front(chain: Chain, state: State, level: float = 0.5) -> float:
     TensegrityError
         Bad input; an undeformed chain; nothing behind the leading pulse.
     """
-    level = check.number("level", level, above=0, below=1)
-    if isinstance(chain, Ensemble):
-        raise TensegrityError("chain is an Ensemble: take one of its scenes")
-    check.kind("chain", chain, Chain)
     chain.energy(state)  # refuses what is no state of it
     r = chain.elongation(state.u)
     peaks = peak_bonds(r, PEAK_FRACTION)
@@ -297,15 +292,6 @@ def tail_front(chain: Chain, state: State, level: float = 0.5) -> float:
     if j + 1 == behind.size or behind[j + 1] == 0:
         return j + 0.5
     return j + 0.5 + float(np.log(behind[j] / threshold) / np.log(behind[j] / behind[j + 1]))
-
-
-def _columns(**given: ArrayLike) -> list[Array]:
-    """Arrays of one axis, of the same length and not empty; finite."""
-    arrays = [check.floats(name, value) for name, value in given.items()]
-    shape = arrays[0].shape
-    if len(shape) != 1 or not shape[0]:
-        raise TensegrityError(f"{next(iter(given))} has shape {shape}, must have one axis, (n,)")
-    return [check.vector(name, x, shape) for name, x in zip(given, arrays, strict=True)]
 
 
 def _parabola(r: Array, j: int) -> tuple[float, float]:
@@ -325,7 +311,7 @@ def peak(elongation: ArrayLike) -> tuple[float, float]:
     elongation : ndarray, (bonds,)
         At one instant [m].  The parabola through the extremum and its neighbours refines both.
     """
-    (r,) = _columns(elongation=elongation)
+    (r,) = check.columns(elongation=elongation)
     inner = [j for j in peak_bonds(r, PEAK_FRACTION) if 0 < j < len(r) - 1]
     if not inner:
         raise TensegrityError("no peak within the chain")
@@ -355,7 +341,7 @@ def width(x: Array, profile: ArrayLike, level: Fraction = 0.05) -> float:
         Bad input; a profile that does not fall to the level on both sides, or has noise, which
         crosses the level at once.
     """
-    x, profile = _columns(x=x, profile=profile)
+    x, profile = check.columns(x=x, profile=profile)
     if not np.all(np.diff(x) > 0):
         raise TensegrityError(f"x must increase, not by {np.diff(x).min():g}")
     noise = noise_of(x, profile)

@@ -20,6 +20,7 @@ from functools import lru_cache
 import numpy as np
 
 from tensegrity import check
+from tensegrity.checked import checked
 from tensegrity.errors import TensegrityError
 from tensegrity.notebook import progress
 from tensegrity.printing import printed
@@ -30,7 +31,7 @@ from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.dynamics import varied
 from tensegrity.scenes.force import depends_on_time
 from tensegrity.scenes.scene import State
-from tensegrity.typing import Array
+from tensegrity.typing import Array, Share
 from tensegrity.waves.family import Family
 from tensegrity.waves.solitary import SolitaryWave, solitary_wave
 
@@ -98,7 +99,8 @@ class Pulse:
     __repr__ = __str__
 
 
-def pulses(run: Run, row: int = -1, fraction: float = FRACTION) -> list[Pulse]:
+@checked
+def pulses(run: Run, row: int = -1, fraction: Share = FRACTION) -> list[Pulse]:
     """Pulses of a chain at a recorded instant, in the order of their places.
 
     Parameters
@@ -146,7 +148,7 @@ def pulses(run: Run, row: int = -1, fraction: float = FRACTION) -> list[Pulse]:
     """
     chain, row = chain_of(run), check_row(run, row)
     state = (x[row].tobytes() for x in (run.u, run.v))
-    return list(_found(chain, *state, check_fraction(fraction)))
+    return list(_found(chain, *state, fraction))
 
 
 @lru_cache(maxsize=SEEN)
@@ -154,14 +156,6 @@ def _found(chain: Chain, u: bytes, v: bytes, fraction: float) -> tuple[Pulse, ..
     """Pulses of a state, which other quantities of the same row need too."""
     state = State(np.frombuffer(u), np.frombuffer(v))
     return tuple(Instant(chain, state).pulses(fraction))
-
-
-def check_fraction(fraction: float) -> float:
-    """A fraction of the largest elongation, above 0 and at most 1."""
-    fraction = check.number("fraction", fraction, above=0)
-    if fraction > 1:
-        raise TensegrityError(f"fraction {fraction:g} must be at most 1")
-    return fraction
 
 
 def chain_of(run: Run) -> Chain:

@@ -20,7 +20,7 @@ from tensegrity.errors import TensegrityError
 from tensegrity.measure.noise import fitted_peaks, noise_of, refuse_plateau
 from tensegrity.measure.observables import PEAK_FRACTION
 from tensegrity.root import root
-from tensegrity.typing import Array, Flags, Fraction
+from tensegrity.typing import Array, Duration, Flags, Fraction
 
 CLOCK = 3e-6  # s: sampling interval of the paper's density plots
 LEVEL = 0.05  # of the largest peak: smaller ones do not count
@@ -224,8 +224,12 @@ def _within(t: Array, between: tuple[float, float]) -> Flags:
     return (t >= first) & (t <= last)
 
 
+@checked
 def sampled(
-    t: ArrayLike, force: ArrayLike, interval: float = CLOCK, phase: float = 0.0
+    t: ArrayLike,
+    force: ArrayLike,
+    interval: Duration = CLOCK,
+    phase: Annotated[float, ">= 0", "s"] = 0.0,
 ) -> tuple[Array, Array]:
     """A recorded force as an oscilloscope samples it.
 
@@ -250,8 +254,6 @@ def sampled(
     from scipy.interpolate import CubicSpline
 
     t, force, _ = _record(t, force)
-    interval = check.number("sampling interval", interval, above=0, unit="s")
-    phase = check.number("phase", phase, least=0, unit="s")
     if phase >= t[-1] - t[0]:
         raise TensegrityError(
             f"phase {phase:g} s must be below the length of the record, {t[-1] - t[0]:g} s"
@@ -366,16 +368,8 @@ def _record(
     standard deviation of its rows: given, or estimated if it is None."""
     if noise is not None:
         noise = check.number("noise", noise, least=0, unit="N")
-    t, force = check.floats("instants", t), check.floats("forces", force)
-    if t.ndim != 1 or len(t) < 2 or force.shape != t.shape:
-        raise TensegrityError(
-            f"instants of shape {t.shape} and forces of shape {force.shape} must both have the "
-            "shape (T,), T >= 2"
-        )
-    for name, x in (("instant", t), ("force", force)):
-        if not np.isfinite(x).all():
-            row = int(np.flatnonzero(~np.isfinite(x))[0])
-            raise TensegrityError(f"{name} {x[row]} of row {row} must be finite")
-    if not np.all(np.diff(t) > 0):
-        raise TensegrityError(f"instants must increase, not by {np.diff(t).min():g} s")
+    t, force = check.columns(t=t, force=force)
+    if len(t) < 2 or not np.all(np.diff(t) > 0):
+        least = np.diff(t).min(initial=0.0)
+        raise TensegrityError(f"t must increase over 2 instants or more, not by {least:g} s")
     return t, force, noise_of(t, force) if noise is None else noise

@@ -12,11 +12,12 @@ import math
 from collections.abc import Iterable
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
 from tensegrity import check
+from tensegrity.checked import checked
 from tensegrity.engine.disk_cache import cached
 from tensegrity.engine.law import DerivedLaw, Law
 from tensegrity.engine.programs import derived as program_of
@@ -27,6 +28,7 @@ from tensegrity.printing import call
 from tensegrity.root import root
 from tensegrity.springs.potential import Potential
 from tensegrity.springs.provenance import potential_of_law
+from tensegrity.typing import Length
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -199,7 +201,10 @@ def _roles() -> dict[str, str]:
     return cached(("roles of the rigid law",), make)
 
 
-def member_stiffness(modulus: float, area: float, length: float) -> float:
+@checked
+def member_stiffness(
+    modulus: Annotated[float, "> 0", "Pa"], area: Annotated[float, "> 0", "m^2"], length: Length
+) -> float:
     """Spring constant of a member, EA over its natural length.
 
     Parameters
@@ -229,9 +234,6 @@ def member_stiffness(modulus: float, area: float, length: float) -> float:
     >>> f"{member_stiffness(modulus=210e9, area=36.6e-6, length=0.1623):.6g} N/m"
     '4.73567e+07 N/m'
     """
-    modulus = check.number("modulus", modulus, above=0, unit="Pa")
-    area = check.number("area", area, above=0, unit="m^2")
-    length = check.number("length", length, above=0, unit="m")
     return check.number("stiffness", modulus * area / length, above=0, unit="N/m")
 
 

@@ -11,12 +11,13 @@ from typing import NamedTuple
 import numpy as np
 
 from tensegrity import check
+from tensegrity.checked import checked
 from tensegrity.errors import TensegrityError
 from tensegrity.printing import concise
 from tensegrity.prisms.problem import EquilibriumPath
 from tensegrity.prisms.stack import symmetric_nodes
 from tensegrity.structures.structure_path import StructurePath
-from tensegrity.typing import Array
+from tensegrity.typing import Array, Length
 
 
 class BarContact(NamedTuple):
@@ -31,7 +32,8 @@ class BarContact(NamedTuple):
         return concise(self)
 
 
-def bar_contact(path: EquilibriumPath | StructurePath, diameter: float) -> BarContact | None:
+@checked
+def bar_contact(path: EquilibriumPath | StructurePath, diameter: Length) -> BarContact | None:
     """The first contact of bars of a given diameter along a path.
 
     Parameters
@@ -52,7 +54,6 @@ def bar_contact(path: EquilibriumPath | StructurePath, diameter: float) -> BarCo
     TensegrityError
         If the diameter is not positive, or `path` is no equilibrium path.
     """
-    diameter = check.number("diameter", diameter, above=0, unit="m")
     if isinstance(path, EquilibriumPath):
         start = int(np.argmin(np.abs(path.shortening)))
         n = path.prism.sides

@@ -13,16 +13,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
 from tensegrity import check, plotting
+from tensegrity.checked import checked
 from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.printing import Lines, Printed
 from tensegrity.prisms.curve import NAMES, NO_CURVE, RESOLVED, Misfit, intervals, traced_loads
 from tensegrity.prisms.measured import read_curve
 from tensegrity.prisms.prism import Prism
+from tensegrity.typing import Fraction
 from tensegrity.unit_names import in_units
 
 if TYPE_CHECKING:
@@ -97,7 +99,8 @@ class Fit(Printed):
         inside = np.einsum("ij,jk,ik->i", self.jacobian, self.covariance, self.jacobian)
         return np.asarray(np.sqrt(np.maximum(inside, 0.0)))
 
-    def intervals(self, level: float = 0.95) -> dict[str, tuple[float, float]]:
+    @checked
+    def intervals(self, level: Fraction = 0.95) -> dict[str, tuple[float, float]]:
         """Confidence intervals of the parameters by profile likelihood.
 
         An interval holds the values of one parameter at which the sum of squared residuals,
@@ -125,7 +128,6 @@ class Fit(Printed):
             If the fit lies at the border of the prisms with equilibria at all points, where the
             residuals are not minimal; or if an end was not found.
         """
-        level = check.number("level", level, above=0, below=1)
         return intervals(
             self.prism, self.offset, self.shortening, self.load, self.names, self.noise,
             self._quantile(level),
@@ -169,13 +171,14 @@ class Fit(Printed):
         return drawn
 
 
+@checked
 def fit(
     shortening: ArrayLike | str | PathLike[str],
     load: ArrayLike | None,
     prism: Prism,
     free: Sequence[str] = ("prestrain", "k_base"),
     offset: bool = True,
-    noise: float | None = None,
+    noise: Annotated[float, "> 0", "<= 1e100", "N"] | None = None,
 ) -> Fit:
     """Fit a prism to a measured curve of load against shortening by least squares.
 
@@ -227,15 +230,10 @@ def fit(
     [0.0972, 0.1029]
     """
     x, y = _read_points(shortening, load)
-    check.kind("prism", prism, Prism, ": where the fit starts")
     if prism.is_rigid:
         raise TensegrityError("k_base inf and k_bar inf: the prism must have elastic members")
     free = _checked_names(free, prism)
-    names = (*free, "offset") if check.truth("offset", offset) else free
-    if noise is not None:
-        noise = check.number("noise", noise, above=0, unit="N")
-        if noise > 1e100:
-            raise TensegrityError(f"noise {noise:g} N must be at most 1e100 N")
+    names = (*free, "offset") if offset else free
     count = len(names)
     if len(x) < count + (noise is None):
         raise TensegrityError(
@@ -382,11 +380,8 @@ def _checked_names(free: Any, prism: Prism) -> tuple[str, ...]:
 def _read_points(shortening: Any, load: Any) -> tuple[Array, Array]:
     if load is None:
         shortening, load = read_curve(shortening, "m", "N")
-    x = check.floats("shortening", shortening)
-    y = check.floats("load", load)
-    if x.ndim != 1 or y.shape != x.shape:
-        raise TensegrityError(f"shortening {x.shape} and load {y.shape} must be of one length")
-    return check.vector("shortening", x, x.shape), check.vector("load", y, x.shape)
+    x, y = check.columns(shortening=shortening, load=load)
+    return x, y
 
 
 def _sign_runs(residuals: Array) -> tuple[int, float]:

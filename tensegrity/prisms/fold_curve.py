@@ -7,16 +7,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from tensegrity import check
 from tensegrity.branches.continuation import Settings
 from tensegrity.branches.folds import fold_problem, fold_start, refined_fold
 from tensegrity.branches.problem import Problem, trace
 from tensegrity.branches.table import Table
+from tensegrity.checked import checked
 from tensegrity.errors import TensegrityError
 from tensegrity.once import once
 from tensegrity.prisms.equations import kind_of, numbers, problem
 from tensegrity.prisms.prism import Prism
 from tensegrity.prisms.problem import STATE
+from tensegrity.typing import NotNegative
 
 PRESTRAIN = 1  # index of the prestrain in the parameters of `equations.problem`
 SETTINGS = Settings(tolerance=1e-7, largest=0.05)
@@ -27,7 +28,8 @@ def _folds(rigid_base: bool, any_sides: bool) -> Problem:
     return fold_problem(problem(rigid_base, any_sides), "fold", PRESTRAIN)
 
 
-def limit_load(prism: Prism, prestrain: float) -> Table:
+@checked
+def limit_load(prism: Prism, prestrain: NotNegative) -> Table:
     """Limit load of a prism over a range of prestrains, by continuation of the limit point.
 
     Parameters
@@ -49,8 +51,6 @@ def limit_load(prism: Prism, prestrain: float) -> Table:
     TensegrityError
         If the prism is rigid or has no limit point, or the prestrain is that of the prism.
     """
-    check.kind("prism", prism, Prism)
-    prestrain = check.number("prestrain", prestrain, least=0)
     if prism.is_rigid:
         raise TensegrityError("limit_load needs elastic bases or bars: k_base, k_bar are inf")
     if prestrain == prism.prestrain:

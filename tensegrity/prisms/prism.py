@@ -11,18 +11,28 @@ from __future__ import annotations
 import contextlib
 import math
 from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, overload
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity import check
+from tensegrity.checked import checked
 from tensegrity.errors import NoLocking, TensegrityError
 from tensegrity.notebook import page
 from tensegrity.printing import call, filled
 from tensegrity.prisms.closed import assembled, exact, rigid_potential
 from tensegrity.springs.potential import Potential
 from tensegrity.structures.structure import Structure
+from tensegrity.typing import (
+    Distance,
+    Length,
+    NotNegative,
+    Preload,
+    Sides,
+    Stiffness,
+    StiffnessOrInf,
+)
 from tensegrity.unit_names import in_units
 
 if TYPE_CHECKING:
@@ -46,6 +56,7 @@ class NaturalLengths(NamedTuple):
         return f"cross {self.cross:.6g} m, base {self.base:.6g} m, bar {self.bar:.6g} m"
 
 
+@checked
 @dataclass(frozen=True)
 class Prism:
     """A regular tensegrity prism, triangular by default.
@@ -84,21 +95,15 @@ class Prism:
     2.77758
     """
 
-    base: float
-    height: float
-    prestrain: float
-    k_cross: float
-    k_base: float = math.inf
-    k_bar: float = math.inf
-    sides: int = 3
+    base: Length
+    height: Length
+    prestrain: NotNegative
+    k_cross: Stiffness
+    k_base: StiffnessOrInf = math.inf
+    k_bar: StiffnessOrInf = math.inf
+    sides: Sides = 3
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "sides", check.whole("sides", self.sides, least=3))
-        for name, unit in (("base", "m"), ("height", "m"), ("k_cross", "N/m")):
-            self._check(name, above=0, unit=unit)
-        self._check("prestrain", least=0)
-        for name in ("k_base", "k_bar"):
-            self._check(name, above=0, finite=False, unit="N/m")
         if self.natural_lengths().base <= 0:
             (least,) = map(float, exact("least k_base", self))
             raise TensegrityError(
@@ -107,15 +112,16 @@ class Prism:
             )
 
     @classmethod
+    @checked
     def from_members(
         cls,
-        cross: float,
-        base: float,
-        bar: float,
-        k_cross: float,
-        k_base: float = math.inf,
-        k_bar: float = math.inf,
-        sides: int = 3,
+        cross: Length,
+        base: Length,
+        bar: Length,
+        k_cross: Stiffness,
+        k_base: StiffnessOrInf = math.inf,
+        k_bar: StiffnessOrInf = math.inf,
+        sides: Sides = 3,
     ) -> Prism:
         """The self-stressed prism assembled from members of given natural lengths.
 
@@ -141,16 +147,9 @@ class Prism:
             If the bars are too short to stress the strings, or the cross strings too short for
             the base, so that the self-stressed height would not be positive.
         """
-        given = {"cross": cross, "base": base, "bar": bar}
-        lengths = [check.number(name, x, above=0, unit="m") for name, x in given.items()]
-        k_cross = check.number("k_cross", k_cross, above=0, unit="N/m")
-        stiff = [
-            check.number(name, k, above=0, finite=False, unit="N/m")
-            for name, k in (("k_base", k_base), ("k_bar", k_bar))
-        ]
-        sides = check.whole("sides", sides, least=3)
-        fields = assembled(lengths, [k_cross, *stiff], sides)
-        return cls(fields[0], fields[1], fields[2], k_cross, stiff[0], stiff[1], sides)
+        stiff = k_cross, k_base, k_bar
+        base, height, prestrain = assembled([cross, base, bar], stiff, sides)
+        return cls(base, height, prestrain, *stiff, sides)
 
     def structure(self, mass: ArrayLike = 1.0) -> Structure:
         """The prism as a structure, with all coordinates of its nodes free.
@@ -271,9 +270,6 @@ class Prism:
 
         return stacked(self, count, chirality, plates, periodic)
 
-    def _check(self, name: str, **bounds: Any) -> None:
-        object.__setattr__(self, name, check.number(name, getattr(self, name), **bounds))
-
     def __repr__(self) -> str:
         given = {name: value for name, value in asdict(self).items() if value != math.inf}
         if self.sides == 3:
@@ -353,11 +349,12 @@ class Prism:
         (stiffness,) = exact("axial stiffness", self)
         return float(stiffness)
 
+    @checked
     def problem(
         self,
         *,
-        min_height: float = 0.0,
-        max_load: float = math.inf,
+        min_height: Distance = 0.0,
+        max_load: Annotated[float, "> 0", "or inf", "N"] = math.inf,
         max_height: float | None = None,
         past_contact: bool = False,
     ) -> PrismProblem:
@@ -380,12 +377,10 @@ class Prism:
         """
         from tensegrity.prisms.problem import PrismProblem
 
-        past_contact = check.truth("past_contact", past_contact)
-        least = check.number("min_height", min_height, least=0, unit="m")
-        most = check.number("max_load", max_load, above=0, finite=False, unit="N")
-        if least >= self.height:
+        if min_height >= self.height:
             raise TensegrityError(
-                f"min_height {least:g} m must be below the height {self.height:g} m of the prism"
+                f"min_height {min_height:g} m must be below the height {self.height:g} m of the "
+                "prism"
             )
         if self.is_rigid and past_contact:
             raise TensegrityError(
@@ -395,10 +390,11 @@ class Prism:
         if max_height is not None:
             most_height = check.number("max_height", max_height, above=self.height, unit="m")
             above = PrismProblem(self, 1, {"height": most_height}, past_contact)
-        until = {"load": most} | ({"height": least} if least else {})
+        until = {"load": max_load} | ({"height": min_height} if min_height else {})
         return PrismProblem(self, -1, until, past_contact, above)
 
-    def potential(self, preload: float = 0.0) -> Potential:
+    @checked
+    def potential(self, preload: Preload = 0.0) -> Potential:
         """Axial potential of the prism, for use as a spring of a chain.
 
         Parameters
@@ -428,7 +424,6 @@ class Prism:
         >>> round(float(spring.tension(-0.01)), 6)
         -0.030852
         """
-        preload = check.number("preload", preload, least=0, unit="N")
         if not self.is_rigid:
             from tensegrity.prisms.condensed import ElasticPotential
 

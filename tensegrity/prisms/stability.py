@@ -11,17 +11,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
-from tensegrity import check
 from tensegrity.branches.problem import trace
 from tensegrity.branches.table import Table
-from tensegrity.errors import TensegrityError
+from tensegrity.checked import checked
 from tensegrity.prisms.prism import Prism
 from tensegrity.prisms.stack import symmetric_nodes
 from tensegrity.structures.supports import Supports, plates
-from tensegrity.typing import Array, Flags
+from tensegrity.typing import Array, Count, Flags
 
 SUPPORTS = ("plates", "tilting")
 """Upper nodes on a guided plate, at a common height; or free to tilt, each at its own height."""
@@ -44,8 +44,9 @@ class StabilityLoss:
     symmetric: bool
 
 
+@checked
 def lowest(
-    prism: Prism, path: Table, support: str = "plates", count: int = 4
+    prism: Prism, path: Table, support: Annotated[str, SUPPORTS] = "plates", count: Count = 4
 ) -> tuple[Array, Flags]:
     """Lowest eigenvalues of the tangent stiffness along a symmetric path.
 
@@ -71,11 +72,7 @@ def lowest(
     TensegrityError
         If an argument is outside its bounds, or the prism has rigid members.
     """
-    check.kind("prism", prism, Prism)
-    supports = _held(support, prism.sides)
-    check.kind("path", path, Table)
-    count = check.whole("count", count, least=1)
-    s = prism.structure()
+    supports, s = _held(support, prism.sides), prism.structure()
     modes = [
         s.at(x).modes(count, supports)
         for x in symmetric_nodes(prism.sides, path.base, path.twist, path.height)
@@ -86,7 +83,8 @@ def lowest(
     )
 
 
-def first_loss(prism: Prism, support: str = "plates") -> StabilityLoss:
+@checked
+def first_loss(prism: Prism, support: Annotated[str, SUPPORTS] = "plates") -> StabilityLoss:
     """First loss of stability under dead load along the compressive path.
 
     Parameters
@@ -105,7 +103,6 @@ def first_loss(prism: Prism, support: str = "plates") -> StabilityLoss:
     EquilibriumError
         If the prism has no prestrain, so that a motion has no stiffness at rest.
     """
-    check.kind("prism", prism, Prism)
     n, supports = prism.sides, _held(support, prism.sides)
     loads = {node: (0.0, 0.0, -1 / n) for node in range(n, 2 * n)}
     path = trace(prism.structure().problem(supports, loads, branch="symmetric"))
@@ -116,10 +113,6 @@ def first_loss(prism: Prism, support: str = "plates") -> StabilityLoss:
 
 
 def _held(support: str, sides: int) -> Supports:
-    if not isinstance(support, str) or support not in SUPPORTS:
-        raise TensegrityError(
-            f"support {check.shown(support)} must be one of {', '.join(SUPPORTS)}"
-        )
     return plates(range(sides), range(sides, 2 * sides) if support == "plates" else ())
 
 

@@ -6,12 +6,13 @@ Members have no thickness.  Source: the talk, part III, chains of prisms.
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Annotated, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity import check
+from tensegrity.checked import checked
 from tensegrity.errors import TensegrityError
 from tensegrity.lattices.bloch import PeriodicBonds
 from tensegrity.lattices.lattice import Lattice
@@ -20,11 +21,13 @@ from tensegrity.scenes.network import Network
 from tensegrity.structures.structure import Structure
 from tensegrity.typing import Array
 
+Chirality: TypeAlias = Annotated[str, ("alternate", "same")]  # of neighbouring units
 PER_SIDE = 1400  # bytes of memory per side of each prism of a column
 
 
+@checked
 def stacked(
-    prism: Any, count: int | None, chirality: str, plates: Any, periodic: bool
+    prism: Any, count: int | None, chirality: Chirality, plates: Any, periodic: bool
 ) -> Structure | Lattice | Network | PeriodicBonds:
     """The structure or lattice of a column; `Prism.column` documents the arguments.
 
@@ -47,7 +50,7 @@ def stacked(
         If an argument is outside its bounds, the column exceeds the memory, members are rigid, or
         the units do not repeat.
     """
-    periodic, heavy = check.truth("periodic", periodic), isinstance(plates, (tuple, list))
+    heavy = isinstance(plates, (tuple, list))
     plates = (
         check.sequence("plates", plates, "2 numbers") if heavy else check.truth("plates", plates)
     )
@@ -85,8 +88,6 @@ def stacked(
 def _checked(prism: Any, count: int | None, chirality: str, plates: Any, periodic: bool) -> int:
     """The number of units, after all arguments are checked."""
     heavy = not isinstance(plates, bool)
-    if not isinstance(chirality, str) or chirality not in ("alternate", "same"):
-        raise TensegrityError(f"chirality {check.shown(chirality)} must be 'alternate' or 'same'")
     repeat = 2 if chirality == "alternate" else 1 if heavy else 4 // math.gcd(4, prism.sides + 2)
     count = check.whole("count", (repeat if periodic else 5) if count is None else count, least=1)
     check.memory(f"a column of {count} prisms", PER_SIDE * prism.sides * count)

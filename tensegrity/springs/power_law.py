@@ -14,7 +14,7 @@ from tensegrity.checked import checked
 from tensegrity.engine.law import DerivedLaw, Law
 from tensegrity.printing import call
 from tensegrity.springs.potential import Potential
-from tensegrity.typing import Length, Positive
+from tensegrity.typing import Length, Positive, Preload
 
 if TYPE_CHECKING:
     import sympy as sp
@@ -67,7 +67,7 @@ class PowerLaw(Potential):
         self,
         stiffness: Annotated[float, "> 0", "N/m^n"],
         exponent: Positive,
-        preload: Annotated[float, ">= 0", "N"] = 0.0,
+        preload: Preload = 0.0,
         length: Length | None = None,
     ) -> None:
         try:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from tensegrity import check
+from tensegrity.checked import checked
 from tensegrity.engine.law import Law
 from tensegrity.once import once
 from tensegrity.printing import call
@@ -13,17 +13,16 @@ from tensegrity.scenes.network import Network
 from tensegrity.springs.kinks import TAUT
 from tensegrity.springs.potential import Potential
 from tensegrity.structures.members import Members
-from tensegrity.typing import Array
+from tensegrity.typing import Array, Length, Stiffness
 
 SMALLEST = 1e-100  # elongation above which a string has tension [m]
 
 
+@checked
 class _Member(Potential):
     tension_only = False
 
-    def __init__(self, stiffness: float, length: float) -> None:
-        stiffness = check.number("stiffness", stiffness, above=0, unit="N/m")
-        length = check.number("length", length, above=0, unit="m")
+    def __init__(self, stiffness: Stiffness, length: Length) -> None:
         values = [stiffness, TAUT * length] if self.tension_only else [stiffness]
         self._set(_law(self.tension_only), values, length, (-math.inf, math.inf))
         self.kinks = ((0.0, stiffness, 1.0, 1.0),) if self.tension_only else ()

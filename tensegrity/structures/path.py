@@ -70,7 +70,7 @@ def loaded(
     """
     if supports is None:
         raise TensegrityError("a path of a structure needs supports: held(...) or plates(...)")
-    check.kind("supports", supports, Supports, ": made by held(...) or plates(...)")
+    check.kind("supports", supports, Supports)
     max_load = check.number("max_load", max_load, above=0, finite=False, unit="N")
     max_shortening = check.number("max_shortening", max_shortening, above=0, finite=False, unit="m")
     _refuse_unknown(branch)

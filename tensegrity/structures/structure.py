@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity import check, plotting
+from tensegrity.checked import checked
 from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.printing import Lines, Printed, listed, span
 from tensegrity.scenes.network import Network
@@ -29,7 +30,7 @@ from tensegrity.structures.members import (
 )
 from tensegrity.structures.modes import StructureModes
 from tensegrity.structures.supports import Freedom, Supports
-from tensegrity.typing import Array
+from tensegrity.typing import Array, Count
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -194,7 +195,8 @@ class Structure(Printed, Framework):
 
         return csr_array(self.members.tangent(self.positions))
 
-    def modes(self, count: int = 6, supports: Supports | None = None) -> StructureModes:
+    @checked
+    def modes(self, count: Count = 6, supports: Supports | None = None) -> StructureModes:
         """The softest modes that the supports permit, without rigid motions.
 
         Parameters
@@ -208,7 +210,6 @@ class Structure(Printed, Framework):
         -------
         StructureModes
         """
-        count = check.whole("count", count, least=1)
         freedom = self.freedom(supports)
         tangent, mass = self.members.tangent(self.positions), np.repeat(self.mass, self.dim)
         squares, vectors = freedom.lowest(tangent, mass, count)
@@ -235,7 +236,7 @@ class Structure(Printed, Framework):
     def freedom(self, supports: Supports | None) -> Freedom:
         """The motions that supports and platforms permit."""
         if supports is not None:
-            check.kind("supports", supports, Supports, ": made by held(...) or plates(...)")
+            check.kind("supports", supports, Supports)
         return self._freedom(supports)
 
     @cached_property

@@ -37,6 +37,7 @@ class Supports:
     lower: tuple[int, ...] = ()
     upper: tuple[int, ...] = ()
     normal: tuple[float, ...] | None = None
+    _given_by = ": made by held(...) or plates(...)"
 
     def __add__(self, other: Supports) -> Supports:
         check.kind("supports", other, Supports)

@@ -18,7 +18,7 @@ def largest_speed(
     potential: Potential,
     mass: Mass = 1.0,
     family: str | None = None,
-    closest: Annotated[float, f">= {1 - STROKE}"] = 1e-3,
+    closest: Annotated[float, f">= {1 - STROKE}", "<= 0.1"] = 1e-3,
 ) -> float:
     """The limiting speed of a family of waves.
 
@@ -47,8 +47,6 @@ def largest_speed(
     speed is extrapolated in that root, to a relative error of about 1e-5, which a second value of
     `closest` estimates.
     """
-    if closest > 0.1:
-        raise TensegrityError(f"closest {closest:g} must be at most 0.1")
     sign, number = sign_and_number(potential, family, None)
     side = Family(potential, sign, number or 0)
     if math.isfinite(side.rising_part.ceiling):
