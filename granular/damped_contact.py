@@ -27,7 +27,7 @@ from granular.dissipation import (
 from tensegrity import Force, PowerLaw, TensegrityError, check
 from tensegrity.checked import checked
 from tensegrity.once import once
-from tensegrity.typing import Positive, Share, Speed
+from tensegrity.typing import FractionOrOne, Positive, Speed
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -189,7 +189,11 @@ def _solved(model: Dissipation, contact: Contact, mass: float, e: float, speed: 
 
 @checked
 def _law(
-    model: Dissipation, name: str, constant: Any, restitution: Share | None, speed: Speed | None
+    model: Dissipation,
+    name: str,
+    constant: Any,
+    restitution: FractionOrOne | None,
+    speed: Speed | None,
 ) -> ContactLaw:
     """A contact law of a model, given by its constant, or by a restitution at a speed."""
     if (constant is None) == (restitution is None) or (restitution is None) != (speed is None):

@@ -23,7 +23,7 @@ Number = TypeVar("Number", float, Array)  # the result has the type of the argum
 Positive: TypeAlias = Annotated[float, "> 0"]
 NotNegative: TypeAlias = Annotated[float, ">= 0"]
 Fraction: TypeAlias = Annotated[float, "> 0", "< 1"]
-Share: TypeAlias = Annotated[float, "> 0", "<= 1"]
+FractionOrOne: TypeAlias = Annotated[float, "> 0", "<= 1"]
 Quantile: TypeAlias = Annotated[float, ">= 0", "<= 1"]
 Length: TypeAlias = Annotated[float, "> 0", "m"]
 Distance: TypeAlias = Annotated[float, ">= 0", "m"]

@@ -21,7 +21,7 @@ from tensegrity.runs.run import Run
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.scene import State
 from tensegrity.springs.potential import Potential
-from tensegrity.typing import Array, Share
+from tensegrity.typing import Array, FractionOrOne
 
 NOTHING = 1e-6  # of the incident amplitude: smaller peaks are not pulses
 QUIET = 1e-3  # of the incident amplitude: largest elongation at an end that no wave has reached
@@ -119,7 +119,7 @@ class Transmission(Printed):
 
 
 @checked
-def transmission(run: Run, row: int = -1, fraction: Share = FRACTION) -> Transmission:
+def transmission(run: Run, row: int = -1, fraction: FractionOrOne = FRACTION) -> Transmission:
     """Reflected and transmitted pulses of a wave at the interface of two chains.
 
     Parameters

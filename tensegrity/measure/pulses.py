@@ -31,7 +31,7 @@ from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.dynamics import varied
 from tensegrity.scenes.force import depends_on_time
 from tensegrity.scenes.scene import State
-from tensegrity.typing import Array, Share
+from tensegrity.typing import Array, FractionOrOne
 from tensegrity.waves.family import Family
 from tensegrity.waves.solitary import SolitaryWave, solitary_wave
 
@@ -100,7 +100,7 @@ class Pulse:
 
 
 @checked
-def pulses(run: Run, row: int = -1, fraction: Share = FRACTION) -> list[Pulse]:
+def pulses(run: Run, row: int = -1, fraction: FractionOrOne = FRACTION) -> list[Pulse]:
     """Pulses of a chain at a recorded instant, in the order of their places.
 
     Parameters
