@@ -87,6 +87,7 @@ def test_bifurcations_say_how_many_branches_leave(count):
     [
         ({"until": {"height": 1.0}}, "until: column 'height' is not one of w, load, energy"),
         ({"at": {"load": "much"}}, "at load"),
+        ({"until": {"w": np.nan}}, "until w is nan"),
         ({"at": [1.0]}, r"at \[1.0\] must be a dict"),
         ({"stop": ("nowhere",)}, "stop 'nowhere' is not among"),
     ],
@@ -103,6 +104,13 @@ def test_what_is_no_problem_is_refused():
         trace(Problem(("w", "load"), lambda u: u, start=(RISE, 0.0)))
     with pytest.raises(TensegrityError, match="must be a function"):
         Problem(("w", "load"), 3.0)
+    with pytest.raises(TensegrityError, match="must be different names"):
+        Problem(("w", "w"), lambda u: u[:1], start=(RISE, 0.0))
+    w, stray = ca.SX.sym("w"), ca.SX.sym("stray")
+    with pytest.raises(TensegrityError, match="stray: neither an unknown nor in p"):
+        Problem({"w": w, "load": ca.SX.sym("load")}, [w * stray], start=(RISE, 0.0))
+    with pytest.raises(TensegrityError, match="unknown w w is not a"):
+        Problem({"w": sp.Symbol("w"), "load": w}, [w], start=(RISE, 0.0))
 
 
 # --- prisms --------------------------------------------------------------------------------------

@@ -50,7 +50,7 @@ def test_each_job_has_a_page_with_code():
     jobs = {"curve", "wave", "impact", "beads", "protector", "structure", "gradients"}
     jobs |= {"potential", "method", "runs", "fits"}
     assert {f"guide/{job}" for job in jobs} | {"index", "extend", "house"} <= set(PAGES)
-    assert len(examples.BLOCK.findall(PAGES["extend"])) == 6
+    assert len(examples.BLOCK.findall(PAGES["extend"])) == 9
 
 
 @pytest.mark.parametrize("name", PAGES)

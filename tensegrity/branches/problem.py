@@ -161,8 +161,8 @@ class Problem:
 
     def __post_init__(self) -> None:
         names = check.sequence("unknowns", self.unknowns, "names")
-        if not names or not all(isinstance(name, str) for name in names):
-            raise TensegrityError(f"unknowns {check.shown(self.unknowns)} must be names")
+        if not all(isinstance(name, str) for name in names) or not 0 < len({*names}) == len(names):
+            raise TensegrityError(f"unknowns {check.shown(self.unknowns)} must be different names")
         given: dict[str, Any] = self.__dict__
         for name in ("events", "columns", "until"):
             check.kind(name, given[name], Mapping)
@@ -171,6 +171,8 @@ class Problem:
         if symbolic:
             import casadi as ca
 
+            for name, symbol in self.unknowns.items():
+                check.kind(f"unknown {name}", symbol, ca.SX)
             given["p"] = ca.SX.sym("p", 0) if self.p is None else ca.SX(self.p)
             for name in ("equations", "size"):
                 if isinstance(given[name], (list, tuple)):
@@ -181,17 +183,18 @@ class Problem:
                     f"{n} equations and {symbols} symbols do not suit {m} unknowns, "
                     f"must be {m - 1} and {m}"
                 )
+            known = {one.element_hash() for one in ca.symvar(ca.vertcat(self.z, given["p"]))}
+            said = ca.vertcat(self.equations, *self.events.values(), *self.columns.values())
+            if free := [str(x) for x in ca.symvar(said) if x.element_hash() not in known]:
+                raise TensegrityError(f"{', '.join(free)}: neither an unknown nor in p")
         elif not callable(self.equations):
             raise TensegrityError(
                 f"equations {check.shown(self.equations)} of unknowns without symbols must be a "
                 "function of an array"
             )
-        scale = (1.0,) * m if self.scale is None else self.scale
-        scale = check.vector("scale", scale, (m,)).tolist()
-        given["scale"] = tuple(
-            check.number(f"scale of {name}", s, above=0)
-            for name, s in zip(names, scale, strict=True)
-        )
+        scale = check.vector("scale", np.ones(m) if self.scale is None else self.scale, (m,))
+        pairs = zip(names, scale.tolist(), strict=True)
+        given["scale"] = tuple(check.number(f"scale of {name}", s, above=0) for name, s in pairs)
         if self.folds is None:
             given["folds"] = {"fold": self.z[m - 1] if symbolic else names[-1]}
         make = (lambda: CompiledStepper(self, _layout(self))) if symbolic else (
@@ -424,7 +427,7 @@ def _values(what: str, problem: Problem, given: Any) -> dict[str, Any]:
             raise TensegrityError(
                 f"{what}: column {check.shown(name)} is not one of {', '.join(problem.names)}"
             )
-        check.numbers(f"{what} {name}", values, "")
+        check.finite(f"{what} {name}", check.floats(f"{what} {name}", values))
     return dict(given)
 
 

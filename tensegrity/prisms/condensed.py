@@ -146,9 +146,19 @@ class ElasticLaw:
 def function(name: str, rigid_base: bool, any_sides: bool = False) -> Any:
     """A compiled function of the unknowns and the parameters of `equations.problem`.
 
-    Each is compiled when it is first needed: "step", a Newton step at given height; "value_0" to
-    "value_3", the energy and its derivatives in the height; "tangent"; and "guess", a function of
-    elongation and parameters of an `ElasticLaw`.
+    Parameters
+    ----------
+    name : str
+        "step", a Newton step at given height; "value_0" to "value_3", the energy and its
+        derivatives in the height; "tangent"; or "guess", a function of elongation and parameters of
+        an `ElasticLaw`.
+    rigid_base, any_sides : bool
+        Which equations.
+
+    Returns
+    -------
+    function
+        Compiled when it is first needed.
     """
 
     def make() -> dict[str, Any]:

@@ -166,8 +166,20 @@ class Dynamics:
     def by_argument(
         self, name: str, by_mass: Array, by_spring: Callable[[str], Array], by_gap: Any
     ) -> Array:
-        """Derivatives by one of these, (sites,), from those by the masses (sites,), by a parameter
-        of each spring (bonds,), and by the gaps (bonds,) or None."""
+        """Derivatives by what a scene is made of, from those by what its motion depends on.
+
+        Parameters
+        ----------
+        name : str
+            An argument, such as the diameters of beads.
+        by_mass : ndarray, (sites,)
+        by_spring : callable, name of a spring's parameter -> ndarray, (bonds,)
+        by_gap : ndarray, (bonds,), or None
+
+        Returns
+        -------
+        ndarray, (sites,)
+        """
         return self.scene._by_argument(name, by_mass, by_spring, by_gap)
 
     # the scene's data in the form of the compiled loop
