@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from os import PathLike
     from typing import Any
 
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from numpy.typing import ArrayLike
 
@@ -114,7 +115,7 @@ def moving(
     widest: float | None = None,
     label: str | None = "",
     view: tuple[float, float] | None = None,
-) -> Callable[[int], None]:
+) -> Callable[[int], list[Artist]]:
     """Draw a run on axes; returns what shows one of its recorded instants there.
 
     Parameters
@@ -131,8 +132,8 @@ def moving(
 
     Returns
     -------
-    callable (int) -> None
-        Takes the number of a recorded instant.
+    callable (int) -> list of matplotlib.artist.Artist
+        Takes the number of a recorded instant; returns what has changed.
 
     Raises
     ------
@@ -172,11 +173,12 @@ def moving(
     magnified = "" if factor == 1 else f", displacements x {factor:g}"
     words = "" if picture.crowded else f"; widest line {widest:.3g} N"
 
-    def draw(row: int) -> None:
+    def draw(row: int) -> list[Artist]:
         picture.show(run.u[row], values[row])
         if not picture.crowded:
             picture.push(*forces(scene, run.u[row], factor), widest)
-        picture.ax.set_title(f"{_time(run, row)}{in_units(words)}{magnified}", fontsize=9)
+        title = f"{_time(run, row)}{in_units(words)}{magnified}"
+        return [picture.sites, picture.lines, picture.ax.set_title(title, fontsize=9)]
 
     return draw
 
@@ -206,7 +208,7 @@ def _values(run: Run, show: Any, label: str) -> tuple[Array, str]:
     return scene.site_energy(run), LABELS[show]
 
 
-def _profile(run: Run, ax: Axes, values: Array, words: str) -> Callable[[int], None]:
+def _profile(run: Run, ax: Axes, values: Array, words: str) -> Callable[[int], list[Artist]]:
     """Values along a chain."""
     if words == LABELS["energy"]:  # a logarithmic axis takes long to draw
         largest = float(values.max()) or 1.0
@@ -219,9 +221,9 @@ def _profile(run: Run, ax: Axes, values: Array, words: str) -> Callable[[int], N
     ax.set(xlabel="site" if len(place) == run.scene.sites else "bond", ylabel=in_units(words))
     ax.set(xlim=(0, len(place) - 1), ylim=(low - room, high + room))
 
-    def draw(row: int) -> None:
+    def draw(row: int) -> list[Artist]:
         line.set_ydata(values[row])
-        ax.set_title(_time(run, row), fontsize=10)
+        return [line, ax.set_title(_time(run, row), fontsize=10)]
 
     return draw
 

@@ -13,13 +13,15 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
+from tensegrity.notebook import progress
 from tensegrity.unit_names import in_units, is_si, unit_text
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Iterable, Iterator
     from os import PathLike
     from typing import Any, TypeVar
 
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
@@ -188,10 +190,12 @@ def film(
     path: str | PathLike[str],
     figure: Figure,
     frames: Iterable[Frame],
-    show: Callable[[Frame], object],
+    show: Callable[[Frame], Iterable[Artist] | None],
     rate: float = 12.0,
 ) -> None:
     """Write a figure as it is after `show(frame)`, for each frame, as a film.
+
+    A bar counts the frames, in a terminal.
 
     Parameters
     ----------
@@ -200,8 +204,9 @@ def film(
     figure : matplotlib.figure.Figure
         Of a size that stays.
     frames : iterable
-    show : callable (frame) -> None
-        Changes what is drawn.
+    show : callable (frame) -> iterable of matplotlib.artist.Artist, or None
+        Changes what is drawn.  If it returns which artists of axes it changes, always the same,
+        the rest is drawn once: what lies below them.
     rate : float, optional
         Frames in a second, at least 0.01.
 
@@ -222,11 +227,16 @@ def film(
         raise TensegrityError(
             f"{path}: a .mp4 needs the program ffmpeg, which is not there; a .gif needs none"
         )
-    with check.replacing(path) as new:
-        if mp4:
-            _mp4(new, figure, frames, show, rate)
-        else:
-            _gif(new, figure, frames, show, rate)
+    listed = list(frames)
+    with check.replacing(path) as new, progress(len(listed), "frame") as bar:
+
+        def counted() -> Iterator[Frame]:
+            for frame in listed:
+                yield frame
+                bar.update()
+
+        write = _mp4 if mp4 else _gif
+        write(new, figure, counted(), show, rate)
 
 
 def _mp4(new: Any, figure: Any, frames: Any, show: Any, rate: float) -> None:
@@ -241,16 +251,69 @@ def _mp4(new: Any, figure: Any, frames: Any, show: Any, rate: float) -> None:
 
 
 def _gif(new: Any, figure: Any, frames: Any, show: Any, rate: float) -> None:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from PIL import Image
 
-    canvas: Any = FigureCanvasAgg(figure)
-    images = []
-    for frame in frames:
-        show(frame)
-        canvas.draw()
-        figure.set_layout_engine("none")  # every frame is laid out as the first
-        image = Image.fromarray(np.array(canvas.buffer_rgba())).convert("RGB")
-        images.append(image.quantize(method=Image.Quantize.FASTOCTREE))
-    first, *rest = images
+    first, *rest = (
+        Image.fromarray(image).convert("RGB").quantize(method=Image.Quantize.FASTOCTREE)
+        for image in drawn(figure, frames, show)
+    )
     first.save(new, "GIF", save_all=True, append_images=rest, duration=round(1000 / rate), loop=0)
+
+
+def drawn(
+    figure: Figure, frames: Iterable[Frame], show: Callable[[Frame], Iterable[Artist] | None]
+) -> Iterator[NDArray[np.uint8]]:
+    """Pictures of a figure after `show(frame)`, for each frame, all laid out as the first.
+
+    Parameters
+    ----------
+    figure, frames, show
+        As of `film`.
+
+    Yields
+    ------
+    ndarray of uint8, (height, width, 4)
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    canvas: Any = FigureCanvasAgg(figure)
+    still: Any = None
+    again: list[Any] = []
+    try:
+        for number, frame in enumerate(frames):
+            moving = list(show(frame) or ())
+            if number and moving:
+                if still is None:
+                    again = _from_lowest(moving)
+                    for artist in again:
+                        artist.set_animated(True)  # left out when the whole is drawn
+                    canvas.draw()
+                    still = canvas.copy_from_bbox(figure.bbox)
+                canvas.restore_region(still)
+                for artist in again:
+                    artist.draw(canvas.get_renderer())
+            else:
+                canvas.draw()
+                figure.set_layout_engine("none")
+            yield np.array(canvas.buffer_rgba())
+    finally:
+        for artist in again:
+            artist.set_animated(False)
+
+
+def _from_lowest(moving: list[Any]) -> list[Any]:
+    """Artists, and all that is drawn over the lowest of them in its axes, in this order."""
+    from matplotlib.axis import Axis
+    from matplotlib.spines import Spine
+    from matplotlib.text import Text
+
+    found: list[Any] = []
+    for ax in dict.fromkeys(artist.axes for artist in moving):
+        lowest = min(artist.zorder for artist in moving if artist.axes is ax)
+        frame = () if ax.axison else (Axis, Spine)
+        for artist in sorted(ax.get_children(), key=lambda artist: artist.zorder):
+            below = artist is ax.patch or artist.zorder < lowest or isinstance(artist, frame)
+            beside = isinstance(artist, Text) and not artist.get_window_extent().overlaps(ax.bbox)
+            if artist in moving or not (below or beside):
+                found.append(artist)
+    return found

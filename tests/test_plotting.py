@@ -21,6 +21,7 @@ from tensegrity import (
     modes,
     objective,
     plates,
+    plotting,
     simulate,
     solitary_wave,
 )
@@ -212,6 +213,27 @@ def test_a_film_has_the_frames_that_were_asked_for_and_moves(name, tmp_path):
             frames.append(np.asarray(film.convert("RGB"), dtype=int))
     assert all(np.abs(one - frames[0]).max() > 50 for one in frames[1:])
     assert [p.name for p in tmp_path.iterdir()] == ["run.gif"]
+
+
+@pytest.mark.parametrize("of", ["profile", "map", "axes off"])
+def test_a_film_draws_again_what_moves_and_has_the_pixels_of_whole_drawings(of):
+    pictures = []
+    for whole in (False, True):
+        run = pack_run() if of == "map" else chain_run()
+        figure = Figure(figsize=(4.13, 3.17), dpi=83, layout="constrained")
+        ax = figure.subplots()
+        show = moving(run, ax)
+        ax.plot([0, 30], ax.get_ylim(), "C1", lw=9, alpha=0.5, zorder=2, label="over it")
+        ax.plot([0, 30], ax.get_ylim()[::-1], "C2", lw=9, alpha=0.5, zorder=1, label="below it")
+        ax.legend(loc="center")
+        ax.text(0.1, 0.5, "a text over what moves", transform=ax.transAxes)
+        if of == "axes off":
+            ax.set_axis_off()
+        given = (lambda row, show=show: show(row) and None) if whole else show
+        pictures.append(np.array(list(plotting.drawn(figure, [0, 2, 5, 1], given))))
+        assert not any(artist.get_animated() for artist in ax.get_children())
+    assert (pictures[0][0] != pictures[0][1]).any()
+    np.testing.assert_array_equal(*pictures)
 
 
 def test_a_pack_is_seen_from_any_side_with_far_beads_behind_and_slow_ones_clear(tmp_path):

@@ -87,3 +87,25 @@ def test_a_number_of_the_demonstration_that_is_wrong_is_seen():
     assert all(error <= bound for _, error, bound in demo.checks(found))
     late = found._replace(passed=found.passed + 0.001)
     assert [error <= bound for _, error, bound in demo.checks(late)] == [True, True, False, True]
+
+
+def test_an_interrupted_demonstration_keeps_what_is_done(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    whole = demo.draw
+
+    def draw(figure, found):
+        show, left = whole(figure, found), iter(range(4))
+
+        def stopped(part):
+            if next(left, None) is None:
+                raise KeyboardInterrupt
+            return show(part)
+
+        return stopped
+
+    monkeypatch.setattr(demo, "draw", draw)
+    assert demo.main() == demo.INTERRUPTED
+    assert [path.name for path in tmp_path.iterdir()] == ["tensegrity-demo.png"]
+    said = capsys.readouterr().out
+    assert "one instant\ninterrupted" in said
+    assert ".gif" not in said

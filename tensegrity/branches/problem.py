@@ -273,7 +273,7 @@ class Problem:
         """Columns of unknowns and tabulated values (rows, m + values)."""
         stepper = self._stepper
         columns = dict(zip((*stepper.names, *stepper.tabulated), data.T.copy(), strict=True))
-        for name in self.columns if callable(self.equations) else ():
+        for name in () if isinstance(stepper, CompiledStepper) else self.columns:
             columns[name] = np.array([float(self.columns[name](u)) for u in data])
         return columns
 

@@ -111,9 +111,9 @@ class Picture:
             size, size, 0 * size, units="xy", offset_transform=self.ax.transData, **style
         )
         self.sites.set_offsets(self._unit * places[self._order])
-        self._lines = LineCollection([], capstyle="round", zorder=3)
+        self.lines = LineCollection([], capstyle="round", zorder=3)
         self.ax.add_collection(self.sites)
-        self.ax.add_collection(self._lines)
+        self.ax.add_collection(self.lines)
         self.ax.set(aspect="equal", xlabel=f"x [{unit}]" if unit else "x")
         self._low, self._high = low, high
         self._frame(low, high)
@@ -183,10 +183,10 @@ class Picture:
 
     def paint(self, values: Array, of_sites: bool) -> Any:
         """Sites, or else bonds, in colours of values of either sign; what a scale belongs to."""
-        shown = self.sites if of_sites else self._lines
+        shown = self.sites if of_sites else self.lines
         if not of_sites:
-            self._lines.set_segments(list(self._unit * self._places[self._bonds]))
-            self._lines.set_linewidth(plotting.WIDEST / 2)
+            self.lines.set_segments(list(self._unit * self._places[self._bonds]))
+            self.lines.set_linewidth(plotting.WIDEST / 2)
             values = values[: len(self._bonds)]
         most = float(np.abs(values).max(initial=0.0)) or 1.0
         shown.set(array=values, cmap="RdBu_r", clim=(-most, most))
@@ -207,9 +207,9 @@ class Picture:
         size = np.abs(tension)
         order = np.argsort(size)[np.count_nonzero(size == 0) :]
         lines = self._unit * self._seen(ends)
-        self._lines.set_segments(list(lines[order]))
-        self._lines.set(linewidths=plotting.widths(size[order], widest, self._widest))
-        self._lines.set_color(["C3" if f < 0 else "C0" for f in tension[order]])
+        self.lines.set_segments(list(lines[order]))
+        self.lines.set(linewidths=plotting.widths(size[order], widest, self._widest))
+        self.lines.set_color(["C3" if f < 0 else "C0" for f in tension[order]])
 
 
 def _axes(dim: int, view: tuple[float, float] | None) -> tuple[Array, Array]:
