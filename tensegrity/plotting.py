@@ -229,14 +229,14 @@ def film(
         )
     listed = list(frames)
     with check.replacing(path) as new, progress(len(listed), "frame") as bar:
-
-        def counted() -> Iterator[Frame]:
-            for frame in listed:
-                yield frame
-                bar.update()
-
         write = _mp4 if mp4 else _gif
-        write(new, figure, counted(), show, rate)
+        write(new, figure, _counted(listed, bar), show, rate)
+
+
+def _counted(frames: Iterable[Frame], bar: Any) -> Iterator[Frame]:
+    for frame in frames:
+        yield frame
+        bar.update()
 
 
 def _mp4(new: Any, figure: Any, frames: Any, show: Any, rate: float) -> None:

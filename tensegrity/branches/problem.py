@@ -171,8 +171,6 @@ class Problem:
         if symbolic:
             import casadi as ca
 
-            for name, symbol in self.unknowns.items():
-                check.kind(f"unknown {name}", symbol, ca.SX)
             given["p"] = ca.SX.sym("p", 0) if self.p is None else ca.SX(self.p)
             for name in ("equations", "size"):
                 if isinstance(given[name], (list, tuple)):
@@ -183,10 +181,7 @@ class Problem:
                     f"{n} equations and {symbols} symbols do not suit {m} unknowns, "
                     f"must be {m - 1} and {m}"
                 )
-            known = {one.element_hash() for one in ca.symvar(ca.vertcat(self.z, given["p"]))}
-            said = ca.vertcat(self.equations, *self.events.values(), *self.columns.values())
-            if free := [str(x) for x in ca.symvar(said) if x.element_hash() not in known]:
-                raise TensegrityError(f"{', '.join(free)}: neither an unknown nor in p")
+            _refuse_other_symbols(self)
         elif not callable(self.equations):
             raise TensegrityError(
                 f"equations {check.shown(self.equations)} of unknowns without symbols must be a "
@@ -207,6 +202,8 @@ class Problem:
         """Symbols of the unknowns, (m,)."""
         import casadi as ca
 
+        for name, symbol in self.unknowns.items():
+            check.kind(f"unknown {name}", symbol, ca.SX)
         return ca.vertcat(*self.unknowns.values())
 
     @property
@@ -214,17 +211,8 @@ class Problem:
         return self._build_stepper()  # type: ignore[attr-defined]
 
     def changed(self, **fields: Any) -> Self:
-        """A copy with other values of some fields, which shares what is compiled.
-
-        Parameters
-        ----------
-        **fields
-            Any but those of which the compiled functions are made.
-
-        Returns
-        -------
-        Problem
-        """
+        """A copy with other values of some fields, but not of those of which compiled functions are
+        made: these are shared."""
         new = object.__new__(type(self))
         new.__dict__.update(self.__dict__, **fields)
         return new
@@ -285,6 +273,15 @@ class Problem:
     def table(self, path: Joined) -> Table:
         """The path as a table."""
         return Branch(path.columns, path.events, path.end)
+
+
+def _refuse_other_symbols(problem: Problem) -> None:
+    import casadi as ca
+
+    known = {one.element_hash() for one in ca.symvar(ca.vertcat(problem.z, problem.p))}
+    said = ca.vertcat(problem.equations, *problem.events.values(), *problem.columns.values())
+    if free := [str(one) for one in ca.symvar(said) if one.element_hash() not in known]:
+        raise TensegrityError(f"{', '.join(free)}: neither an unknown nor in p")
 
 
 _COMPILED = ("unknowns", "equations", "p", "scale", "size", "events", "folds", "columns")
@@ -385,8 +382,6 @@ def trace(
     >>> path = trace(truss, until={"w": -0.5}, at={"load": 0.01})
     >>> [(event.kind, round(event.w, 6)) for event in path.events]
     [('load', 0.473288), ('fold', 0.27788), ('load', 0.04273), ('flat', 0.0), ('fold', -0.27788)]
-    >>> print(path.end)
-    the requested w is reached
     """
     check.kind("problem", problem, Problem)
     given: dict[str, Any] = {"start": start, "parameters": parameters, "settings": settings}
