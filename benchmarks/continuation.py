@@ -23,7 +23,8 @@ from benchmarks import _auto
 from benchmarks._charts import FOLDER, charted
 from benchmarks._timing import record
 from tensegrity import Prism, equilibrium_paths
-from tensegrity.branches.continuation import Settings, trace
+from tensegrity.branches.continuation import Settings
+from tensegrity.branches.problem import trace
 from tensegrity.engine.threaded import processors
 from tensegrity.prisms.equations import numbers, problem
 

@@ -243,7 +243,7 @@ def _arrival(run, velocity):
         return None
     around = slice(max((k := peaks[0]) - 4, 0), k + 6)
     slope = BarycentricInterpolator(run.t[around], rise[around])
-    t = brentq(slope, run.t[k], run.t[k + 1], xtol=1e-14 * run.t[k], rtol=1e-14)
+    t = brentq(slope, run.t[k], run.t[k + 1], xtol=1e-14 * run.t[k + 1], rtol=1e-14)
     curve = CubicSpline(run.t, push)
     crossings = curve.solve(float(curve(t)) / 2, extrapolate=False)
     before, after = crossings[crossings < t], crossings[crossings > t]

@@ -178,7 +178,7 @@ def test_two_bar_truss_snaps_through_at_the_closed_form_load():
     apex = np.sqrt(cosine ** (-2 / 3) - 1) * SPAN / 2
     folds = of(two_bars(), "fold")
     assert np.allclose([e.load for e in folds], [limit, -limit], rtol=1e-14, atol=0)
-    assert np.allclose([e.shortening for e in folds], [0.5 - apex, 0.5 + apex], rtol=1e-14, atol=0)
+    assert np.allclose([e.shortening for e in folds], [0.5 - apex, 0.5 + apex], rtol=1e-13, atol=0)
     assert np.allclose(two_bars_in_closed_form()[1], [limit, -limit], rtol=1e-14, atol=0)
 
 

@@ -41,6 +41,8 @@ class Event:
         A description in words, or empty.
     units : dict of str to str
         Units of the columns, for printing.
+    multiplicity : int
+        Of a bifurcation: the dimension of the null space, less that of the path.
     """
 
     kind: str
@@ -48,7 +50,7 @@ class Event:
     at: dict[str, float] = field(repr=False)
     note: str = ""
     units: Mapping[str, str] = field(default_factory=dict, repr=False)
-    multiplicity: int = 1
+    multiplicity: int = field(default=1, repr=False)
 
     @property
     def value(self) -> float:
