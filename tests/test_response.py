@@ -380,7 +380,7 @@ def test_path_ends_at_the_bounds_asked_for(model):
         ({"min_height": 1.0}, "min_height 1 m must be below the height 1 m"),
         ({"max_load": 0.0}, "max_load 0 N must be above 0"),
         ({"max_height": 1.0}, "max_height 1 m must be above 1"),
-        ({"max_height": math.nan}, "max_height nan m is not"),
+        ({"max_height": math.nan}, "max_height nan is not finite"),
         ({"max_load": "much"}, "max_load 'much' is not a number"),
     ],
 )

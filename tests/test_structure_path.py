@@ -287,7 +287,7 @@ def test_paths_that_make_no_sense_are_refused(ball):
         (lambda: control_path(ball, {}), "must be a dict"),
         (lambda: control_path(ball, {40: 1.0}), "member 40"),
         (lambda: Prism(1.0, 0.7, 0.1, 1.0).column(), "must be finite"),
-        (lambda: PRISM.column(chirality="left"), "'alternate' or 'same'"),
+        (lambda: PRISM.column(chirality="left"), "chirality 'left' must be one of alternate, same"),
     ):
         with pytest.raises(TensegrityError, match=words):
             wrong()
