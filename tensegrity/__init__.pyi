@@ -23,6 +23,7 @@ from .lattices.effective import effective_mass
 from .lattices.evanescent import decay
 from .lattices.lattice import Lattice
 from .lattices.moduli import moduli
+from .lattices.pair_lattice import PairLattice
 from .measure.budget import bond_force, budget
 from .measure.collision import phase_shift
 from .measure.interfaces import interface, transmission
@@ -59,6 +60,7 @@ from .scenes.forcing import Damping, Drive
 from .scenes.network import Network
 from .scenes.scene import State
 from .scenes.walls import Wall
+from .springs.pair_law import PairLaw
 from .springs.polynomial import Polynomial
 from .springs.potential import Potential
 from .springs.power_law import PowerLaw
@@ -86,6 +88,8 @@ __all__ = [
     "Network",
     "NoLocking",
     "Nystrom",
+    "PairLattice",
+    "PairLaw",
     "Polynomial",
     "Potential",
     "PowerLaw",

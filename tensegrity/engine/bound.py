@@ -85,7 +85,7 @@ class Bound:
         """Arrays in which the loop notes the smallest and the largest elongations."""
         self._counted = slice(None) if seen is None else np.repeat(seen, np.diff(range_at))
         self._springs = springs[self._counted]
-        self._one_to_one = np.array_equal(self._springs, np.arange(len(self._bonds.law)))
+        self._one_to_one = np.array_equal(self._springs, np.arange(self._bonds.noted))
         self._low, self._high = (aligned(len(springs), self._loop.dtype) for _ in range(2))
 
     def _room(self, pieces):
@@ -278,11 +278,11 @@ class Bound:
     @property
     def range(self):
         """Smallest and largest elongation of each different spring since `forget_range` [m],
-        (springs, 2)."""
+        (springs, 2), or the ranges of coordinates; see `Bonds.noted`."""
         low, high = self._low[self._counted], self._high[self._counted]
         if self._one_to_one:
             return np.stack((low, high), axis=1)
-        return by_spring(self._springs, len(self._bonds.law), low, high)
+        return by_spring(self._springs, self._bonds.noted, low, high)
 
     @property
     def travel(self):

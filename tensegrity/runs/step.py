@@ -220,6 +220,8 @@ def exponents_within(dyn, elongation_range):
     """Exponents of the kinks of forces within a range of elongations, widened by round-off."""
     if dyn.follows:
         return {kink[2] for _, kink in kinks_in(dyn, elongation_range)}
+    if not dyn.springs.has_kinks:
+        return set()
     near = [TAUT * (spring.length or 0.0) for spring in dyn.springs.different]
     return dyn.springs.exponents_within(elongation_range + np.multiply.outer(near, (-1.0, 1.0)))
 

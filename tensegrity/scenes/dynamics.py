@@ -196,6 +196,11 @@ class Dynamics:
         w[list(self.scene.held)] = 0
         return fixed(w)
 
+    @property
+    def domains(self) -> Any:
+        """Lowest and highest of each range that a run notes, of elongations [m]; (noted, 2)."""
+        return self.springs.computable_domain
+
     @cached_property
     def is_driven(self) -> bool:
         """Whether forces depend on time or velocity, or motion is prescribed."""
@@ -298,7 +303,7 @@ class Dynamics:
         if energies is not None:
             return energies + stored
         scene, rows = self.scene, (len(u), -1)
-        mass = scene.mass.reshape(-1, *[1] * (len(self.shape) - 1))
+        mass = per_coordinate(scene, scene.mass)
         with np.errstate(over="ignore"):  # overflow gives inf, which `checked` refuses
             kinetic = 0.5 * np.sum((mass * v**2).reshape(rows), axis=-1)
         some = max(IN_CACHE // max(len(scene.springs), 1), 1)
@@ -411,21 +416,8 @@ class Dynamics:
     # descriptions of places for messages
 
     def where_extreme(self, spring: int, u: Array, side: int) -> str:
-        """Describe the contact in which a spring has its extreme elongation.
-
-        Parameters
-        ----------
-        spring : int
-            Index of a distinct spring in `springs`.
-        u : ndarray, shape of the scene
-            Displacements [m].
-        side : {0, 1}
-            0 for the smallest elongation, 1 for the largest.
-
-        Returns
-        -------
-        str
-        """
+        """Describe the contact in which a distinct spring, by its number, has its smallest (side 0)
+        or largest (1) elongation at displacements u [m]."""
         contacts = np.flatnonzero(self.springs.group == spring)
         r = self.elongations(u)[contacts]
         return self._where(int(contacts[np.argmax(r) if side else np.argmin(r)]))
@@ -436,6 +428,12 @@ class Dynamics:
     def where_stiffest(self, u: Array, ranges: Array) -> str:
         """Describe the bond with the largest elongation in magnitude."""
         return self._where(int(np.argmax(np.abs(self.elongations(u)))))
+
+
+def per_coordinate(scene: Any, values: Array) -> Array:
+    """Values of sites, or of their coordinates, for each coordinate; shape of the scene."""
+    one = values.reshape(*values.shape, *[1] * (len(scene.shape) - values.ndim))
+    return np.broadcast_to(one, scene.shape)
 
 
 def varied(scene: Any, **changed: Any) -> Any:

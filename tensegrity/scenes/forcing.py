@@ -19,7 +19,7 @@ from tensegrity.engine.driven import Forcing
 from tensegrity.errors import TensegrityError
 from tensegrity.printing import concise, printed
 from tensegrity.readonly import FixedDict, fixed
-from tensegrity.scenes.dynamics import dynamics
+from tensegrity.scenes.dynamics import dynamics, per_coordinate
 from tensegrity.scenes.force import applied_forces, checked_forces, place_counts
 from tensegrity.scenes.signals import (
     RTOL,
@@ -398,7 +398,7 @@ def forcing_of(scene: Any, t_end: float, tuning: Any = None, as_forces: bool = F
         driven_entries(scene, True),
         driven_entries(scene, False),
     )
-    held = np.repeat(dynamics(scene).inverse_mass == 0, scene.dim)
+    held = np.repeat(np.isin(np.arange(scene.sites), scene.held), scene.dim)
     if not (applied := applied_forces(scene, as_forces)):
         fixed_entries = {*moved.tolist(), *np.flatnonzero(held).tolist()}
         for of in (one._applied(scene) for one in scene._forces):
@@ -408,7 +408,7 @@ def forcing_of(scene: Any, t_end: float, tuning: Any = None, as_forces: bool = F
                 forced = np.append(forced, [entry for entry, _ in here]).astype(int)
                 scattered_forces = (*scattered_forces, *(signal for _, signal in here))
     check_signals((*motions, *scattered_forces), t_end)
-    bonds, mass = dynamics(scene).loop_bonds, np.repeat(scene.mass, scene.dim)
+    bonds, mass = dynamics(scene).loop_bonds, per_coordinate(scene, scene.mass).flatten()
     driven_mass = mass[moved]
     mass[moved] = 0.0
     damping = scene.damping or Damping()
