@@ -38,8 +38,20 @@ def functions(dim):
 
 
 def helpers(dim, law, kinds=("pair",)):
-    """Functions of contacts, and the C by which they are called, for `codegen.whole`; of a law of
-    both ends also others of its `kinds`."""
+    """Functions of contacts, and the C by which they are called, for `codegen.whole`.
+
+    Parameters
+    ----------
+    dim : int
+    law : PairForms or None
+        That of both ends.
+    kinds : sequence of str, optional
+        Which of its functions.
+
+    Yields
+    ------
+    casadi.Function, str
+    """
     for kind, function in functions(dim).items():
         yield (
             function,

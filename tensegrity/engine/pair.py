@@ -111,7 +111,7 @@ def _functions(law: PairForms) -> dict[str, Any]:
 
     def placed(form: Any) -> Any:
         for symbol, value in ((moved, follow @ turn), (z, inner), (turn, ends @ y),
-                              (x, ends_of(law, a, b))):  # fmt: skip
+                              (x, _ends_of(law, a, b))):  # fmt: skip
             form = ca.substitute(form, symbol, value)
         return ca.cse(ca.densify(form))
 
@@ -123,7 +123,7 @@ def _functions(law: PairForms) -> dict[str, Any]:
     }
 
 
-def ends_of(law: PairForms, a: Any, b: Any) -> Any:
+def _ends_of(law: PairForms, a: Any, b: Any) -> Any:
     """What the energy depends on: the differences of free coordinates, of others both values."""
     import casadi as ca
 
@@ -132,11 +132,11 @@ def ends_of(law: PairForms, a: Any, b: Any) -> Any:
 
 
 def _reduced(law: PairForms) -> Any:
-    """The derivatives of `ends_of` by both ends, (reduced, 2 dim)."""
+    """The derivatives of `_ends_of` by both ends, (reduced, 2 dim)."""
     import casadi as ca
 
     a, b = ca.SX.sym("a", law.dim), ca.SX.sym("b", law.dim)
-    return ca.sparsify(ca.DM(ca.evalf(ca.jacobian(ends_of(law, a, b), ca.vertcat(a, b)))))
+    return ca.sparsify(ca.DM(ca.evalf(ca.jacobian(_ends_of(law, a, b), ca.vertcat(a, b)))))
 
 
 def _energy(law: PairForms, x: Any, p: Any, z: Any) -> Any:

@@ -35,6 +35,10 @@ def plate_law(prism: Members, turn: float) -> PairLaw:
         With elastic bars.
     turn : float
         Its twist times that radius [m], below 0 for the opposite handedness.
+
+    Returns
+    -------
+    PairLaw
     """
     if math.isinf(prism.k_bar):
         raise TensegrityError("k_bar inf N/m must be finite: rigid bars leave no twist")

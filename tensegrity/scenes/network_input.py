@@ -110,8 +110,19 @@ def is_pair_law(spring: object) -> bool:
 
 
 def inertias(mass: ArrayLike, shape: tuple[int, ...]) -> Array:
-    """Inertias of all coordinates, (sites, dim), from one number, those of one site, (dim,), or all
-    of them; above 0."""
+    """Inertias of all coordinates.
+
+    Parameters
+    ----------
+    mass : float or array_like
+        One number, those of one site, (dim,), one of each site, (sites, 1), or all; above 0.
+    shape : (int, int)
+        (sites, dim)
+
+    Returns
+    -------
+    ndarray, (sites, dim)
+    """
     given = numbers("mass", mass)
     if given.shape not in ((), shape[1:], (shape[0], 1), shape):
         raise TensegrityError(
@@ -130,8 +141,18 @@ def inertias(mass: ArrayLike, shape: tuple[int, ...]) -> Array:
 
 
 def pair_laws(springs: Repeated, scene: Any) -> Repeated:
-    """Pair laws of the bonds of a network, of one form, each with its part of the energies of its
-    sites."""
+    """Pair laws of the bonds of a network, of one form.
+
+    Parameters
+    ----------
+    springs : Repeated
+    scene : Network
+
+    Returns
+    -------
+    Repeated of PairLaw
+        Each with its part of the energies of its sites.
+    """
     for number, one in enumerate(springs):
         check.kind(f"spring of bond {number}", one, PairLaw)
         if one.law != springs[0].law:

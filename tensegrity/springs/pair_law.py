@@ -130,6 +130,10 @@ class PairLaw(Potential):
         self._written = energy, first, second, site, rest or {}
         _refuse_unbalanced(self)
 
+    def sound_speed(self, mass: float = 1.0) -> float:
+        """Refused: there is one speed for each free coordinate, see `dispersion`."""
+        raise TensegrityError("a pair law has no sound speed of its own: see `dispersion`")
+
     @property
     def coordinates(self) -> tuple[str, ...]:
         """Names of the coordinates of a site, those of `first`."""
@@ -141,7 +145,17 @@ class PairLaw(Potential):
         return tuple(self.law.free)
 
     def shared(self, one: float, other: float) -> PairLaw:
-        """The same bond with such parts of the energies of its two sites."""
+        """The same bond with other parts of the energies of its two sites.
+
+        Parameters
+        ----------
+        one, other : float
+            Parts of the first and the second site.
+
+        Returns
+        -------
+        PairLaw
+        """
         if self.law.parameters[-2:] != SHARES:
             return self
         made = copy(self)
@@ -150,16 +164,36 @@ class PairLaw(Potential):
         return made
 
     def evaluate(self, kind: str, first: Array, second: Array) -> list[Array]:
-        """Results of a function of `PairForms.functions` at displacements (states, dim) of both
-        ends; (states, size) each."""
+        """Results of a function of `PairForms.functions`.
+
+        Parameters
+        ----------
+        kind : str
+            Its key.
+        first, second : ndarray, (states, dim)
+            Displacements of both ends.
+
+        Returns
+        -------
+        list of ndarray, (states, size)
+        """
         function = self.law.functions()[kind]
         given = first.T, second.T, np.tile(self.values[:, None], len(first))
         outputs = function.map(len(first)).call(given)
         return [np.array(x).ravel(order="F").reshape(len(first), -1) for x in outputs]
 
     def tangent(self, first: Array, second: Array) -> Array:
-        """Second derivatives of the energy by the coordinates of both ends, (states, 2 dim,
-        2 dim), at displacements (states, dim)."""
+        """Second derivatives of the energy by the coordinates of both ends.
+
+        Parameters
+        ----------
+        first, second : ndarray, (states, dim)
+            Displacements of both ends.
+
+        Returns
+        -------
+        ndarray, (states, 2 dim, 2 dim)
+        """
         (found,) = self.evaluate("tangent", first, second)
         return found.reshape(len(first), 2 * self.law.dim, -1)
 
@@ -172,6 +206,11 @@ class PairLaw(Potential):
             Smallest and largest difference of free coordinates, and value of others.
         weights : ndarray, (dim,)
             Inverse inertias.
+
+        Returns
+        -------
+        float
+            At least 0; inf where the energy is no number.
         """
         rows = [k for k, free in enumerate(self.free) for _ in range(1 if free else 2)]
         points = POINTS[len(rows)]
@@ -215,8 +254,20 @@ class PairLaw(Potential):
 
 
 def pair_of_law(law: Any, values: Sequence[float], of_prism: dict[str, Any]) -> PairLaw:
-    """The pair law of a prism: of such forms, with values of its parameters, of which the first has
-    derivatives; and what it is made of."""
+    """The pair law of a prism.
+
+    Parameters
+    ----------
+    law : PairForms
+    values : sequence of float
+        Of its parameters, of which gradients have the first.
+    of_prism : dict
+        What it is made of.
+
+    Returns
+    -------
+    PairLaw
+    """
     made = PairLaw.__new__(PairLaw)
     made._set(law, values, None, (-math.inf, math.inf), ENDS)
     made._numbers, made.of_prism = tuple(values[1:]), of_prism
