@@ -12,8 +12,8 @@ import numpy as np
 
 from tensegrity.errors import TensegrityError
 from tensegrity.scenes.dynamics import dynamics
+from tensegrity.scenes.forcing import time_signals
 from tensegrity.scenes.scene import Scene
-from tensegrity.scenes.signals import time_signals
 
 MULTIPLES = 1000  # largest ratio of a common period to one of its parts
 FIT = 1e-9  # relative, of periods that are whole multiples of each other

@@ -178,7 +178,7 @@ class Problem:
 
     @property
     def is_forced(self):
-        """Whether the scene is driven, damped or tuned."""
+        """Whether the scene is driven or damped, or changes."""
         return self.dynamics.is_driven
 
     @property
@@ -355,7 +355,10 @@ def _changes(dyn: Any) -> bool:
     an ensemble with forces."""
     scene = dyn.scene
     return (
-        dyn.batch or scene.drive or scene.tune or any(one.law.varies for one in dyn.further_forces)
+        dyn.batch
+        or scene.drive
+        or dyn.springs.changing
+        or any(one.law.varies for one in dyn.further_forces)
     )
 
 
