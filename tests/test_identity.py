@@ -262,8 +262,8 @@ PAIRS = {  # two contents of every kind
     "scenes": (lambda: Chain(spring(2.0), 9), lambda: Chain(spring(2.0), 9, mass=2.0)),
     "networks": (lambda: plate(1.0), lambda: plate(2.0)),
     "changing scenes": (
-        lambda: Chain(spring(1.0).over_time(k=1.0 + 0.1 * T), 9),
-        lambda: Chain(spring(1.0).over_time(k=1.0 + 0.2 * T), 9),
+        lambda: Chain(PowerLaw(1.0, 1.5).over_time(stiffness=1.0 + 0.1 * T), 9),
+        lambda: Chain(PowerLaw(1.0, 1.5).over_time(stiffness=1.0 + 0.2 * T), 9),
     ),
     "drives": (
         lambda: Chain(spring(1.0), 9, drive={0: Drive(force=sp.sin(T))}),
