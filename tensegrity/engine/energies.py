@@ -86,16 +86,14 @@ class Energies:
         included; None where an elongation is outside its domain, or the arrays are not
         C-contiguous arrays of float64."""
         states = u.shape[: u.ndim - len(self._shape)]
-        fit = u.shape == v.shape == (*states, *self._shape)
-        if not (fit and all(x.dtype == np.float64 and x.flags.c_contiguous for x in (u, v))):
+        fit = u.shape == v.shape == (*states, *self._shape) and u.dtype == v.dtype == np.float64
+        if not (fit and u.flags.c_contiguous and v.flags.c_contiguous):
             return None
-        count = math.prod(states)
-        scratch = np.empty(self._room + count)  # work space, and the results
-        energies = scratch[self._room :]
+        scratch, energies = np.empty(self._room), np.empty(states)
         pointers = address(u), address(v), address(scratch), address(energies)
-        if not self._function(*self._given, count, *pointers):
+        if not self._function(*self._given, energies.size, *pointers):
             return None
-        return energies.reshape(states).copy() if states else energies[0]
+        return energies
 
 
 def _bond_set(

@@ -18,7 +18,7 @@ from tensegrity.runs.march import Start
 from tensegrity.runs.motion import MotionState
 from tensegrity.runs.observers import user_observers
 from tensegrity.runs.problem import AprioriBounds, Problem
-from tensegrity.runs.record import Record, checkpoint_path
+from tensegrity.runs.record import PLAIN, Record, checkpoint_path
 from tensegrity.runs.run import Run, unchecked, unchecked_replace
 from tensegrity.runs.step import default_step, fixed_step, resumed
 from tensegrity.runs.tolerance import ROUND_OFF, to_tolerance
@@ -152,7 +152,7 @@ def simulate(
     if method is None:
         method = methods.default(dt, tol, not dyn.is_driven and dyn.opens, dyn.has_forces)
     method = methods.find(method)
-    record = Record() if record is None else record
+    record = PLAIN if record is None else record
     check.kind("record", record, Record)
     record.check(scene.sites, t_end)
     native.require()
