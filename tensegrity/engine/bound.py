@@ -111,7 +111,7 @@ class Bound:
         scene.fill(stage=stage)
         self._addresses = [x and ctypes.addressof(x) for x in (scene, self._second)]
         self.output = np.empty_like(self.u), np.empty_like(self.v)
-        self._march = self._marched(self._advance)
+        self._library, self._march = march.compiled(), self._marched(self._advance)
         self._march_at = ctypes.addressof(self._march)
 
     def _marched(self, advance):
@@ -235,13 +235,16 @@ class Bound:
         ----------
         done, end : int
         wanted : sequence of Wanted, optional
+            For numbers of steps above `done` (or not below, if it is 0) and at most `end`.
 
         Returns
         -------
         int
-            See `march.go`.
+            0; `STOPPED` where the loop stopped early, `NOT_FINITE` where the state is not finite.
         """
-        return march.go(self._march_at, done, end, wanted, *self.sizes)
+        rows = march.requests(wanted, *self.sizes)
+        at = ctypes.addressof(rows)
+        return self._library.go(self._march_at, done, end, at, len(wanted), self.sizes[0])
 
     def advance(self, steps, opened=False):
         """Advance u and v in place by whole steps with their closing kick; `opened`: other steps
@@ -275,11 +278,11 @@ class Bound:
 
     def forget(self):
         """Reset the elongation ranges and the distance travelled."""
-        march.compiled().begin(self._march_at)
+        self._library.begin(self._march_at)
 
     def widen(self, ranges):
         """Widen ranges of elongation, (springs, 2) [m], by those since `forget`, in place."""
-        march.compiled().widen(self._march_at, address(ranges))
+        self._library.widen(self._march_at, address(ranges))
         return ranges
 
     @property

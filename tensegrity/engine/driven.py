@@ -308,7 +308,7 @@ class BoundDriven(Bound):
         Returns
         -------
         int
-            See `march.go`.
+            See `Bound.go`.
 
         Raises
         ------

@@ -51,7 +51,8 @@ def _elongations(dim: int, law: Any) -> list[int | None]:
 
 
 class Energies:
-    """Total energies of states, with the bonds in sets that one compiled function evaluates.
+    """Total energies of states, with the bonds in sets that one compiled function evaluates; for
+    one thread, as its work space is.
 
     Parameters
     ----------
@@ -79,7 +80,8 @@ class Energies:
         given = ctypes.addressof(each), len(rows), bonds, address(mass), size // max(mass.size, 1)
         self._given = *given, None if loads is None else address(loads), size
         own = max((row.own for row in rows), default=0)  # parameters of each bond
-        self._room = bonds + max(size, most) + own * most
+        self._scratch = np.empty(bonds + max(size, most) + own * most)
+        self._scratch_at = address(self._scratch)
 
     def __call__(self, u: Array, v: Array) -> Array | None:
         """Total energies [J] of states u and v, (..., *shape of a state), the potential of loads
@@ -89,8 +91,8 @@ class Energies:
         fit = u.shape == v.shape == (*states, *self._shape) and u.dtype == v.dtype == np.float64
         if not (fit and u.flags.c_contiguous and v.flags.c_contiguous):
             return None
-        scratch, energies = np.empty(self._room), np.empty(states)
-        pointers = address(u), address(v), address(scratch), address(energies)
+        energies = np.empty(states)
+        pointers = address(u), address(v), self._scratch_at, address(energies)
         if not self._function(*self._given, energies.size, *pointers):
             return None
         return energies

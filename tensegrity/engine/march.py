@@ -89,32 +89,14 @@ def compiled() -> Any:
     return library(concatenated(["prelude.c", "march.c"]))
 
 
-def go(loop: int, done: int, end: int, wanted: Sequence[Wanted], sites: int, walls: int) -> int:
-    """Advance from step `done` to `end`, and store the requested states.
-
-    Parameters
-    ----------
-    loop : int
-        Address of a LOOP.
-    done, end : int
-        Numbers of steps.
-    wanted : sequence of Wanted
-        For numbers of steps above `done` (or not below, if it is 0) and at most `end`.
-    sites, walls : int
-        Numbers of entries of u that belong to sites, and to the walls after them.
-
-    Returns
-    -------
-    int
-        0, or `STOPPED` where the loop stopped early, `NOT_FINITE` where the state is not finite.
-    """
-    each = [_output_buffers(one, sites, walls) for one in wanted]
-    rows = each[0] if len(each) == 1 else (_WANTED * len(each))(*each)
-    return compiled().go(loop, done, end, ctypes.addressof(rows), len(each), sites)
+def requests(wanted: Sequence[Wanted], sites: int, walls: int) -> Any:
+    """The structures `wanted` of `march.c`, where sites and the walls after them have so many
+    entries of u."""
+    each = [_request(one, sites, walls) for one in wanted]
+    return each[0] if len(each) == 1 else (_WANTED * len(each))(*each)
 
 
-def _output_buffers(one: Wanted, sites: int, walls: int) -> Any:
-    """The structure `wanted` of `march.c`."""
+def _request(one: Wanted, sites: int, walls: int) -> Any:
     at, u, v, impulse, sums, travel, raw, places, u_count, width = one
     filled = _WANTED.of(at=address(at), u=address(u), count=len(at), raw=raw, size=u[:1].size)
     if places is not None:

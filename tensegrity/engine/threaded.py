@@ -144,7 +144,7 @@ class Threaded(Bound):
         Returns
         -------
         int
-            See `march.go`.
+            See `Bound.go`.
 
         Raises
         ------

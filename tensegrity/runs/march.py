@@ -174,7 +174,7 @@ def march(
         motion.refuse_start()  # before there is a file
     rows = () if start is None else start[1:]
     recorder = Recorder(problem, motion, steps, *rows) if problem.rows else None
-    most = MOST_COMPARED if problem.is_forced else 0
+    most = MOST_COMPARED if problem.dynamics.is_driven else 0
     samples = [ComparisonSamples(problem.scene.shape, steps, instants, most)] if instants else []
     users = [UserObserver(*pair, problem, motion, steps) for pair in problem.observe]
     reached = MarchResult(problem, motion, recorder, samples)

@@ -309,7 +309,6 @@ class OutputStates:
 
     def __init__(self, record: Record, problem: Any, motion: Any, steps: int) -> None:
         self._plan, self._dynamics = record.plan(steps, problem.t_end), problem.dynamics
-        self._is_forced = problem.is_forced
         self._is_dense = self._plan.part is not None
 
     def wanted(self, end: int) -> Sequence[Wanted]:
@@ -331,7 +330,7 @@ class OutputStates:
 
     def _sums(self, count: int) -> Array | None:
         """An empty array for work and loss at some instants, where there are any."""
-        return np.empty((count, 2, *self._dynamics.batch)) if self._is_forced else None
+        return np.empty((count, 2, *self._dynamics.batch)) if self._dynamics.is_driven else None
 
     def last_step(self, count: int) -> int | float:
         """The last step up to which no more than so many of the next instants are due."""

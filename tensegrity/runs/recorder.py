@@ -291,7 +291,7 @@ class Recorder(OutputStates):
         shapes = {"t": (), "energy": dyn.batch, "u": of_sites, "v": of_sites}
         if dyn.wall_count:
             shapes["impulse"] = dyn.wall_count, *rest
-        if problem.is_forced:
+        if dyn.is_driven:
             shapes |= {"work": dyn.batch, "loss": dyn.batch}
         instants = len(self._plan.t) + 1
         if record.path is None:
@@ -396,14 +396,14 @@ class Recorder(OutputStates):
         Run or RunBatch
         """
         table, problem, motion = self._rows.finished(), self._problem, self._motion
-        dyn, forced = problem.dynamics, problem.is_forced
+        dyn, forced = self._dynamics, self._dynamics.is_driven
         return unchecked(
             RunBatch if dyn.batch else Run,
             scene=problem.scene, t=table["t"], u=table["u"], v=table["v"],
             energy=self._energies(table) if self._in_place else table["energy"],
             final=unchecked_state(*final), method=problem.method.name, dt=motion.dt, steps=done,
             sites=tuple(self._sites), complete=complete, stopped=stopped,
-            force_model=problem.force_model, impulse=table["impulse"] if dyn.wall_count else None,
+            force_model=problem.loop_dynamics.springs.force_model, impulse=table["impulse"] if dyn.wall_count else None,
             elongation_range=motion.point.elongation_range,
             fastest=motion.fastest if dyn.follows else None,
             work=table["work"] if forced else None, loss=table["loss"] if forced else None,
