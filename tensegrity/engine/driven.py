@@ -322,13 +322,14 @@ class BoundDriven(Bound):
         Returns
         -------
         int
-            See `march.go`.
+            See `Bound.go`.
 
         Raises
         ------
         Locked
             A changing spring reached an end of its domain; u and v are invalid then.
         """
+        self._reached[:] = np.inf, -np.inf
         return self._timed(done, end - done, lambda: super(BoundDriven, self).go(done, end, wanted))
 
     def short(self, t: float) -> None:
@@ -361,16 +362,14 @@ class BoundDriven(Bound):
         of all steps, 2, entries)."""
         self._timed_fields.fill(path=path)
 
-    def forget_range(self) -> None:
-        """Reset the elongation range; work and loss remain."""
-        self._reached[:] = np.inf, -np.inf
-        super().forget_range()
-
-    @property
-    def range(self) -> Array:
-        """Smallest and largest elongation of each different spring; see `Bound.range`."""
+    def widen(self, ranges: Array) -> Array:
+        """Widen ranges of elongation; see `Bound.widen`."""
         timed = self._forcing.timed
-        return super().range if timed is None else self._reached[timed.number]
+        if timed is None:
+            return super().widen(ranges)  # type: ignore[no-any-return]
+        for side, wider in enumerate((np.minimum, np.maximum)):
+            wider(ranges[:, side], self._reached[timed.number, side], out=ranges[:, side])
+        return ranges
 
 
 def bind(
