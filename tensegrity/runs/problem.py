@@ -328,7 +328,7 @@ def length_at_rest(problem: Problem, seen: Array) -> float | None:
     if np.max(np.abs(seen[1] - u)) > FAINT * length:
         return None
     stiffness = dyn.stiffness_bounds(dyn.ranges_at(u))
-    forces = _static_forces(dyn, u) if dyn.has_forces else dyn.forces(u)
+    forces = _static_forces(dyn, u) if dyn.further_forces else dyn.forces(u)
     largest_force = np.max(np.abs(forces), initial=0.0)
     return length if largest_force <= REST * np.max(stiffness, initial=0.0) * length else None
 
