@@ -186,7 +186,7 @@ EXAMPLES = {  # of arguments, by their names
     "stop": (1.0, 0.0), "striker": STRIKER, "struck": 0, "structure": TRUSS,
     "supports": ts.held([0, 1]), "t": T, "t_end": 1.0, "tail": 1e-6, "thickness": 1e-5,
     "times": [0.1, 0.2], "tol": 1e-4, "trace": objective.load(1), "traces": [objective.load(1)],
-    "tune": {"prestrain": 0.01 + 0.001 * TIME}, "upper": [1], "velocity": {0: 0.1}, "wall": STEEL,
+    "upper": [1], "velocity": {0: 0.1}, "wall": STEEL,
     "walls": [WALL], "wanted": ("prestrain",), "wavenumbers": [0.1], "x": 0.0,
 }  # fmt: skip
 
@@ -258,10 +258,11 @@ CALLS = [  # where other arguments are needed, or several in one call
                                "tension": [-1.0, -0.6, 0.6, 1.5, 3.0], "noise": 0.1,
                                "preload": 0.1, "extrapolate": True, "length": 1.0}),
     (ts.units, {"length": "mm", "force": "N", "time": "s", "mass": "t", "energy": "mJ"}),
-    (SPRING.varied, {"values": {"prestrain": 0.02}}),
+    (SPRING.varied, {"values": {"prestrain": 0.02}}), (SPRING.at, {"t": 0.1}),
+    (SPRING.over_time, {"prestrain": 0.01 + 0.001 * TIME}),
     (ts.Chain, {"spring": SPRING, "sites": 3, "mass": [1.0, 2.0, 1.0], "ends": ("free", "fixed")}),
     (ts.Chain, {"spring": SPRING, "sites": 3, "drive": {0: ts.Drive(force=0.1)},
-             "damping": ts.Damping(0.1), "tune": {"prestrain": 0.01 + 0.001 * TIME}}),
+             "damping": ts.Damping(0.1)}),
     (ts.Chain, {"spring": SPRING, "sites": 2, "ground": [SPRING, SPRING]}),
     (ts.Force, {"expression": SPRING, "at": [0], "parameters": {}}),
     (ts.Drive, {"displacement": sp.sin(TIME)}),

@@ -311,15 +311,14 @@ def measured(chain: ts.Chain, run: ts.Run) -> float:
     return times + front + ts.speed(run, (3, 9)) + ts.width(run.t, run.energy)
 
 
-def tuned(state: ts.State) -> ts.Run:
-    def spring_at(t: float) -> ts.Potential:
-        return ts.Prism(1.0, 0.7, 0.01 + 0.01 * t, 1.0).potential()
-
-    chain = ts.Chain(spring_at(0.0), 20, tune=spring_at)
+def changing(state: ts.State) -> ts.Run:
+    spring = ts.Prism(1.0, 0.7, 0.01, 1.0).potential().over_time(prestrain=0.01 + sp.Symbol("t"))
+    assert_type(spring, ts.Potential)
+    chain = ts.Chain([spring, spring.at(0.5)], 3)
     run = ts.simulate(chain, state, 1.0, dt=0.01)
     assert_type(run.work, Array | None)
     assert_type(ts.speed(run, (3, 9)), float)
-    ts.Chain(spring_at(0.0), 20, tune=spring_at(0.0))  # type: ignore[arg-type]
+    ts.PowerLaw(1.0, 1.5).over_time(stiffness="t")  # type: ignore[arg-type]
     ts.budget(run.final, 5)  # type: ignore[arg-type]
     return run
 

@@ -307,8 +307,8 @@ def _driven_orbit(
     scene: Scene, guess: State | Orbit, period: float | None, energy: float | None
 ) -> Orbit:
     """`periodic_orbit` of a scene that is driven or damped."""
-    if scene.tune:
-        raise TensegrityError("periodic_orbit is not available for chains with tuned springs")
+    if dynamics(scene).springs.changing:
+        raise TensegrityError("periodic_orbit is not available for springs that change with time")
     if energy is not None:
         raise TensegrityError("the energy of a driven orbit cannot be given: its drives set it")
     shortest = DrivePeriod(scene).value

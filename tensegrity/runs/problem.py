@@ -338,7 +338,10 @@ def _changes(dyn: Any) -> bool:
     an ensemble with forces."""
     scene = dyn.scene
     return (
-        dyn.batch or scene.drive or scene.tune or any(one.law.varies for one in dyn.further_forces)
+        dyn.batch
+        or scene.drive
+        or dyn.springs.changing
+        or any(one.law.varies for one in dyn.further_forces)
     )
 
 

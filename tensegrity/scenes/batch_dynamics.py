@@ -70,7 +70,7 @@ class BatchDynamics(Dynamics):
 
     @cached_property
     def is_driven(self) -> bool:
-        """Whether some scene is driven, damped or tuned."""
+        """Whether some scene is driven or damped, or changes."""
         return any(one.is_driven for one in self.members)
 
     @cached_property
