@@ -10,26 +10,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Unpack
+from typing import Any, Unpack
 
 import numpy as np
 
-from granular.assembly import Assembly, SharedSprings
+from granular.assembly import Assembly, Equilibrium, SharedSprings, rest_of
 from granular.bead_chain import initial_gaps
-from granular.beads import Bead, Striker
+from granular.beads import Bead, Material, Striker, materials
 from granular.damped_contact import friction_of
-from granular.layout import TOUCH, Layout, diamond_layout, y_layout
-from granular.materials import Material, materials
-from granular.statics import Equilibrium, rest_of
+from granular.layout import TOUCH, Layout, Piece, diamond_layout, y_layout
 from granular.surroundings import OfGuide, Surroundings, accepted, surrounded
 from tensegrity import State, TensegrityError, Wall, check
 from tensegrity.scenes.clearance import Clearance
-
-if TYPE_CHECKING:
-    from typing import Any
-
-    from granular.layout import Piece
-    from tensegrity.typing import Array, Indices
+from tensegrity.typing import Array, Indices
 
 
 class Guide(Assembly):

@@ -19,13 +19,11 @@ from .errors import (
 )
 from .gradients.compute import gradient
 from .lattices.bands import bands
-from .lattices.effective import effective_mass
-from .lattices.evanescent import decay
 from .lattices.lattice import Lattice
 from .lattices.moduli import moduli
+from .lattices.response import decay, effective_mass
 from .measure.budget import bond_force, budget
-from .measure.collision import phase_shift
-from .measure.interfaces import interface, transmission
+from .measure.interfaces import interface, phase_shift, transmission
 from .measure.observables import (
     angular_momentum,
     arrival,

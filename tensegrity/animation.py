@@ -7,9 +7,11 @@ the force; of structures of more than 2,000 members the sites alone.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tensegrity import check, plotting
 from tensegrity.errors import TensegrityError
@@ -19,18 +21,14 @@ from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.ensemble import Ensemble
 from tensegrity.scenes.network import Network
 from tensegrity.scenes.picture import Picture, forces
+from tensegrity.typing import Array
 from tensegrity.unit_names import in_units, is_si, unit_text
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
     from os import PathLike
-    from typing import Any
 
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
-    from numpy.typing import ArrayLike
-
-    from tensegrity.typing import Array
 
 DOTS = 90  # per inch, of a film
 LONGEST, BESIDE = 7.0, 1.5  # inches: of a film, and for labels and a scale

@@ -47,7 +47,7 @@ NEAREST = {  # folders and files, and the tests of what stands there; those of i
     "granular/lammps": "lammps bad_input",
     "granular": "granular_chain granular_guide granular_contact granular_layout packs"
     " packs_at_rest observables",
-    "granular/sensitivity": "gradient_networks",
+    "granular/contact": "contact_laws gradient_networks",
     "tensegrity/springs/tuned": "tuning",
     "tensegrity/minimum": "structure_path",
     "tensegrity/catalogue": "catalogue structure bistable",

@@ -32,7 +32,7 @@ from tensegrity.measure import observables
 from tensegrity.prisms.fold_curve import limit_load
 from tensegrity.prisms.stability import first_loss, lowest
 from tensegrity.scenes.scene import Scene
-from tensegrity.waves.limit import largest_speed
+from tensegrity.waves.curve import largest_speed
 
 WRONG = {
     "None": None, "text": "x", "text of a number": "1.5", "empty text": "", "bytes": b"1",

@@ -26,8 +26,7 @@ from tensegrity.scenes.scene import State
 from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array, Fraction, Mass
 from tensegrity.unit_names import in_units
-from tensegrity.waves.by_speed import by_speed
-from tensegrity.waves.by_target import near, sign_and_number, stiffness_above
+from tensegrity.waves.by_target import by_speed, near, sign_and_number, stiffness_above
 from tensegrity.waves.cosines import Series
 from tensegrity.waves.coupled import CoupledLaw, coupled_profile, same, unit_of
 from tensegrity.waves.family import Family, refined
