@@ -308,13 +308,14 @@ class BoundDriven(Bound):
         Returns
         -------
         int
-            See `march.go`.
+            See `Bound.go`.
 
         Raises
         ------
         Locked
             A changing spring reached an end of its domain; u and v are invalid then.
         """
+        self.sums[2:] = np.inf, -np.inf
         return self._timed(done, end - done, lambda: super(BoundDriven, self).go(done, end, wanted))
 
     def short(self, t: float) -> None:
@@ -347,15 +348,12 @@ class BoundDriven(Bound):
         of all steps, 2, entries)."""
         self._timed_fields.fill(path=path)
 
-    def forget_range(self) -> None:
-        """Reset the elongation range; work and loss remain."""
-        self.sums[2:] = np.inf, -np.inf
-        super().forget_range()
-
-    @property
-    def range(self) -> Array:
-        """Smallest and largest elongation of each different spring; see `Bound.range`."""
-        return super().range if self._forcing.tuning is None else self.sums[2:][None].copy()
+    def widen(self, ranges: Array) -> Array:
+        """Widen ranges of elongation; see `Bound.widen`."""
+        if self._forcing.tuning is None:
+            return super().widen(ranges)  # type: ignore[no-any-return]
+        ranges[0] = min(ranges[0, 0], self.sums[2]), max(ranges[0, 1], self.sums[3])
+        return ranges
 
 
 def bind(

@@ -232,10 +232,15 @@ class Dynamics:
         """Bonds with their geometry, which the loop over a chain does not need."""
         return self.loop_bonds
 
-    def arrays(self, state: Any) -> tuple[Array, Array]:
+    def rows(self, state: Any) -> tuple[Array, Array]:
         """Copies of u and v in the form of the loop, with rows for walls after the sites."""
-        odd = (self.sites - 1) % BLOCK  # bonds before the whole blocks
-        return aligned_copy(state.u, odd), aligned_copy(state.v, odd)
+        return state.u.copy(), state.v.copy()
+
+    def arrays(self, state: Any) -> tuple[Array, Array]:
+        """The same where a loop advances them fastest."""
+        u, v = self.rows(state)
+        odd = (len(u) - 1) % BLOCK if u.size == len(u) else 0  # bonds before the whole blocks
+        return aligned_copy(u, odd), aligned_copy(v, odd)
 
     def bind(self, u: Array, v: Array, method: Method, dt: float) -> Any:
         """The compiled time-stepping loop.
@@ -290,13 +295,17 @@ class Dynamics:
 
     def energies(self, u: Array, v: Array) -> Array:
         """Total energy of each state [J], (states,); u and v (states, *shape)."""
-        stored: Any = 0.0
         if self.has_forces:
             stored = np.sum(on_site(self.scene, 0, u).reshape(len(u), -1), axis=-1)
+            return self._of_bonds(u, v) + stored
+        return self._of_bonds(u, v)
+
+    def _of_bonds(self, u: Array, v: Array) -> Array:
+        """The same without springs to the ground."""
         compiled = self.energies_in_one_call
         energies = None if compiled is None else compiled(u, v)
         if energies is not None:
-            return energies + stored
+            return energies
         scene, rows = self.scene, (len(u), -1)
         mass = scene.mass.reshape(-1, *[1] * (len(self.shape) - 1))
         with np.errstate(over="ignore"):  # overflow gives inf, which `checked` refuses
@@ -305,7 +314,7 @@ class Dynamics:
         parts = [np.sum(self.evaluate("energy", u[k : k + some]), axis=-1)
                  for k in range(0, len(u), some)]  # fmt: skip
         bonds = np.concatenate(parts) if parts else np.zeros(0)
-        return kinetic + bonds - np.sum((scene.loads * u).reshape(rows), axis=-1) + stored
+        return kinetic + bonds - np.sum((scene.loads * u).reshape(rows), axis=-1)
 
     @cached_property
     def energies_in_one_call(self) -> Energies | None:
@@ -323,7 +332,7 @@ class Dynamics:
         """Refuse a state that the scene cannot have; return its energy [J]."""
         self.scene._check_sites(state)
         energy = float(self.energies(state.u[None], state.v[None])[0])  # refuses locked springs
-        if not np.isfinite(energy):
+        if not math.isfinite(energy):
             raise TensegrityError(f"energy {energy} J of the state must be finite")
         return energy
 
