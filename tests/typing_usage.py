@@ -458,6 +458,23 @@ def protectors(bead: granular.Bead) -> list[granular.Bead]:
     return best.beads
 
 
+def units() -> ts.Unit:
+    w, h = sp.symbols("w h", positive=True)
+    cables = ts.Member(w, 1.0, count=2, string=True)
+    bars = ts.Member(sp.sqrt(w**2 + h**2), np.inf, 2)
+    members, rest = [cables, ts.Member(h, 2.0, 2), bars], {w: 1.0, h: 0.75}
+    unit = ts.Unit([w], h, members, rest=rest, prestrain={cables: 0.1}, events={"flat": h})
+    assert_type(unit.self_stress(), list[float])
+    assert_type(unit.natural_lengths(), list[float])
+    assert_type(unit.axial_stiffness(), float)
+    assert_type(unit.equilibria({"w": (0.5, 2.0)})[0].energy, float)
+    path = ts.equilibrium_path(unit, min_height=0.4)
+    assert_type(path.load, Array)
+    assert_type(path.stable_load, Flags)
+    unit.axial_stiffness(1, 2)  # type: ignore[call-arg]
+    return unit.about({"w": 1.0, "h": 0.75})
+
+
 def packs(bead: granular.Bead) -> ts.Run:
     steel, striker = granular.materials["steel"], granular.Striker(bead, speed=1)
     cubic = granular.fcc_pack(

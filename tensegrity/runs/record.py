@@ -62,7 +62,7 @@ class Record:
         A new .npy file for the rows, which then take no memory except 48 bytes per instant; valid
         after every row, even if the process is killed.  numpy.load(path, mmap_mode="r") gives a
         structured array with fields t, energy, u, v, and work, loss of scenes that are driven,
-        damped or change.  Another run with the same path is refused before it writes.
+        damped or tuned.  Another run with the same path is refused before it writes.
     checkpoint : float, optional
         With a path: interval of computing time [s] after which the whole state is saved for
         `resume`, in a file with .state.npz added; also when the run ends, be it by an error or by
@@ -324,11 +324,8 @@ class OutputStates:
 
     def _room(self, here: slice) -> tuple[Any, ...]:
         """Empty arrays u, v, impulse and sums for the states of some instants."""
-        count, walls, shape = (
-            here.stop - here.start,
-            self._dynamics.wall_count,
-            self._dynamics.shape,
-        )
+        dyn, count = self._dynamics, here.stop - here.start
+        walls, shape = dyn.wall_count, dyn.shape
         u, v = np.empty((2, count, *shape))
         return u, v, np.empty((count, walls, *shape[1:])) if walls else None, self._sums(count)
 
