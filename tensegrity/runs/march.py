@@ -122,7 +122,8 @@ class MarchResult:
         dyn, (u, v, *sums) = self.problem.dynamics, self.motion.point.output
         sites, walls = dyn.sites, dyn.wall_count
         impulse = v[sites : sites + walls] if walls else None
-        return *(np.ascontiguousarray(x[:sites]) for x in (u, v)), impulse, *(sums or [None])
+        u, v = np.ascontiguousarray(u[:sites]), np.ascontiguousarray(v[:sites])
+        return u, v, impulse, sums[0] if sums else None
 
     def end_at_last_row(self, last: Any) -> None:
         """Let the run end with its last row, given as time, step and state, or None."""

@@ -317,8 +317,13 @@ class Recorder(OutputStates):
     def _room(self, here: slice) -> tuple[Any, ...]:
         if not self._in_place:
             return super()._room(here)
-        columns = map(self._rows.arrays.get, ("u", "v", "impulse", "sums"))
-        return tuple(None if x is None else x[here] for x in columns)
+        arrays = self._rows.arrays
+        u, v, impulse, sums = arrays["u"][here], arrays["v"][here], None, None
+        if "impulse" in arrays:
+            impulse = arrays["impulse"][here]
+        if "sums" in arrays:
+            sums = arrays["sums"][here]
+        return u, v, impulse, sums
 
     def take(self, motion: Any, last: float = math.inf) -> None:
         """Record the accepted states that are due, up to an instant [s]."""
