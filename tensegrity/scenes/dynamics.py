@@ -319,7 +319,7 @@ class Dynamics:
 
     # bounds
 
-    @property
+    @cached_property
     def is_loaded(self) -> bool:
         """Whether constant loads act."""
         return bool(np.any(self.scene.loads))
