@@ -14,11 +14,10 @@ import numpy as np
 
 from granular.assembly import Assembly
 from granular.bead_chain import BeadChain
-from granular.beads import Bead, volume
+from granular.beads import Bead, Material, volume
 from granular.contact import Contact, hertz, is_hertz
-from granular.crystal import beads_by_site
+from granular.contact_network import beads_by_site
 from granular.dissipation import ELASTIC
-from granular.materials import Material
 from granular.packing import Pack
 from tensegrity import Potential, State, TensegrityError, check
 from tensegrity.scenes.dynamics import dynamics

@@ -12,12 +12,11 @@ from typing import Any
 
 from granular.assembly import SharedSprings
 from granular.bead_chain import BeadChain
-from granular.beads import Bead, Striker
+from granular.beads import Bead, Material, Striker
 from granular.contact import Contact
 from granular.dissipation import Dissipation
 from granular.guide import Guide
 from granular.layout import Layout, Piece
-from granular.materials import Material
 from granular.packing import Pack
 from tensegrity.runs.archive import in_time, register
 from tensegrity.runs.identity import PARTS

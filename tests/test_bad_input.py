@@ -32,7 +32,7 @@ from tensegrity.measure import observables
 from tensegrity.prisms.fold_curve import limit_load
 from tensegrity.prisms.stability import first_loss, lowest
 from tensegrity.scenes.scene import Scene
-from tensegrity.waves.limit import largest_speed
+from tensegrity.waves.curve import largest_speed
 
 WRONG = {
     "None": None, "text": "x", "text of a number": "1.5", "empty text": "", "bytes": b"1",
@@ -99,6 +99,14 @@ FRONT = ts.transition_wave(CUBIC, ahead=0.0, behind=2 / 3)
 PAIR = ts.Chain(ts.Prism(1.0, 0.7, 0.1, 1.0).potential(), 2, ends=("fixed", "free"))
 SWUNG = ts.periodic_orbit(PAIR, ts.State([0, 0.04], [0, 0]), period=3.7)
 LENNARD_JONES = ts.Potential(((1 + R) ** -12 - 2 * (1 + R) ** -6) / 72, R, domain=(-1.0, math.inf))
+WIDTH, HEIGHT = sp.symbols("w h", positive=True)
+CABLES = ts.Member(WIDTH, 1.0, 2, string=True)
+BARS = ts.Member(sp.sqrt(WIDTH**2 + HEIGHT**2), 50.0, 2)
+CROSS = {"inner": [WIDTH], "control": HEIGHT, "members": [CABLES, ts.Member(HEIGHT, 2.0, 2), BARS],
+         "energy": sp.Symbol("c") * (HEIGHT - 0.75) ** 2, "parameters": {"c": 1.0},
+         "rest": {"w": 1.0, "h": 0.75}, "prestrain": {CABLES: 0.1},
+         "events": {"square": HEIGHT - WIDTH}}  # fmt: skip
+UNIT = ts.Unit(**CROSS)
 RUN = ts.simulate(LINE, LINE.at_rest({0: 0.03}), 20.0, record=ts.Record(every=1))
 CROSSING, JOINED = ts.Chain(SPRING, 81), ts.interface(SPRING, SPRING, (40, 60), (1.0, 1.1))
 MEETING = ts.simulate(CROSSING, WAVE.launch(CROSSING, 20) + WAVE.launch(CROSSING, 60, -1),
@@ -137,6 +145,7 @@ INSTANCES = {  # of classes whose methods are called
     "Guide": granular.y_guide(**GUIDE), "Pack": CUBE, "Order": design.Order([BEAD, SMALL]),
     "Polynomial": ts.Polynomial(SPRING, -0.01, 0.01), "Potential": LENNARD_JONES, "Prism": ELASTIC,
     "PowerLaw": ts.PowerLaw(1.0, 1.5, 0.1), "Run": RUN, "SolitaryWave": WAVE, "State": RUN.final,
+    "Unit": UNIT, "Member": CABLES,
     "TransitionWave": FRONT,
     "Sizes": design.Sizes(3, (0.004, 0.006), 0.015, STEEL), "Structure": TRUSS,
     "StructurePath": ts.equilibrium_path(TRUSS, max_load=0.1, **SOLVED), "Wall": WALL,
@@ -177,7 +186,7 @@ EXAMPLES = {  # of arguments, by their names
     "stop": (1.0, 0.0), "striker": STRIKER, "struck": 0, "structure": TRUSS,
     "supports": ts.held([0, 1]), "t": T, "t_end": 1.0, "tail": 1e-6, "thickness": 1e-5,
     "times": [0.1, 0.2], "tol": 1e-4, "trace": objective.load(1), "traces": [objective.load(1)],
-    "tune": {"prestrain": 0.01 + 0.001 * TIME}, "upper": [1], "velocity": {0: 0.1}, "wall": STEEL,
+    "upper": [1], "velocity": {0: 0.1}, "wall": STEEL,
     "walls": [WALL], "wanted": ("prestrain",), "wavenumbers": [0.1], "x": 0.0,
 }  # fmt: skip
 
@@ -217,6 +226,13 @@ CALLS = [  # where other arguments are needed, or several in one call
     (ELASTIC.problem, {"min_height": 0.4, "max_load": 1.0, "max_height": 0.75,
                        "past_contact": False}),
     (TRUSS.problem, {"max_load": 0.1, "branch": "stable", **SOLVED}),
+    (ts.Member, {"length": WIDTH, "k": 1.0, "count": 2, "natural": 0.5, "string": True}),
+    (ts.Unit, CROSS),
+    (UNIT.problem, {"min_height": 0.4, "max_load": 1.0, "max_height": 0.8}),
+    (ts.equilibrium_path, {"prism": UNIT, "min_height": 0.4, "max_load": 1.0, "max_height": 0.8}),
+    (UNIT.axial_stiffness, {"at": {"w": 1.0, "h": 0.75}}),
+    (UNIT.about, {"state": {"w": 1.0, "h": 0.75}}),
+    (UNIT.equilibria, {"box": {"w": (0.5, 1.5), "h": (0.1, 1.5)}}),
     (ts.bar_contact, {"path": ts.equilibrium_path(ELASTIC), "diameter": 0.01}),
     (ts.fit, {"shortening": [0.0, 0.01, 0.02, 0.03], "load": [0.0, 0.001, 0.002, 0.003],
            "prism": ELASTIC, "free": ("prestrain",), "noise": 0.1}),
@@ -242,10 +258,11 @@ CALLS = [  # where other arguments are needed, or several in one call
                                "tension": [-1.0, -0.6, 0.6, 1.5, 3.0], "noise": 0.1,
                                "preload": 0.1, "extrapolate": True, "length": 1.0}),
     (ts.units, {"length": "mm", "force": "N", "time": "s", "mass": "t", "energy": "mJ"}),
-    (SPRING.varied, {"values": {"prestrain": 0.02}}),
+    (SPRING.varied, {"values": {"prestrain": 0.02}}), (SPRING.at, {"t": 0.1}),
+    (SPRING.over_time, {"prestrain": 0.01 + 0.001 * TIME}),
     (ts.Chain, {"spring": SPRING, "sites": 3, "mass": [1.0, 2.0, 1.0], "ends": ("free", "fixed")}),
     (ts.Chain, {"spring": SPRING, "sites": 3, "drive": {0: ts.Drive(force=0.1)},
-             "damping": ts.Damping(0.1), "tune": {"prestrain": 0.01 + 0.001 * TIME}}),
+             "damping": ts.Damping(0.1)}),
     (ts.Chain, {"spring": SPRING, "sites": 2, "ground": [SPRING, SPRING]}),
     (ts.Force, {"expression": SPRING, "at": [0], "parameters": {}}),
     (ts.Drive, {"displacement": sp.sin(TIME)}),

@@ -301,7 +301,7 @@ WRONG = [
         {},
         "periods of the drives do not fit",
     ),
-    (shaken(PRISM, 0.1, 0.1, 2.0, tune={}, forces=(Force(-U * T),)), {}, "has no period"),
+    (shaken(PRISM, 0.1, 0.1, 2.0, forces=(Force(-U * T),)), {}, "has no period"),
     (shaken(PRISM, 0.1, 0.1, 0.0), {}, "frequency is 0"),
     (
         shaken(PRISM, 0.1, 1e5, 2.0),

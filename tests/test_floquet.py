@@ -25,7 +25,7 @@ from tensegrity import (
 )
 from tensegrity.orbits.flow import DrivenFlow, Flow
 from tensegrity.root import root
-from tensegrity.waves.by_speed import neutral_motions
+from tensegrity.waves.by_target import neutral_motions
 
 R = sp.Symbol("r")
 TODA = Potential(sp.exp(-R) - 1 + R, R)

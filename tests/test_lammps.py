@@ -31,7 +31,7 @@ from granular import (
     wall_force,
     y_guide,
 )
-from granular.crystal import beads_by_site
+from granular.contact_network import beads_by_site
 from granular.lammps import INSTALL, PROGRAMS, run_lammps, to_lammps
 from tensegrity import Chain, Damping, PowerLaw, Record, TensegrityError, Wall
 

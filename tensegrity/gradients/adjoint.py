@@ -11,7 +11,7 @@ from contextlib import nullcontext
 from dataclasses import replace
 from functools import cache, partial
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,17 +22,15 @@ from tensegrity.engine.reverse import Layout, OutputCotangents, ReverseLoop, Tot
 from tensegrity.notebook import progress
 from tensegrity.runs.march import march
 from tensegrity.scenes.scene import State
+from tensegrity.typing import Array
 
 if TYPE_CHECKING:
-    from typing import Any
-
     from tensegrity.engine.bonds import Bonds
     from tensegrity.gradients.samples import TraceSamples
     from tensegrity.runs.problem import Problem
     from tensegrity.runs.run import Run
-    from tensegrity.typing import Array
 
-    Pair = tuple[Array, Array]
+Pair = tuple[Array, Array]
 
 LIMIT = 1e-9  # largest error of a recomputed state over the largest |u| and |v|
 WORK = 4_000_000  # bonds x stages x steps of one call: about 20 ms

@@ -9,27 +9,23 @@ may change along the branch: an orbit returns after the same phase of the drives
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, ClassVar
+from collections.abc import Mapping
+from typing import Any, ClassVar
 
 import numpy as np
 
 from tensegrity import check
 from tensegrity.branches.continuation import ContinuationError, Part, Settings
-from tensegrity.branches.many import ManyProblem
 from tensegrity.branches.problem import Joined, Problem, trace
+from tensegrity.branches.steppers import ManyProblem
 from tensegrity.branches.table import INTERRUPTED, Table
 from tensegrity.checked import checked
 from tensegrity.errors import TensegrityError
 from tensegrity.orbits.driven_orbit import drive_parameters
 from tensegrity.orbits.orbit import Family, family_of
-from tensegrity.orbits.shooting import Orbit, is_reversible
-from tensegrity.orbits.stability import STABLE
+from tensegrity.orbits.shooting import STABLE, Orbit, is_reversible
 from tensegrity.scenes.dynamics import dynamics
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from tensegrity.typing import Array, Flags
+from tensegrity.typing import Array, Flags
 
 FINER = 2  # steps of the flow along a path over those of its first orbit
 SAME_PLACE = 1e-9  # relative difference below which two events of one kind are the same
@@ -143,7 +139,7 @@ def orbit_path(
 
 
 class _Family(Problem):
-    """A family of orbits as `Equations` of `tensegrity.branches.many`, with events."""
+    """A family of orbits as `Equations` of `tensegrity.branches.steppers`, with events."""
 
     leaving = np.zeros(0, dtype=int)
     of: Family

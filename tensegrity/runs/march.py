@@ -68,7 +68,7 @@ class MarchResult:
     """
 
     def __init__(
-        self, problem: Problem, motion: Any, recorder: Any, samples: ComparisonSamples
+        self, problem: Problem, motion: Any, recorder: Any, samples: Sequence[ComparisonSamples]
     ) -> None:
         self.problem, self.motion, self.recorder = problem, motion, recorder
         self._samples, self.complete = samples, False
@@ -76,7 +76,7 @@ class MarchResult:
 
     @property
     def samples(self) -> Array:
-        return self._samples.rows
+        return self._samples[0].rows
 
     @property
     def steps(self) -> int:
@@ -174,13 +174,13 @@ def march(
         motion.refuse_start()  # before there is a file
     rows = () if start is None else start[1:]
     recorder = Recorder(problem, motion, steps, *rows) if problem.rows else None
-    most = MOST_COMPARED if problem.is_forced else 0
-    samples = ComparisonSamples(problem.scene.shape, steps, instants, most)
+    most = MOST_COMPARED if problem.dynamics.is_driven else 0
+    samples = [ComparisonSamples(problem.scene.shape, steps, instants, most)] if instants else []
     users = [UserObserver(*pair, problem, motion, steps) for pair in problem.observe]
     reached = MarchResult(problem, motion, recorder, samples)
     failure: Any = None
     try:
-        _go(reached, steps, users, [samples, *observers])
+        _go(reached, steps, users, [*samples, *observers])
         motion.release()
         return reached
     except KeyboardInterrupt:

@@ -132,9 +132,10 @@ class Problem:
     ----------
     scene, state, t_end, method, record
         The arguments of `simulate`.
-    surrogate : Scene, optional
-        The scene with polynomials fitted to its springs: it is advanced, while checks and recorded
-        energies are those of `scene`.
+    dynamics, loop_dynamics : Dynamics
+        That of the scene; and that of the scene which the loop advances, maybe with polynomials
+        fitted to its springs, while checks and recorded energies are those of `scene`.  By default
+        obtained once, for the whole run.
     choice : {"dt", "tol", "default"}
         How the step is chosen.
     rows : bool
@@ -153,38 +154,20 @@ class Problem:
     t_end: float
     method: Method
     record: Any
-    surrogate: Any = None
     choice: str = "dt"
     rows: bool = True
     a_priori: AprioriBounds | None = None
     given: float | None = None
     observe: tuple[Any, ...] = ()
     bind: Any = None
+    dynamics: Any = None
+    loop_dynamics: Any = None
 
     def __post_init__(self):
-        if self.a_priori is None:
-            bounds = AprioriBounds(dynamics(self.scene), self.state)
-            object.__setattr__(self, "a_priori", bounds)
-
-    @property
-    def dynamics(self):
-        """Dynamics of the scene, obtained once for the whole run."""
-        return self.a_priori.dynamics
-
-    @property
-    def loop_dynamics(self):
-        """Dynamics of the scene that the loop advances: the surrogate, if there is one."""
-        return self.dynamics if self.surrogate is None else dynamics(self.surrogate)
-
-    @property
-    def is_forced(self):
-        """Whether the scene is driven, damped or tuned."""
-        return self.dynamics.is_driven
-
-    @property
-    def force_model(self):
-        """How the tensions of the springs are computed."""
-        return self.loop_dynamics.springs.force_model
+        if self.dynamics is None:
+            of = dynamics(self.scene)
+            given = {"dynamics": of, "loop_dynamics": of, "a_priori": AprioriBounds(of, self.state)}
+            self.__dict__.update(given)
 
     def largest_step(self, omega):
         """Stability limit [s] at an angular frequency [rad/s]; inf where it is 0."""
@@ -355,7 +338,10 @@ def _changes(dyn: Any) -> bool:
     an ensemble with forces."""
     scene = dyn.scene
     return (
-        dyn.batch or scene.drive or scene.tune or any(one.law.varies for one in dyn.further_forces)
+        dyn.batch
+        or scene.drive
+        or dyn.springs.changing
+        or any(one.law.varies for one in dyn.further_forces)
     )
 
 

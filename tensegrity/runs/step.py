@@ -23,7 +23,7 @@ from tensegrity.errors import (
 from tensegrity.runs.march import march
 from tensegrity.runs.problem import step_count
 from tensegrity.runs.run import unchecked_replace
-from tensegrity.scenes.signals import frequency_of_drives, time_signals
+from tensegrity.scenes.forcing import frequency_of_drives, time_signals
 from tensegrity.springs.kinks import TAUT
 from tensegrity.springs.potential import Potential
 from tensegrity.springs.power_law import PowerLaw
@@ -80,7 +80,7 @@ class ErrorEstimator:
         self._problem, self._tol, self._most = problem, tol, MANY
         forces = problem.dynamics.further_forces
         rough = any(one.law.continuity < math.inf for one in forces)
-        self._forced, self._unresolved = problem.is_forced, 0
+        self._forced, self._unresolved = problem.dynamics.is_driven, 0
         self._safety = SAFETY_FACTOR if rough else FORCED if self._forced else 1.0
         self._set_order(elongation_range)
 
@@ -402,7 +402,7 @@ def refined(problem, steps, allowed, instants=0, start=None):
         try:
             return march(problem, steps, allowed, instants, start)
         except (ContactError, LockingError, StabilityError) as error:
-            ranged = problem.surrogate is not None and isinstance(error, RangeError)
+            ranged = isinstance(error, RangeError) and problem.loop_dynamics is not problem.dynamics
             if (
                 ranged
                 or isinstance(error, ContactError)

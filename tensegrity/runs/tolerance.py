@@ -29,6 +29,7 @@ from tensegrity.runs.step import (
     run_at_rest,
     steps_at,
 )
+from tensegrity.scenes.dynamics import dynamics
 from tensegrity.springs.polynomial import DEGREES, Polynomial, PolynomialLaw
 from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array
@@ -153,7 +154,7 @@ def _fitted(problem: Problem, ranges: Array, errors: Sequence[float]) -> Problem
         fits.append(_fit(spring, low, high, error))
         if fits[-1] is None:
             return None
-    return unchecked_replace(problem, surrogate=dyn.surrogate(tuple(fits)))
+    return unchecked_replace(problem, loop_dynamics=dynamics(dyn.surrogate(tuple(fits))))
 
 
 def _fits(fitted: Problem) -> Sequence[Polynomial]:
@@ -316,7 +317,7 @@ def to_tolerance(problem, tol):
     if may_jump(problem.dynamics):
         refuse_jumps(problem, problem.dynamics.ranges_at(problem.state.u), tol)
     steps_per_instant, fewest = (DENSE, AT_FIRST) if problem.dynamics.smooth else (1, CHECKPOINTS)
-    if problem.is_forced:
+    if problem.dynamics.is_driven:
         steps_per_instant = DIVISIBLE
     least = steps_at(problem, TRIAL, problem.a_priori.first_frequency, fewest)
     instants = min(
@@ -386,7 +387,7 @@ def converged(problem, first, error, tol):
             return accepted_run(problem, trials[-1], estimate + error)
         stagnant = stagnant + 1 if gaps[-1][1] > smallest / 2 else 0
         smallest = min(smallest, gaps[-1][1])
-        patient = estimator.order < 2 or (problem.is_forced and smallest > UNRESOLVED)
+        patient = estimator.order < 2 or (problem.dynamics.is_driven and smallest > UNRESOLVED)
         if stagnant >= (STAGNANT_BELOW_2 if patient else STAGNANT):
             raise TensegrityError(
                 f"tol {tol:g} is below {max(smallest, tol):.1e}: with up to {trials[-1].steps} "
@@ -416,7 +417,7 @@ def next_trial(problem, trials, factor, tol):
     """
     finest = trials[-1].refinement
     refinement = max(math.ceil(finest * factor), finest + 1 if factor > 1 else 1)
-    if problem.is_forced:  # every step of the coarser run ends with one of the finer run
+    if problem.dynamics.is_driven:  # every step of the coarser run ends with one of the finer run
         refinement = finest * math.ceil(factor) if factor > 1 else finest // 2
     keeps_rows = factor > 1 and (len(trials) > 1 or tol > SECOND)
     return Trial.of(trial_of(problem, keeps_rows), refinement, trials[0].instants)

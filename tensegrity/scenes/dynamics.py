@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from tensegrity.engine.energies import Energies
     from tensegrity.engine.methods import Method
     from tensegrity.springs.potential import Potential
-    from tensegrity.typing import Array, Indices, SceneData
+    from tensegrity.typing import Array, Indices
 
 SURROGATES = 4  # scenes with fitted springs that are cached with a scene
 IN_CACHE = 20_000  # contacts times rows whose energies are computed in one call
@@ -111,7 +111,7 @@ class Dynamics:
         each spring over them [N/m], and the resulting bound on the angular frequency [rad/s].
     reached : dict of float to Reach
         Cache of the elongations that springs attain with a given energy [J] in one bond.
-    tuned : dict of float to object
+    timed : dict of float to TimedSprings
         Cache of springs that change with time, by the duration of the run [s].
     saving : float or None
         Estimate of the time that fitted forces save in one evaluation of all forces [s].
@@ -132,7 +132,7 @@ class Dynamics:
         self.sites, self.dim = scene.sites, scene.dim
         self.ranges: list[tuple[Array, Array, float]] = []
         self.reached: dict[float, Any] = {}
-        self.tuned: dict[float, Any] = {}
+        self.timed: dict[float, Any] = {}
         self.saving: float | None = None
         self.prepared: dict[Method, list[Any]] = {}
         self._surrogates: dict[tuple[Potential, ...], Any] = {}
@@ -199,7 +199,8 @@ class Dynamics:
     @cached_property
     def is_driven(self) -> bool:
         """Whether forces depend on time or velocity, or motion is prescribed."""
-        return is_driven(self.scene)
+        scene = self.scene
+        return bool(scene.drive or scene.damping or scene._forces or self.springs.changing)
 
     @property
     def has_forces(self) -> bool:
@@ -232,10 +233,15 @@ class Dynamics:
         """Bonds with their geometry, which the loop over a chain does not need."""
         return self.loop_bonds
 
-    def arrays(self, state: Any) -> tuple[Array, Array]:
+    def rows(self, state: Any) -> tuple[Array, Array]:
         """Copies of u and v in the form of the loop, with rows for walls after the sites."""
-        odd = (self.sites - 1) % BLOCK  # bonds before the whole blocks
-        return aligned_copy(state.u, odd), aligned_copy(state.v, odd)
+        return state.u.copy(), state.v.copy()
+
+    def arrays(self, state: Any) -> tuple[Array, Array]:
+        """The same where a loop advances them fastest."""
+        u, v = self.rows(state)
+        odd = (len(u) - 1) % BLOCK if u.size == len(u) else 0  # bonds before the whole blocks
+        return aligned_copy(u, odd), aligned_copy(v, odd)
 
     def bind(self, u: Array, v: Array, method: Method, dt: float) -> Any:
         """The compiled time-stepping loop.
@@ -290,13 +296,17 @@ class Dynamics:
 
     def energies(self, u: Array, v: Array) -> Array:
         """Total energy of each state [J], (states,); u and v (states, *shape)."""
-        stored: Any = 0.0
         if self.has_forces:
             stored = np.sum(on_site(self.scene, 0, u).reshape(len(u), -1), axis=-1)
+            return self._of_bonds(u, v) + stored
+        return self._of_bonds(u, v)
+
+    def _of_bonds(self, u: Array, v: Array) -> Array:
+        """The same without springs to the ground."""
         compiled = self.energies_in_one_call
         energies = None if compiled is None else compiled(u, v)
         if energies is not None:
-            return energies + stored
+            return energies
         scene, rows = self.scene, (len(u), -1)
         mass = scene.mass.reshape(-1, *[1] * (len(self.shape) - 1))
         with np.errstate(over="ignore"):  # overflow gives inf, which `checked` refuses
@@ -305,7 +315,7 @@ class Dynamics:
         parts = [np.sum(self.evaluate("energy", u[k : k + some]), axis=-1)
                  for k in range(0, len(u), some)]  # fmt: skip
         bonds = np.concatenate(parts) if parts else np.zeros(0)
-        return kinetic + bonds - np.sum((scene.loads * u).reshape(rows), axis=-1) + stored
+        return kinetic + bonds - np.sum((scene.loads * u).reshape(rows), axis=-1)
 
     @cached_property
     def energies_in_one_call(self) -> Energies | None:
@@ -323,7 +333,7 @@ class Dynamics:
         """Refuse a state that the scene cannot have; return its energy [J]."""
         self.scene._check_sites(state)
         energy = float(self.energies(state.u[None], state.v[None])[0])  # refuses locked springs
-        if not np.isfinite(energy):
+        if not math.isfinite(energy):
             raise TensegrityError(f"energy {energy} J of the state must be finite")
         return energy
 
@@ -443,8 +453,3 @@ def varied(scene: Any, **changed: Any) -> Any:
     other = copy(scene)
     other.__dict__.update(changed)
     return other
-
-
-def is_driven(scene: SceneData) -> bool:
-    """Whether forces depend on time or velocity, or motion is prescribed."""
-    return bool(scene.drive or scene.damping or scene.tune or getattr(scene, "_forces", ()))
