@@ -166,7 +166,7 @@ def _bare_seconds(case, method, steps):
     dt, best = t_end / steps, math.inf
     for _ in range(3):
         loop = dynamics(scene).bind(*dynamics(scene).arrays(state), method, dt)
-        loop.forget_range()
+        loop.forget()
         best = min(best, clock(partial(loop.advance, steps))[0])
     return best
 

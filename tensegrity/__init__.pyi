@@ -19,14 +19,12 @@ from .errors import (
 )
 from .gradients.compute import gradient
 from .lattices.bands import bands
-from .lattices.effective import effective_mass
-from .lattices.evanescent import decay
 from .lattices.lattice import Lattice
 from .lattices.moduli import moduli
 from .lattices.pair_lattice import PairLattice
+from .lattices.response import decay, effective_mass
 from .measure.budget import bond_force, budget
-from .measure.collision import phase_shift
-from .measure.interfaces import interface, transmission
+from .measure.interfaces import interface, phase_shift, transmission
 from .measure.observables import (
     angular_momentum,
     arrival,
@@ -67,6 +65,7 @@ from .springs.power_law import PowerLaw
 from .structures.equilibrium import control_path, equilibrium
 from .structures.structure import Structure
 from .structures.supports import held, plates
+from .unit.unit import Member, Unit
 from .waves.asymptotics import sech2, tent
 from .waves.prediction import predict
 from .waves.solitary import SolitaryWave, solitary_wave
@@ -85,6 +84,7 @@ __all__ = [
     "Force",
     "Lattice",
     "LockingError",
+    "Member",
     "Network",
     "NoLocking",
     "Nystrom",
@@ -106,6 +106,7 @@ __all__ = [
     "State",
     "Structure",
     "TensegrityError",
+    "Unit",
     "Wall",
     "angular_momentum",
     "animate",

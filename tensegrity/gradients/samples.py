@@ -7,7 +7,7 @@ velocities adds that kick, from the forces on its sites.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,14 +16,12 @@ from tensegrity.engine.codegen import energy_function
 from tensegrity.engine.forces import BondForces
 from tensegrity.engine.geometry import own
 from tensegrity.errors import TensegrityError
+from tensegrity.typing import Array, Indices
 
 if TYPE_CHECKING:
-    from typing import Any
-
     from tensegrity.engine.reverse import Layout
     from tensegrity.gradients.objective import Trace
     from tensegrity.scenes.scene import Scene
-    from tensegrity.typing import Array, Indices
 
 AT_ONCE = 4_000_000  # most numbers from which traces are computed in one block
 

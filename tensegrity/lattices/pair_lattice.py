@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.lattices.bloch import PeriodicBonds
-from tensegrity.scenes.network_input import inertias
+from tensegrity.scenes.pair_dynamics import inertias
 from tensegrity.springs.pair_law import PairLaw
 
 

@@ -3,7 +3,7 @@
 Peaks lie between the recorded instants; they are located by interpolating splines of degree 5, the
 first one by the polynomial through the rows around it, as SciPy takes longer to import than most
 first calls of this package.  Interpolation is for computed rows.  Rows with noise are fitted, see
-`tensegrity.measure.noise`.
+`tensegrity.measure.peaks`.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from numpy.typing import ArrayLike
 from tensegrity import check
 from tensegrity.checked import checked
 from tensegrity.errors import TensegrityError
-from tensegrity.measure.noise import fitted_peaks, noise_of, refuse_plateau
 from tensegrity.measure.observables import PEAK_FRACTION
+from tensegrity.measure.peaks import DISTINCT, fitted_peaks, noise_of, refuse_plateau
 from tensegrity.root import root
 from tensegrity.typing import Array, Duration, Flags, Fraction
 
@@ -27,7 +27,6 @@ LEVEL = 0.05  # of the largest peak: smaller ones do not count
 AROUND = 7  # rows by which the first peak is located
 ROUND_OFF = 1e-9  # of the clock, by which rows may be farther apart
 NOISE = 1e-9  # of the largest force: maxima below it are round-off
-DISTINCT = 0.25  # of its height, by which a peak stands above what surrounds it
 
 Number = TypeVar("Number")
 

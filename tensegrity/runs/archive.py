@@ -40,7 +40,7 @@ from tensegrity.springs.potential import Potential
 from tensegrity.springs.power_law import PowerLaw
 from tensegrity.springs.provenance import potential_of_law, provenance
 from tensegrity.springs.spline import SplineLaw
-from tensegrity.structures.dynamics import BarSpring, StringSpring
+from tensegrity.structures.structure import BarSpring, StringSpring
 
 FORMAT = "tensegrity 1"
 
@@ -356,12 +356,8 @@ def _member(x):
 
 
 def in_time(x: Any) -> dict[str, Any]:
-    """Drives, damping and tuning of a scene; expressions of time are stored in printed form."""
-    tune = x.tune
-    if not callable(tune):
-        tune = {name: signal.expression for name, signal in tune.items()}
-    parts = {"drive": dict(x.drive), "damping": x.damping, "tune": tune}
-    parts["forces"] = dynamics(x).further_forces
+    """Drives, damping and forces of a scene; expressions of time are stored in printed form."""
+    parts = {"drive": dict(x.drive), "damping": x.damping, "forces": dynamics(x).further_forces}
     return {name: value for name, value in parts.items() if value}
 
 

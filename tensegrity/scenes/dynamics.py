@@ -23,7 +23,7 @@ from tensegrity.engine.native import aligned_copy
 from tensegrity.engine.openings import is_treated
 from tensegrity.errors import TensegrityError
 from tensegrity.readonly import ReadOnly, Repeated, fixed, same_content
-from tensegrity.scenes.on_site import on_site
+from tensegrity.scenes.on_site import on_site, per_coordinate
 from tensegrity.springs.collection import Springs
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from tensegrity.engine.energies import Energies
     from tensegrity.engine.methods import Method
     from tensegrity.springs.potential import Potential
-    from tensegrity.typing import Array, Indices, SceneData
+    from tensegrity.typing import Array, Indices
 
 SURROGATES = 4  # scenes with fitted springs that are cached with a scene
 IN_CACHE = 20_000  # contacts times rows whose energies are computed in one call
@@ -111,7 +111,7 @@ class Dynamics:
         each spring over them [N/m], and the resulting bound on the angular frequency [rad/s].
     reached : dict of float to Reach
         Cache of the elongations that springs attain with a given energy [J] in one bond.
-    tuned : dict of float to object
+    timed : dict of float to TimedSprings
         Cache of springs that change with time, by the duration of the run [s].
     saving : float or None
         Estimate of the time that fitted forces save in one evaluation of all forces [s].
@@ -132,7 +132,7 @@ class Dynamics:
         self.sites, self.dim = scene.sites, scene.dim
         self.ranges: list[tuple[Array, Array, float]] = []
         self.reached: dict[float, Any] = {}
-        self.tuned: dict[float, Any] = {}
+        self.timed: dict[float, Any] = {}
         self.saving: float | None = None
         self.prepared: dict[Method, list[Any]] = {}
         self._surrogates: dict[tuple[Potential, ...], Any] = {}
@@ -196,24 +196,15 @@ class Dynamics:
         w[list(self.scene.held)] = 0
         return fixed(w)
 
-    @property
-    def domains(self) -> Any:
-        """Lowest and highest of each range that a run notes, of elongations [m]; (noted, 2)."""
-        return self.springs.computable_domain
-
     @cached_property
     def is_driven(self) -> bool:
         """Whether forces depend on time or velocity, or motion is prescribed."""
-        return is_driven(self.scene)
-
-    @property
-    def has_forces(self) -> bool:
-        """Whether there are forces besides those of springs, drives and dashpots."""
-        return bool(self.scene._forces)
+        scene = self.scene
+        return bool(scene.drive or scene.damping or scene._forces or self.springs.changing)
 
     @property
     def further_forces(self) -> tuple[Any, ...]:
-        """These forces, each a Force."""
+        """The forces besides those of springs, drives and dashpots, each a Force."""
         return self.scene._forces
 
     @cached_property
@@ -237,10 +228,15 @@ class Dynamics:
         """Bonds with their geometry, which the loop over a chain does not need."""
         return self.loop_bonds
 
-    def arrays(self, state: Any) -> tuple[Array, Array]:
+    def rows(self, state: Any) -> tuple[Array, Array]:
         """Copies of u and v in the form of the loop, with rows for walls after the sites."""
-        odd = (self.sites - 1) % BLOCK  # bonds before the whole blocks
-        return aligned_copy(state.u, odd), aligned_copy(state.v, odd)
+        return state.u.copy(), state.v.copy()
+
+    def arrays(self, state: Any) -> tuple[Array, Array]:
+        """The same where a loop advances them fastest."""
+        u, v = self.rows(state)
+        odd = (len(u) - 1) % BLOCK if u.size == len(u) else 0  # bonds before the whole blocks
+        return aligned_copy(u, odd), aligned_copy(v, odd)
 
     def bind(self, u: Array, v: Array, method: Method, dt: float) -> Any:
         """The compiled time-stepping loop.
@@ -295,13 +291,17 @@ class Dynamics:
 
     def energies(self, u: Array, v: Array) -> Array:
         """Total energy of each state [J], (states,); u and v (states, *shape)."""
-        stored: Any = 0.0
-        if self.has_forces:
+        if self.further_forces:
             stored = np.sum(on_site(self.scene, 0, u).reshape(len(u), -1), axis=-1)
+            return self._of_bonds(u, v) + stored
+        return self._of_bonds(u, v)
+
+    def _of_bonds(self, u: Array, v: Array) -> Array:
+        """The same without springs to the ground."""
         compiled = self.energies_in_one_call
         energies = None if compiled is None else compiled(u, v)
         if energies is not None:
-            return energies + stored
+            return energies
         scene, rows = self.scene, (len(u), -1)
         mass = per_coordinate(scene, scene.mass)
         with np.errstate(over="ignore"):  # overflow gives inf, which `checked` refuses
@@ -310,7 +310,7 @@ class Dynamics:
         parts = [np.sum(self.evaluate("energy", u[k : k + some]), axis=-1)
                  for k in range(0, len(u), some)]  # fmt: skip
         bonds = np.concatenate(parts) if parts else np.zeros(0)
-        return kinetic + bonds - np.sum((scene.loads * u).reshape(rows), axis=-1) + stored
+        return kinetic + bonds - np.sum((scene.loads * u).reshape(rows), axis=-1)
 
     @cached_property
     def energies_in_one_call(self) -> Energies | None:
@@ -319,7 +319,7 @@ class Dynamics:
 
     # bounds
 
-    @property
+    @cached_property
     def is_loaded(self) -> bool:
         """Whether constant loads act."""
         return bool(np.any(self.scene.loads))
@@ -328,7 +328,7 @@ class Dynamics:
         """Refuse a state that the scene cannot have; return its energy [J]."""
         self.scene._check_sites(state)
         energy = float(self.energies(state.u[None], state.v[None])[0])  # refuses locked springs
-        if not np.isfinite(energy):
+        if not math.isfinite(energy):
             raise TensegrityError(f"energy {energy} J of the state must be finite")
         return energy
 
@@ -416,8 +416,21 @@ class Dynamics:
     # descriptions of places for messages
 
     def where_extreme(self, spring: int, u: Array, side: int) -> str:
-        """Describe the contact in which a distinct spring, by its number, has its smallest (side 0)
-        or largest (1) elongation at displacements u [m]."""
+        """Describe the contact in which a spring has its extreme elongation.
+
+        Parameters
+        ----------
+        spring : int
+            Index of a distinct spring in `springs`.
+        u : ndarray, shape of the scene
+            Displacements [m].
+        side : {0, 1}
+            0 for the smallest elongation, 1 for the largest.
+
+        Returns
+        -------
+        str
+        """
         contacts = np.flatnonzero(self.springs.group == spring)
         r = self.elongations(u)[contacts]
         return self._where(int(contacts[np.argmax(r) if side else np.argmin(r)]))
@@ -430,19 +443,8 @@ class Dynamics:
         return self._where(int(np.argmax(np.abs(self.elongations(u)))))
 
 
-def per_coordinate(scene: Any, values: Array) -> Array:
-    """Values of sites, or of their coordinates, for each coordinate; shape of the scene."""
-    one = values.reshape(*values.shape, *[1] * (len(scene.shape) - values.ndim))
-    return np.broadcast_to(one, scene.shape)
-
-
 def varied(scene: Any, **changed: Any) -> Any:
     """A scene with other values of some attributes, unchecked."""
     other = copy(scene)
     other.__dict__.update(changed)
     return other
-
-
-def is_driven(scene: SceneData) -> bool:
-    """Whether forces depend on time or velocity, or motion is prescribed."""
-    return bool(scene.drive or scene.damping or scene.tune or getattr(scene, "_forces", ()))

@@ -18,7 +18,7 @@ from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.notebook import page
 from tensegrity.scenes.clearance import Clearance
-from tensegrity.scenes.dynamics import dynamics, per_coordinate
+from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.forcing import start_driven_sites
 from tensegrity.scenes.neighbour_list import NeighbourList, new_contact_law
 from tensegrity.scenes.network_dynamics import NetworkDynamics
@@ -28,20 +28,22 @@ from tensegrity.scenes.network_input import (
     contact_ends,
     contact_geometry,
     held_sites,
-    inertias,
-    is_pair_law,
     numbers,
-    pair_laws,
     per_site,
     plane_walls,
-    refuse_beside_pair_laws,
     refuse_too_many,
     site_number,
     springs_of,
     whole_pairs,
 )
-from tensegrity.scenes.on_site import on_site
-from tensegrity.scenes.pair_dynamics import PairDynamics
+from tensegrity.scenes.on_site import on_site, per_coordinate
+from tensegrity.scenes.pair_dynamics import (
+    PairDynamics,
+    inertias,
+    is_pair_law,
+    pair_laws,
+    refuse_beside_pair_laws,
+)
 from tensegrity.scenes.picture import Picture, forces
 from tensegrity.scenes.scene import Scene, State, momenta, velocities
 from tensegrity.scenes.walls import Wall
@@ -54,7 +56,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from tensegrity.scenes.force import Force
-    from tensegrity.scenes.forcing import Damping, Drive, Tune
+    from tensegrity.scenes.forcing import Damping, Drive
     from tensegrity.typing import Array, Motion
 
 
@@ -68,7 +70,8 @@ class Network(Scene):
     bonds : array_like of int, (bonds, 2)
         The two sites of each bond.
     spring : Potential or sequence of Potential
-        One spring for all bonds, or one for each bond.
+        One spring for all bonds, or one for each bond.  Some may change with time, with "fixed"
+        contacts only; see `Potential.over_time`.
     lengths : float or array_like (bonds,), optional
         Distance [m] at which a bond's elongation is 0; by default its distance in `positions`.
     mass : float or array_like (sites,), optional
@@ -100,8 +103,6 @@ class Network(Scene):
         {site: Drive}: prescribed motions, and forces that depend on time.
     damping : Damping, optional
         Dashpots in the bonds and to the ground; in the bonds with "fixed" contacts only.
-    tune : dict of str to sympy.Expr, or callable t -> Potential, optional
-        Change of the spring with time, as in `Chain`; excludes contacts with walls.
     forces : sequence of Force, optional
         Forces of time, displacement and velocity on sites, in bonds, or at walls; on all bonds or
         walls of a network that follows its contacts they act in those that form, too, and must be 0
@@ -148,7 +149,6 @@ class Network(Scene):
         law: Potential | Callable[[int, int | Wall], Potential] | None = None,
         drive: Mapping[int, Drive] | None = None,
         damping: Damping | None = None,
-        tune: Tune | None = None,
         forces: Sequence[Force] = (),
     ) -> None:
         if isinstance(positions, np.ndarray) and positions.ndim:
@@ -190,16 +190,17 @@ class Network(Scene):
         of = dynamics(self)
         _ = of.loop_bonds  # refuses springs that the compiled loop cannot take
         of.refuse_unlisted(none)
-        self._set_forcing(drive, damping, tune, forces)
+        self._set_forcing(drive, damping, forces)
         if of_ends:
-            refuse_beside_pair_laws(self)
+            refuse_beside_pair_laws(of)
         if of.follows:
             self._refuse_changing()
 
     def _refuse_changing(self) -> None:
         """Refuse forcing that depends on which open contacts are listed."""
-        if self.tune or (self.damping and self.damping.bond.any()):
-            what = "springs that change in time" if self.tune else "dashpots in bonds"
+        changing = dynamics(self).springs.changing
+        if changing or (self.damping and self.damping.bond.any()):
+            what = "springs that change in time" if changing else "dashpots in bonds"
             raise TensegrityError(f"{what} act in open contacts too: contacts must be 'fixed'")
         for force in self._forces:
             force.refuse_open(dynamics(self).clearance.skin)

@@ -156,10 +156,10 @@ class NetworkDynamics(Dynamics):
         """Cost of one evaluation of all forces, in bonds of a chain."""
         return 3 * len(self.scene.springs) + self.sites
 
-    def arrays(self, state: State) -> tuple[Array, Array]:
+    def rows(self, state: State) -> tuple[Array, Array]:
         """u and v in the form of the compiled loop: sites, followed by walls and a spare row."""
         if self.loop_bonds.contacts is None:
-            return super().arrays(state)
+            return super().rows(state)
         u, v = np.zeros((2, self.loop_bonds.contacts.rows, self.dim))
         u[: self.sites], v[: self.sites] = state.u, state.v
         return u, v

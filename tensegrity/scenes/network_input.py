@@ -15,7 +15,6 @@ from tensegrity.readonly import Repeated
 from tensegrity.scenes.near_pairs import blocks, distances, keys
 from tensegrity.scenes.scene import SMALLEST_MASS
 from tensegrity.scenes.walls import Wall, WallArrays
-from tensegrity.springs.pair_law import PairLaw
 from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array, Indices
 
@@ -100,87 +99,6 @@ GAP_TOLERANCE = 0.1  # largest difference of `wall_gaps` from the positions' gap
 
 
 LARGEST = 2**29  # sites and walls: the loop numbers their rows, of four numbers, with 32 bits
-
-
-def is_pair_law(spring: object) -> bool:
-    """Whether the springs of bonds are a `PairLaw`, or a sequence that begins with one."""
-    if isinstance(spring, Sequence) and len(spring):
-        return isinstance(spring[0], PairLaw)
-    return isinstance(spring, PairLaw)
-
-
-def inertias(mass: ArrayLike, shape: tuple[int, ...]) -> Array:
-    """Inertias of all coordinates.
-
-    Parameters
-    ----------
-    mass : float or array_like
-        One number, those of one site, (dim,), one of each site, (sites, 1), or all; above 0.
-    shape : (int, int)
-        (sites, dim)
-
-    Returns
-    -------
-    ndarray, (sites, dim)
-    """
-    given = numbers("mass", mass)
-    if given.shape not in ((), shape[1:], (shape[0], 1), shape):
-        raise TensegrityError(
-            f"mass has shape {given.shape}, must be {shape[1:]}, the inertias of one site, or "
-            f"{shape}, (sites, dim)"
-        )
-    values = np.broadcast_to(given, shape).copy()
-    bad = np.argwhere(~(values >= SMALLEST_MASS))
-    if bad.size:
-        (site, k) = bad[0].tolist()
-        raise TensegrityError(
-            f"mass {values[site, k]:g} of coordinate {k} of site {site} must be at least "
-            f"{SMALLEST_MASS:g}"
-        )
-    return values
-
-
-def pair_laws(springs: Repeated, scene: Any) -> Repeated:
-    """Pair laws of the bonds of a network, of one form.
-
-    Parameters
-    ----------
-    springs : Repeated
-    scene : Network
-
-    Returns
-    -------
-    Repeated of PairLaw
-        Each with its part of the energies of its sites.
-    """
-    for number, one in enumerate(springs):
-        check.kind(f"spring of bond {number}", one, PairLaw)
-        if one.law != springs[0].law:
-            raise TensegrityError(
-                f"pair laws of bonds 0 and {number} must have one form, with any parameters"
-            )
-        if one.law.dim != scene.dim:
-            raise TensegrityError(
-                f"sites have {scene.dim} coordinates, the pair law has {one.law.dim}"
-            )
-    first, second = scene.bonds.T
-    if (first > second).any():
-        number = int(np.argmax(first > second))
-        raise TensegrityError(
-            f"bond {number} joins sites {first[number]} and {second[number]}: of a pair law the "
-            "first must have the lower number"
-        )
-    share = 1 / np.maximum(np.bincount(scene.bonds.ravel(), minlength=scene.sites), 1)
-    given = zip(springs, share[first].tolist(), share[second].tolist(), strict=True)
-    return Repeated.of([one.shared(*parts) for one, *parts in given])
-
-
-def refuse_beside_pair_laws(scene: Any) -> None:
-    """Refuse arguments that exclude pair laws."""
-    others = {"walls": len(scene.walls), "radius": scene.radius is not None}
-    others |= {"damping": scene.damping, "tune": scene.tune, "forces": scene._forces}
-    for name in (name for name, given in others.items() if given):
-        raise TensegrityError(f"{name} must not be given with a pair law")
 
 
 def refuse_too_many(sites: int) -> None:

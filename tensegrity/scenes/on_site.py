@@ -85,3 +85,9 @@ def on_site(scene: Any, order: int, u: Array) -> Array:
                 raise range_error(one.expression, float(outside.flat[0]))
             at_sites[..., applied.places] += applied.stored(order, sites)
     return values
+
+
+def per_coordinate(scene: Any, values: Array) -> Array:
+    """Values of sites, or of their coordinates, for each coordinate; shape of the scene."""
+    one = values.reshape(*values.shape, *[1] * (len(scene.shape) - values.ndim))
+    return np.broadcast_to(one, scene.shape)
