@@ -73,8 +73,10 @@ INNER = {  # what runs, paths and searches ask of their objects, and nobody else
     "frequency_of", "is_alike", "largest_stiffness", "listed", "listings", "measure",
     "mutants", "name", "name_of", "needed", "nystrom_of", "of", "opened",
     "palindrome", "parts", "placed", "places_of", "plan", "present_ranges", "projected", "random",
-    "reachable", "refuse_open", "rows", "shared", "steps", "stiffest", "stiffness_within", "stored_by_site",
-    "stretch", "table", "tangent", "trace", "varied", "walls_hold", "walls_named", "with_springs", "worth",
+    "reachable", "refuse_open", "rows", "shared", "steps",
+    "stiffest", "stiffness_within", "stored_by_site",
+    "stretch", "table", "tangent", "trace", "varied", "walls_hold", "walls_named", "with_springs",
+    "worth",
 }  # fmt: skip
 
 R, TIME = sp.symbols("r t")
