@@ -360,69 +360,7 @@ def _values(name: str, given: Any) -> Array:
     return fixed(values)
 
 
-def checked_forces(scene: Any, forces: Any) -> tuple[Force, ...]:
-    """Validate the forces of a scene.
-
-    Parameters
-    ----------
-    scene : Scene
-    forces : sequence of Force
-
-    Returns
-    -------
-    tuple of Force
-
-    Raises
-    ------
-    TensegrityError
-        Not a sequence of forces, or a force on a place that does not exist.
-    """
-    given = check.sequence("forces", forces, "forces")
-    for one in given:
-        check.kind("a force", one, Force)
-        one._applied(scene)
-    return given
-
-
 def depends_on_time(scene: Any) -> bool:
     """Whether a scene has a drive, or a force that contains `t`."""
     terms = [one for force in scene._forces if not force.stores for one in force._expressions]
     return bool(scene.drive) or any("t" in map(str, one.free_symbols) for one in terms)
-
-
-def dashpots(scene: Any) -> list[Force]:
-    """The dashpots of a scene as forces."""
-    import sympy as sp
-
-    ground, bond, rate = sp.symbols("ground bond rate")
-    damping, counts = scene.damping, place_counts(scene)
-    forces: list[Force] = []
-    if damping is None:
-        return forces
-    if damping.ground.any():
-        along = [-ground * sp.Symbol(f"v_{k}") for k in AXES[: scene.dim]]
-        values = {"ground": damping.each("ground", counts["sites"])}
-        forces.append(
-            Force(along if scene.dim > 1 else -ground * sp.Symbol("v"), parameters=values)
-        )
-    if damping.bond.any():
-        values = {"bond": damping.each("bond", counts["bonds"])}
-        forces.append(Force(bond * rate, "bonds", parameters=values))
-    return forces
-
-
-def no_force(scene: Any) -> Force:
-    """A force of 0 N, with which steps of a Runge-Kutta method are those of scenes with forces."""
-    import sympy as sp
-
-    along = [0 * sp.Symbol("v") for _ in AXES[: scene.dim]]
-    return Force(along if scene.dim > 1 else along[0])
-
-
-def applied_forces(scene: Any, as_forces: bool = False) -> tuple[Any, ...]:
-    """The forces of a scene that has any besides those of time alone, its dashpots among them; if
-    these shall be forces, all, and at least one."""
-    if not as_forces and all(one.law.of_time for one in scene._forces):
-        return ()
-    forces = [*scene._forces, *dashpots(scene)]
-    return tuple(one._applied(scene) for one in forces or [no_force(scene)])

@@ -20,12 +20,12 @@ from tensegrity.engine.driven import Forcing
 from tensegrity.errors import TensegrityError
 from tensegrity.printing import concise, printed
 from tensegrity.readonly import FixedDict, fixed
+from tensegrity.scenes.acting import signals_of_force
 from tensegrity.scenes.dynamics import dynamics
-from tensegrity.scenes.force import applied_forces, checked_forces, place_counts
+from tensegrity.scenes.force import Force, place_counts
 from tensegrity.springs.signals import (
     RTOL,
     check_signals,
-    expression_of,
     in_columns,
     largest_frequency,
     signals_of,
@@ -37,7 +37,6 @@ if TYPE_CHECKING:
     import sympy as sp
     from numpy.typing import ArrayLike
 
-    from tensegrity.springs.signals import Expression
     from tensegrity.typing import Array
 
     Signal: TypeAlias = sp.Expr | float | tuple[ArrayLike, ArrayLike]
@@ -223,7 +222,7 @@ def checked_forcing(scene: Any, drive: Any, damping: Any, forces: Any = ()) -> d
     ------
     TensegrityError
         A drive of a held or missing site or with a wrong number of components, damping of another
-        number of bonds or sites, or forces of a state beside springs that change with time.
+        number of bonds or sites, or what is no force.
     """
     drive = {} if drive is None else drive
     if not isinstance(drive, Mapping):
@@ -243,10 +242,10 @@ def checked_forcing(scene: Any, drive: Any, damping: Any, forces: Any = ()) -> d
         damping.each("ground", scene.sites)
         if not (damping.bond.any() or damping.ground.any()):
             damping = None
-    forces = checked_forces(scene, forces)
-    if dynamics(scene).springs.changing and not all(one.law.of_time for one in forces):
-        raise TensegrityError("springs that change exclude forces of displacements or velocities")
-    return {"drive": FixedDict(drive), "damping": damping, "_forces": forces}
+    given = check.sequence("forces", forces, "forces")
+    for one in given:
+        check.kind("a force", one, Force)
+    return {"drive": FixedDict(drive), "damping": damping, "_forces": given}
 
 
 def _bonds(scene: Any) -> int:
@@ -279,35 +278,13 @@ def frequency_of_drives(scene: Any, state: Any, t_end: float) -> float:
     largest = largest_frequency(time_signals(scene), t_end)
     x, rate = (float(np.max(np.abs(values))) or 1.0 for values in (state.u, state.v))
     for one in getattr(scene, "scenes", (scene,)):
-        for force in one._forces:
+        for force in dynamics(one).acting.forces:
             if force.law.varies:
-                each = signals_of_force(force._applied(one), x, rate)
+                each = signals_of_force(force, x, rate)
                 signals = {s.key: s for place in each for s in place}.values()
                 with suppress(TensegrityError):  # infinite at these displacements
                     largest = max(largest, largest_frequency([*signals], t_end))
     return largest
-
-
-def signals_of_force(force: Any, x: float = 0.0, rate: float = 0.0) -> list[list[Expression]]:
-    """The components of a force as functions of time in each of its places.
-
-    Parameters
-    ----------
-    force : AppliedForce
-    x, rate : float, optional
-        Displacements or elongations [m], and velocities [m/s].
-
-    Returns
-    -------
-    list of list of Expression
-    """
-    law, signals = force.law, []
-    state = {s: rate if s in law.rates else x for s in law.state}
-    components = [one.xreplace(state) for one in law.expressions]
-    for values in force.values.T.tolist():
-        of = dict(zip(map(str, law.parameters), values, strict=True))
-        signals.append([expression_of("force", one, of) for one in components])
-    return signals
 
 
 def start_driven_sites(scene: Any, u: Array, v: Array) -> None:
@@ -401,30 +378,22 @@ def forcing_of(scene: Any, t_end: float, timed: Any = None, as_forces: bool = Fa
     TensegrityError
         A drive that is not finite, has a jump, or is not defined up to `t_end`.
     """
-    (moved, motions), (forced, scattered_forces) = (
-        driven_entries(scene, True),
-        driven_entries(scene, False),
-    )
-    held = np.repeat(dynamics(scene).inverse_mass == 0, scene.dim)
-    if not (applied := applied_forces(scene, as_forces)):
+    dyn = dynamics(scene)
+    (moved, motions), (forced, pulls) = (driven_entries(scene, x) for x in (True, False))
+    held, acting = np.repeat(dyn.inverse_mass == 0, scene.dim), dyn.acting
+    ground, bond = (x.copy() for x in acting.dashpots)
+    ground[held] = 0.0
+    if applied := acting.applied(as_forces):  # dashpots are among them
+        ground[:], bond[:] = 0.0, 0.0
+    else:
         fixed_entries = {*moved.tolist(), *np.flatnonzero(held).tolist()}
-        for of in (one._applied(scene) for one in scene._forces):
-            for place, each in zip(of.places.tolist(), signals_of_force(of), strict=True):
-                here = [(scene.dim * place + k, signal) for k, signal in enumerate(each)]
-                here = [pair for pair in here if pair[0] not in fixed_entries]
-                forced = np.append(forced, [entry for entry, _ in here]).astype(int)
-                scattered_forces = (*scattered_forces, *(signal for _, signal in here))
-    check_signals((*motions, *scattered_forces), t_end)
-    bonds, mass = dynamics(scene).loop_bonds, np.repeat(scene.mass, scene.dim)
+        more = [pair for pair in acting.of_time() if pair[0] not in fixed_entries]
+        forced = np.append(forced, [entry for entry, _ in more]).astype(int)
+        pulls = (*pulls, *(signal for _, signal in more))
+    check_signals((*motions, *pulls), t_end)
+    bonds, mass = dyn.loop_bonds, np.repeat(scene.mass, scene.dim)
     driven_mass = mass[moved]
     mass[moved] = 0.0
-    damping = scene.damping or Damping()
-    ground = np.repeat(damping.each("ground", scene.sites), scene.dim)
-    bond = np.zeros(len(scene.springs))
-    bond[: _bonds(scene)] = damping.each("bond", _bonds(scene))
-    ground[held] = 0.0
-    if applied:  # dashpots are among them
-        ground, bond = np.zeros_like(ground), np.zeros_like(bond)
     if timed is not None:
         bonds = replace(
             bonds, laws=timed.laws, law=timed.law, parameters=timed.columns.astype(float),
@@ -435,7 +404,7 @@ def forcing_of(scene: Any, t_end: float, timed: Any = None, as_forces: bool = Fa
         moved,
         forced,
         in_columns(motions),
-        in_columns(scattered_forces),
+        in_columns(pulls),
         mass,
         driven_mass,
         ground,
