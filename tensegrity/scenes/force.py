@@ -358,9 +358,3 @@ def _values(name: str, given: Any) -> Array:
     if values.ndim > 1 or not np.isfinite(values).all():
         raise TensegrityError(f"parameter {name} {check.shown(given)} must be finite, (places,)")
     return fixed(values)
-
-
-def depends_on_time(scene: Any) -> bool:
-    """Whether a scene has a drive, or a force that contains `t`."""
-    terms = [one for force in scene._forces if not force.stores for one in force._expressions]
-    return bool(scene.drive) or any("t" in map(str, one.free_symbols) for one in terms)

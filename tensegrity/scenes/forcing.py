@@ -8,7 +8,7 @@ arrays of the time-stepping loop.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
@@ -238,7 +238,7 @@ def checked_forcing(scene: Any, drive: Any, damping: Any, forces: Any = ()) -> d
             raise TensegrityError(f"site {number} is held and cannot be driven")
     if damping is not None:
         check.kind("damping", damping, Damping)
-        damping.each("bond", _bonds(scene))
+        damping.each("bond", place_counts(scene)["bonds"])
         damping.each("ground", scene.sites)
         if not (damping.bond.any() or damping.ground.any()):
             damping = None
@@ -246,10 +246,6 @@ def checked_forcing(scene: Any, drive: Any, damping: Any, forces: Any = ()) -> d
     for one in given:
         check.kind("a force", one, Force)
     return {"drive": FixedDict(drive), "damping": damping, "_forces": given}
-
-
-def _bonds(scene: Any) -> int:
-    return place_counts(scene)["bonds"]
 
 
 def refuse_driven(scene: Any, what: str) -> None:
@@ -287,73 +283,38 @@ def frequency_of_drives(scene: Any, state: Any, t_end: float) -> float:
     return largest
 
 
-def start_driven_sites(scene: Any, u: Array, v: Array) -> None:
-    """Set the displacements and velocities of driven sites to those of their drives at t = 0.
-
-    Parameters
-    ----------
-    scene : Scene
-    u, v : ndarray, (sites[, dim])
-        Displacements [m] and velocities [m/s], changed in place.
-    """
+def _components(scene: Any, prescribed: bool) -> Iterator[tuple[int, int, int, Any]]:
+    """Of each coordinate with a prescribed motion, or with a prescribed force: site, axis, index in
+    the flattened u, and function of time."""
     for site, drive in scene.drive.items():
-        if drive.prescribes:
-            _, prescribed, here = driven_components(scene, site, drive)
-            u.reshape(-1)[here] = drive.at(0.0)[prescribed]
-            v.reshape(-1)[here] = drive.at(0.0, 1)[prescribed]
+        for axis, signal in enumerate(drive.signals):
+            if drive.prescribes == prescribed and signal is not None:
+                yield site, axis, site * scene.dim + axis, signal
 
 
-def driven_components(
-    scene: Any, site: int, drive: Drive
-) -> tuple[list[Any], list[int], list[int]]:
-    """Components of a drive that are not free.
-
-    Parameters
-    ----------
-    scene : Scene
-    site : int
-    drive : Drive
-        The drive of that site.
-
-    Returns
-    -------
-    signals : list of callable
-        Functions of time.
-    axes : list of int
-        Their coordinates.
-    entries : list of int
-        Their indices in the flattened u.
-    """
-    axes = [k for k, signal in enumerate(drive.signals) if signal is not None]
-    return [drive.signals[k] for k in axes], axes, [site * scene.dim + k for k in axes]
+def start_driven_sites(scene: Any, u: Array, v: Array) -> None:
+    """Set the displacements u [m] and velocities v [m/s] of driven sites, (sites[, dim]), to those
+    of their drives at t = 0, in place."""
+    for _, _, entry, signal in _components(scene, True):
+        u.reshape(-1)[entry], v.reshape(-1)[entry] = (signal(np.array(0.0), k) for k in (0, 1))
 
 
 def driven_entries(scene: Any, prescribed: bool) -> tuple[Any, Any]:
     """Indices in the flattened u with a prescribed motion, or with a force, and their functions."""
-    numbers: list[int] = []
-    signals: list[Any] = []
-    for site, drive in scene.drive.items():
-        if drive.prescribes == prescribed:
-            of_site, _, here = driven_components(scene, site, drive)
-            numbers += here
-            signals += of_site
-    return np.array(numbers, dtype=int), tuple(signals)
+    found = [(entry, signal) for _, _, entry, signal in _components(scene, prescribed)]
+    return np.array([x for x, _ in found], dtype=int), tuple(signal for _, signal in found)
 
 
 def check_start(scene: Any, u: Array) -> None:
     """Refuse displacements of driven sites that differ from their drives at t = 0."""
-    for site, drive in scene.drive.items():
-        if not drive.prescribes:
-            continue
-        signals, axes, here = driven_components(scene, site, drive)
-        for signal, axis, entry in zip(signals, axes, here, strict=True):
-            prescribed, actual = float(signal(np.array(0.0))), float(u.reshape(-1)[entry])
-            if abs(actual - prescribed) > ATOL + RTOL * abs(prescribed):
-                raise TensegrityError(
-                    f"site {site} is at {actual:.9g} m, its drive {signal} begins at "
-                    f"{prescribed:.9g} m (axis {axis}): start from `at_rest`, or let the drive "
-                    "begin there"
-                )
+    for site, axis, entry, signal in _components(scene, True):
+        prescribed, actual = float(signal(np.array(0.0))), float(u.reshape(-1)[entry])
+        if abs(actual - prescribed) > ATOL + RTOL * abs(prescribed):
+            raise TensegrityError(
+                f"site {site} is at {actual:.9g} m, its drive {signal} begins at "
+                f"{prescribed:.9g} m (axis {axis}): start from `at_rest`, or let the drive "
+                "begin there"
+            )
 
 
 def forcing_of(scene: Any, t_end: float, timed: Any = None, as_forces: bool = False) -> Forcing:
