@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any, Unpack
+from typing import Annotated, Any, Unpack
 
 import numpy as np
 
@@ -21,8 +21,9 @@ from granular.damped_contact import friction_of
 from granular.layout import TOUCH, Layout, Piece, diamond_layout, y_layout
 from granular.surroundings import OfGuide, Surroundings, accepted, surrounded
 from tensegrity import State, TensegrityError, Wall, check
+from tensegrity.checked import checked
 from tensegrity.scenes.clearance import Clearance
-from tensegrity.typing import Array, Indices
+from tensegrity.typing import Array, Distance, Indices
 
 
 class Guide(Assembly):
@@ -57,6 +58,7 @@ class Guide(Assembly):
     parts: dict[str, tuple[int, ...]]
 
     @surrounded(OfGuide)
+    @checked
     def __init__(
         self,
         layout: Layout,
@@ -69,7 +71,7 @@ class Guide(Assembly):
     ) -> None:
         around = Surroundings(**accepted(Guide.__init__, surroundings))
         gravity, preload, friction = around.gravity, around.push, around.friction
-        _check(layout, beads, wall, striker, end, gravity, preload)
+        _check(layout, beads, end, gravity, preload)
         sides, first, given = len(layout.walls), int(striker is not None), layout
         if end is not None:
             layout = layout.stopped(_last_parts(layout))
@@ -172,18 +174,11 @@ def _loads(beads: tuple[Bead, ...], first: int, gravity: float, preload: float) 
 def _check(
     layout: Layout,
     beads: Mapping[str, Bead],
-    wall: Material,
-    striker: Striker | None,
     end: Material | None,
     gravity: float,
     preload: float,
 ) -> None:
-    """Refuse other things than a guide consists of, and loads that nothing carries."""
-    check.kind("layout", layout, Layout)
-    check.kind("wall", wall, Material)
-    for name, given, kind in (("end", end, Material), ("striker", striker, Striker)):
-        if given is not None:
-            check.kind(name, given, kind)
+    """Refuse other beads than those of a guide, and loads that nothing carries."""
     if not isinstance(beads, Mapping):
         raise TensegrityError(f"beads {check.shown(beads)} must be a dict of parts and Beads")
     for part in layout.parts:
@@ -229,18 +224,19 @@ def _wall(piece: Piece) -> Wall:
 
 
 @surrounded(OfGuide)
+@checked
 def y_guide(
-    stem: int = 19,
-    branch: int = 23,
-    half_angle: float = math.pi / 6,
+    stem: Annotated[int, ">= 2"] = 19,
+    branch: Annotated[int, ">= 2"] = 23,
+    half_angle: Annotated[float, "> 0", f"< {math.pi / 2}", "rad"] = math.pi / 6,
     *,
     bead: Bead,
     branches: tuple[Bead, Bead] | None = None,
     wall: Material = materials["ptfe"],
     striker: Striker | None = None,
     end: Material | None = None,
-    gap: float = 0.0,
-    through: float = 0.0,
+    gap: Distance = 0.0,
+    through: Distance = 0.0,
     **surroundings: Unpack[OfGuide],
 ) -> Guide:
     """A Y-shaped guide, the first half of that of the paper: a stem that splits into two branches.
@@ -296,18 +292,19 @@ def y_guide(
 
 
 @surrounded(OfGuide)
+@checked
 def diamond_guide(
-    stem: int = 19,
-    branch: int = 47,
-    half_angle: float = math.pi / 6,
+    stem: Annotated[int, ">= 2"] = 19,
+    branch: Annotated[int, ">= 2"] = 47,
+    half_angle: Annotated[float, "> 0", f"< {math.pi / 2}", "rad"] = math.pi / 6,
     *,
     bead: Bead,
     branches: tuple[Bead, Bead] | None = None,
     wall: Material = materials["ptfe"],
     striker: Striker | None = None,
     end: Material | None = None,
-    gap: float = 0.0,
-    through: float = 0.0,
+    gap: Distance = 0.0,
+    through: Distance = 0.0,
     **surroundings: Unpack[OfGuide],
 ) -> Guide:
     """The full guide of the paper: the branches rejoin in a second stem.
@@ -343,7 +340,6 @@ def diamond_guide(
 
 
 def _filling(bead: Bead, branches: tuple[Bead, Bead] | None) -> dict[str, Bead]:
-    check.kind("bead", bead, Bead)
     branches = (bead, bead) if branches is None else branches
     if not isinstance(branches, (tuple, list)) or len(branches) != 2:
         raise TensegrityError(f"branches {check.shown(branches)} must be two beads")

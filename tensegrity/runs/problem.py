@@ -330,7 +330,7 @@ def length_at_rest(problem: Problem, seen: Array) -> float | None:
     if np.max(np.abs(seen[1] - u)) > FAINT * length:
         return None
     stiffness = dyn.stiffness_bounds(dyn.ranges_at(u))
-    forces = _static_forces(dyn, u) if dyn.has_forces else dyn.forces(u)
+    forces = _static_forces(dyn, u) if dyn.further_forces else dyn.forces(u)
     largest_force = np.max(np.abs(forces), initial=0.0)
     return length if largest_force <= REST * np.max(stiffness, initial=0.0) * length else None
 
@@ -340,7 +340,10 @@ def _changes(dyn: Any) -> bool:
     an ensemble with forces."""
     scene = dyn.scene
     return (
-        dyn.batch or scene.drive or scene.tune or any(one.law.varies for one in dyn.further_forces)
+        dyn.batch
+        or scene.drive
+        or dyn.springs.changing
+        or any(one.law.varies for one in dyn.further_forces)
     )
 
 

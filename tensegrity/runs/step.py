@@ -23,7 +23,7 @@ from tensegrity.errors import (
 from tensegrity.runs.march import march
 from tensegrity.runs.problem import step_count
 from tensegrity.runs.run import unchecked_replace
-from tensegrity.scenes.signals import frequency_of_drives, time_signals
+from tensegrity.scenes.forcing import frequency_of_drives, time_signals
 from tensegrity.springs.kinks import TAUT
 from tensegrity.springs.potential import Potential
 from tensegrity.springs.power_law import PowerLaw

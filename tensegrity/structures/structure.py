@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensegrity import check, plotting
+from tensegrity import plotting
 from tensegrity.checked import checked
 from tensegrity.engine.law import Law
 from tensegrity.errors import EquilibriumError, TensegrityError
@@ -312,10 +312,9 @@ class Structure(Printed, Framework):
         values = freedom.lowest(tangent, np.ones(self.positions.size), 1)[0]
         return bool(values[0] > SOFT * self.stiffnesses.max())
 
+    @checked
     def freedom(self, supports: Supports | None) -> Freedom:
         """The motions that supports and platforms permit."""
-        if supports is not None:
-            check.kind("supports", supports, Supports)
         return self._freedom(supports)
 
     @cached_property

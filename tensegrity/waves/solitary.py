@@ -165,7 +165,7 @@ class TravellingWave(Printed):
             if not same(self.potential, unit_of(chain)):
                 raise TensegrityError("the units of the column differ from those of the wave")
             return
-        if any(s is not self.potential and s != self.potential for s in chain.springs[near]):
+        if any(s.at(0.0) != self.potential for s in chain.springs[near]):
             raise TensegrityError(f"the springs around {at:g} differ from that of the wave")
         if np.any(np.abs(chain.mass[near] / self.mass - 1) > 1e-15):
             raise TensegrityError(
@@ -359,8 +359,6 @@ def solitary_wave(
     >>> solitary_wave(column, speed_ratio=1.1).elongation(0.0).round(5)
     array([0.18162, 0.046  ])
     """
-    if not isinstance(potential, Network):
-        check.kind("potential", potential, Potential)
     given = {
         "speed": speed, "speed_ratio": speed_ratio, "excess": excess, "amplitude": amplitude,
         "energy": energy,
@@ -373,6 +371,7 @@ def solitary_wave(
     ((name, value),) = targets.items()
     if isinstance(potential, Network):
         return _of_line(potential, mass, family, name, value)
+    check.kind("potential", potential, Potential)
     label, sound = f"{name} {value:g}", potential.sound_speed(mass)
     sign, number = sign_and_number(potential, family, value if name == "amplitude" else None)
     side = Family(potential, sign, number or 0)

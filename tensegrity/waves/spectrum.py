@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity import check, plotting
+from tensegrity.checked import checked
 from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.lattices.bloch import singular_frequencies
 from tensegrity.minimum import lowest, round_off
@@ -24,11 +25,10 @@ from tensegrity.printing import Lines, Printed
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.ensemble import Ensemble
 from tensegrity.scenes.forcing import driven_entries
-from tensegrity.scenes.network import Network
 from tensegrity.scenes.picture import Picture
 from tensegrity.scenes.scene import SMALLEST_MASS, Scene, State
 from tensegrity.springs.potential import Potential
-from tensegrity.typing import Array
+from tensegrity.typing import Array, Count
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -94,7 +94,7 @@ class Modes(Printed):
         number = check.whole("number", number, least=0, below=len(self))
         words = f"mode {number + 1} of {self.total}: {self.frequencies[number]:.6g} rad/s"
         shape = self.shapes[number]
-        if isinstance(self.scene, Network):
+        if shape.ndim > 1:
             picture = Picture(self.scene, ax)
             picture.arrows(shape)
             picture.ax.set_title(words, fontsize=10)
@@ -106,7 +106,8 @@ class Modes(Printed):
         return drawn
 
 
-def modes(scene: Scene, about: State | None = None, count: int = 10) -> Modes:
+@checked
+def modes(scene: Scene, about: State | None = None, count: Count = 10) -> Modes:
     """The normal modes of lowest frequency of a scene.
 
     Parameters
@@ -144,10 +145,8 @@ def modes(scene: Scene, about: State | None = None, count: int = 10) -> Modes:
     """
     if isinstance(scene, Ensemble):
         raise TensegrityError("scene is an Ensemble: give one of its scenes")
-    check.kind("scene", scene, Scene)
     if not all(one.stores for one in dynamics(scene).further_forces):
         raise TensegrityError("modes: not for scenes with forces other than those of springs")
-    count = check.whole("count", count, least=1)
     u = scene.at_rest().u if about is None else _equilibrium(scene, about)
     listed = dynamics(scene).listed(u).scene
     stiffness = listed.stiffness(u)
@@ -173,7 +172,6 @@ def modes(scene: Scene, about: State | None = None, count: int = 10) -> Modes:
 
 
 def _equilibrium(scene: Scene, about: State) -> Array:
-    check.kind("about", about, State)
     scene.check(about)
     fastest = float(np.max(np.abs(about.v), initial=0.0))
     if fastest:
