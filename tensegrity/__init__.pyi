@@ -63,6 +63,7 @@ from .springs.power_law import PowerLaw
 from .structures.equilibrium import control_path, equilibrium
 from .structures.structure import Structure
 from .structures.supports import held, plates
+from .unit.unit import Member, Unit
 from .waves.asymptotics import sech2, tent
 from .waves.prediction import predict
 from .waves.solitary import SolitaryWave, solitary_wave
@@ -81,6 +82,7 @@ __all__ = [
     "Force",
     "Lattice",
     "LockingError",
+    "Member",
     "Network",
     "NoLocking",
     "Nystrom",
@@ -100,6 +102,7 @@ __all__ = [
     "State",
     "Structure",
     "TensegrityError",
+    "Unit",
     "Wall",
     "angular_momentum",
     "animate",

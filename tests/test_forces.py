@@ -257,8 +257,8 @@ def test_a_batch_takes_them():
             lambda: Chain(SPRING, 3, forces=[Force(C * V, parameters={"c": [1, 2]})]),
         ),
         (
-            "tune and forces exclude",
-            lambda: Chain(SPRING, 3, forces=[Force(V)], tune={"prestrain": 0.01 + T}),
+            "springs that change exclude forces of",
+            lambda: Chain(SPRING.over_time(prestrain=0.01 + T), 3, forces=[Force(V)]),
         ),
     ],
 )

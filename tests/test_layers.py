@@ -32,6 +32,7 @@ ROOMS = [  # inside tensegrity: each may import what stands before it
     "engine",
     "springs",
     "branches",
+    "unit",
     "scenes",
     "structures",
     "lattices",

@@ -127,7 +127,7 @@ def refused(folder):
     chain = Chain(prism.potential(), 6)
     start, kept = chain.at_rest({0: 0.01}), Record(path=folder / "new.npy", checkpoint=0.0)
     driven = Chain(prism.potential(), 6, drive={0: Drive(force=0.01)})
-    tuned = Chain(prism.potential(), 6, tune={"prestrain": 0.1 + sp.Symbol("t") / 99})
+    tuned = Chain(prism.potential().over_time(prestrain=0.1 + sp.Symbol("t") / 99), 6)
     bead = Bead(5e-3, steel)
     blow = {"striker": Striker(bead, 0.5), "wall": steel, "t_end": 1e-3}
     sizes, file = Sizes(4, (4e-3, 6e-3), 0.02, steel), folder / "new.json"

@@ -312,15 +312,14 @@ def measured(chain: ts.Chain, run: ts.Run) -> float:
     return times + front + ts.speed(run, (3, 9)) + ts.width(run.t, run.energy)
 
 
-def tuned(state: ts.State) -> ts.Run:
-    def spring_at(t: float) -> ts.Potential:
-        return ts.Prism(1.0, 0.7, 0.01 + 0.01 * t, 1.0).potential()
-
-    chain = ts.Chain(spring_at(0.0), 20, tune=spring_at)
+def changing(state: ts.State) -> ts.Run:
+    spring = ts.Prism(1.0, 0.7, 0.01, 1.0).potential().over_time(prestrain=0.01 + sp.Symbol("t"))
+    assert_type(spring, ts.Potential)
+    chain = ts.Chain([spring, spring.at(0.5)], 3)
     run = ts.simulate(chain, state, 1.0, dt=0.01)
     assert_type(run.work, Array | None)
     assert_type(ts.speed(run, (3, 9)), float)
-    ts.Chain(spring_at(0.0), 20, tune=spring_at(0.0))  # type: ignore[arg-type]
+    ts.PowerLaw(1.0, 1.5).over_time(stiffness="t")  # type: ignore[arg-type]
     ts.budget(run.final, 5)  # type: ignore[arg-type]
     return run
 
@@ -458,6 +457,23 @@ def protectors(bead: granular.Bead) -> list[granular.Bead]:
     peak_force([bead], striker=striker, wall="steel", t_end=1e-3)  # type: ignore[arg-type]
     assert_type(ts.sweep(abs, [1, 2], checkpoint="sweep.npz"), list[Any])
     return best.beads
+
+
+def units() -> ts.Unit:
+    w, h = sp.symbols("w h", positive=True)
+    cables = ts.Member(w, 1.0, count=2, string=True)
+    bars = ts.Member(sp.sqrt(w**2 + h**2), np.inf, 2)
+    members, rest = [cables, ts.Member(h, 2.0, 2), bars], {w: 1.0, h: 0.75}
+    unit = ts.Unit([w], h, members, rest=rest, prestrain={cables: 0.1}, events={"flat": h})
+    assert_type(unit.self_stress(), list[float])
+    assert_type(unit.natural_lengths(), list[float])
+    assert_type(unit.axial_stiffness(), float)
+    assert_type(unit.equilibria({"w": (0.5, 2.0)})[0].energy, float)
+    path = ts.equilibrium_path(unit, min_height=0.4)
+    assert_type(path.load, Array)
+    assert_type(path.stable_load, Flags)
+    unit.axial_stiffness(1, 2)  # type: ignore[call-arg]
+    return unit.about({"w": 1.0, "h": 0.75})
 
 
 def packs(bead: granular.Bead) -> ts.Run:

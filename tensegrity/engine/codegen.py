@@ -27,7 +27,7 @@ def c_text(laws, own=None, dim=0, steps="", forces=(), helpers=()):
     Parameters
     ----------
     laws : sequence of Law
-        Or one law whose parameters change in time, and its `Change`.
+        Or, of springs of which some change in time, the `Change` of each.
     own : sequence of (tuple of int or None), optional
         For each law the indices of parameters that each bond of a run has of its own; None where
         the bonds of all runs are equal.
@@ -46,29 +46,29 @@ def c_text(laws, own=None, dim=0, steps="", forces=(), helpers=()):
     str
     """
     own, loop = own or (None,) * len(laws), "net" if dim else "line"
-    change = next((law for law in laws if isinstance(law, Change)), None)
-    names = ("tension", *["stiffness"] * (steps == "implicit"))
+    changes = any(isinstance(law, Change) for law in laws)
+    names = ["energy"] if changes else ["tension", *["stiffness"] * (steps == "implicit")]
     scalars = [
         scalar(number, name, functions(law)[name])
         for number, law in enumerate(laws)
-        for name in (["energy"] if law is change else names)
+        for name in names
     ]
     runs, parts, packed = (
         [],
         ["scene.h"],
         geometry.side_by_side(dim, geometry.own(laws)) if dim else [],
     )
-    for k, law in enumerate(laws[: len(laws) - (change is not None)]):
-        in_simd = bool(dim or change) or law_properties(law)["packed"]
+    for k, law in enumerate(laws):
+        in_simd = bool(dim or changes) or law_properties(law)["packed"]
         for kind in kinds(law, own[k]):
             runs.append((k, kind))
-            count, text = _tensions(k, kind, law, own[k], change, dim) if in_simd else (0, "")
+            count, text = _tensions(k, kind, law, own[k], dim) if in_simd else (0, "")
             packed.append(text)
             flags = {"K": k, "OWNED": kind, "IS_LONG": is_long(law), "IN_SIMD": in_simd}
             flags["WAITING"] = max(1, count)
             parts += [*_defined(flags), f"{loop}_law.c", *(f"#undef {x}" for x in flags)]
     lists = {"RUNS": runs, "LAWS": zip(range(len(laws)))}
-    flags = {"CHANGES": change is not None}
+    flags = {"CHANGES": changes}
     rows, functions_of_forces, before = _forces(forces)
     parts += [f"{loop}.c", *before, "steps.c", *STEPS[steps]]
     hooks = [*scalars, *helpers, *functions_of_forces]
@@ -266,6 +266,7 @@ def cost(law):
 
 def is_long(law):
     """Whether a law is compiled once as a function, instead of inlined in the loop."""
+    law = law.law if isinstance(law, Change) else law
     return law_properties(law)["instructions"] > LONG
 
 
@@ -285,17 +286,19 @@ def _packs(law, own, one, wide="WIDE"):
     ]
 
 
-def _tensions(number, kind, law, own, change, dim):
+def _tensions(number, kind, law, own, dim):
     """C of the tensions of several contacts, `tension_lanes_<law>_<kind of run>`; for a chain in
     two functions, with the rates of energies of changing bonds in the block after the tensions.
     Also the number of vectors that are stored between the two functions."""
     shared, one = ("pack", "p[{}]") if dim else ("real", "wide(p[{}])")
     arguments = f"const pack *r, const {shared} *p, const real *own, integer all, pack *f"
     p = _packs(law, own if kind else (), one, "GROUP" if dim else "WIDE")
-    function, targets = functions(law)["tension"], [["f[g]"]]
-    if change and not dim:
-        p = _packs(change, (), one)
-        function, targets = change.both(), [["f[g]"], ["f[BLOCK / WIDE + g]"]]
+    changes = isinstance(law, Change)
+    function, targets = functions(law.law if changes else law)["tension"], [["f[g]"]]
+    if changes and dim:
+        p = p[: len(p) // 2]
+    elif changes:
+        function, targets = law.both(), [["f[g]"], ["f[BLOCK / WIDE + g]"]]
     name = f"tension_lanes_{number}_{kind}"
     given = [["r[g]"], p]
     if dim:

@@ -26,7 +26,7 @@ class Compiled:
     Parameters
     ----------
     laws : tuple of Law
-        Or one law whose parameters change in time, and its `Change`.
+        See `codegen.c_text`.
     own : tuple, optional
         See `Bonds.own`.
     dim : int, optional

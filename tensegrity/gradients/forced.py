@@ -21,7 +21,7 @@ from tensegrity.gradients.samples import TraceSamples
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.force import applied_forces, place_counts
 from tensegrity.scenes.forcing import driven_entries, forcing_of
-from tensegrity.scenes.signals import in_columns
+from tensegrity.springs.signals import in_columns
 from tensegrity.typing import Array
 
 Pair = tuple[Array, Array]
@@ -194,7 +194,7 @@ def check_forced(scene: Any, traces: Sequence[Any]) -> None:
     ------
     TensegrityError
     """
-    if scene.tune:
+    if dynamics(scene).springs.changing:
         raise TensegrityError("springs that change in time has no gradient")
     counts, bonds = place_counts(scene), set()
     for one in dynamics(scene).further_forces:

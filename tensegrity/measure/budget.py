@@ -109,7 +109,7 @@ def _recorded_whole(run: Run, *kinds: Any) -> Any:
     if not isinstance(scene, kinds):
         names = " or a ".join(kind.__name__ for kind in kinds)
         raise TensegrityError(f"the scene of the run is {type(scene).__name__}, not a {names}")
-    if scene.tune:
+    if dynamics(scene).springs.changing:
         raise TensegrityError(
             "the work of springs that change in time does not pass through a bond"
         )

@@ -21,9 +21,8 @@ from tensegrity.orbits.flow import DrivenFlow
 from tensegrity.orbits.shooting import FINEST, Multipliers, Orbit, Shooting, descending
 from tensegrity.readonly import FixedDict
 from tensegrity.scenes.dynamics import dynamics, varied
-from tensegrity.scenes.forcing import driven_entries
+from tensegrity.scenes.forcing import driven_entries, time_signals
 from tensegrity.scenes.scene import Scene, State
-from tensegrity.scenes.signals import time_signals
 from tensegrity.typing import Array
 
 MULTIPLES = 1000  # largest ratio of a common period to one of its parts

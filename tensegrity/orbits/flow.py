@@ -26,7 +26,7 @@ from tensegrity.engine.schemes import Splitting
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.forcing import driven_entries, forcing_of
 from tensegrity.scenes.scene import Scene
-from tensegrity.scenes.signals import in_columns
+from tensegrity.springs.signals import in_columns
 from tensegrity.typing import Array
 
 _BASE = methods.METHODS["rkn6"]

@@ -70,7 +70,7 @@ class HalfPeriod(Shooting):
     def __init__(
         self, scene: Scene, guess: Array, period: float, energy: float | None = None
     ) -> None:
-        grounded = dynamics(scene).has_forces
+        grounded = bool(dynamics(scene).further_forces)
         super().__init__(scene, DrivenFlow(scene, 1, 0.0) if grounded else Flow(scene, 1))
         self._part = {} if grounded else {"of_u": False}
         self._began, self._first, self._energy = guess, period, energy
@@ -307,8 +307,8 @@ def _driven_orbit(
     scene: Scene, guess: State | Orbit, period: float | None, energy: float | None
 ) -> Orbit:
     """`periodic_orbit` of a scene that is driven or damped."""
-    if scene.tune:
-        raise TensegrityError("periodic_orbit is not available for chains with tuned springs")
+    if dynamics(scene).springs.changing:
+        raise TensegrityError("periodic_orbit is not available for springs that change with time")
     if energy is not None:
         raise TensegrityError("the energy of a driven orbit cannot be given: its drives set it")
     shortest = DrivePeriod(scene).value

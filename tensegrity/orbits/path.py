@@ -104,11 +104,11 @@ def orbit_path(
     >>> import sympy as sp
     >>> from tensegrity import Chain, Damping, Drive, Prism, orbit_path, periodic_orbit
     >>> t, W = sp.symbols("t W")
-    >>> shaker = Drive(force=0.001 * sp.cos(W * t), parameters={"W": 1.65})
+    >>> shaker = Drive(force=0.001 * sp.cos(W * t), parameters={"W": 1.69})
     >>> spring = Prism(1.0, 0.7, 0.1, 1.0).potential()
     >>> ends, damping = ("fixed", "free"), Damping(ground=0.02)
     >>> chain = Chain(spring, 2, ends=ends, damping=damping, drive={1: shaker})
-    >>> path = orbit_path(periodic_orbit(chain, chain.at_rest()), by="W", until=1.75)
+    >>> path = orbit_path(periodic_orbit(chain, chain.at_rest()), by="W", until=1.73)
     >>> [f"{event.kind} at {event.value:.9f}" for event in path.events]
     ['fold at 1.726272601', 'fold at 1.698961890']
     """

@@ -80,8 +80,9 @@ def descending(multipliers: Multipliers) -> Multipliers:
 
 def is_reversible(scene: Scene) -> bool:
     """Whether all forces have a potential that does not depend on time."""
-    further = dynamics(scene).further_forces
-    return all(one.stores for one in further) and not (scene.drive or scene.damping or scene.tune)
+    of = dynamics(scene)
+    driven = scene.drive or scene.damping or of.springs.changing
+    return all(one.stores for one in of.further_forces) and not driven
 
 
 class NoOrbitError(Exception):  # internal: its words become part of a `TensegrityError`

@@ -45,20 +45,21 @@ def equilibrium_path(
     at: Mapping[str, Any] | None = None,
     **options: Any,
 ) -> _Path:
-    """Equilibrium path of a prism under axial load, or of a structure under growing loads.
+    """Equilibrium path of a prism or unit under axial load, or of a structure under growing loads.
 
-    The path of a prism leads from the self-stressed state into compression and, on request, into
-    tension.  A structure is compressed between plates or loaded at its nodes.
+    The path of a prism, or of a `Unit`, leads from the self-stressed state into compression and,
+    on request, into tension.  A structure is compressed between plates or loaded at its nodes.
 
     Parameters
     ----------
-    prism : Prism or Structure
+    prism : Prism, Unit or Structure
         Or another object with a method `problem` that takes the options and returns a `Problem`.
     until, at : optional
         Values of columns, or the kind of event, at which the path ends, and values of columns of
         which the places become events; see `trace`.
     min_height : float, optional
-        For a prism: height at which the path ends [m], >= 0.
+        For a prism: height at which the path ends [m], >= 0.  For a unit, also of the other
+        bounds, a value of the controlled coordinate.
     max_load : float, optional
         Load at which the path ends [N], compression > 0.
     max_height : float, optional
@@ -87,7 +88,7 @@ def equilibrium_path(
 
     Returns
     -------
-    EquilibriumPath or StructurePath
+    EquilibriumPath, UnitPath or StructurePath
         The path of a prism ends where the bars meet, where it is flat, or at a given bound.  Rows
         of a prism with rigid bases and bars are finite, up to a load of 1e6 k_cross base; its
         contact event has load = inf.

@@ -355,12 +355,8 @@ def _member(x):
 
 
 def in_time(x: Any) -> dict[str, Any]:
-    """Drives, damping and tuning of a scene; expressions of time are stored in printed form."""
-    tune = x.tune
-    if not callable(tune):
-        tune = {name: signal.expression for name, signal in tune.items()}
-    parts = {"drive": dict(x.drive), "damping": x.damping, "tune": tune}
-    parts["forces"] = dynamics(x).further_forces
+    """Drives, damping and forces of a scene; expressions of time are stored in printed form."""
+    parts = {"drive": dict(x.drive), "damping": x.damping, "forces": dynamics(x).further_forces}
     return {name: value for name, value in parts.items() if value}
 
 

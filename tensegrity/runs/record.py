@@ -324,7 +324,8 @@ class OutputStates:
 
     def _room(self, here: slice) -> tuple[Any, ...]:
         """Empty arrays u, v, impulse and sums for the states of some instants."""
-        count, walls, shape = here.stop - here.start, self._dynamics.wall_count, self._dynamics.shape
+        dyn, count = self._dynamics, here.stop - here.start
+        walls, shape = dyn.wall_count, dyn.shape
         u, v = np.empty((2, count, *shape))
         return u, v, np.empty((count, walls, *shape[1:])) if walls else None, self._sums(count)
 

@@ -37,24 +37,32 @@ BEGUN: set[tuple[int, int]] = set()  # files of this process, which its later tr
 
 
 class Rows:
-    """Rows in memory: time, energy, and u and v of the recorded sites, in one array each."""
+    """Rows in memory, in one array for each column; what is in place already only counts.
+
+    The arrays share one block: the system keeps its pages for the next run of a process, but takes
+    back those of two blocks of half the size.
+    """
 
     def __init__(self, instants: int, shapes: Mapping[str, tuple[int, ...]]) -> None:
-        require_memory(8 * instants * sum(map(math.prod, shapes.values())))
-        self.arrays = {name: np.empty((instants, *shape)) for name, shape in shapes.items()}
-        self.count = 0
+        sizes = [instants * math.prod(shape) for shape in shapes.values()]
+        require_memory(8 * sum(sizes))
+        rest, self.arrays, self.count = np.empty(sum(sizes)), {}, 0
+        for (name, shape), size in zip(shapes.items(), sizes, strict=True):
+            self.arrays[name], rest = rest[:size].reshape(instants, *shape), rest[size:]
 
-    def extend(self, *columns: ArrayLike | None) -> None:
-        """Append rows given as columns; None for columns that are in place already."""
-        stop = self.count + len(columns[0])  # type: ignore[arg-type]
+    def extend(self, *columns: Array) -> None:
+        """Append rows given as columns."""
+        stop = self.count + len(columns[0])
         for rows, values in zip(self.arrays.values(), columns, strict=True):
-            if values is not None:
-                rows[self.count : stop] = values
+            rows[self.count : stop] = values
         self.count = stop
 
     def finished(self) -> Mapping[str, NDArray[Any]]:
-        """Arrays t, energy, u, v, ... of the rows written so far."""
-        return {name: rows[: self.count] for name, rows in self.arrays.items()}
+        """Arrays t, u, v, ... of the rows written so far."""
+        table = {name: rows[: self.count] for name, rows in self.arrays.items()}
+        if "sums" in table:
+            table["work"], table["loss"] = table["sums"].swapaxes(0, 1).copy()
+        return table
 
 
 class FileRows:
@@ -288,14 +296,19 @@ class Recorder(OutputStates):
             self._scene = archive.storable(problem.scene)
         super().__init__(record, problem, motion, steps)
         of_sites: Any = len(self._sites), *rest
-        shapes = {"t": (), "energy": dyn.batch, "u": of_sites, "v": of_sites}
+        shapes = {"t": ()} if self._in_place else {"t": (), "energy": dyn.batch}
+        shapes |= {"u": of_sites, "v": of_sites}
         if dyn.wall_count:
             shapes["impulse"] = dyn.wall_count, *rest
-        if dyn.is_driven:
+        if dyn.is_driven and record.path is None:
+            shapes["sums"] = 2, *dyn.batch
+        elif dyn.is_driven:
             shapes |= {"work": dyn.batch, "loss": dyn.batch}
         instants = len(self._plan.t) + 1
         if record.path is None:
-            self._rows = Rows(instants, shapes)
+            self._rows: Any = Rows(instants, shapes)
+            if self._in_place:
+                self._rows.arrays["t"][:-1] = self._plan.t
         else:
             kind = np.dtype([(name, float, shape) for name, shape in shapes.items()])
             of = count, last_row, record.checkpoint_path
@@ -311,8 +324,12 @@ class Recorder(OutputStates):
         if not self._in_place:
             return super()._room(here)
         arrays = self._rows.arrays
-        impulse = arrays["impulse"][here] if self._dynamics.wall_count else None
-        return arrays["u"][here], arrays["v"][here], impulse, self._sums(here.stop - here.start)
+        u, v, impulse, sums = arrays["u"][here], arrays["v"][here], None, None
+        if "impulse" in arrays:
+            impulse = arrays["impulse"][here]
+        if "sums" in arrays:
+            sums = arrays["sums"][here]
+        return u, v, impulse, sums
 
     def take(self, motion: Any, last: float = math.inf) -> None:
         """Record the accepted states that are due, up to an instant [s]."""
@@ -320,8 +337,10 @@ class Recorder(OutputStates):
         if last < math.inf:
             stop = int(self._plan.t[:stop].searchsorted(last, side="right"))
         while self.count < stop:
-            first, end, states = self.count, stop, self._states[1:5]
-            row = first - self._first
+            if self._in_place:
+                self._rows.count = stop
+                return
+            first, end, row = self.count, stop, self.count - self._first
             if self._is_dense:
                 between = self._plan.part[first:stop] > 0
                 if between[0]:
@@ -330,21 +349,18 @@ class Recorder(OutputStates):
                     continue
                 end = first + int(between.argmax()) if between.any() else stop
                 row = int(self._states.at.searchsorted(self._plan.step[first]))
-            if self._in_place:
-                states = *[None] * 3, states[3]
-            states = (None if x is None else x[row : row + end - first] for x in states)
+            here = slice(row, row + end - first)
+            states = (None if x is None else x[here] for x in self._states[1:5])
             self._extend(self._plan.t[first:end], *states)
 
     def _extend(self, t: Array, u: Any, v: Any, impulse: Any, sums: Any) -> None:
-        """Append rows; where u, v and impulse are in place already, only times and sums."""
-        self._latest, energy = (self.count, u, v, impulse, sums), None
+        """Append rows."""
+        self._latest = self.count, u, v, impulse, sums
+        energy = [] if self._in_place else [self._motion.energies(t, u, v)]
         more = [impulse] if self._dynamics.wall_count else []
         if sums is not None:
-            more += [sums[:, 0], sums[:, 1]]
-        if u is not None:
-            energy = None if self._in_place else self._motion.energies(t, u, v)
-            u, v = u[:, self._columns], v[:, self._columns]
-        self._rows.extend(t, energy, u, v, *more)
+            more += [sums] if isinstance(self._rows, Rows) else [sums[:, 0], sums[:, 1]]
+        self._rows.extend(t, *energy, u[:, self._columns], v[:, self._columns], *more)
 
     def end(self, t: float, output: Any) -> None:
         """Record the end of the run, u, v, impulse and sums, unless it is the last row already."""
@@ -403,7 +419,8 @@ class Recorder(OutputStates):
             energy=self._energies(table) if self._in_place else table["energy"],
             final=unchecked_state(*final), method=problem.method.name, dt=motion.dt, steps=done,
             sites=tuple(self._sites), complete=complete, stopped=stopped,
-            force_model=problem.loop_dynamics.springs.force_model, impulse=table["impulse"] if dyn.wall_count else None,
+            force_model=problem.loop_dynamics.springs.force_model,
+            impulse=table["impulse"] if dyn.wall_count else None,
             elongation_range=motion.point.elongation_range,
             fastest=motion.fastest if dyn.follows else None,
             work=table["work"] if forced else None, loss=table["loss"] if forced else None,

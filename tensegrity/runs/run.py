@@ -114,7 +114,7 @@ class Run(Printed):
         Impulse that each wall received since the start [N s], where the scene has walls.
     work : ndarray, (T,), or None
         Work done on the scene since the start by drives and by the change of its springs [J],
-        where the scene is driven, damped or tuned.
+        where the scene is driven, damped or changes.
     loss : ndarray, (T,), or None
         Energy dissipated by dashpots and other forces since the start [J], where there is `work`.
         Energy - work + loss is constant.

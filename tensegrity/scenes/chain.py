@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from tensegrity.scenes.force import Force
-    from tensegrity.scenes.forcing import Damping, Drive, Tune
+    from tensegrity.scenes.forcing import Damping, Drive
     from tensegrity.typing import Array, Indices, Motion
 
 ENDS = ("free", "fixed")
@@ -36,7 +36,8 @@ class Chain(Scene):
     Parameters
     ----------
     spring : Potential or sequence of Potential
-        One spring for all bonds, or `sites - 1` springs; bond j joins sites j and j + 1.
+        One spring for all bonds, or `sites - 1` springs; bond j joins sites j and j + 1.  Some may
+        change with time, see `Potential.over_time`.
     sites : int
         Number of masses, at least 2.
     mass : float or array_like (sites,), optional
@@ -47,17 +48,10 @@ class Chain(Scene):
         {site: Drive}: prescribed motions, and forces that depend on time.
     damping : Damping, optional
         Dashpots in the bonds and to the ground.
-    tune : dict of str to sympy.Expr, or callable t -> Potential, optional
-        {name: expression of t}: arguments of the spring that depend on time, such as the
-        prestrain of a prism; or a function that returns the spring at time t [s], always of the
-        same force law and smooth in t.  All bonds then share one spring, `spring`, which must be
-        that of t = 0.  The change does work on the chain at the rate dV/dt at fixed elongation.
-        Elongations are measured from the reference shape at t = 0.
-        Source: the talk, "adjusted on the fly, through suitable control of prestress".
     forces : sequence of Force, optional
         Forces of time, displacement and velocity, in addition to those of the springs.  Unless
-        they depend on time alone, they need a Runge-Kutta method, "rk4" or "rk8".  They exclude
-        `tune`.
+        they depend on time alone, they need a Runge-Kutta method, "rk4" or "rk8", and exclude
+        springs that change.
     ground : Potential or sequence of Potential, optional
         Springs between all sites and the ground, or one for each site: functions of u.  They are
         forces, each the `Force` of a potential, whose energy counts as that of the chain.
@@ -97,7 +91,6 @@ class Chain(Scene):
         *,
         drive: Mapping[int, Drive] | None = None,
         damping: Damping | None = None,
-        tune: Tune | None = None,
         forces: Sequence[Force] = (),
         ground: Potential | Sequence[Potential] | None = None,
     ) -> None:
@@ -115,7 +108,7 @@ class Chain(Scene):
         _ = dynamics(self).loop_bonds  # refuses springs that the compiled loop cannot take
         given = check.sequence("forces", forces, "forces")
         springs = on_site_springs(ground, self.sites)
-        self._set_forcing(drive, damping, tune, (*given, *springs))
+        self._set_forcing(drive, damping, (*given, *springs))
 
     def _springs(self, spring: Potential | Sequence[Potential]) -> tuple[Potential, ...]:
         if isinstance(spring, Potential):

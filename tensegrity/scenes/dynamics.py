@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from tensegrity.engine.energies import Energies
     from tensegrity.engine.methods import Method
     from tensegrity.springs.potential import Potential
-    from tensegrity.typing import Array, Indices, SceneData
+    from tensegrity.typing import Array, Indices
 
 SURROGATES = 4  # scenes with fitted springs that are cached with a scene
 IN_CACHE = 20_000  # contacts times rows whose energies are computed in one call
@@ -111,7 +111,7 @@ class Dynamics:
         each spring over them [N/m], and the resulting bound on the angular frequency [rad/s].
     reached : dict of float to Reach
         Cache of the elongations that springs attain with a given energy [J] in one bond.
-    tuned : dict of float to object
+    timed : dict of float to TimedSprings
         Cache of springs that change with time, by the duration of the run [s].
     saving : float or None
         Estimate of the time that fitted forces save in one evaluation of all forces [s].
@@ -132,7 +132,7 @@ class Dynamics:
         self.sites, self.dim = scene.sites, scene.dim
         self.ranges: list[tuple[Array, Array, float]] = []
         self.reached: dict[float, Any] = {}
-        self.tuned: dict[float, Any] = {}
+        self.timed: dict[float, Any] = {}
         self.saving: float | None = None
         self.prepared: dict[Method, list[Any]] = {}
         self._surrogates: dict[tuple[Potential, ...], Any] = {}
@@ -199,16 +199,12 @@ class Dynamics:
     @cached_property
     def is_driven(self) -> bool:
         """Whether forces depend on time or velocity, or motion is prescribed."""
-        return is_driven(self.scene)
-
-    @property
-    def has_forces(self) -> bool:
-        """Whether there are forces besides those of springs, drives and dashpots."""
-        return bool(self.scene._forces)
+        scene = self.scene
+        return bool(scene.drive or scene.damping or scene._forces or self.springs.changing)
 
     @property
     def further_forces(self) -> tuple[Any, ...]:
-        """These forces, each a Force."""
+        """The forces besides those of springs, drives and dashpots, each a Force."""
         return self.scene._forces
 
     @cached_property
@@ -295,7 +291,7 @@ class Dynamics:
 
     def energies(self, u: Array, v: Array) -> Array:
         """Total energy of each state [J], (states,); u and v (states, *shape)."""
-        if self.has_forces:
+        if self.further_forces:
             stored = np.sum(on_site(self.scene, 0, u).reshape(len(u), -1), axis=-1)
             return self._of_bonds(u, v) + stored
         return self._of_bonds(u, v)
@@ -323,7 +319,7 @@ class Dynamics:
 
     # bounds
 
-    @property
+    @cached_property
     def is_loaded(self) -> bool:
         """Whether constant loads act."""
         return bool(np.any(self.scene.loads))
@@ -452,8 +448,3 @@ def varied(scene: Any, **changed: Any) -> Any:
     other = copy(scene)
     other.__dict__.update(changed)
     return other
-
-
-def is_driven(scene: SceneData) -> bool:
-    """Whether forces depend on time or velocity, or motion is prescribed."""
-    return bool(scene.drive or scene.damping or scene.tune or getattr(scene, "_forces", ()))

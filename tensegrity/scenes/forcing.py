@@ -8,7 +8,8 @@ arrays of the time-stepping loop.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -21,16 +22,14 @@ from tensegrity.printing import concise, printed
 from tensegrity.readonly import FixedDict, fixed
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.force import applied_forces, checked_forces, place_counts
-from tensegrity.scenes.signals import (
+from tensegrity.springs.signals import (
     RTOL,
     check_signals,
     expression_of,
     in_columns,
+    largest_frequency,
     signals_of,
-    signals_of_force,
 )
-from tensegrity.springs.provenance import argument
-from tensegrity.springs.tuned import spring_at
 
 if TYPE_CHECKING:
     from typing import Any, TypeAlias
@@ -38,11 +37,10 @@ if TYPE_CHECKING:
     import sympy as sp
     from numpy.typing import ArrayLike
 
-    from tensegrity.springs.potential import Potential
+    from tensegrity.springs.signals import Expression
     from tensegrity.typing import Array
 
     Signal: TypeAlias = sp.Expr | float | tuple[ArrayLike, ArrayLike]
-    Tune: TypeAlias = Mapping[str, sp.Expr | float] | Callable[[float], Potential]
 
 ATOL = 1e-12  # m: tolerance on the initial position of a driven site
 
@@ -205,9 +203,7 @@ class Damping:
         return np.broadcast_to(values, (count,)).copy()
 
 
-def checked_forcing(
-    scene: Any, drive: Any, damping: Any, tune: Any = None, forces: Any = ()
-) -> dict[str, Any]:
+def checked_forcing(scene: Any, drive: Any, damping: Any, forces: Any = ()) -> dict[str, Any]:
     """Validate the forcing of a scene.
 
     Parameters
@@ -215,20 +211,19 @@ def checked_forcing(
     scene : Scene
     drive : dict of int to Drive, or None
     damping : Damping or None
-    tune : dict of str to expression, callable t -> Potential, or None
     forces : sequence of Force
 
     Returns
     -------
     dict
-        The attributes `drive`, `damping` (None if all coefficients are 0), `tune` and `_forces`
-        of the scene.
+        The attributes `drive`, `damping` (None if all coefficients are 0) and `_forces` of the
+        scene.
 
     Raises
     ------
     TensegrityError
         A drive of a held or missing site or with a wrong number of components, damping of another
-        number of bonds or sites, or a tuning that does not begin at the scene's own spring.
+        number of bonds or sites, or forces of a state beside springs that change with time.
     """
     drive = {} if drive is None else drive
     if not isinstance(drive, Mapping):
@@ -248,46 +243,10 @@ def checked_forcing(
         damping.each("ground", scene.sites)
         if not (damping.bond.any() or damping.ground.any()):
             damping = None
-    forcing = {
-        "drive": FixedDict(drive),
-        "damping": damping,
-        "_forces": checked_forces(scene, forces),
-    }
-    forcing["tune"] = _checked_tune(scene, {} if tune is None else tune)
-    if forcing["tune"] and forcing["_forces"]:
-        raise TensegrityError("tune and forces exclude each other")
-    return forcing
-
-
-def _checked_tune(scene: Any, tune: Any) -> Any:
-    """Validate the dependence of a scene's springs on time."""
-    if not callable(tune) and not isinstance(tune, Mapping):
-        raise TensegrityError(
-            f"tune {check.shown(tune)} must be a dict {{name: expression of t}}, or a function of t"
-        )
-    # springs that differ only in length are distinct here
-    different = dynamics(scene).springs.different
-    if tune and (len(scene.springs) > _bonds(scene) or any(x != different[0] for x in different)):
-        raise TensegrityError(
-            f"tune needs one spring for all bonds, there are {len(set(different))}, and no "
-            f"contacts with walls, there are {len(scene.springs) - _bonds(scene)}"
-        )
-    if callable(tune):
-        if (first := spring_at(tune, 0.0)) != different[0]:
-            raise TensegrityError(f"tune begins with {first!r}, the spring is {different[0]!r}")
-        return tune
-    names = [name for name in tune if not isinstance(name, str)]
-    if names:
-        raise TensegrityError(f"tune {check.shown(names[0])} is not the name of an argument")
-    signals = {name: expression_of(name, one) for name, one in tune.items()}
-    for name, signal in signals.items():
-        spring, begin = different[0], float(signal(np.array(0.0)))
-        spring.varied({name: begin})  # refuses a name that is no argument of the spring
-        if abs(argument(spring, name) - begin) > RTOL * abs(begin):
-            raise TensegrityError(
-                f"tune begins at {name} {begin:.9g}, the spring has {argument(spring, name):.9g}"
-            )
-    return FixedDict(signals)
+    forces = checked_forces(scene, forces)
+    if dynamics(scene).springs.changing and not all(one.law.of_time for one in forces):
+        raise TensegrityError("springs that change exclude forces of displacements or velocities")
+    return {"drive": FixedDict(drive), "damping": damping, "_forces": forces}
 
 
 def _bonds(scene: Any) -> int:
@@ -295,12 +254,60 @@ def _bonds(scene: Any) -> int:
 
 
 def refuse_driven(scene: Any, what: str) -> None:
-    """Refuse a driven, damped or tuned scene in an analysis of conservative scenes."""
+    """Refuse a scene that is driven, damped or changes, in an analysis of conservative scenes."""
     if dynamics(scene).is_driven:
         raise TensegrityError(
-            f"{what}: not for scenes that are driven, damped or tuned, or have further forces or "
-            "springs to the ground"
+            f"{what}: not for scenes that are driven or damped, or have springs that change, "
+            "further forces or springs to the ground"
         )
+
+
+def time_signals(scene: Any) -> list[Any]:
+    """All functions of time that drive or change a scene, or the scenes of an ensemble."""
+    signals: list[Any] = []
+    for one in getattr(scene, "scenes", (scene,)):
+        for spring in dynamics(one).springs.changing:
+            signals += spring.signals.values()
+        for drive in one.drive.values():
+            signals += [signal for signal in drive.signals if signal is not None]
+    return signals
+
+
+def frequency_of_drives(scene: Any, state: Any, t_end: float) -> float:
+    """Largest estimate of an angular frequency of drives, of springs and forces that change
+    [rad/s], these at displacements and velocities like those of a state."""
+    largest = largest_frequency(time_signals(scene), t_end)
+    x, rate = (float(np.max(np.abs(values))) or 1.0 for values in (state.u, state.v))
+    for one in getattr(scene, "scenes", (scene,)):
+        for force in one._forces:
+            if force.law.varies:
+                each = signals_of_force(force._applied(one), x, rate)
+                signals = {s.key: s for place in each for s in place}.values()
+                with suppress(TensegrityError):  # infinite at these displacements
+                    largest = max(largest, largest_frequency([*signals], t_end))
+    return largest
+
+
+def signals_of_force(force: Any, x: float = 0.0, rate: float = 0.0) -> list[list[Expression]]:
+    """The components of a force as functions of time in each of its places.
+
+    Parameters
+    ----------
+    force : AppliedForce
+    x, rate : float, optional
+        Displacements or elongations [m], and velocities [m/s].
+
+    Returns
+    -------
+    list of list of Expression
+    """
+    law, signals = force.law, []
+    state = {s: rate if s in law.rates else x for s in law.state}
+    components = [one.xreplace(state) for one in law.expressions]
+    for values in force.values.T.tolist():
+        of = dict(zip(map(str, law.parameters), values, strict=True))
+        signals.append([expression_of("force", one, of) for one in components])
+    return signals
 
 
 def start_driven_sites(scene: Any, u: Array, v: Array) -> None:
@@ -372,7 +379,7 @@ def check_start(scene: Any, u: Array) -> None:
                 )
 
 
-def forcing_of(scene: Any, t_end: float, tuning: Any = None, as_forces: bool = False) -> Forcing:
+def forcing_of(scene: Any, t_end: float, timed: Any = None, as_forces: bool = False) -> Forcing:
     """The forcing of a scene as arrays for the loop; see `tensegrity.engine.driven`.
 
     Parameters
@@ -380,8 +387,8 @@ def forcing_of(scene: Any, t_end: float, tuning: Any = None, as_forces: bool = F
     scene : Scene
     t_end : float
         End of the run [s].
-    tuning : object, optional
-        The springs' parameters as functions of time; see `tensegrity.springs.tuned`.
+    timed : TimedSprings, optional
+        The springs, if some change with time.
     as_forces : bool, optional
         Whether dashpots are further forces, as Runge-Kutta methods take them.
 
@@ -418,10 +425,10 @@ def forcing_of(scene: Any, t_end: float, tuning: Any = None, as_forces: bool = F
     ground[held] = 0.0
     if applied:  # dashpots are among them
         ground, bond = np.zeros_like(ground), np.zeros_like(bond)
-    if tuning is not None:
+    if timed is not None:
         bonds = replace(
-            bonds, laws=(tuning.law,), law=np.zeros(1, int), parameters=tuning.at(np.zeros(1)),
-            group=np.zeros(len(bonds.group), int), kinks=None,
+            bonds, laws=timed.laws, law=timed.law, parameters=timed.columns.astype(float),
+            group=timed.group, kinks=None,
         )  # fmt: skip
     return Forcing(
         bonds,
@@ -433,6 +440,6 @@ def forcing_of(scene: Any, t_end: float, tuning: Any = None, as_forces: bool = F
         driven_mass,
         ground,
         bond,
-        tuning,
+        timed,
         applied,
     )

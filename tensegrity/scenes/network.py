@@ -50,7 +50,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from tensegrity.scenes.force import Force
-    from tensegrity.scenes.forcing import Damping, Drive, Tune
+    from tensegrity.scenes.forcing import Damping, Drive
     from tensegrity.typing import Array, Motion
 
 
@@ -64,7 +64,8 @@ class Network(Scene):
     bonds : array_like of int, (bonds, 2)
         The two sites of each bond.
     spring : Potential or sequence of Potential
-        One spring for all bonds, or one for each bond.
+        One spring for all bonds, or one for each bond.  Some may change with time, with "fixed"
+        contacts only; see `Potential.over_time`.
     lengths : float or array_like (bonds,), optional
         Distance [m] at which a bond's elongation is 0; by default its distance in `positions`.
     mass : float or array_like (sites,), optional
@@ -96,8 +97,6 @@ class Network(Scene):
         {site: Drive}: prescribed motions, and forces that depend on time.
     damping : Damping, optional
         Dashpots in the bonds and to the ground; in the bonds with "fixed" contacts only.
-    tune : dict of str to sympy.Expr, or callable t -> Potential, optional
-        Change of the spring with time, as in `Chain`; excludes contacts with walls.
     forces : sequence of Force, optional
         Forces of time, displacement and velocity on sites, in bonds, or at walls; on all bonds or
         walls of a network that follows its contacts they act in those that form, too, and must be 0
@@ -144,7 +143,6 @@ class Network(Scene):
         law: Potential | Callable[[int, int | Wall], Potential] | None = None,
         drive: Mapping[int, Drive] | None = None,
         damping: Damping | None = None,
-        tune: Tune | None = None,
         forces: Sequence[Force] = (),
     ) -> None:
         if isinstance(positions, np.ndarray) and positions.ndim:
@@ -181,15 +179,16 @@ class Network(Scene):
         of = dynamics(self)
         _ = of.loop_bonds  # refuses springs that the compiled loop cannot take
         of.refuse_unlisted(none)
-        self._set_forcing(drive, damping, tune, forces)
+        self._set_forcing(drive, damping, forces)
         refuse_beside_plates(of)
         if of.follows:
             self._refuse_changing()
 
     def _refuse_changing(self) -> None:
         """Refuse forcing that depends on which open contacts are listed."""
-        if self.tune or (self.damping and self.damping.bond.any()):
-            what = "springs that change in time" if self.tune else "dashpots in bonds"
+        changing = dynamics(self).springs.changing
+        if changing or (self.damping and self.damping.bond.any()):
+            what = "springs that change in time" if changing else "dashpots in bonds"
             raise TensegrityError(f"{what} act in open contacts too: contacts must be 'fixed'")
         for force in self._forces:
             force.refuse_open(dynamics(self).clearance.skin)

@@ -113,7 +113,8 @@ def refuse_beside_plates(of: Any) -> None:
             f"plates have 2 coordinates, not {scene.dim}"
         )
     others = {"walls": len(scene.walls), "radius": scene.radius is not None}
-    others |= {"damping": scene.damping, "tune": scene.tune, "forces": scene._forces}
+    others |= {"damping": scene.damping, "forces": scene._forces}
+    others |= {"springs that change": of.springs.changing}
     for name in (name for name, given in others.items() if given):
         raise TensegrityError(f"{name} must not be given with springs between plates")
 

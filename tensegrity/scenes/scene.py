@@ -22,7 +22,7 @@ from tensegrity.typing import Motion
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
-    from typing import Any
+    from typing import Any, Self
 
     from numpy.typing import ArrayLike
 
@@ -103,7 +103,8 @@ class Scene(HasDynamics):
 
     A scene has `sites` of `dim` coordinates each, their `mass` (sites,), the indices of the sites
     that are `held`, constant `loads` [N], the `shape` of u, and in `springs` one potential for each
-    bond.  The quantities that a run derives from these are in `tensegrity.scenes.dynamics`.
+    bond; of one that changes with time, functions of a state take that at t = 0.  The quantities
+    that a run derives from these are in `tensegrity.scenes.dynamics`.
 
     Scenes are immutable, and equal if their contents are equal.
 
@@ -113,8 +114,6 @@ class Scene(HasDynamics):
         Prescribed motions of sites, and forces that depend on time.
     damping : Damping or None
         Dashpots.
-    tune : dict of str to expression, or callable t -> Potential
-        Arguments of the springs that depend on time, or the spring as a function of time [s].
     """
 
     __str__ = concise
@@ -122,7 +121,6 @@ class Scene(HasDynamics):
     damping: Damping | None = None
     _forces: tuple[Force, ...] = ()
     _arguments_of_sites: tuple[str, ...] = ()
-    tune: Any = FixedDict()
     sites: int
     dim: int
     mass: Array
@@ -141,9 +139,14 @@ class Scene(HasDynamics):
             self, name: str, by_mass: Array, by_spring: Callable[[str], Array], by_gap: Any
         ) -> Array: ...
 
-    def _set_forcing(self, drive: Any, damping: Any, tune: Any = None, forces: Any = ()) -> None:
-        """Set the validated attributes `drive`, `damping`, `tune` and `_forces`."""
-        self.__dict__.update(checked_forcing(self, drive, damping, tune, forces))
+    def __new__(cls, *_: Any, **given: Any) -> Self:
+        if "tune" in given:
+            raise TensegrityError("tune is no argument: give springs `.over_time(name=expression)`")
+        return super().__new__(cls)
+
+    def _set_forcing(self, drive: Any, damping: Any, forces: Any = ()) -> None:
+        """Set the validated attributes `drive`, `damping` and `_forces`."""
+        self.__dict__.update(checked_forcing(self, drive, damping, forces))
 
     def check(self, state: State) -> None:
         """Refuse a state that this scene cannot have.

@@ -165,7 +165,7 @@ class TravellingWave(Printed):
             if not same(self.potential, unit_of(chain)):
                 raise TensegrityError("the units of the column differ from those of the wave")
             return
-        if any(s is not self.potential and s != self.potential for s in chain.springs[near]):
+        if any(s.at(0.0) != self.potential for s in chain.springs[near]):
             raise TensegrityError(f"the springs around {at:g} differ from that of the wave")
         if np.any(np.abs(chain.mass[near] / self.mass - 1) > 1e-15):
             raise TensegrityError(

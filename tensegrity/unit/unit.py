@@ -1,0 +1,412 @@
+"""A unit of a user's own, described by lengths of members and energies in SymPy.
+
+A unit has inner coordinates and one that is controlled, such as its height.  Its members are
+springs, bars and strings whose lengths are expressions of the coordinates; rigid ones have the
+spring constant inf.  Further energies, such as those of hinges, are added.  Natural lengths follow
+from the state at rest and the prestrain of some members.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from numbers import Integral
+from typing import TYPE_CHECKING, Annotated, Any
+
+from tensegrity import check
+from tensegrity.checked import checked
+from tensegrity.errors import TensegrityError
+from tensegrity.readonly import fixed
+from tensegrity.unit import rest as at_rest
+
+if TYPE_CHECKING:
+    from tensegrity.branches.table import Event
+    from tensegrity.unit.path import UnitProblem
+
+MOST = 100_000  # operations of an expression that is taken
+
+
+def expression(name: str, value: Any) -> Any:
+    """A number or a SymPy expression as an expression, not nan."""
+    import sympy as sp
+
+    if not isinstance(value, sp.Expr):
+        number = check.number(name, value, finite=False)
+        value = sp.Integer(int(value)) if isinstance(value, Integral) else sp.sympify(number)
+    unreal = value.has(sp.nan, sp.zoo, sp.I, -sp.oo) or value.is_real is False
+    if unreal and value is not sp.oo:
+        raise TensegrityError(f"{name} {check.shown(value)} must be real")
+    if value.is_commutative is False or value.count_ops() > MOST:
+        raise TensegrityError(f"{name} {check.shown(value)} must have at most {MOST} operations")
+    return value
+
+
+def _number(name: str, value: Any, **bounds: Any) -> Any:
+    """An expression; where it is a number, within bounds."""
+    value = expression(name, value)
+    if value.is_number:
+        check.number(name, float(value), **bounds)
+    return value
+
+
+@dataclass(frozen=True)
+class Member:
+    """Equal members of a unit: springs, bars, strings.
+
+    Parameters
+    ----------
+    length : sympy.Expr
+        Length of one of them [m], of the coordinates of the unit.
+    k : float or sympy.Expr
+        Spring constant of one of them [N/m], > 0; inf is rigid.
+    count : int or sympy.Expr, optional
+        Their number, >= 1.
+    natural : float or sympy.Expr, optional
+        Natural length [m]; by default that which the unit's prestrain and equilibrium demand.
+    string : bool, optional
+        Whether they carry tension only.
+
+    Raises
+    ------
+    TensegrityError
+        A value outside its bounds, or no real expression.
+    """
+
+    length: Any
+    k: Any
+    count: Any = 1
+    natural: Any = None
+    string: bool = False
+
+    def __post_init__(self) -> None:
+        given: dict[str, Any] = self.__dict__
+        given["length"] = expression("length", self.length)
+        given["k"] = _number("k", self.k, above=0, finite=False, unit="N/m")
+        given["count"] = _number("count", self.count, least=1)
+        if self.natural is not None:
+            given["natural"] = _number("natural", self.natural, unit="m")
+        given["string"] = check.truth("string", self.string)
+        if not self.length.free_symbols:
+            raise TensegrityError(f"length {self.length} contains no coordinate")
+
+
+@dataclass(frozen=True, eq=False)
+class Unit:
+    """A unit that one coordinate compresses, the others being in equilibrium.
+
+    Parameters
+    ----------
+    inner : sequence of sympy.Symbol
+        Coordinates in equilibrium, such as a twist.
+    control : sympy.Symbol
+        The coordinate that is given, such as the height [m]; its load counts compression.
+    members : sequence of Member, optional
+    energy : sympy.Expr, optional
+        Further energy [J], such as that of hinges.
+    parameters : dict, optional
+        Values of other symbols: {Symbol or its name: float}.  A symbol without value stays one in
+        formulas; where a number is wanted, it is refused.
+    rest : dict
+        Coordinates of a state in equilibrium without load: {Symbol or its name: value}.
+    prestrain : dict, optional
+        {Member: strain at rest, (L - N)/N, N the natural length}.  Tensions of members with neither
+        prestrain nor natural length follow from equilibrium.
+    events : dict, optional
+        {name: expression of the coordinates that vanishes there}, for `equilibrium_path`.
+
+    Raises
+    ------
+    EquilibriumError
+        The rest is no equilibrium, there is no self-stress, or it is not determined.
+    TensegrityError
+        Other arguments that are not as described.
+
+    Examples
+    --------
+    A cross of two bars between cables, of which two are prestrained:
+
+    >>> import sympy as sp
+    >>> from tensegrity import Member, Unit, equilibrium_path
+    >>> w, h = sp.symbols("w h", positive=True)
+    >>> cables, verticals = Member(w, 1.0, 2, string=True), Member(h, 2.0, 2, string=True)
+    >>> bars = Member(sp.sqrt(w**2 + h**2), 50.0, 2)
+    >>> rest, members = {w: 1.0, h: 0.75}, [cables, verticals, bars]
+    >>> unit = Unit([w], h, members, rest=rest, prestrain={cables: 0.1})
+    >>> print(round(unit.axial_stiffness(), 11))
+    4.81270681668
+    >>> path = equilibrium_path(unit, min_height=0.4)
+    >>> print([(e.kind, round(e.load, 6)) for e in path.events])
+    [('slack', 0.160714), ('fold', 0.206994)]
+    """
+
+    inner: Any
+    control: Any
+    members: Any = ()
+    energy: Any = 0
+    parameters: Any = field(default_factory=dict)
+    rest: Any = None
+    prestrain: Any = field(default_factory=dict)
+    events: Any = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        import sympy as sp
+
+        given: dict[str, Any] = self.__dict__
+        inner = check.sequence("inner", self.inner, "symbols")
+        for name, one in (*(("inner", x) for x in inner), ("control", self.control)):
+            if not isinstance(one, sp.Symbol):
+                raise TensegrityError(f"{name} {check.shown(one)} is not a SymPy symbol")
+        if len({str(x) for x in (*inner, self.control)}) <= len(inner):
+            raise TensegrityError(f"inner {check.shown(inner)} and control must be different names")
+        members = check.sequence("members", self.members, "Member")
+        for one in members:
+            check.kind("member", one, Member)
+        given |= {"inner": inner, "members": members}
+        given["energy"] = expression("energy", self.energy)
+        given["events"] = fixed(_expressions("events", self.events))
+        self._check_coordinates()
+        symbols = {str(x): x for x in self._symbols}
+        for name in ("parameters", "rest"):
+            given[name] = fixed(_by_symbol(name, given[name], symbols, self.coordinates))
+        prestrain = _mapping("prestrain", self.prestrain)
+        for one in prestrain:
+            if one not in members:
+                raise TensegrityError(f"prestrain of {check.shown(one)}, which is not a member")
+        strains = {m: expression("prestrain", x) for m, x in prestrain.items()}
+        given["prestrain"] = fixed(strains)
+        if not self.open_symbols:
+            at_rest.at_rest(self)
+            self._check_natural()
+
+    def _check_coordinates(self) -> None:
+        known = set().union(
+            *(m.length.free_symbols for m in self.members), self.energy.free_symbols
+        )
+        for q in self.coordinates:
+            if q not in known:
+                raise TensegrityError(f"coordinate {q} is in no length of a member and no energy")
+
+    def _check_natural(self) -> None:
+        for member, natural in zip(self.members, self.natural_lengths(), strict=True):
+            if member.natural is None and not natural > 0 and member.string:
+                raise TensegrityError(
+                    f"natural length {natural:g} m of the string {member.length} must be above 0"
+                )
+
+    @property
+    def coordinates(self) -> tuple[Any, ...]:
+        """Inner coordinates, then the controlled one."""
+        return (*self.inner, self.control)
+
+    @property
+    def _symbols(self) -> set[Any]:
+        members = ((m.length, m.k, m.count, m.natural) for m in self.members)
+        given = [self.energy, *(x for one in members for x in one), *self.events.values()]
+        for several in (self.rest, self.prestrain):
+            given += several.values() if isinstance(several, Mapping) else ()
+        symbols = (x.free_symbols for x in given if hasattr(x, "free_symbols"))
+        return set().union(*symbols, self.coordinates)
+
+    @property
+    def open_symbols(self) -> tuple[Any, ...]:
+        """Symbols that have no value."""
+        known = {*self.coordinates, *self.parameters}
+        return tuple(sorted(self._symbols - known, key=str))
+
+    def self_stress(self) -> list[float]:
+        """Tension of one of each of the members at rest [N].
+
+        Returns
+        -------
+        list of float
+            In the order of the members; below 0 in compression.
+        """
+        return [float(x) for x in at_rest.at_rest(self).tensions]
+
+    def natural_lengths(self) -> list[float]:
+        """Natural length of each of the members [m], in their order."""
+        of = at_rest.at_rest(self)
+        each = zip(of.lengths, of.tensions, of.stiffness, strict=True)
+        return [float(length - tension / k) for length, tension, k in each]
+
+    def axial_stiffness(self, at: Any = None) -> float:
+        """Stiffness of the controlled coordinate, the inner ones being in equilibrium [N/m].
+
+        Parameters
+        ----------
+        at : Event or dict of str to float, optional
+            A state of `equilibria`, or its coordinates; by default the rest.
+
+        Returns
+        -------
+        float
+            Correct to the last digit for exact values of the arguments.
+
+        Raises
+        ------
+        TensegrityError
+            A symbol has no value, the state is no equilibrium, or the inner coordinates have a
+            motion without stiffness.
+        """
+        of = self if at is None else self.about(at)
+        return float(at_rest.condensed_stiffness(of))
+
+    def about(self, state: Any) -> Unit:
+        """The same unit with another unloaded state as its rest.
+
+        Parameters
+        ----------
+        state : Event or dict
+            A state of `equilibria`, or its coordinates: {Symbol or its name: float}.
+
+        Raises
+        ------
+        TensegrityError
+            It is no equilibrium, or lacks a coordinate.
+        """
+        given = getattr(state, "at", state)
+        known = {str(name): x for name, x in _mapping("at", given).items()}
+        missing = [str(q) for q in self.coordinates if str(q) not in known]
+        if missing:
+            raise TensegrityError(f"at {check.shown(given)} lacks the coordinate {missing[0]}")
+        of = at_rest.at_rest(self)
+        exact = zip(self.members, of.lengths, of.tensions, of.stiffness, strict=True)
+        members = [
+            replace(m, natural=at_rest.as_rational(length - tension / k))
+            for m, length, tension, k in exact
+        ]
+        state = {q: known[str(q)] for q in self.coordinates}
+        return replace(self, members=members, rest=state, prestrain={})
+
+    def equilibria(self, box: Mapping[Any, Any] | None = None) -> tuple[Event, ...]:
+        """Unloaded states, stable or not, that are found in a box of coordinates.
+
+        Newton's method starts from many points of the box; a state with a small basin may be
+        missed.
+
+        Parameters
+        ----------
+        box : dict, optional
+            {Symbol or its name: (lowest, highest)}.  By default an angle between 0 and pi at rest
+            stays there, and another is within pi of the rest.  Another coordinate has up to twice
+            its size at rest, of both signs, or above 0 if its symbol is positive or its sign
+            changes no length and no energy.
+
+        Returns
+        -------
+        tuple of Event
+            From the largest value of the controlled coordinate down.  Each has the coordinates, the
+            `energy` [J] above that of the rest, and `stable`, of all coordinates without load.
+
+        Raises
+        ------
+        TensegrityError
+            A symbol has no value, or the box is not as described.
+        """
+        from tensegrity.unit.states import equilibria
+
+        return equilibria(self, None if box is None else _mapping("box", box))
+
+    @checked
+    def problem(
+        self,
+        *,
+        min_height: float | None = None,
+        max_load: Annotated[float, "> 0", "or inf", "N"] = math.inf,
+        max_height: float | None = None,
+    ) -> UnitProblem:
+        """The problem whose path `equilibrium_path` follows, with the same arguments.
+
+        Parameters
+        ----------
+        min_height : float, optional
+            Value of the controlled coordinate at which the path ends; by default 0 if the rest is
+            above it, else none.
+        max_load : float, optional
+            Load at which the path ends [N], compression > 0.
+        max_height : float, optional
+            Value up to which the tension side is included; by default it is not.
+
+        Returns
+        -------
+        UnitProblem
+            Its path has the columns of the coordinates, "load", "energy" and "tension_0", ..
+
+        Raises
+        ------
+        TensegrityError
+            An argument is outside its bounds, or a symbol has no value.
+        """
+        from tensegrity.unit.path import unit_problem
+
+        return unit_problem(self, min_height, max_load, max_height)
+
+    @property
+    def _digest(self) -> str:
+        import sympy as sp
+
+        if "_made" not in self.__dict__:
+            parts: list[Any] = [self.inner, self.control, self.energy, self.members]
+            parts += [sorted(getattr(self, x).items(), key=str) for x in ("parameters", "rest")]
+            parts += [[*self.prestrain.items()], [*self.events.items()]]
+            text = sp.srepr([[(m.length, m.k, m.count, m.natural or sp.nan, m.string)
+                              for m in self.members], *parts[:3]]) + repr(parts[3:])  # fmt: skip
+            self.__dict__["_made"] = hashlib.sha256(text.encode()).hexdigest()
+        return str(self.__dict__["_made"])
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Unit) and self._digest == other._digest
+
+    def __hash__(self) -> int:
+        return hash(self._digest)
+
+    def __repr__(self) -> str:
+        given = {f.name: getattr(self, f.name) for f in fields(self)}
+        shown = [f"{name}={value!r}" for name, value in given.items() if value]
+        return f"Unit({', '.join(shown)})"
+
+
+def _mapping(name: str, value: Any) -> Mapping[Any, Any]:
+    if value is None:
+        return {}
+    if not isinstance(value, Mapping):
+        raise TensegrityError(f"{name} {check.shown(value)} must be a dict")
+    return value
+
+
+def _expressions(name: str, given: Any) -> dict[str, Any]:
+    """Expressions by their names."""
+    found = {}
+    for key, value in _mapping(name, given).items():
+        check.kind(f"name in {name}", key, str)
+        found[key] = expression(f"{name} {key}", value)
+    return found
+
+
+def _by_symbol(
+    name: str, given: Any, symbols: Mapping[str, Any], coordinates: Sequence[Any]
+) -> dict[Any, Any]:
+    """Values of coordinates, or of what else has a name in a unit, by the symbol."""
+    import sympy as sp
+
+    found, at_rest = {}, name == "rest"
+    for key, value in _mapping(name, given).items():
+        symbol = symbols.get(str(key))
+        if (
+            symbol is None
+            or (symbol in coordinates) != at_rest
+            or not isinstance(key, (str, sp.Symbol))
+        ):
+            kind = "coordinate" if at_rest else "parameter"
+            raise TensegrityError(f"{name}: {check.shown(key)} is no {kind} of the unit")
+        found[symbol] = expression(f"{name} {key}", value)
+        if found[symbol].is_infinite or (not at_rest and not found[symbol].is_number):
+            raise TensegrityError(f"{name} {key} {check.shown(value)} must be a finite number")
+        if found[symbol].free_symbols & {*coordinates}:
+            raise TensegrityError(f"{name} {key} {check.shown(value)} contains a coordinate")
+    missing = [str(q) for q in coordinates if at_rest and q not in found]
+    if missing:
+        raise TensegrityError(f"rest lacks the coordinate {', '.join(missing)}")
+    return found
