@@ -18,11 +18,12 @@ import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from granular.beads import Bead, Material
 from granular.contact import BY_BEADS, Contact, ContactLaw, by_beads, contact_of
 from granular.contact_network import Crystal, WithWalls, site_name
 from granular.damped_contact import forces_of
@@ -45,10 +46,6 @@ from tensegrity.scenes.forcing import start_driven_sites
 from tensegrity.springs.collection import numbered
 from tensegrity.springs.pressed import rest_overlaps
 from tensegrity.typing import Array
-
-if TYPE_CHECKING:
-    from granular.beads import Bead, Material
-
 
 GUESS = 1e-6  # overlap of a contact that only touches, in radii, where its spring is evaluated
 FLOOR = 1e-3  # of the stiffest such spring: a contact that is open

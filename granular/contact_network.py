@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from granular.beads import Bead, Striker
 from tensegrity import Force, Run, TensegrityError, check
 from tensegrity.engine import forces
 from tensegrity.measure.observables import directions
@@ -20,10 +21,6 @@ from tensegrity.printing import concise
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.on_site import on_site
 from tensegrity.typing import Array, Indices
-
-if TYPE_CHECKING:
-    from granular.beads import Bead, Striker
-
 
 MANY = 6  # parts that are not all named in print
 

@@ -34,7 +34,7 @@ def register_scenes() -> None:
 def _scene(name: str, x: Any) -> dict[str, Any] | None:
     """What a scene is built from, its contacts under a name."""
     parts = {**x._arguments, **in_time(x), "forces": x._arguments["forces"]}  # not of contacts
-    if isinstance(x, Pack) and x._hertzian:
+    if getattr(x, "_hertzian", False):
         return parts
     if x._arguments.get("contacts") == "follow":
         return None  # later contacts have a law that no file holds

@@ -97,7 +97,7 @@ def animate(
     figure = Figure(figsize=plotting.SIZE, dpi=DOTS, layout="constrained")
     ax = figure.subplots()
     draw = moving(run, ax, show, factor=factor, label=label, view=view)
-    if isinstance(run.scene, Network):
+    if run.u.ndim > 2:
         figure.set_size_inches(*_fitting(ax))
     count = len(run.t)
     rows = np.unique(np.linspace(0, count - 1, min(frames, count)).round().astype(int))
@@ -153,7 +153,7 @@ def moving(
         if getattr(scene, "dim", 1) != 3:
             raise TensegrityError(f"view {view} of a scene that is not in space: leave it out")
     values, words = _values(run, show, label or "")
-    if isinstance(scene, Chain):
+    if run.u.ndim == 2:
         return _profile(run, plotting.axes(ax), values, words)
     colours = plotting.rooted(float(values.max()) if top is None else top)
     if view is not None:
@@ -191,7 +191,7 @@ def _fitting(ax: Axes) -> tuple[float, float]:
 
 def _values(run: Run, show: Any, label: str) -> tuple[Array, str]:
     """What is shown of every instant, (T, sites or bonds), and in words."""
-    scene, known = run.scene, OF_CHAINS if isinstance(run.scene, Chain) else OF_NETWORKS
+    scene, known = run.scene, OF_CHAINS if run.u.ndim == 2 else OF_NETWORKS
     show = known[0] if show is None else show
     if not isinstance(show, str):
         return check.vector("show", show, (len(run.t), scene.sites)), label

@@ -160,8 +160,9 @@ class Bound:
         if dt == self._dt:
             return
         self._dt = None  # until all fields are scaled, in case of an interrupt
+        factor = self._loop.dtype.type(dt)
         for array, of_one, power in self._scaled_fields:
-            np.multiply(of_one, array.dtype.type(dt) ** power, out=array)
+            np.multiply(of_one, factor if power == 1 else factor**power, out=array)
         self._dt = dt
 
     def _accelerations(self, method):

@@ -241,6 +241,8 @@ class BoundDriven(Bound):
         self.output_sums = self.sums.copy() if splits else self.sums
         self._reached = np.zeros((0 if forcing.timed is None else len(forcing.timed.series), 2))
         super().__init__(loop, u, v, forcing.bonds, method, dt)
+        if forcing.timed is not None:
+            self._no_range = self._no_range[forcing.timed.number]
 
     def _steps(self, method: Any) -> Any:
         forcing, schedule, loop = self._forcing, self.schedule, self._loop

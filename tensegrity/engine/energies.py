@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
     Set = tuple[Compiled, Array, Array, Indices, Indices]
 
+FLOAT = np.dtype(float)
 FINITE = 2  # what `largest` returns of finite numbers
 
 BOND_SET = structure("energies.c", "bond_set")
@@ -87,11 +88,11 @@ class Energies:
         """Total energies [J] of states u and v, (..., *shape of a state), the potential of loads
         included; None where an elongation is outside its domain, or the arrays are not
         C-contiguous arrays of float64."""
-        states = u.shape[: u.ndim - len(self._shape)]
-        fit = u.shape == v.shape == (*states, *self._shape) and u.dtype == v.dtype == np.float64
+        shape, own = u.shape, len(self._shape)
+        fit = shape == v.shape and shape[-own:] == self._shape and u.dtype == v.dtype == FLOAT
         if not (fit and u.flags.c_contiguous and v.flags.c_contiguous):
             return None
-        energies = np.empty(states)
+        energies = np.empty(shape[:-own])
         pointers = address(u), address(v), self._scratch_at, address(energies)
         if not self._function(*self._given, energies.size, *pointers):
             return None

@@ -11,24 +11,22 @@ from contextlib import nullcontext
 from dataclasses import replace
 from functools import cache, partial
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from tensegrity.engine import kernel
+from tensegrity.engine.bonds import Bonds
 from tensegrity.engine.march import Wanted
 from tensegrity.engine.methods import Splitting
 from tensegrity.engine.reverse import Layout, OutputCotangents, ReverseLoop, Totals
+from tensegrity.gradients.samples import TraceSamples
 from tensegrity.notebook import progress
 from tensegrity.runs.march import march
+from tensegrity.runs.problem import Problem
+from tensegrity.runs.run import Run
 from tensegrity.scenes.scene import State
 from tensegrity.typing import Array
-
-if TYPE_CHECKING:
-    from tensegrity.engine.bonds import Bonds
-    from tensegrity.gradients.samples import TraceSamples
-    from tensegrity.runs.problem import Problem
-    from tensegrity.runs.run import Run
 
 Pair = tuple[Array, Array]
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -17,14 +17,12 @@ from tensegrity.engine.force_law import BOND, SITE
 from tensegrity.engine.forced import Stages, pull_back, tangent_springs
 from tensegrity.engine.reverse import Layout, OutputCotangents, ReverseLoop, Totals
 from tensegrity.errors import TensegrityError
+from tensegrity.gradients.samples import TraceSamples
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.force import applied_forces, place_counts
 from tensegrity.scenes.forcing import driven_entries, forcing_of
 from tensegrity.springs.signals import in_columns
 from tensegrity.typing import Array
-
-if TYPE_CHECKING:
-    from tensegrity.gradients.samples import TraceSamples
 
 Pair = tuple[Array, Array]
 

@@ -158,9 +158,9 @@ class Gradient(Printed):
         scene, unit = one._scene, UNITS.get(name, "")
         label = f"derivative by {name}" + (f" [value per {unit_text(unit)}]" if unit else "")
         of_sites = name == "mass" or name in dynamics(scene).arguments
-        if isinstance(scene, Network) and values.ndim == 2:
-            raise TensegrityError(f"a map shows one gradient, not {values.shape[1]}")
         if isinstance(scene, Network):
+            if values.ndim == 2:
+                raise TensegrityError(f"a map shows one gradient, not {values.shape[1]}")
             picture = Picture(scene, ax, facecolors=None if of_sites else "0.95")
             image = picture.paint(values, of_sites)
             picture.scale(image, label)

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, Any, Self
+from typing import Annotated, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,12 +26,9 @@ from tensegrity.springs.kinks import TAUT
 from tensegrity.structures import statics
 from tensegrity.structures.framework import Framework
 from tensegrity.structures.members import Members, positive_for_each
+from tensegrity.structures.statics import SelfStress
 from tensegrity.structures.supports import orthonormal
 from tensegrity.typing import Array, Flags, Indices
-
-if TYPE_CHECKING:
-    from tensegrity.structures.statics import SelfStress
-
 
 DEPENDENT = 1e-10  # least singular value of the lattice vectors over the largest
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,15 +15,13 @@ from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.lattices.cell import Cell
 from tensegrity.lattices.moduli import Stability, stability
 from tensegrity.minimum import downhill, refuse_unbalanced, settle
+from tensegrity.scenes.force import Force
+from tensegrity.scenes.forcing import Damping, Drive
+from tensegrity.scenes.network import Network
 from tensegrity.springs.kinks import TAUT
 from tensegrity.structures.members import FARTHEST, STEP
 from tensegrity.structures.structure import Structure
 from tensegrity.typing import Array, Indices
-
-if TYPE_CHECKING:
-    from tensegrity.scenes.force import Force
-    from tensegrity.scenes.forcing import Damping, Drive
-    from tensegrity.scenes.network import Network
 
 
 @dataclass(frozen=True)

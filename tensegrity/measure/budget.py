@@ -94,9 +94,8 @@ def bond_force(run: Run) -> Array:
     if dynamics(scene).follows:
         raise TensegrityError("contacts form in this run: their forces belong to no list of bonds")
     total = np.array(scene.bond_tension(run.u))
-    along = (
-        np.ones((1, scene.sites - 1, 1)) if isinstance(scene, Chain) else directions(scene, run.u)
-    )
+    on_line = np.ones((1, total.shape[1], 1))
+    along = on_line if run.u.ndim == 2 else directions(scene, run.u)
     for on, at, force in _further(run):
         inside = np.flatnonzero((on == BOND) & (at < total.shape[1]))  # others touch walls
         at, force = at[inside], force[:, inside]

@@ -70,7 +70,7 @@ class HalfPeriod(Shooting):
     def __init__(
         self, scene: Scene, guess: Array, period: float, energy: float | None = None
     ) -> None:
-        grounded = dynamics(scene).has_forces
+        grounded = bool(dynamics(scene).further_forces)
         super().__init__(scene, DrivenFlow(scene, 1, 0.0) if grounded else Flow(scene, 1))
         self._part = {} if grounded else {"of_u": False}
         self._began, self._first, self._energy = guess, period, energy

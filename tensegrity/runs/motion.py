@@ -235,7 +235,7 @@ class Motion:
         )
 
     def _allows(self, elongation_range: Array, end: int) -> bool:
-        return self._guard.is_inside(elongation_range) and self._guard.allows(elongation_range)
+        return self._guard.allows(elongation_range)
 
     def _is_clear(self, steps: int, end: int, wanted: Any) -> bool:
         """Whether no contact outside the list can have formed, by the distance travelled, or by the

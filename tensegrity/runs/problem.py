@@ -6,7 +6,6 @@ from __future__ import annotations
 import math
 import sys
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -58,12 +57,12 @@ class AprioriBounds:
             self._known = nearest, nearest.available_energy(self._state, given)
         return self._known
 
-    @cached_property
+    @property
     def expected(self) -> StiffnessBounds:
         """Bounds if a spring receives all the energy."""
         return bounds_at_energy(*self.nearest)  # not rounded, which would depend on the units
 
-    @cached_property
+    @property
     def first_frequency(self) -> float:
         """Bound on the angular frequency [rad/s] if one bond receives half of the energy."""
         nearest, energy = self.nearest
@@ -231,19 +230,22 @@ class StabilityGuard:
 
     def is_inside(self, elongation_range):
         """Whether elongations, (springs, 2) [m], are within the domains."""
-        if len(elongation_range) == 1:
-            ((low, high),), ((lowest, highest),) = elongation_range.tolist(), self.domains.tolist()
-            return not (low <= lowest or high >= highest)
         return not (
-            np.any(elongation_range[:, 0] <= self.domains[:, 0])
-            or np.any(elongation_range[:, 1] >= self.domains[:, 1])
+            (elongation_range[:, 0] <= self.domains[:, 0]).any()
+            or (elongation_range[:, 1] >= self.domains[:, 1]).any()
         )
 
     def allows(self, elongation_range):
-        """Whether the step is stable at elongations within the domains."""
+        """Whether elongations are within the domains, and the step is stable there."""
+        if self._admissible is not None and _are_within(elongation_range, self._admissible):
+            return True
+        if self.is_known(elongation_range):
+            return True
+        if not self.is_inside(elongation_range):
+            return False
         if self._admissible is None:
             self._admissible = np.zeros(self.domains.shape)
-        if _are_within(elongation_range, self._admissible) or self.is_known(elongation_range):
+        if _are_within(elongation_range, self._admissible):
             return True
         if self._stiffness is None:
             if self._adopts_a_priori():
@@ -271,9 +273,9 @@ class StabilityGuard:
 
     def is_known(self, elongation_range):
         """Whether another run of the scene found this step stable over a range that contains it."""
-        least = self._dt / self._allowed
+        least, largest = self._dt / self._allowed, self._problem.method.stability_limit
         for ranges, stiffness, omega in self._dynamics.ranges:
-            limit = self._problem.largest_step(omega)
+            limit = largest / omega if omega > 0 else math.inf
             if least <= limit and _are_within(elongation_range, ranges):
                 self._admissible, self._stiffness, self.limit = ranges, stiffness, limit
                 return True
@@ -328,7 +330,7 @@ def length_at_rest(problem: Problem, seen: Array) -> float | None:
     if np.max(np.abs(seen[1] - u)) > FAINT * length:
         return None
     stiffness = dyn.stiffness_bounds(dyn.ranges_at(u))
-    forces = _static_forces(dyn, u) if dyn.has_forces else dyn.forces(u)
+    forces = _static_forces(dyn, u) if dyn.further_forces else dyn.forces(u)
     largest_force = np.max(np.abs(forces), initial=0.0)
     return length if largest_force <= REST * np.max(stiffness, initial=0.0) * length else None
 

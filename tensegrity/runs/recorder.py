@@ -37,12 +37,18 @@ BEGUN: set[tuple[int, int]] = set()  # files of this process, which its later tr
 
 
 class Rows:
-    """Rows in memory, in one array for each column; what is in place already only counts."""
+    """Rows in memory, in one array for each column; what is in place already only counts.
+
+    The arrays share one block: the system keeps its pages for the next run of a process, but takes
+    back those of two blocks of half the size.
+    """
 
     def __init__(self, instants: int, shapes: Mapping[str, tuple[int, ...]]) -> None:
-        require_memory(8 * instants * sum(map(math.prod, shapes.values())))
-        self.arrays = {name: np.empty((instants, *shape)) for name, shape in shapes.items()}
-        self.count = 0
+        sizes = [instants * math.prod(shape) for shape in shapes.values()]
+        require_memory(8 * sum(sizes))
+        rest, self.arrays, self.count = np.empty(sum(sizes)), {}, 0
+        for (name, shape), size in zip(shapes.items(), sizes, strict=True):
+            self.arrays[name], rest = rest[:size].reshape(instants, *shape), rest[size:]
 
     def extend(self, *columns: Array) -> None:
         """Append rows given as columns."""
@@ -317,8 +323,13 @@ class Recorder(OutputStates):
     def _room(self, here: slice) -> tuple[Any, ...]:
         if not self._in_place:
             return super()._room(here)
-        columns = map(self._rows.arrays.get, ("u", "v", "impulse", "sums"))
-        return tuple(None if x is None else x[here] for x in columns)
+        arrays = self._rows.arrays
+        u, v, impulse, sums = arrays["u"][here], arrays["v"][here], None, None
+        if "impulse" in arrays:
+            impulse = arrays["impulse"][here]
+        if "sums" in arrays:
+            sums = arrays["sums"][here]
+        return u, v, impulse, sums
 
     def take(self, motion: Any, last: float = math.inf) -> None:
         """Record the accepted states that are due, up to an instant [s]."""

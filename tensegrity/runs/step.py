@@ -218,6 +218,8 @@ def attainable_order(problem, elongation_range):
 
 def exponents_within(dyn, elongation_range):
     """Exponents of the kinks of forces within a range of elongations, widened by round-off."""
+    if not may_open(dyn):
+        return ()
     if dyn.follows:
         return {kink[2] for _, kink in kinks_in(dyn, elongation_range)}
     near = [TAUT * (spring.length or 0.0) for spring in dyn.springs.different]
@@ -289,7 +291,8 @@ def default_step(problem):
     Only the run itself shows whether contacts were lost and how far loads drove the springs.  Where
     this requires a finer step, the run is repeated.
     """
-    fraction = _fraction(problem, problem.dynamics.ranges_at(problem.state.u))
+    dyn = problem.dynamics
+    fraction = _fraction(problem, dyn.ranges_at(problem.state.u) if may_open(dyn) else None)
     alone = unchecked_replace(problem, observe=(), rows=not problem.observe)
     result = with_adequate_step(
         alone, refined(alone, expected_steps(problem, fraction), MARGIN * fraction)

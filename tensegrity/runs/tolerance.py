@@ -92,12 +92,12 @@ class Trial:
         over the largest value there."""
         counts = self.samples.shape[1] - 1, finer.samples.shape[1] - 1
         common = math.gcd(*counts)
-        both = (
+        both: Any = (
             one.samples[:, :: count // common]
             for one, count in zip((self, finer), counts, strict=True)
         )
-        gaps = _largest(*both)
-        return float(np.divide(gaps, finer._sizes, out=gaps, where=finer._sizes > 0).max())
+        both = zip(_largest(*both).tolist(), finer._sizes.tolist(), strict=True)
+        return max(gap / size if size > 0 else gap for gap, size in both)
 
 
 def trial_of(problem: Problem, rows: bool = False) -> Problem:
@@ -115,11 +115,12 @@ def trial_of(problem: Problem, rows: bool = False) -> Problem:
 def _largest(samples: Array, others: Array | None = None) -> Array:
     """Largest absolute values of u and of v, or of their differences from others, some instants at
     a time: of a large scene, their copies are as large as all else."""
-    largest, count = np.zeros(2), max(1, AT_ONCE // samples[:, :1].size)
+    largest, count = 0.0, max(1, AT_ONCE // samples[:, :1].size)
     for k in range(0, samples.shape[1], count):
         some = samples[:, k : k + count]
         some = some if others is None else some - others[:, k : k + count]
-        np.maximum(largest, np.abs(some).reshape(2, -1).max(axis=1), out=largest)
+        found = np.abs(some).reshape(2, -1).max(axis=1)
+        largest = np.maximum(largest, found) if k else found
     return largest
 
 
@@ -299,6 +300,7 @@ DIVISIBLE = 2  # the same of driven scenes, all of whose steps are compared
 FEWEST = 4  # least instants
 COMPARED = 3  # most runs that are compared, the finest included
 SECOND = 1e-6  # tolerances below this are rarely attained by the second run
+SHORT = 10_000  # steps times entries of u of a run whose rows cost less than a run for them alone
 ROUND_OFF = 1e-14  # relative differences below this are round-off
 # Successive refinements without gain after which round-off is reached: of a method of order 2 or
 # more, and of less, where a run may be better than the next ones by chance.
@@ -419,7 +421,8 @@ def next_trial(problem, trials, factor, tol):
     refinement = max(math.ceil(finest * factor), finest + 1 if factor > 1 else 1)
     if problem.dynamics.is_driven:  # every step of the coarser run ends with one of the finer run
         refinement = finest * math.ceil(factor) if factor > 1 else finest // 2
-    keeps_rows = factor > 1 and (len(trials) > 1 or tol > SECOND)
+    short = refinement * trials[0].instants * problem.state.u.size <= SHORT
+    keeps_rows = factor > 1 and (len(trials) > 1 or tol > SECOND or short)
     return Trial.of(trial_of(problem, keeps_rows), refinement, trials[0].instants)
 
 

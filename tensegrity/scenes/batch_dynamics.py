@@ -73,14 +73,9 @@ class BatchDynamics(Dynamics):
         """Whether some scene is driven or damped, or changes."""
         return any(one.is_driven for one in self.members)
 
-    @cached_property
-    def has_forces(self) -> bool:
-        """Whether any of the scenes has forces besides those of springs, drives and dashpots."""
-        return any(one.has_forces for one in self.members)
-
     @property
     def further_forces(self) -> tuple[Any, ...]:
-        """These forces of all scenes."""
+        """The forces of all scenes besides those of springs, drives and dashpots."""
         return tuple(force for one in self.members for force in one.further_forces)
 
     @cached_property

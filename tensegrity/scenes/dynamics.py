@@ -203,13 +203,8 @@ class Dynamics:
         return bool(scene.drive or scene.damping or scene._forces or self.springs.changing)
 
     @property
-    def has_forces(self) -> bool:
-        """Whether there are forces besides those of springs, drives and dashpots."""
-        return bool(self.scene._forces)
-
-    @property
     def further_forces(self) -> tuple[Any, ...]:
-        """These forces, each a Force."""
+        """The forces besides those of springs, drives and dashpots, each a Force."""
         return self.scene._forces
 
     @cached_property
@@ -296,7 +291,7 @@ class Dynamics:
 
     def energies(self, u: Array, v: Array) -> Array:
         """Total energy of each state [J], (states,); u and v (states, *shape)."""
-        if self.has_forces:
+        if self.further_forces:
             stored = np.sum(on_site(self.scene, 0, u).reshape(len(u), -1), axis=-1)
             return self._of_bonds(u, v) + stored
         return self._of_bonds(u, v)
@@ -324,7 +319,7 @@ class Dynamics:
 
     # bounds
 
-    @property
+    @cached_property
     def is_loaded(self) -> bool:
         """Whether constant loads act."""
         return bool(np.any(self.scene.loads))

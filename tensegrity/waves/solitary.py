@@ -359,8 +359,6 @@ def solitary_wave(
     >>> solitary_wave(column, speed_ratio=1.1).elongation(0.0).round(5)
     array([0.18162, 0.046  ])
     """
-    if not isinstance(potential, Network):
-        check.kind("potential", potential, Potential)
     given = {
         "speed": speed, "speed_ratio": speed_ratio, "excess": excess, "amplitude": amplitude,
         "energy": energy,
@@ -373,6 +371,7 @@ def solitary_wave(
     ((name, value),) = targets.items()
     if isinstance(potential, Network):
         return _of_line(potential, mass, family, name, value)
+    check.kind("potential", potential, Potential)
     label, sound = f"{name} {value:g}", potential.sound_speed(mass)
     sign, number = sign_and_number(potential, family, value if name == "amplitude" else None)
     side = Family(potential, sign, number or 0)
