@@ -15,7 +15,7 @@ import sympy as sp
 from sympy.printing.mathml import MathMLPresentationPrinter
 
 from derivations import ledger
-from derivations.argument import NAMES, derivation
+from derivations.argument import NAMES, SOURCES, derivation
 
 STYLE = """
 body { font: 1.05rem/1.5 Georgia, 'DejaVu Serif', serif; max-width: 60rem; margin: 2rem auto;
@@ -55,10 +55,6 @@ WORDS = {
     r"\^(-?\w+|\([^)]*\)|-)": r"<sup>\1</sup>",
 }  # fmt: skip
 """Typesetting of symbols in plain text: patterns and replacements."""
-
-
-SOURCES = {"seeds/000": "the talk", "seeds/001": "the paper"}
-"""Names of the two sources on the page."""
 
 
 def prose(text: str) -> str:
