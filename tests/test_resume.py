@@ -1,5 +1,6 @@
 """Runs that are killed, interrupted or fail go on to the end they had, to the same bits."""
 
+import itertools
 import os
 import random
 import signal
@@ -125,10 +126,13 @@ def same(run, whole):
     assert (run.method, run.complete) == (whole.method, whole.complete)
 
 
-@pytest.mark.parametrize("at", [0.1, 0.7])
-@pytest.mark.parametrize(
-    "name", [pytest.param(x, marks=[pytest.mark.slow] * (x == "midpoint")) for x in CASES]
-)
+DEAR = [("midpoint", 0.1), ("midpoint", 0.7), ("elastic", 0.7), ("guide", 0.7)]
+
+
+@pytest.mark.parametrize(("name", "at"), [
+    pytest.param(*one, marks=[pytest.mark.slow] * (one in DEAR))
+    for one in itertools.product(CASES, (0.1, 0.7))
+])  # fmt: skip
 def test_an_interrupted_run_goes_on_to_the_same_bits(tmp_path, name, at):
     """Whatever parts it was done in: interrupted after the first, or the second."""
     make, t_end, steps, how = CASES[name]

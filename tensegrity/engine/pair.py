@@ -69,9 +69,9 @@ class PairForms:
         Returns
         -------
         dict of casadi.Function
-            "pair": (a, b, p) -> energy, and its gradient (2 dim,); "gradient": the same -> the
-            gradient alone; "tangent": the same -> second derivatives (2 dim, 2 dim); "slopes": the
-            same -> derivatives of the energy by the parameters; "turned": (a, b, p, y) -> product of the second derivatives with y (2 dim,),
+            "pair": (a, b, p) -> energy, and its gradient (2 dim,); "gradient": that alone;
+            "tangent": second derivatives (2 dim, 2 dim); "slopes": derivatives of the energy by the
+            parameters; "turned": (a, b, p, y) -> product of the second derivatives with y (2 dim,),
             and the derivatives of gradient times y by the parameters.
         """
         with undisturbed():

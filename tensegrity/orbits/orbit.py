@@ -33,8 +33,8 @@ from tensegrity.orbits.shooting import (
     is_reversible,
     symmetries,
 )
+from tensegrity.scenes.acting import per_coordinate
 from tensegrity.scenes.dynamics import dynamics
-from tensegrity.scenes.on_site import per_coordinate
 from tensegrity.scenes.scene import Scene, State
 from tensegrity.typing import Array, Duration
 

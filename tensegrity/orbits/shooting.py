@@ -14,8 +14,8 @@ from tensegrity.printing import Lines, Printed
 from tensegrity.readonly import FixedDict
 from tensegrity.runs.integrate import simulate
 from tensegrity.runs.run import Run
+from tensegrity.scenes.acting import per_coordinate
 from tensegrity.scenes.dynamics import dynamics, varied
-from tensegrity.scenes.on_site import per_coordinate
 from tensegrity.scenes.scene import Scene, State
 from tensegrity.structures.supports import orthonormal, rigid_motions
 from tensegrity.typing import Array

@@ -17,6 +17,7 @@ import numpy as np
 from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.notebook import page
+from tensegrity.scenes.acting import per_coordinate
 from tensegrity.scenes.clearance import Clearance
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.forcing import start_driven_sites
@@ -36,7 +37,6 @@ from tensegrity.scenes.network_input import (
     springs_of,
     whole_pairs,
 )
-from tensegrity.scenes.on_site import on_site, per_coordinate
 from tensegrity.scenes.pair_dynamics import (
     PairDynamics,
     inertias,
@@ -306,7 +306,7 @@ class Network(Scene):
         result = np.sum(kinetic - self.loads * u, axis=-1)
         bonds, walls = np.split(dynamics(self).evaluate("energy", u), [len(self.bonds)], axis=-1)
         bonds = bonds / 2
-        result += np.sum(on_site(self, 0, u), axis=-1)
+        result += np.sum(dynamics(self).acting.stored(0, u), axis=-1)
         rows = np.moveaxis(result, -1, 0)  # a view: sites first
         for sites, energy in (
             (self.bonds[:, 0], bonds),

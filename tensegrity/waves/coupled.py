@@ -24,8 +24,8 @@ from typing import Any
 import numpy as np
 
 from tensegrity.errors import TensegrityError
+from tensegrity.scenes.acting import per_coordinate
 from tensegrity.scenes.network import Network
-from tensegrity.scenes.on_site import per_coordinate
 from tensegrity.waves.cosines import Grid
 from tensegrity.waves.family import FIRST_POINTS, half_length, refined
 from tensegrity.waves.travelling import NoWaveError, Profile, newton, speed_is

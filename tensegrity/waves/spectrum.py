@@ -24,10 +24,10 @@ from tensegrity.lattices.bloch import singular_frequencies
 from tensegrity.lattices.pair_lattice import PairLattice
 from tensegrity.minimum import lowest, round_off
 from tensegrity.printing import Lines, Printed
+from tensegrity.scenes.acting import per_coordinate
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.ensemble import Ensemble
 from tensegrity.scenes.forcing import driven_entries
-from tensegrity.scenes.on_site import per_coordinate
 from tensegrity.scenes.pair_dynamics import is_pair_law
 from tensegrity.scenes.picture import Picture
 from tensegrity.scenes.scene import SMALLEST_MASS, Scene, State
