@@ -6,10 +6,12 @@ import mpmath
 import numpy as np
 import pytest
 import sympy as sp
+from scipy.optimize import brentq
 
 from tensegrity import (
     Chain,
     Damping,
+    Member,
     Network,
     PairLattice,
     PairLaw,
@@ -17,12 +19,14 @@ from tensegrity import (
     Record,
     State,
     TensegrityError,
+    Unit,
     bands,
     dispersion,
     gradient,
     modes,
     objective,
     simulate,
+    solitary_wave,
 )
 
 B, KS, KT, INERTIA = 0.35, 0.01851, 3.835e-5, 1 / (4 * 1.815**2)
@@ -258,6 +262,59 @@ def test_a_gradient_is_that_of_differences_for_places_velocities_inertias_and_pa
                     )
 
 
+H, F = sp.symbols("h f")
+
+
+def kresling_unit():
+    def crease(sign):
+        return sp.sqrt(H**2 + 4 * sp.sin((F + sign * sp.pi / 6) / 2) ** 2)
+
+    members = [Member(crease(sign), 1.0, 6) for sign in (-1, 1)]
+    return Unit([F], H, members, rest={H: 1.8, F: 2 * math.pi / 9})
+
+
+def test_a_column_of_a_unit_has_the_rarefaction_of_its_first_state_and_compression_at_its_second():
+    unit = kresling_unit()
+    column = Chain(unit.pair(sites=(H, F)), sites=270, mass=(1.0, 0.5))
+    wave = solitary_wave(column, speed_ratio=1.003)
+    assert wave.sound_speed == pytest.approx(3.4458474929526, rel=1e-12)
+    assert wave.elongation(0.0) == pytest.approx((0.189619006139, 0.116295304143), rel=1e-10)
+    assert wave.family == "rarefaction"
+    state = wave.launch(column, 110.5)
+    run = simulate(column, state, 40 / wave.speed, tol=1e-10)
+    assert np.abs(run.final.u - wave.launch(column, 150.5).u).max() < 1e-9
+    second = unit.about(unit.equilibria()[-1]).pair(sites=("h", "f"))
+    wave = solitary_wave(Chain(second, 60, mass=(1.0, 0.5)), speed_ratio=1.01)
+    assert wave.elongation(0.0) == pytest.approx((-0.0163943364845, -0.0340868878111), rel=1e-9)
+    assert wave.family == "compression"
+
+
+def test_inner_coordinates_of_a_unit_are_in_equilibrium_bond_by_bond():
+    pair = kresling_unit().pair(sites=["h"])
+    chain = Chain(pair, 2, mass=0.5)
+
+    def slope(twist, height):
+        return sum(
+            (math.sqrt(height**2 + 4 * math.sin((twist + x) / 2) ** 2)
+             - math.sqrt(1.8**2 + 4 * math.sin((2 * math.pi / 9 + x) / 2) ** 2))
+            * math.sin(twist + x)
+            / math.sqrt(height**2 + 4 * math.sin((twist + x) / 2) ** 2)
+            for x in (math.pi / 6, -math.pi / 6)
+        )  # fmt: skip
+
+    for r in (-0.1, 0.05, 0.2):
+        twist = brentq(slope, 0.3, 1.1, args=(1.8 + r,), xtol=1e-15)
+        both = Chain(kresling(), 2, mass=1.0)
+        exact = both.forces([[0, 0], [r, twist - 2 * math.pi / 9]])
+        assert exact[1, 1] == pytest.approx(0, abs=1e-13)
+        assert chain.forces([[0.0], [r]])[:, 0] == pytest.approx(exact[:, 0], rel=1e-11)
+    near = [(chain.forces([[0], [x]])[0, 0]) for x in (0.1 - 1e-5, 0.1 + 1e-5)]
+    slope_there = chain.stiffness([[0.0], [0.1]]).toarray()[1, 1]
+    assert slope_there == pytest.approx((near[1] - near[0]) / 2e-5, rel=1e-8)
+    with pytest.raises(TensegrityError, match="nan"):  # no equilibrium is found
+        chain.energy(State([[0.0], [-1.5]], [[0.0], [0.0]]))
+
+
 def test_sines_and_cosines_in_registers_are_those_of_many_digits():
     """Energies of potentials are computed in registers, several at once, like forces in a run; at
     arguments beyond 1e6 by the library."""
@@ -310,6 +367,13 @@ def wrong():
     yield "joins site 0 to itself", lambda: PairLattice([[1.0]], [[0.0]], [(0, 0, 0, pair)])
     yield "not a PairLaw", lambda: PairLattice([[1.0]], [[0.0]], [(0, 0, 1, plain)])
     yield "site of bond 0", lambda: PairLattice([[1.0]], [[0.0]], [(0, 1, 1, pair)])
+    unit = kresling_unit()
+    yield "each must be one of f, h", lambda: unit.pair(["x"])
+    yield "each must be one of f, h", lambda: unit.pair([H, H])
+    rope = Unit([F], H, [Member(H + F, 1.0, string=True)], F**2 + (H - 1) ** 2, rest={H: 1, F: 0})
+    yield "may slacken", lambda: rope.pair([H])
+    stiff = Unit([F], H, [Member(H + F, sp.oo)], F**2 + (H - 1) ** 2, rest={H: 1, F: 0})
+    yield "is rigid", lambda: stiff.pair([H])
     yield "must be one or more", lambda: PairLattice([[1.0]], [[0.0]], [])
 
 

@@ -9,6 +9,7 @@ derivatives hold them fixed (envelope theorem), and none is taken through the it
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +20,9 @@ if TYPE_CHECKING:
     import sympy as sp
 
 ITERATIONS = 5  # of Newton's method for inner unknowns
+# Square of the last step over that of the unknowns beyond which there is no value, and what is
+# added to the latter.
+SETTLED, ADDED = 1e-12, 1e-12
 
 
 @dataclass(frozen=True)
@@ -101,7 +105,8 @@ def _functions(law: PairForms) -> dict[str, Any]:
         step = ca.Function("step", [x, p, z], [z - _solved(ca.jacobian(inward, z), inward)])
         inner = ca.SX(len(law.inner), 1)
         for _ in range(ITERATIONS):
-            inner = step(x, p, inner)
+            before, inner = inner, step(x, p, inner)
+        settled = ca.sumsqr(inner - before) <= SETTLED * (ADDED + ca.sumsqr(inner))
     slope, moved = ca.gradient(energy, x), ca.SX.sym("moved", len(law.inner))
     along = ca.dot(slope, turn) + ca.dot(inward, moved)
     bent = ca.vertcat(ends.T @ ca.gradient(along, x), ca.gradient(along, p))
@@ -110,6 +115,8 @@ def _functions(law: PairForms) -> dict[str, Any]:
     forms |= {"gradient": forms["pair"][1:], "slopes": [ca.gradient(energy, p)], "turned": [bent]}
 
     def placed(form: Any) -> Any:
+        if law.inner:
+            form = ca.if_else(settled, form, math.nan)
         for symbol, value in ((moved, follow @ turn), (z, inner), (turn, ends @ y),
                               (x, _ends_of(law, a, b))):  # fmt: skip
             form = ca.substitute(form, symbol, value)

@@ -88,6 +88,7 @@ class PairLaw(Potential):
 
     law: Any
     of_prism: dict[str, Any] | None = None  # what that of a prism is made of
+    _inner: tuple[Any, ...] = ()  # unknowns in equilibrium
 
     def __init__(
         self,
@@ -103,7 +104,8 @@ class PairLaw(Potential):
             raise TensegrityError(
                 f"first {first} and second {second} must be as many symbols, all different"
             )
-        shapes, symbols, values, numbers = valued([energy, site], {*first, *second}, parameters)
+        unknown = {*first, *second, *self._inner}
+        shapes, symbols, values, numbers = valued([energy, site], unknown, parameters)
         (bond, of_site), shares = shapes, ()
         if {*second} & of_site.free_symbols:
             raise TensegrityError(f"site {site} must be written in the symbols {first} of `first`")
@@ -116,14 +118,14 @@ class PairLaw(Potential):
             if not {one, other} & (bond.free_symbols | of_site.free_symbols):
                 raise TensegrityError(f"coordinate {one} occurs in no energy")
         ends = list(zip(first, second, strict=True))
-        free = _shift_free(shapes, dict.fromkeys((*first, *second), 0.0) | at | known, ends)
+        free = _shift_free(shapes, dict.fromkeys(unknown, 0.0) | at | known, ends)
         whole = bond
-        if of_site != 0:
+        if not of_site.is_zero:
             shares = SHARES
             whole = bond + SHARES[0] * of_site
             whole += SHARES[1] * of_site.xreplace(dict(zip(first, second, strict=True)))
         whole, moved, places = _from_rest(whole, at)
-        law: Any = PairForms(whole, first, second, (*symbols, *moved, *shares), free)
+        law: Any = PairForms(whole, first, second, (*symbols, *moved, *shares), free, self._inner)
         values = [*values, *places, *(1.0 for _ in shares)]
         self._set(law, values, None, (-math.inf, math.inf), ENDS)
         self._numbers = (*numbers, *places, *(1 for _ in shares))
@@ -210,7 +212,7 @@ class PairLaw(Potential):
         Returns
         -------
         float
-            At least 0; inf where the energy is no number.
+            At least 0, of points where the energy is a number.
         """
         rows = [k for k, free in enumerate(self.free) for _ in range(1 if free else 2)]
         points = POINTS[len(rows)]
@@ -223,9 +225,8 @@ class PairLaw(Potential):
             ends[1, k] = next(values)
         root = np.sqrt(np.tile(weights, 2))
         blocks = self.tangent(*ends.swapaxes(1, 2)) * root[:, None] * root
-        if not np.isfinite(blocks).all():
-            return math.inf
-        return max(float(np.linalg.eigvalsh(blocks)[:, -1].max()), 0.0)
+        blocks = blocks[np.isfinite(blocks).all(axis=(1, 2))]
+        return max(float(np.linalg.eigvalsh(blocks)[:, -1].max(initial=0.0)), 0.0)
 
     def reachable(self, energy: float) -> Array:
         """Values of each coordinate, and differences of it, that take less than an energy [J] while
@@ -272,6 +273,28 @@ def pair_of_law(law: Any, values: Sequence[float], of_prism: dict[str, Any]) -> 
     made._set(law, values, None, (-math.inf, math.inf), ENDS)
     made._numbers, made.of_prism = tuple(values[1:]), of_prism
     made._origin = f"plate_law({', '.join(f'{name}={x!r}' for name, x in of_prism.items())})"
+    return made
+
+
+def pair_with_inner(
+    energy: Any, first: Any, second: Any, parameters: dict[Any, float], inner: Sequence[Any]
+) -> PairLaw:
+    """A pair law of which some unknowns, 0 at rest, are in equilibrium.
+
+    Parameters
+    ----------
+    energy, first, second, parameters
+        As of `PairLaw`.
+    inner : sequence of sympy.Symbol
+        These unknowns.
+
+    Returns
+    -------
+    PairLaw
+    """
+    made = PairLaw.__new__(PairLaw)
+    made._inner = tuple(inner)
+    made.__init__(energy, first, second, parameters)  # type: ignore[misc]
     return made
 
 

@@ -20,6 +20,7 @@ from tensegrity.checked import checked
 from tensegrity.errors import TensegrityError
 from tensegrity.readonly import fixed
 from tensegrity.unit import rest as at_rest
+from tensegrity.unit.pair import HasPair
 
 if TYPE_CHECKING:
     from tensegrity.branches.table import Event
@@ -94,7 +95,7 @@ class Member:
 
 
 @dataclass(frozen=True, eq=False)
-class Unit:
+class Unit(HasPair):
     """A unit that one coordinate compresses, the others being in equilibrium.
 
     Parameters
@@ -284,8 +285,7 @@ class Unit:
     def equilibria(self, box: Mapping[Any, Any] | None = None) -> tuple[Event, ...]:
         """Unloaded states, stable or not, that are found in a box of coordinates.
 
-        Newton's method starts from many points of the box; a state with a small basin may be
-        missed.
+        Newton's method starts from many points of the box; one of a small basin may be missed.
 
         Parameters
         ----------
