@@ -12,10 +12,10 @@ from html import escape
 from typing import Any, NamedTuple
 
 import sympy as sp
-from sympy.printing.mathml import MathMLPresentationPrinter
 
 from derivations import ledger
 from derivations.argument import NAMES, SOURCES, derivation
+from derivations.typeset import mathml
 
 STYLE = """
 body { font: 1.05rem/1.5 Georgia, 'DejaVu Serif', serif; max-width: 60rem; margin: 2rem auto;
@@ -37,13 +37,6 @@ table { border-collapse: collapse; } th, td { border: 1px solid #bbb; padding: .
 """
 
 LONGEST = 200  # operations of the longest derived form that is shown
-TYPOGRAPHY = {
-    "<mo>-</mo>": "<mo>&#x2212;</mo>",
-    "<mo>&InvisibleTimes;</mo>": '<mspace width="0.17em"></mspace>',
-    "<mo>&#xB7;</mo>": '<mspace width="0.17em"></mspace>',
-}
-"""Replacements in the MathML that SymPy writes."""
-
 _NAMES = "alpha beta gamma delta epsilon eta theta kappa nu pi rho tau phi psi omega"
 GREEK = dict(zip(_NAMES.split(), "αβγδεηθκνπρτφψω", strict=True))
 WORDS = {
@@ -65,46 +58,6 @@ def prose(text: str) -> str:
         text = text.replace(source, name)
     html = re.sub(r"&lt;(/?su[bp])&gt;", r"<\1>", escape(text, quote=False))
     return re.sub(r"`([^`]+)`", r"<code>\1</code>", html)
-
-
-class _Printer(MathMLPresentationPrinter):
-    """Prints cases as a table behind a brace."""
-
-    def _print_Piecewise(self, expression):
-        def element(name, *children):
-            made = self.dom.createElement(name)
-            for child in children:
-                made.appendChild(child)
-            return made
-
-        def text(name, words):
-            return element(name, self.dom.createTextNode(words))
-
-        rows = [
-            element(
-                "mtr",
-                element("mtd", self._print(value)),
-                element(
-                    "mtd",
-                    text("mtext", " otherwise") if condition is sp.true else self._print(condition),
-                ),
-            )
-            for value, condition in expression.args
-        ]
-        return element("mrow", text("mo", "{"), element("mtable", *rows))
-
-
-def mathml(expression: sp.Basic | str) -> str:
-    """One formula as a displayed MathML element."""
-    if isinstance(expression, str):
-        return f"<p>{escape(expression)}</p>"
-    body = _Printer().doprint(expression)
-    for plain, better in TYPOGRAPHY.items():
-        body = body.replace(plain, better)
-    return (
-        '<div class="formula"><math xmlns="http://www.w3.org/1998/Math/MathML" display="block">'
-        f"{body}</math></div>"
-    )
 
 
 def _argument(name):

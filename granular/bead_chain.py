@@ -232,7 +232,9 @@ def chain(
     BeadChain(striker: 1, chain: 20, wall: 1, struck at 0.5 m/s) on Chain(22 sites,
         2 kinds of springs, ends ('free', 'fixed'))
     """
-    beads = _beads(beads)
+    if isinstance(beads, Sequence):
+        check.memory(f"a chain of {len(beads)} beads", PER_BEAD * len(beads))
+    beads = beads_of(beads)
     if striker is not None:
         check.kind("striker", striker, Striker)
     for name, wall in (("end", end), ("start_wall", start_wall)):
@@ -296,10 +298,3 @@ def initial_gaps(
         if excluded:
             raise TensegrityError(f"gaps up to {given.max():g} m require {words}")
     return gaps
-
-
-def _beads(beads: Sequence[Bead]) -> tuple[Bead, ...]:
-    """A sequence of beads as a tuple."""
-    if isinstance(beads, Sequence):
-        check.memory(f"a chain of {len(beads)} beads", PER_BEAD * len(beads))
-    return beads_of(beads)

@@ -19,7 +19,6 @@ from tensegrity.engine import forces
 from tensegrity.measure.observables import directions
 from tensegrity.printing import concise
 from tensegrity.scenes.dynamics import dynamics
-from tensegrity.scenes.on_site import on_site
 from tensegrity.typing import Array, Indices
 
 MANY = 6  # parts that are not all named in print
@@ -317,7 +316,8 @@ class Contacts:
         """Energy of each site [J], without the contacts with walls; (..., sites)."""
         scene = self.scene
         held = kinetic(scene, v) + self._each(u, _of_pairs)
-        return held - _by_site(scene, scene.loads * u) + _by_site(scene, on_site(scene, 0, u))
+        stored = dynamics(scene).acting.stored(0, u)
+        return held - _by_site(scene, scene.loads * u) + _by_site(scene, stored)
 
     def wall_energy(self, u: Array) -> Array:
         """Energy of all contacts with walls [J]; (...)."""

@@ -74,7 +74,8 @@ class Guide(Assembly):
         _check(layout, beads, end, gravity, preload)
         sides, first, given = len(layout.walls), int(striker is not None), layout
         if end is not None:
-            layout = layout.stopped(_last_parts(layout))
+            last = ("stem 2",) if "stem 2" in layout.parts else ("branch 1", "branch 2")
+            layout = layout.stopped(last)
         layout.check()
         self.layout, self.striker = layout, striker
         self.wall_names = tuple(piece.name for piece in layout.walls)
@@ -212,10 +213,6 @@ def _filled(
         np.concatenate([[before], positions]), np.concatenate([[[0, 1]], bonds + 1]),
         {"striker": (0,), **parts}, (striker.bead, *filled),
     )  # fmt: skip
-
-
-def _last_parts(layout: Layout) -> tuple[str, ...]:
-    return ("stem 2",) if "stem 2" in layout.parts else ("branch 1", "branch 2")
 
 
 def _wall(piece: Piece) -> Wall:

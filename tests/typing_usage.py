@@ -22,6 +22,7 @@ from tensegrity.engine import methods
 from tensegrity.measure import observables
 from tensegrity.measure.interfaces import Transmission
 from tensegrity.measure.pulses import Pulse
+from tensegrity.measure.records import Peak
 from tensegrity.prisms.problem import EquilibriumPath
 from tensegrity.prisms.stability import first_loss, lowest
 from tensegrity.structures.structure_path import StructurePath
@@ -412,12 +413,12 @@ def beads() -> ts.Run:
 def sensed(run: ts.Run) -> Array:
     force = granular.sensor_force(run, "stem 1", 3)
     assert_type(force, Array)
-    assert_type(ts.first_peak(run.t, force, between=(0.0, 1.0)), tuple[float, float])
-    assert_type(ts.largest_peak(run.t, force, between=(0.0, 1.0)), tuple[float, float])
+    assert_type(ts.first_peak(run.t, force, between=(0.0, 1.0)), Peak[float])
+    assert_type(ts.largest_peak(run.t, force, between=(0.0, 1.0)), Peak[float])
     assert_type(ts.first_peak(run.t, force, noise=0.1).instant_error, float)
     assert_type(ts.peaks(run.t, force, noise=0.1).height_error, Array)
     assert_type(ts.sampled(run.t, force, interval=1e-6), tuple[Array, Array])
-    assert_type(ts.peaks(run.t, force), tuple[Array, Array])
+    assert_type(ts.peaks(run.t, force), Peak[Array])
     assert_type(granular.energies(run).parts, dict[str, Array])
     assert_type(granular.overlaps(run, "stem 1"), tuple[float, float])
     assert_type(ts.speed(run, "stem 1", (3, 7)), float)
@@ -427,7 +428,7 @@ def sensed(run: ts.Run) -> Array:
     found = granular.energies(run)
     assert_type(found.fractions + found.effective_number, Array)
     assert_type(found.participation_ratio + found.virial_ratio, Array)
-    ts.first_peak(run.t)  # type: ignore[call-overload]
+    ts.first_peak(run.t)  # type: ignore[call-arg]
     granular.sensor_force(run, 3, "stem 1")  # type: ignore[call-overload]
     granular.energies(run.final)  # type: ignore[arg-type]
     return run.momentum()[:, 0] + granular.sensor_force(run, [1])[:, 0]
@@ -468,6 +469,7 @@ def units() -> ts.Unit:
     assert_type(unit.natural_lengths(), list[float])
     assert_type(unit.axial_stiffness(), float)
     assert_type(unit.equilibria({"w": (0.5, 2.0)})[0].energy, float)
+    assert_type(unit.formula("axial stiffness").c("stiffness"), str)
     path = ts.equilibrium_path(unit, min_height=0.4)
     assert_type(path.load, Array)
     assert_type(path.stable_load, Flags)

@@ -53,8 +53,8 @@ class CompiledStepper(ArclengthStepper):
         names = (layout[key] for key in ("unknowns", "scale", "roots", "folds", "values"))
         super().__init__(*names)
         self.numbers = layout["numbers"]
-        self._key, self._scaled = key, once(lambda: _Scaled(problem))
-        self.functions = Functions(self._cache_key("stepper"), self._build, self._loop_source())
+        self._scaled = once(lambda: _Scaled(problem))
+        self.functions = Functions(key and ("stepper", key), self._build, self._loop_source())
         self.library = self.functions.library
         if self.library:
             pointer, number = ctypes.c_void_p, ctypes.c_longlong
@@ -63,9 +63,6 @@ class CompiledStepper(ArclengthStepper):
             self.library.least_norm.argtypes = [pointer] * 3
             numbers = [number, *[ctypes.c_double] * 3]
             self.library.locate.argtypes = [*[pointer] * 3, *numbers, pointer]
-
-    def _cache_key(self, *what):
-        return self._key and (*what, self._key)
 
     def _build(self):
         import casadi as ca

@@ -19,7 +19,7 @@ from tensegrity.engine.reverse import Layout, OutputCotangents, ReverseLoop, Tot
 from tensegrity.errors import TensegrityError
 from tensegrity.gradients.samples import TraceSamples
 from tensegrity.scenes.dynamics import dynamics
-from tensegrity.scenes.force import applied_forces, place_counts
+from tensegrity.scenes.force import place_counts
 from tensegrity.scenes.forcing import driven_entries, forcing_of
 from tensegrity.springs.signals import in_columns
 from tensegrity.typing import Array
@@ -238,7 +238,7 @@ def parameters_of(scene: Any) -> dict[str, str]:
     given: list[tuple[str, str, Any]] = [
         (str(name), DRIVE, None) for one in scene.drive.values() for name in one.parameters
     ]
-    for one in applied_forces(scene, as_forces=True):
+    for one in of.acting.applied(as_forces=True):
         for name, values in zip(one.law.names, one.values, strict=False):
             shared = one.law.on == BOND and name in symbols
             given.append((name, one.law.on, (one.places, values) if shared else None))

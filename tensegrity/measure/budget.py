@@ -27,7 +27,6 @@ from tensegrity.runs.record import require_all_sites
 from tensegrity.runs.run import Run
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.dynamics import dynamics
-from tensegrity.scenes.force import applied_forces
 from tensegrity.scenes.network import Network
 from tensegrity.typing import Array, Indices
 
@@ -120,8 +119,9 @@ def _recorded_whole(run: Run, *kinds: Any) -> Any:
 def _further(run: Run) -> Iterator[tuple[str, Indices, Array]]:
     """What dashpots and further forces act on, their places, and the forces on the first end of
     each, (T, places, dim) [N]."""
-    bonds = dynamics(run.scene).contact_bonds
-    for one in applied_forces(run.scene, as_forces=True):
+    of = dynamics(run.scene)
+    bonds = of.contact_bonds
+    for one in of.acting.applied(as_forces=True):
         yield one.law.on, one.places, values_between(one, bonds, run.t, run.u, run.v)
 
 

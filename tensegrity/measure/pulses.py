@@ -30,7 +30,6 @@ from tensegrity.runs.record import require_all_sites
 from tensegrity.runs.run import Run
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.dynamics import dynamics, varied
-from tensegrity.scenes.force import depends_on_time
 from tensegrity.scenes.scene import State
 from tensegrity.typing import Array, FractionOrOne
 from tensegrity.waves.family import Family
@@ -269,9 +268,8 @@ class Instant:
         if octave not in self._runs:
             try:
                 chain, state = varied(self.chain, drive={}), State(self.u, self.v)
-                self._runs[octave] = (
-                    None if depends_on_time(chain) else simulate(chain, state, 2.0**octave)
-                )
+                changes = any(one.law.varies for one in dynamics(chain).acting.forces)
+                self._runs[octave] = None if changes else simulate(chain, state, 2.0**octave)
             except TensegrityError:
                 self._runs[octave] = None
         return self._runs[octave]

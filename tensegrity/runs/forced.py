@@ -16,9 +16,7 @@ from tensegrity.engine.force_law import largest_decay
 from tensegrity.engine.methods import Nystrom, Splitting
 from tensegrity.errors import LockingError, StabilityError, TensegrityError
 from tensegrity.runs.motion import Motion, MotionState
-from tensegrity.scenes.force import applied_forces
 from tensegrity.scenes.forcing import check_start, forcing_of
-from tensegrity.scenes.on_site import on_site
 from tensegrity.springs.over_time import TimedSprings
 from tensegrity.typing import Array
 
@@ -34,7 +32,7 @@ class ForcedMotion(Motion):
         scene, method = problem.scene, problem.method
         dyn = problem.dynamics
         as_forces = bool(getattr(method, "rates", ())) and not dyn.springs.changing
-        if applied_forces(scene) and not as_forces:
+        if dyn.needs_rates and not as_forces:
             raise TensegrityError(
                 f"method {method.name!r} admits no forces but those of springs, drives, dashpots "
                 "and of time alone: take rk4 or rk8"
@@ -104,7 +102,7 @@ class ForcedMotion(Motion):
                 self.forcing,
                 bonds=listed.loop_bonds,
                 bond=np.zeros(len(listed.scene.springs)),
-                applied=applied_forces(listed.scene, bool(self.forcing.applied)),
+                applied=listed.acting.applied(bool(self.forcing.applied)),
             )
         corrects = self.problem.bind is None
         return driven.bind(self.forcing, u, v, self.problem.method, self.dt, corrects)
@@ -316,7 +314,7 @@ class ForcedMotion(Motion):
         scene, point = self.problem.scene, self.point
         u, v = (x.reshape(-1)[: self._sites * max(scene.dim, 1)] for x in (point.u, point.v))
         try:  # where the sites are after two steps at the velocities of the last state
-            on_site(scene, 0, (u + 2 * self.dt * v).reshape(scene.shape))
+            self.dynamics.acting.stored(0, (u + 2 * self.dt * v).reshape(scene.shape))
         except LockingError as error:
             return LockingError(f"{error}: a spring to the ground got there at t = {t:.6g} s")
         return StabilityError(

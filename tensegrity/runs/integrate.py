@@ -150,7 +150,7 @@ def simulate(
     if dt is not None and tol is not None:
         raise TensegrityError(f"dt {dt!r} s and tol {tol!r} exclude each other: give one")
     if method is None:
-        method = methods.default(dt, tol, not dyn.is_driven and dyn.opens, dyn.further_forces)
+        method = methods.default(dt, tol, not dyn.is_driven and dyn.opens, dyn.needs_rates)
     method = methods.find(method)
     record = PLAIN if record is None else record
     check.kind("record", record, Record)

@@ -15,7 +15,6 @@ from tensegrity.engine.forces import elongations, scattered_forces
 from tensegrity.engine.methods import Method
 from tensegrity.errors import StabilityError
 from tensegrity.scenes.dynamics import dynamics
-from tensegrity.scenes.force import applied_forces
 
 if TYPE_CHECKING:
     from tensegrity.scenes.dynamics import Dynamics
@@ -352,7 +351,7 @@ def _static_forces(dyn: Any, u: Array) -> Array:
     scene = dyn.scene
     r, along = elongations(dyn.contact_bonds, u)
     tension, sites = np.zeros(r.shape), np.zeros((scene.sites, scene.dim))
-    for one in applied_forces(scene, as_forces=True):
+    for one in dyn.acting.applied(as_forces=True):
         x = u.reshape(sites.shape).T if one.law.on == SITE else r[None]
         state = np.zeros((len(one.law.state), len(one.places)))
         state[: len(x)] = x[:, one.places]

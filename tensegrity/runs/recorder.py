@@ -39,30 +39,26 @@ BEGUN: set[tuple[int, int]] = set()  # files of this process, which its later tr
 class Rows:
     """Rows in memory, in one array for each column; what is in place already only counts.
 
-    The arrays share one block: the system keeps its pages for the next run of a process, but takes
+    u and v share one block: the system keeps its pages for the next run of a process, but takes
     back those of two blocks of half the size.
     """
 
     def __init__(self, instants: int, shapes: Mapping[str, tuple[int, ...]]) -> None:
-        sizes = [instants * math.prod(shape) for shape in shapes.values()]
-        require_memory(8 * sum(sizes))
-        rest, self.arrays, self.count = np.empty(sum(sizes)), {}, 0
-        for (name, shape), size in zip(shapes.items(), sizes, strict=True):
-            self.arrays[name], rest = rest[:size].reshape(instants, *shape), rest[size:]
+        require_memory(8 * instants * sum(map(math.prod, shapes.values())))
+        self.arrays = {x: np.empty((instants, *shapes[x])) for x in shapes.keys() - {"u", "v"}}
+        self.arrays["u"], self.arrays["v"] = np.empty((2, instants, *shapes["u"]))
+        self.count = 0
 
-    def extend(self, *columns: Array) -> None:
-        """Append rows given as columns."""
-        stop = self.count + len(columns[0])
-        for rows, values in zip(self.arrays.values(), columns, strict=True):
-            rows[self.count : stop] = values
+    def extend(self, columns: Mapping[str, Array]) -> None:
+        """Append rows given as columns, by their names."""
+        stop = self.count + len(columns["t"])
+        for name, values in columns.items():
+            self.arrays[name][self.count : stop] = values
         self.count = stop
 
     def finished(self) -> Mapping[str, NDArray[Any]]:
         """Arrays t, u, v, ... of the rows written so far."""
-        table = {name: rows[: self.count] for name, rows in self.arrays.items()}
-        if "sums" in table:
-            table["work"], table["loss"] = table["sums"].swapaxes(0, 1).copy()
-        return table
+        return {name: rows[: self.count] for name, rows in self.arrays.items()}
 
 
 class FileRows:
@@ -201,9 +197,9 @@ class FileRows:
             raise self._refused(error) from error
         self.count += 1
 
-    def extend(self, *columns: Array) -> None:
-        """Append rows given as columns, one after the other; see `add`."""
-        for row in zip(*columns, strict=True):
+    def extend(self, columns: Mapping[str, Array]) -> None:
+        """Append rows given as columns, by their names, one after the other; see `add`."""
+        for row in zip(*columns.values(), strict=True):
             self.add(*row)
 
     @property
@@ -300,15 +296,16 @@ class Recorder(OutputStates):
         shapes |= {"u": of_sites, "v": of_sites}
         if dyn.wall_count:
             shapes["impulse"] = dyn.wall_count, *rest
-        if dyn.is_driven and record.path is None:
-            shapes["sums"] = 2, *dyn.batch
-        elif dyn.is_driven:
+        if dyn.is_driven:
             shapes |= {"work": dyn.batch, "loss": dyn.batch}
         instants = len(self._plan.t) + 1
         if record.path is None:
             self._rows: Any = Rows(instants, shapes)
             if self._in_place:
                 self._rows.arrays["t"][:-1] = self._plan.t
+                if dyn.is_driven:
+                    arrays, sums = self._rows.arrays, np.empty((instants, 2, *dyn.batch))
+                    arrays["sums"], arrays["work"], arrays["loss"] = sums, sums[:, 0], sums[:, 1]
         else:
             kind = np.dtype([(name, float, shape) for name, shape in shapes.items()])
             of = count, last_row, record.checkpoint_path
@@ -356,11 +353,15 @@ class Recorder(OutputStates):
     def _extend(self, t: Array, u: Any, v: Any, impulse: Any, sums: Any) -> None:
         """Append rows."""
         self._latest = self.count, u, v, impulse, sums
-        energy = [] if self._in_place else [self._motion.energies(t, u, v)]
-        more = [impulse] if self._dynamics.wall_count else []
+        columns = {"t": t}
+        if not self._in_place:
+            columns["energy"] = self._motion.energies(t, u, v)
+        columns |= {"u": u[:, self._columns], "v": v[:, self._columns]}
+        if self._dynamics.wall_count:
+            columns["impulse"] = impulse
         if sums is not None:
-            more += [sums] if isinstance(self._rows, Rows) else [sums[:, 0], sums[:, 1]]
-        self._rows.extend(t, *energy, u[:, self._columns], v[:, self._columns], *more)
+            columns |= {"work": sums[:, 0], "loss": sums[:, 1]}
+        self._rows.extend(columns)
 
     def end(self, t: float, output: Any) -> None:
         """Record the end of the run, u, v, impulse and sums, unless it is the last row already."""

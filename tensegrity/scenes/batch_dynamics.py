@@ -73,6 +73,11 @@ class BatchDynamics(Dynamics):
         """Whether some scene is driven or damped, or changes."""
         return any(one.is_driven for one in self.members)
 
+    @cached_property
+    def needs_rates(self) -> bool:
+        """Whether a scene has forces that a Runge-Kutta method takes only."""
+        return any(one.needs_rates for one in self.members)
+
     @property
     def further_forces(self) -> tuple[Any, ...]:
         """The forces of all scenes besides those of springs, drives and dashpots."""

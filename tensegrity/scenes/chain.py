@@ -14,9 +14,9 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
+from tensegrity.scenes.acting import on_site_springs
 from tensegrity.scenes.dynamics import Dynamics, dynamics
 from tensegrity.scenes.forcing import start_driven_sites
-from tensegrity.scenes.on_site import on_site, on_site_springs
 from tensegrity.scenes.scene import BYTES_PER_SITE, SMALLEST_MASS, Scene, State, velocities
 from tensegrity.springs.potential import Potential
 
@@ -50,8 +50,8 @@ class Chain(Scene):
         Dashpots in the bonds and to the ground.
     forces : sequence of Force, optional
         Forces of time, displacement and velocity, in addition to those of the springs.  Unless
-        they depend on time alone, they need a Runge-Kutta method, "rk4" or "rk8", and exclude
-        springs that change.
+        they depend on time alone, or are dashpots, linear in velocities, they need a Runge-Kutta
+        method, "rk4" or "rk8", and exclude springs that change.
     ground : Potential or sequence of Potential, optional
         Springs between all sites and the ground, or one for each site: functions of u.  They are
         forces, each the `Force` of a potential, whose energy counts as that of the chain.
@@ -204,7 +204,7 @@ class Chain(Scene):
         half = self.bond_energy(u) / 2
         edge = np.zeros((*half.shape[:-1], 1))
         left, right = np.concatenate([edge, half], -1), np.concatenate([half, edge], -1)
-        return 0.5 * self.mass * v**2 + left + right + on_site(self, 0, u)
+        return 0.5 * self.mass * v**2 + left + right + dynamics(self).acting.stored(0, u)
 
     def momentum(self, state: State) -> float:
         """Total momentum [kg m/s], > 0 towards higher sites."""

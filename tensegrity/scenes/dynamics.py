@@ -23,7 +23,7 @@ from tensegrity.engine.native import aligned_copy
 from tensegrity.engine.openings import is_treated
 from tensegrity.errors import TensegrityError
 from tensegrity.readonly import ReadOnly, Repeated, fixed, same_content
-from tensegrity.scenes.on_site import on_site
+from tensegrity.scenes.acting import Acting
 from tensegrity.springs.collection import Springs
 
 if TYPE_CHECKING:
@@ -202,6 +202,16 @@ class Dynamics:
         scene = self.scene
         return bool(scene.drive or scene.damping or scene._forces or self.springs.changing)
 
+    @cached_property
+    def acting(self) -> Acting:
+        """The forces of the scene on their places."""
+        return Acting(self.scene)
+
+    @property
+    def needs_rates(self) -> bool:
+        """Whether there are forces that a Runge-Kutta method takes only."""
+        return not self.acting.splits
+
     @property
     def further_forces(self) -> tuple[Any, ...]:
         """The forces besides those of springs, drives and dashpots, each a Force."""
@@ -239,21 +249,8 @@ class Dynamics:
         return aligned_copy(u, odd), aligned_copy(v, odd)
 
     def bind(self, u: Array, v: Array, method: Method, dt: float) -> Any:
-        """The compiled time-stepping loop.
-
-        Parameters
-        ----------
-        u, v : ndarray
-            The `arrays` of a state [m], [m/s], which the loop advances in place.
-        method : Method
-        dt : float
-            Time step [s].
-
-        Returns
-        -------
-        object
-            The loop, as `tensegrity.engine.kernel.bind` returns it.
-        """
+        """The compiled loop that advances the `arrays` u [m] and v [m/s] of a state in place by
+        steps dt [s]; see `tensegrity.engine.kernel.bind`."""
         return kernel.bind(u, v, self.loop_bonds, method, dt)
 
     def listed(self, u: Array) -> Dynamics:
@@ -291,8 +288,8 @@ class Dynamics:
 
     def energies(self, u: Array, v: Array) -> Array:
         """Total energy of each state [J], (states,); u and v (states, *shape)."""
-        if self.further_forces:
-            stored = np.sum(on_site(self.scene, 0, u).reshape(len(u), -1), axis=-1)
+        if self.acting.stores:
+            stored = np.sum(self.acting.stored(0, u).reshape(len(u), -1), axis=-1)
             return self._of_bonds(u, v) + stored
         return self._of_bonds(u, v)
 
@@ -389,7 +386,7 @@ class Dynamics:
     @cached_property
     def _on_site_bound(self) -> float:
         """Largest stiffness over mass of the springs to the ground, at rest [1/s^2]."""
-        stiffness = np.abs(on_site(self.scene, 2, np.zeros(self.shape)))
+        stiffness = np.abs(self.acting.stored(2, np.zeros(self.shape)))
         return float(np.max(stiffness * self.inverse_mass))
 
     @property

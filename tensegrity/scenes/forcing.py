@@ -8,7 +8,7 @@ arrays of the time-stepping loop.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
@@ -20,12 +20,12 @@ from tensegrity.engine.driven import Forcing
 from tensegrity.errors import TensegrityError
 from tensegrity.printing import concise, printed
 from tensegrity.readonly import FixedDict, fixed
+from tensegrity.scenes.acting import signals_of_force
 from tensegrity.scenes.dynamics import dynamics
-from tensegrity.scenes.force import applied_forces, checked_forces, place_counts
+from tensegrity.scenes.force import Force, place_counts
 from tensegrity.springs.signals import (
     RTOL,
     check_signals,
-    expression_of,
     in_columns,
     largest_frequency,
     signals_of,
@@ -37,7 +37,6 @@ if TYPE_CHECKING:
     import sympy as sp
     from numpy.typing import ArrayLike
 
-    from tensegrity.springs.signals import Expression
     from tensegrity.typing import Array
 
     Signal: TypeAlias = sp.Expr | float | tuple[ArrayLike, ArrayLike]
@@ -223,7 +222,7 @@ def checked_forcing(scene: Any, drive: Any, damping: Any, forces: Any = ()) -> d
     ------
     TensegrityError
         A drive of a held or missing site or with a wrong number of components, damping of another
-        number of bonds or sites, or forces of a state beside springs that change with time.
+        number of bonds or sites, or what is no force.
     """
     drive = {} if drive is None else drive
     if not isinstance(drive, Mapping):
@@ -239,18 +238,14 @@ def checked_forcing(scene: Any, drive: Any, damping: Any, forces: Any = ()) -> d
             raise TensegrityError(f"site {number} is held and cannot be driven")
     if damping is not None:
         check.kind("damping", damping, Damping)
-        damping.each("bond", _bonds(scene))
+        damping.each("bond", place_counts(scene)["bonds"])
         damping.each("ground", scene.sites)
         if not (damping.bond.any() or damping.ground.any()):
             damping = None
-    forces = checked_forces(scene, forces)
-    if dynamics(scene).springs.changing and not all(one.law.of_time for one in forces):
-        raise TensegrityError("springs that change exclude forces of displacements or velocities")
-    return {"drive": FixedDict(drive), "damping": damping, "_forces": forces}
-
-
-def _bonds(scene: Any) -> int:
-    return place_counts(scene)["bonds"]
+    given = check.sequence("forces", forces, "forces")
+    for one in given:
+        check.kind("a force", one, Force)
+    return {"drive": FixedDict(drive), "damping": damping, "_forces": given}
 
 
 def refuse_driven(scene: Any, what: str) -> None:
@@ -279,104 +274,47 @@ def frequency_of_drives(scene: Any, state: Any, t_end: float) -> float:
     largest = largest_frequency(time_signals(scene), t_end)
     x, rate = (float(np.max(np.abs(values))) or 1.0 for values in (state.u, state.v))
     for one in getattr(scene, "scenes", (scene,)):
-        for force in one._forces:
+        for force in dynamics(one).acting.forces:
             if force.law.varies:
-                each = signals_of_force(force._applied(one), x, rate)
+                each = signals_of_force(force, x, rate)
                 signals = {s.key: s for place in each for s in place}.values()
                 with suppress(TensegrityError):  # infinite at these displacements
                     largest = max(largest, largest_frequency([*signals], t_end))
     return largest
 
 
-def signals_of_force(force: Any, x: float = 0.0, rate: float = 0.0) -> list[list[Expression]]:
-    """The components of a force as functions of time in each of its places.
-
-    Parameters
-    ----------
-    force : AppliedForce
-    x, rate : float, optional
-        Displacements or elongations [m], and velocities [m/s].
-
-    Returns
-    -------
-    list of list of Expression
-    """
-    law, signals = force.law, []
-    state = {s: rate if s in law.rates else x for s in law.state}
-    components = [one.xreplace(state) for one in law.expressions]
-    for values in force.values.T.tolist():
-        of = dict(zip(map(str, law.parameters), values, strict=True))
-        signals.append([expression_of("force", one, of) for one in components])
-    return signals
+def _components(scene: Any, prescribed: bool) -> Iterator[tuple[int, int, int, Any]]:
+    """Of each coordinate with a prescribed motion, or with a prescribed force: site, axis, index in
+    the flattened u, and function of time."""
+    for site, drive in scene.drive.items():
+        for axis, signal in enumerate(drive.signals):
+            if drive.prescribes == prescribed and signal is not None:
+                yield site, axis, site * scene.dim + axis, signal
 
 
 def start_driven_sites(scene: Any, u: Array, v: Array) -> None:
-    """Set the displacements and velocities of driven sites to those of their drives at t = 0.
-
-    Parameters
-    ----------
-    scene : Scene
-    u, v : ndarray, (sites[, dim])
-        Displacements [m] and velocities [m/s], changed in place.
-    """
-    for site, drive in scene.drive.items():
-        if drive.prescribes:
-            _, prescribed, here = driven_components(scene, site, drive)
-            u.reshape(-1)[here] = drive.at(0.0)[prescribed]
-            v.reshape(-1)[here] = drive.at(0.0, 1)[prescribed]
-
-
-def driven_components(
-    scene: Any, site: int, drive: Drive
-) -> tuple[list[Any], list[int], list[int]]:
-    """Components of a drive that are not free.
-
-    Parameters
-    ----------
-    scene : Scene
-    site : int
-    drive : Drive
-        The drive of that site.
-
-    Returns
-    -------
-    signals : list of callable
-        Functions of time.
-    axes : list of int
-        Their coordinates.
-    entries : list of int
-        Their indices in the flattened u.
-    """
-    axes = [k for k, signal in enumerate(drive.signals) if signal is not None]
-    return [drive.signals[k] for k in axes], axes, [site * scene.dim + k for k in axes]
+    """Set the displacements u [m] and velocities v [m/s] of driven sites, (sites[, dim]), to those
+    of their drives at t = 0, in place."""
+    for _, _, entry, signal in _components(scene, True):
+        u.reshape(-1)[entry], v.reshape(-1)[entry] = (signal(np.array(0.0), k) for k in (0, 1))
 
 
 def driven_entries(scene: Any, prescribed: bool) -> tuple[Any, Any]:
     """Indices in the flattened u with a prescribed motion, or with a force, and their functions."""
-    numbers: list[int] = []
-    signals: list[Any] = []
-    for site, drive in scene.drive.items():
-        if drive.prescribes == prescribed:
-            of_site, _, here = driven_components(scene, site, drive)
-            numbers += here
-            signals += of_site
-    return np.array(numbers, dtype=int), tuple(signals)
+    found = [(entry, signal) for _, _, entry, signal in _components(scene, prescribed)]
+    return np.array([x for x, _ in found], dtype=int), tuple(signal for _, signal in found)
 
 
 def check_start(scene: Any, u: Array) -> None:
     """Refuse displacements of driven sites that differ from their drives at t = 0."""
-    for site, drive in scene.drive.items():
-        if not drive.prescribes:
-            continue
-        signals, axes, here = driven_components(scene, site, drive)
-        for signal, axis, entry in zip(signals, axes, here, strict=True):
-            prescribed, actual = float(signal(np.array(0.0))), float(u.reshape(-1)[entry])
-            if abs(actual - prescribed) > ATOL + RTOL * abs(prescribed):
-                raise TensegrityError(
-                    f"site {site} is at {actual:.9g} m, its drive {signal} begins at "
-                    f"{prescribed:.9g} m (axis {axis}): start from `at_rest`, or let the drive "
-                    "begin there"
-                )
+    for site, axis, entry, signal in _components(scene, True):
+        prescribed, actual = float(signal(np.array(0.0))), float(u.reshape(-1)[entry])
+        if abs(actual - prescribed) > ATOL + RTOL * abs(prescribed):
+            raise TensegrityError(
+                f"site {site} is at {actual:.9g} m, its drive {signal} begins at "
+                f"{prescribed:.9g} m (axis {axis}): start from `at_rest`, or let the drive "
+                "begin there"
+            )
 
 
 def forcing_of(scene: Any, t_end: float, timed: Any = None, as_forces: bool = False) -> Forcing:
@@ -401,30 +339,22 @@ def forcing_of(scene: Any, t_end: float, timed: Any = None, as_forces: bool = Fa
     TensegrityError
         A drive that is not finite, has a jump, or is not defined up to `t_end`.
     """
-    (moved, motions), (forced, scattered_forces) = (
-        driven_entries(scene, True),
-        driven_entries(scene, False),
-    )
-    held = np.repeat(dynamics(scene).inverse_mass == 0, scene.dim)
-    if not (applied := applied_forces(scene, as_forces)):
+    dyn = dynamics(scene)
+    (moved, motions), (forced, pulls) = (driven_entries(scene, x) for x in (True, False))
+    held, acting = np.repeat(dyn.inverse_mass == 0, scene.dim), dyn.acting
+    ground, bond = (x.copy() for x in acting.dashpots)
+    ground[held] = 0.0
+    if applied := acting.applied(as_forces):  # dashpots are among them
+        ground[:], bond[:] = 0.0, 0.0
+    else:
         fixed_entries = {*moved.tolist(), *np.flatnonzero(held).tolist()}
-        for of in (one._applied(scene) for one in scene._forces):
-            for place, each in zip(of.places.tolist(), signals_of_force(of), strict=True):
-                here = [(scene.dim * place + k, signal) for k, signal in enumerate(each)]
-                here = [pair for pair in here if pair[0] not in fixed_entries]
-                forced = np.append(forced, [entry for entry, _ in here]).astype(int)
-                scattered_forces = (*scattered_forces, *(signal for _, signal in here))
-    check_signals((*motions, *scattered_forces), t_end)
-    bonds, mass = dynamics(scene).loop_bonds, np.repeat(scene.mass, scene.dim)
+        more = [pair for pair in acting.of_time() if pair[0] not in fixed_entries]
+        forced = np.append(forced, [entry for entry, _ in more]).astype(int)
+        pulls = (*pulls, *(signal for _, signal in more))
+    check_signals((*motions, *pulls), t_end)
+    bonds, mass = dyn.loop_bonds, np.repeat(scene.mass, scene.dim)
     driven_mass = mass[moved]
     mass[moved] = 0.0
-    damping = scene.damping or Damping()
-    ground = np.repeat(damping.each("ground", scene.sites), scene.dim)
-    bond = np.zeros(len(scene.springs))
-    bond[: _bonds(scene)] = damping.each("bond", _bonds(scene))
-    ground[held] = 0.0
-    if applied:  # dashpots are among them
-        ground, bond = np.zeros_like(ground), np.zeros_like(bond)
     if timed is not None:
         bonds = replace(
             bonds, laws=timed.laws, law=timed.law, parameters=timed.columns.astype(float),
@@ -435,7 +365,7 @@ def forcing_of(scene: Any, t_end: float, timed: Any = None, as_forces: bool = Fa
         moved,
         forced,
         in_columns(motions),
-        in_columns(scattered_forces),
+        in_columns(pulls),
         mass,
         driven_mass,
         ground,

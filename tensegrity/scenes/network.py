@@ -37,7 +37,6 @@ from tensegrity.scenes.network_input import (
     springs_of,
     whole_pairs,
 )
-from tensegrity.scenes.on_site import on_site
 from tensegrity.scenes.picture import Picture, forces
 from tensegrity.scenes.scene import Scene, State, velocities
 from tensegrity.scenes.walls import Wall
@@ -288,7 +287,7 @@ class Network(Scene):
         result = 0.5 * self.mass * np.sum(v**2, axis=-1) - np.sum(self.loads * u, axis=-1)
         bonds, walls = np.split(dynamics(self).evaluate("energy", u), [len(self.bonds)], axis=-1)
         bonds = bonds / 2
-        result += np.sum(on_site(self, 0, u), axis=-1)
+        result += np.sum(dynamics(self).acting.stored(0, u), axis=-1)
         rows = np.moveaxis(result, -1, 0)  # a view: sites first
         for sites, energy in (
             (self.bonds[:, 0], bonds),

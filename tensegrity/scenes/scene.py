@@ -17,7 +17,6 @@ from tensegrity.readonly import FixedDict
 from tensegrity.scenes.dynamics import HasDynamics, dynamics
 from tensegrity.scenes.force import place_counts
 from tensegrity.scenes.forcing import checked_forcing
-from tensegrity.scenes.on_site import on_site
 from tensegrity.typing import Motion
 
 if TYPE_CHECKING:
@@ -147,6 +146,10 @@ class Scene(HasDynamics):
     def _set_forcing(self, drive: Any, damping: Any, forces: Any = ()) -> None:
         """Set the validated attributes `drive`, `damping` and `_forces`."""
         self.__dict__.update(checked_forcing(self, drive, damping, forces))
+        of = dynamics(self)
+        acting = of.acting  # refuses forces on places that do not exist
+        if of.springs.changing and not acting.splits:
+            raise TensegrityError("springs that change exclude forces but of time and dashpots")
 
     def check(self, state: State) -> None:
         """Refuse a state that this scene cannot have.
@@ -202,7 +205,7 @@ class Scene(HasDynamics):
         total = forces.scattered_forces(of.contact_bonds, tension, along)[: self.sites].reshape(
             u.shape
         )
-        total = total + self.loads - on_site(self, 1, u)
+        total = total + self.loads - of.acting.stored(1, u)
         total[list(self.held)] = 0
         return total
 
@@ -227,7 +230,7 @@ class Scene(HasDynamics):
         tangent = forces.tangent(of.contact_bonds, r, along, tension, stiffness, u)
         free = np.ones(u.shape, dtype=bool)
         free[list(self.held)] = False
-        ground = on_site(self, 2, u) * free
+        ground = of.acting.stored(2, u) * free
         free = np.append(free.ravel(), np.zeros(tangent.shape[0] - u.size, dtype=bool))
         both = free[tangent.row] & free[tangent.col]
         entries = tangent.data[both], (tangent.row[both], tangent.col[both])

@@ -23,6 +23,7 @@ from tensegrity.unit import rest as at_rest
 
 if TYPE_CHECKING:
     from tensegrity.branches.table import Event
+    from tensegrity.unit.formula import Formula
     from tensegrity.unit.path import UnitProblem
 
 MOST = 100_000  # operations of an expression that is taken
@@ -308,6 +309,43 @@ class Unit:
         from tensegrity.unit.states import equilibria
 
         return equilibria(self, None if box is None else _mapping("box", box))
+
+    def formula(self, name: str) -> Formula:
+        """A closed form in the symbols of the unit, those with values included.
+
+        Parameters
+        ----------
+        name : str
+            "axial stiffness" of the controlled coordinate at rest [N/m], or "tension_0", ..,
+            "natural_length_0", .. of the members [N], [m].
+
+        Returns
+        -------
+        Formula
+            Its `expression` has long parts replaced by symbols that `where` defines.
+
+        Raises
+        ------
+        TensegrityError
+            Another name, no self-stress, a motion without stiffness, or a formula that is too long
+            while a symbol has no value.
+
+        Examples
+        --------
+        Two rigid bars across a square of cables, of which two have the prestrain p:
+
+        >>> import sympy as sp
+        >>> from tensegrity import Member, Unit
+        >>> k, p, w, h = sp.symbols("k p w h", positive=True)
+        >>> cable, post = Member(w, k, 2), Member(h, k, 2)
+        >>> bar = Member(sp.sqrt(w**2 + h**2), sp.oo, 2)
+        >>> unit = Unit([w], h, [cable, post, bar], rest={w: 1, h: 1}, prestrain={cable: p})
+        >>> print(unit.formula("axial stiffness").expression)
+        4*k/(p + 1)
+        """
+        from tensegrity.unit.formula import formula
+
+        return formula(self, check.kind("name", name, str))
 
     @checked
     def problem(
