@@ -52,7 +52,7 @@ NO_NUMBERS = (
 )  # fmt: skip
 PARTS = ("None", "text", "True", "nan", "inf", "-1", "1e308", "huge", "list", "array", "0-d nan")
 EXTREME = ("1e308", "1e30", "1e-30", "5e-324", "10**12", "half", "0-d")
-SECONDS = 20  # that a call may take
+SECONDS = 20  # of a processor, that a call may take
 LONGEST = 500  # characters of a message
 SEARCHES = (  # take long with these: see their tests
     ts.orbit_path, ts.solitary_wave, largest_speed, limit_load, design.peak_force,
@@ -453,8 +453,8 @@ def outcome(function, arguments):
     def late(*_):
         raise TimeoutError(f"more than {SECONDS} s")
 
-    signal.signal(signal.SIGALRM, late)
-    signal.setitimer(signal.ITIMER_REAL, SECONDS)
+    signal.signal(signal.SIGPROF, late)
+    signal.setitimer(signal.ITIMER_PROF, SECONDS)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -462,7 +462,7 @@ def outcome(function, arguments):
     except ts.TensegrityError as error:
         return error
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.setitimer(signal.ITIMER_PROF, 0)
 
 
 def has_nan(answer, depth=3):
