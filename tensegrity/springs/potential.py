@@ -209,7 +209,8 @@ class Potential:
         TensegrityError
             No such argument, another symbol than t, or a value at t = 0 that is not admissible.
         """
-        law, made = OverTime(self, arguments), Potential.__new__(Potential)
+        law: Any = OverTime(self, arguments)
+        made = Potential.__new__(Potential)
         made._set(law, (), law.start.length, law.start.domain)
         made._origin = repr(law)
         return made
