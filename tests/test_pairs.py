@@ -2,6 +2,7 @@
 
 import math
 
+import mpmath
 import numpy as np
 import pytest
 import sympy as sp
@@ -255,6 +256,15 @@ def test_a_gradient_is_that_of_differences_for_places_velocities_inertias_and_pa
                     assert getattr(one, field)[site, axis] == pytest.approx(
                         slope, rel=1e-5, abs=1e-8
                     )
+
+
+def test_sines_and_cosines_in_registers_are_those_of_many_digits():
+    """Energies of potentials are computed in registers, several at once, like forces in a run; at
+    arguments beyond 1e6 by the library."""
+    r, x = sp.Symbol("r"), np.append(np.linspace(-9, 9, 2001), [1e-9, 3e5, -7e7])
+    exact = [(float(mpmath.sin(y)), float(mpmath.cos(y) - 1)) for y in map(mpmath.mpf, x.tolist())]
+    for of, values in zip((sp.sin(r), sp.cos(r) - 1), np.transpose(exact), strict=True):
+        assert np.abs(Potential(of, r).energy(x) - values).max() < 1.2e-16
 
 
 def wrong():

@@ -90,17 +90,18 @@ def side_by_side(dim, law, runs=()):
     each = [["load(gap + g * each_gap)"], ["load(length + g * each_length)"]]
     lengths = "const real *gap, integer each_gap, const real *length, integer each_length, "
     ends, given = "const pack *d, const pack *w, ", functions(dim)
-    calls = [(given[kind], kind, ends, lengths, [*axes, *each]) for kind in ("pair", "wall")]
+    calls = [(given[kind], kind, ends, f"{lengths}pack *r, ", [*axes, *each], [["r[g]"]])
+             for kind in ("pair", "wall")]  # fmt: skip
     for ending, values in runs if law is not None else ():
         more = f"{ends}const pack *p, const real *own, integer all, "
-        calls.append((law.functions()["pair"], f"ends_{ending}", more, "", [*axes, list(values)]))
+        gradient = law.functions()["gradient"]
+        calls.append((gradient, f"ends_{ending}", more, "", [*axes, list(values)], []))
     texts = []
-    for function, name, takes, arguments, inputs in calls:
-        along = [f"along[{k}][g]" for k in range(function.numel_out(1))]
-        arguments += "pack *r, pack (*along)[ROOM]"
-        texts.append(
-            simd.two_functions(function, name, takes, arguments, inputs, [["r[g]"], along])
-        )
+    for function, name, takes, arguments, inputs, results in calls:
+        along = [f"along[{k}][g]" for k in range(function.numel_out(function.n_out() - 1))]
+        arguments += "pack (*along)[ROOM]"
+        outputs = [*results, along]
+        texts.append(simd.two_functions(function, name, takes, arguments, inputs, outputs))
     stored = max(1, *(count for count, _ in texts))
     flags = [f"#define STORED {stored}"]
     if law is not None:

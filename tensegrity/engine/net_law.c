@@ -66,7 +66,7 @@ __attribute__((always_inline)) static inline int OF(run)(
                         const pack upper = free_ends[k] ? lower : larger_of(y[k], moved[k]);
                         least[k] = smaller_of(lower, least[k]), most[k] = larger_of(upper, most[k]);
                     }
-                    OF(first_ends)(g, moved, y, p, own + e, all, r, along, stored);
+                    OF(first_ends)(g, moved, y, p, own + e, all, along, stored);
                     continue;
 #endif
                     columns(places, other + g * GROUP, x);
@@ -78,7 +78,7 @@ __attribute__((always_inline)) static inline int OF(run)(
                 }
             }
 #ifdef ENDS
-            OF(rest_ends)(stop - at, r, along, stored);
+            OF(rest_ends)(stop - at, along, stored);
 #else
             (wall ? rest_wall : rest_pair)(stop - at, CONTACT);
 #endif

@@ -69,8 +69,8 @@ class PairForms:
         Returns
         -------
         dict of casadi.Function
-            "pair": (a, b, p) -> energy, and its gradient (2 dim,); "tangent": the same -> second
-            derivatives (2 dim, 2 dim); "slopes": the same -> derivatives of the energy by the
+            "pair": (a, b, p) -> energy, and its gradient (2 dim,); "gradient": that alone;
+            "tangent": second derivatives (2 dim, 2 dim); "slopes": derivatives of the energy by the
             parameters; "turned": (a, b, p, y) -> product of the second derivatives with y (2 dim,),
             and the derivatives of gradient times y by the parameters.
         """
@@ -107,7 +107,7 @@ def _functions(law: PairForms) -> dict[str, Any]:
     bent = ca.vertcat(ends.T @ ca.gradient(along, x), ca.gradient(along, p))
     whole = ca.jacobian(slope, x) + ca.jacobian(slope, z) @ follow
     forms = {"pair": [energy, ends.T @ slope], "tangent": [ends.T @ whole @ ends]}
-    forms |= {"slopes": [ca.gradient(energy, p)], "turned": [bent]}
+    forms |= {"gradient": forms["pair"][1:], "slopes": [ca.gradient(energy, p)], "turned": [bent]}
 
     def placed(form: Any) -> Any:
         for symbol, value in ((moved, follow @ turn), (z, inner), (turn, ends @ y),

@@ -94,7 +94,7 @@ class Potential:
 
     def _set(
         self,
-        law: Law,
+        law: Any,
         values: ArrayLike,
         length: float | None,
         domain: tuple[float, float],
@@ -209,8 +209,7 @@ class Potential:
         TensegrityError
             No such argument, another symbol than t, or a value at t = 0 that is not admissible.
         """
-        law: Any = OverTime(self, arguments)
-        made = Potential.__new__(Potential)
+        law, made = OverTime(self, arguments), Potential.__new__(Potential)
         made._set(law, (), law.start.length, law.start.domain)
         made._origin = repr(law)
         return made
