@@ -124,6 +124,7 @@ def convexity_coefficients() -> list[sp.Expr]:
     return sp.Poly(whole, y, z, extension=sp.sqrt(3)).coeffs()
 
 
+@cache
 def prove_hardening() -> sp.Expr:
     """H3 for eta0^2 > sqrt3/6, by three independent bounds, which must agree.
 

@@ -63,21 +63,24 @@ MADE_BY_OTHERS = {
     "TransitionWave", "Transmission",
 }  # fmt: skip
 INNER = {  # what runs, paths and searches ask of their objects, and nobody else
-    "Best", "Budget", "Corrected", "Floquet", "Method", "Midpoint", "Modes", "Nystrom", "Objective",
-    "Orbit", "Prediction", "Problem", "Pulse", "Splitting", "StructureModes", "Trace", "arrays",
-    "at",
-    "available_energy", "beyond", "bind", "by_beads", "changed", "check", "check_room", "children",
-    "columns", "contacts_at", "contacts_within", "cosines", "default", "derivative", "designs",
-    "each", "energies", "extreme", "fastest", "finer_share", "followed", "freedom", "frequency",
-    "frequency_of", "is_alike", "listed", "listings", "measure",
-    "mutants", "name", "name_of", "needed", "nystrom_of", "of", "opened",
-    "palindrome", "parts", "placed", "places_of", "plan", "present_ranges", "projected", "random",
-    "refuse_open", "rows", "steps", "stiffest", "stiffness_within", "stored_by_site",
-    "stretch", "table", "trace", "varied", "walls_hold", "walls_named", "with_springs", "worth",
+    "Best", "Budget", "Corrected", "Floquet", "Method", "Midpoint", "Modes", "Nystrom",
+    "Objective", "Orbit", "Prediction", "Problem", "Pulse", "Splitting", "StructureModes",
+    "Trace", "arrays", "at", "available_energy", "beyond", "bind", "by_beads", "changed",
+    "check", "check_room", "children", "columns", "contacts_at", "contacts_within", "cosines",
+    "default", "derivative", "designs", "each", "energies", "evaluate", "extreme", "fastest",
+    "finer_share", "followed", "freedom", "frequency", "frequency_of", "is_alike",
+    "largest_stiffness", "listed", "listings", "measure", "mutants", "name", "name_of",
+    "needed", "nystrom_of", "of", "opened", "palindrome", "parts", "placed", "places_of",
+    "plan", "present_ranges", "projected", "random", "reachable", "refuse_open", "rows",
+    "shared", "steps", "stiffest", "stiffness_within", "stored_by_site", "stretch", "table",
+    "tangent", "trace", "varied", "walls_hold", "walls_named", "with_springs", "worth",
 }  # fmt: skip
 
 R, TIME = sp.symbols("r t")
 SPRING = ts.Prism(1.0, 0.7, 0.01, 1.0).potential()
+ENDS = sp.symbols("q_i q_j")
+HINGE = ts.PairLaw((ENDS[1] - ENDS[0]) ** 2 / 2, *ENDS)
+HINGES = ts.PairLattice([[1.0]], [[0.0]], [(0, 0, 1, HINGE)])
 ELASTIC = ts.Prism(1.0, 0.7, 0.01, 1.0, 10.0, 100.0)
 STEEL, PTFE = granular.materials["steel"], granular.materials["ptfe"]
 BEAD, SMALL = granular.Bead(4.76e-3, STEEL), granular.Bead(3e-3, STEEL)
@@ -140,7 +143,7 @@ INSTANCES = {  # of classes whose methods are called
     "Choice": design.Choice(3, 0.005, [STEEL, PTFE]),
     "Contact": granular.Contact(1e9), "Drive": ts.Drive(force=0.1), "Ensemble": LANES,
     "Force": ts.Force(TIME),
-    "Lattice": ROW,
+    "Lattice": ROW, "PairLattice": HINGES, "PairLaw": HINGE,
     "EquilibriumPath": ts.equilibrium_path(ELASTIC)[:2], "Network": NET,
     "Guide": granular.y_guide(**GUIDE), "Pack": CUBE, "Order": design.Order([BEAD, SMALL]),
     "Polynomial": ts.Polynomial(SPRING, -0.01, 0.01), "Potential": LENNARD_JONES, "Prism": ELASTIC,
@@ -253,6 +256,11 @@ CALLS = [  # where other arguments are needed, or several in one call
     (ts.catalogue.plate, {"rows": 2, "columns": 1, "side": 1.0, "height": 0.5} | PRESTRESS),
     (ts.catalogue.dome, {"sides": 5, "hoops": 1, "radius": 1.0, "rise": 0.2, "post": 0.3}
      | PRESTRESS),
+    (ts.PairLaw, {"energy": sp.Symbol("k") * (ENDS[1] - ENDS[0]) ** 2, "first": ENDS[:1],
+                  "second": ENDS[1:], "parameters": {"k": 1.0}, "site": ENDS[0] ** 2,
+                  "rest": {ENDS[0]: 0.1, ENDS[1]: 0.1}} | {"site": 1.0}),
+    (ts.PairLattice, {"vectors": [[1.0]], "positions": [[0.0]], "bonds": [(0, 0, 1, HINGE)],
+                      "mass": 1.0}),
     (ts.Potential, {"energy": sp.Symbol("k") * R**2, "elongation": R, "parameters": {"k": 1.0},
                  "length": 1.0, "domain": (-1.0, 1.0)}),
     (ts.Potential.from_table, {"elongation": [-1.0, -0.5, 0.5, 1.0, 2.0], "kind": "smooth",

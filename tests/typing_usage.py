@@ -253,6 +253,11 @@ def waves(spring: ts.Potential, chain: ts.Chain) -> ts.State:
     ts.Chain(spring, 5, drive={"0": shaker})  # type: ignore[dict-item]
     assert_type(ts.modes(ts.Chain(spring, 5)).frequencies, Array)
     assert_type(ts.dispersion([spring, spring], 1.0, [0.1], ground=spring), Array)
+    q, other = sp.symbols("q other")
+    pair = ts.PairLaw((other - q) ** 2 / 2, [q], [other], {"k": 1.0}, site=0, rest={q: 0.0})
+    assert_type(pair.free, tuple[bool, ...])
+    lattice = ts.PairLattice([[1.0]], [[0.0]], [(0, 0, 1, pair)], mass=(1.0,))
+    assert_type(ts.bands(lattice, [[1.0]]).frequencies, Array)
     row = ts.Lattice([(0, 0)], [(1, 0)], strings=[(0, 0, 1)]).prestressed([0.1])
     assert_type(row, ts.Lattice)
     assert_type(ts.bands(row, [[0.1]]).frequencies, Array)

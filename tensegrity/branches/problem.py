@@ -303,6 +303,11 @@ class DerivedProblem(Problem):
         build = once(lambda: CompiledStepper(self, cached(key, lambda: _layout(self)), name))
         self.__dict__.update(derived=derive, _build_stepper=build, until={})
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the columns of numbers, which are cached with the functions."""
+        return (*self._stepper.names, *self._stepper.tabulated)
+
 
 def _field_of(name: str) -> Any:
     return property(lambda self: getattr(self.derived(), name))

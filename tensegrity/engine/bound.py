@@ -84,7 +84,7 @@ class Bound:
         counted = True if seen is None else np.repeat(seen, np.diff(range_at))
         self._springs = integers(np.where(counted, springs, -1))
         self._low, self._high = (aligned(len(springs), self._loop.dtype) for _ in range(2))
-        self._no_range = np.tile([np.inf, -np.inf], (len(self._bonds.law), 1))
+        self._no_range = np.tile([np.inf, -np.inf], (self._bonds.noted, 1))
 
     def _room(self, pieces):
         """Work arrays of the loop of a network."""
@@ -288,7 +288,8 @@ class Bound:
 
     @property
     def range(self):
-        """Smallest and largest elongation of each different spring since then [m], (springs, 2)."""
+        """Smallest and largest elongation of each different spring since then [m], (springs, 2), or
+        the ranges of coordinates; see `Bonds.noted`."""
         return self.widen(self._no_range.copy())
 
     @property

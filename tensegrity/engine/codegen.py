@@ -53,11 +53,8 @@ def c_text(laws, own=None, dim=0, steps="", forces=(), helpers=()):
         for number, law in enumerate(laws)
         for name in names
     ]
-    runs, parts, packed = (
-        [],
-        ["scene.h"],
-        geometry.side_by_side(dim, geometry.own(laws)) if dim else [],
-    )
+    runs, parts = [], ["scene.h"]
+    packed = _contacts(laws, own, dim) if dim else []
     for k, law in enumerate(laws):
         in_simd = bool(dim or changes) or law_properties(law)["packed"]
         for kind in kinds(law, own[k]):
@@ -72,8 +69,8 @@ def c_text(laws, own=None, dim=0, steps="", forces=(), helpers=()):
     rows, functions_of_forces, before = _forces(forces)
     parts += [f"{loop}.c", *before, "steps.c", *STEPS[steps]]
     hooks = [*scalars, *helpers, *functions_of_forces]
-    hooks += geometry.tangents(laws, steps == "implicit")
-    return whole(laws, own, hooks, dim, packed, lists | rows, flags, parts)
+    more = ("tangent",) * (steps == "implicit")
+    return whole(laws, own, hooks, dim, packed, lists | rows, flags, parts, more)
 
 
 def stepper_text(dim, steps, forces=()):
@@ -170,7 +167,6 @@ def reverse_text(laws, own, wanted, dim):
         "const real *own, integer all"
     )
     hooks, packed, runs, scalars = [], [], [], []
-    hooks += geometry.tangents(laws)
     for number, law in enumerate(laws):
         function, count = law_function(law, wanted[number]), len(wanted[number])
         mine = [(number, kind) for kind in (0, 1)[: 1 + (own[number] is not None)]]
@@ -187,10 +183,23 @@ def reverse_text(laws, own, wanted, dim):
             packed.append(simd.text(function, name, arguments, given, [targets]))
     lists = {"RUNS": runs, "SCALARS": scalars}
     parts = ["reverse.c", "reverse_nystrom.c"]
-    return whole(laws, own, hooks, dim, packed, lists, {}, parts)
+    if geometry.own(laws) is not None:
+        packed.append("#define ENDS")
+        lists["WANTED"] = enumerate(wanted[0])
+    return whole(laws, own, hooks, dim, packed, lists, {}, parts, ("turned",))
 
 
-def whole(laws, own, hooks, dim, packed, lists, flags, parts):
+def _contacts(laws, own, dim):
+    """C of the elongations of contacts, or energies of both ends, for each kind of run."""
+    law = geometry.own(laws)
+    kinds_of = () if law is None else kinds(law, own[0])
+    packs = [
+        (f"0_{kind}", _packs(law, own[0] if kind else (), "p[{}]", "GROUP")) for kind in kinds_of
+    ]
+    return geometry.side_by_side(dim, law, packs)
+
+
+def whole(laws, own, hooks, dim, packed, lists, flags, parts, of_ends=()):
     """Assemble a C source.
 
     Parameters
@@ -207,6 +216,8 @@ def whole(laws, own, hooks, dim, packed, lists, flags, parts):
         Macros.
     parts : sequence of str
         Names of files, and C text.
+    of_ends : sequence of str, optional
+        Functions of a law of both ends besides "pair"; see `PairForms.functions`.
 
     Returns
     -------
@@ -215,7 +226,8 @@ def whole(laws, own, hooks, dim, packed, lists, flags, parts):
     import casadi as ca
 
     generator = ca.CodeGenerator("laws.c")
-    hooks = [*hooks, *(geometry.helpers(dim, geometry.own(laws)) if dim else ())]
+    if dim:
+        hooks = [*hooks, *geometry.helpers(dim, geometry.own(laws), ("pair", *of_ends))]
     for function, _ in hooks:
         generator.add(function)
     takes = [_take(k, law, own[k]) for k, law in enumerate(laws) if own[k] is not None]

@@ -45,7 +45,8 @@ def _compiled() -> Any:
 def _elongations(dim: int, law: Any) -> list[int | None]:
     """Addresses of the functions for each kind of contact; the library is never unloaded."""
     laws = (law,) * (law is not None)
-    given: tuple[Any, ...] = laws, (None,) * len(laws), (), dim, (), {}, {}, ["elongations.c"]
+    flags = ["#define ENDS"] * len(laws)
+    given: tuple[Any, ...] = laws, (None,) * len(laws), (), dim, flags, {}, {}, ["elongations.c"]
     text = cached(named("elongations", laws, dim), lambda: codegen.whole(*given))
     functions = library(text, [f"-DDIM={dim}"])
     return [pointer(functions[f"{kind}_elongations"]) for kind in KINDS]
@@ -117,6 +118,9 @@ def _bond_set(
             contacts.kind[columns][0]
         ]
         places = _places(contacts, slice(first, last) if in_a_row else columns)
+        if geometry.own(loop.laws):
+            of_each = np.ascontiguousarray(springs, dtype=np.int32) if different > 1 else None
+            places.fill(parameters=np.ascontiguousarray(parameters.T), spring=of_each)
     return BOND_SET(
         function=pointer(loop.evaluator.values_own if several else loop.evaluator.values),
         elongations=elongations,
@@ -146,6 +150,8 @@ def _places(contacts: Contacts, columns: slice | Indices) -> Any:
         length=length,
         gap_step=gap.strides[0] // gap.itemsize,
         length_step=length.strides[0] // length.itemsize,
+        parameters=None,
+        spring=None,
     )
 
 

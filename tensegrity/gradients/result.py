@@ -14,13 +14,13 @@ import numpy as np
 
 from tensegrity import check, plotting
 from tensegrity.engine.law import Law
+from tensegrity.engine.pair import PairForms
 from tensegrity.engine.programs import derived as program_of
 from tensegrity.engine.programs import run
 from tensegrity.errors import TensegrityError
 from tensegrity.printing import Lines, Printed, span
 from tensegrity.prisms.closed import polygon, rigid_law
 from tensegrity.prisms.condensed import ElasticPotential
-from tensegrity.prisms.plates import PlateLaw
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.network import Network
 from tensegrity.scenes.picture import Picture
@@ -229,7 +229,7 @@ def refuse(spring: Potential) -> None:
             f"exponent {spring.exponent:g} of {spring!r} is below 1: its stiffness has no bound "
             "where the contact opens, and no derivative exists there"
         )
-    if not isinstance(spring.law, (Law, PlateLaw)):
+    if not isinstance(spring.law, (Law, PairForms)):
         raise TensegrityError(
             f"{spring!r} has no parameters with respect to which to differentiate"
         )

@@ -33,6 +33,7 @@ from tensegrity.orbits.shooting import (
     is_reversible,
     symmetries,
 )
+from tensegrity.scenes.acting import per_coordinate
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.scene import Scene, State
 from tensegrity.typing import Array, Duration
@@ -343,8 +344,8 @@ def family_of(orbit: Orbit, by: str = "") -> Family:
 def _in_band(scene: Scene, period: float) -> str:
     """Text on the first harmonic of a period that lies among the modes of a scene."""
     stiffness = scene.stiffness(scene.at_rest().u).toarray()
-    free = np.flatnonzero(np.repeat(dynamics(scene).inverse_mass, scene.dim) > 0)
-    roots = np.sqrt(np.repeat(scene.mass, scene.dim)[free])
+    free = np.flatnonzero(per_coordinate(scene, dynamics(scene).inverse_mass) > 0)
+    roots = np.sqrt(per_coordinate(scene, scene.mass).ravel()[free])
     squares = np.linalg.eigvalsh(stiffness[np.ix_(free, free)] / np.outer(roots, roots))
     frequencies = np.sqrt(np.maximum(squares, 0)) / (2 * np.pi)
     spacing = CROWDED * frequencies[-1] / len(frequencies)

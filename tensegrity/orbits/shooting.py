@@ -14,6 +14,7 @@ from tensegrity.printing import Lines, Printed
 from tensegrity.readonly import FixedDict
 from tensegrity.runs.integrate import simulate
 from tensegrity.runs.run import Run
+from tensegrity.scenes.acting import per_coordinate
 from tensegrity.scenes.dynamics import dynamics, varied
 from tensegrity.scenes.scene import Scene, State
 from tensegrity.structures.supports import orthonormal, rigid_motions
@@ -124,7 +125,7 @@ class Shooting:
     def __init__(self, scene: Scene, flow: Any) -> None:
         self._last: tuple[Any, Any] = None, None
         self.scene, self.flow, self.of = scene, flow, dynamics(scene)
-        self.inverse_mass = np.repeat(self.of.inverse_mass, scene.dim)
+        self.inverse_mass = per_coordinate(scene, self.of.inverse_mass).ravel()
         self.rest = varied(scene, drive=FixedDict()).at_rest().u
         self._least = scene.energy(State(self.rest, 0 * self.rest))
 

@@ -16,6 +16,7 @@ from tensegrity.engine.force_law import largest_decay
 from tensegrity.engine.methods import Nystrom, Splitting
 from tensegrity.errors import LockingError, StabilityError, TensegrityError
 from tensegrity.runs.motion import Motion, MotionState
+from tensegrity.scenes.acting import per_coordinate
 from tensegrity.scenes.forcing import check_start, forcing_of
 from tensegrity.springs.over_time import TimedSprings
 from tensegrity.typing import Array
@@ -116,7 +117,7 @@ class ForcedMotion(Motion):
         output, sums = (u.copy(), v.copy()), np.zeros((1, 2))
         sites = self._sites
         self._add_prescribed(np.zeros(1), output[0][None, :sites], output[1][None, :sites], sums)
-        elongation_range = np.zeros((len(self._listed.springs), 2))
+        elongation_range = np.zeros((self._listed.loop_bonds.noted, 2))
         return MotionState(0, u, v, (*output, sums[0]), elongation_range, np.zeros(2))
 
     def restore(self) -> None:
@@ -243,7 +244,7 @@ class ForcedMotion(Motion):
         if self.timed is None:
             return dyn.energies(u, v)
         stored = self.timed.energies(t, dyn.elongations(u))
-        mass = scene.mass.reshape(-1, *[1] * (v.ndim - 2))
+        mass = per_coordinate(scene, scene.mass)
         motion = (mass * v**2 / 2 - scene.loads * u).reshape(len(u), -1)
         return np.sum(motion, axis=1) + np.sum(stored, axis=-1)
 

@@ -129,7 +129,7 @@ class Motion:
 
     def _initial_state(self) -> MotionState:
         u, v = self._listed.rows(self.problem.state)
-        return MotionState(0, u, v, (u, v), np.zeros((len(self._listed.springs), 2)))
+        return MotionState(0, u, v, (u, v), np.zeros((self._listed.loop_bonds.noted, 2)))
 
     def restore(self) -> None:
         """Return to the accepted state."""

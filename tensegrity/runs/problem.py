@@ -223,7 +223,7 @@ class StabilityGuard:
 
     def __init__(self, problem, dynamics, dt, allowed) -> None:
         self._problem, self._dynamics, self._dt, self._allowed = problem, dynamics, dt, allowed
-        self.domains, self.limit = dynamics.springs.computable_domain, math.inf
+        self.domains, self.limit = dynamics.springs.noted_domain, math.inf
         self._admissible = None  # ranges of elongation known to be allowed
         self._stiffness = None  # bound of each spring's within them [N/m]
 

@@ -16,7 +16,7 @@ from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.ensemble import Ensemble
 from tensegrity.scenes.network import Network
 from tensegrity.scenes.picture import Picture
-from tensegrity.scenes.scene import Scene, State, unchecked_state
+from tensegrity.scenes.scene import Scene, State, momenta, unchecked_state
 from tensegrity.unit_names import in_units, unit_text
 
 if TYPE_CHECKING:
@@ -257,7 +257,7 @@ class Run(Printed):
         if len(order) < self.scene.sites:
             count = f"{len(self.sites)} of {self.scene.sites} sites"
             raise TensegrityError(f"{count} recorded: the momentum needs all")
-        total = np.einsum("s,ts...->t...", self.scene.mass, self.v[:, order])
+        total = momenta(self.scene, self.v[:, order])
         return total if self.impulse is None else total + self.impulse.sum(axis=1)
 
     def to_xarray(self) -> Any:

@@ -236,3 +236,9 @@ def no_force(scene: Any) -> Force:
 
     along = [0 * sp.Symbol("v") for _ in AXES[: scene.dim]]
     return Force(along if scene.dim > 1 else along[0])
+
+
+def per_coordinate(scene: Any, values: Array) -> Array:
+    """Values of sites, or of their coordinates, for each coordinate; shape of the scene."""
+    one = values.reshape(*values.shape, *[1] * (len(scene.shape) - values.ndim))
+    return np.broadcast_to(one, scene.shape)

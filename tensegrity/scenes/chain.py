@@ -8,7 +8,8 @@ the constant preload, because potentials are measured from the loaded equilibriu
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from functools import wraps
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,7 +18,10 @@ from tensegrity.errors import TensegrityError
 from tensegrity.scenes.acting import on_site_springs
 from tensegrity.scenes.dynamics import Dynamics, dynamics
 from tensegrity.scenes.forcing import start_driven_sites
+from tensegrity.scenes.network import Network
+from tensegrity.scenes.pair_dynamics import is_pair_law
 from tensegrity.scenes.scene import BYTES_PER_SITE, SMALLEST_MASS, Scene, State, velocities
+from tensegrity.springs.pair_law import PairLaw
 from tensegrity.springs.potential import Potential
 
 if TYPE_CHECKING:
@@ -37,7 +41,9 @@ class Chain(Scene):
     ----------
     spring : Potential or sequence of Potential
         One spring for all bonds, or `sites - 1` springs; bond j joins sites j and j + 1.  Some may
-        change with time, see `Potential.over_time`.
+        change with time, see `Potential.over_time`.  With a `PairLaw`, or several of one form, the
+        chain is a `Network` in a row: u has the shape (sites, dim), and `mass` is one number, the
+        inertias of one site, (dim,), or of all.
     sites : int
         Number of masses, at least 2.
     mass : float or array_like (sites,), optional
@@ -98,17 +104,17 @@ class Chain(Scene):
         check.memory(f"a run of {self.sites} sites", BYTES_PER_SITE * self.sites)
         self.springs = self._springs(spring)
         self.mass = self._masses(mass)
-        if (
-            not isinstance(ends, (tuple, list))
-            or len(ends) != 2
-            or any(not isinstance(e, str) or e not in ENDS for e in ends)
-        ):
-            raise TensegrityError(f"ends {check.shown(ends)} must be two of {ENDS}")
-        self.ends = ends[0], ends[1]
+        self.ends = _checked_ends(ends)
         _ = dynamics(self).loop_bonds  # refuses springs that the compiled loop cannot take
         given = check.sequence("forces", forces, "forces")
         springs = on_site_springs(ground, self.sites)
         self._set_forcing(drive, damping, (*given, *springs))
+
+    @wraps(__init__, assigned=())  # type: ignore[misc]
+    def __new__(cls, spring: Any = None, *given: Any, **forcing: Any) -> Any:
+        if cls is Chain and is_pair_law(spring):
+            return _of_pairs(spring, *given, **forcing)
+        return super().__new__(cls)
 
     def _springs(self, spring: Potential | Sequence[Potential]) -> tuple[Potential, ...]:
         if isinstance(spring, Potential):
@@ -150,7 +156,7 @@ class Chain(Scene):
     @property
     def held(self) -> list[int]:
         """Indices of the sites that are held at u = 0."""
-        return [s for s, end in zip((0, self.sites - 1), self.ends, strict=True) if end == "fixed"]
+        return _held(self.ends, self.sites)
 
     def at_rest(self, velocity: Mapping[int, float] | None = None) -> State:
         """The undeformed state, in which the given sites have a velocity and all others rest.
@@ -223,3 +229,29 @@ class Chain(Scene):
         kinds = len(dynamics(self).springs)
         springs = "equal springs" if kinds == 1 else f"{kinds} kinds of springs"
         return f"Chain({self.sites} sites, {springs}, ends {self.ends})"
+
+
+def _checked_ends(ends: Any) -> tuple[str, str]:
+    if (
+        not isinstance(ends, (tuple, list))
+        or len(ends) != 2
+        or any(not isinstance(e, str) or e not in ENDS for e in ends)
+    ):
+        raise TensegrityError(f"ends {check.shown(ends)} must be two of {ENDS}")
+    return ends[0], ends[1]
+
+
+def _held(ends: tuple[str, str], sites: int) -> list[int]:
+    return [s for s, end in zip((0, sites - 1), ends, strict=True) if end == "fixed"]
+
+
+def _of_pairs(
+    spring: Any, sites: int, mass: ArrayLike = 1.0, ends: Any = ("free", "free"), **forcing: Any
+) -> Network:
+    """A chain of sites of several coordinates: a network in a row."""
+    sites = check.whole("sites", sites, least=2)
+    one = spring if isinstance(spring, PairLaw) else spring[0]
+    places, each = np.zeros((sites, one.law.dim)), np.arange(sites)
+    places[:, 0] = each * (one.length or 1.0)
+    bonds, held = np.stack([each[:-1], each[1:]], axis=1), _held(_checked_ends(ends), sites)
+    return Network(places, bonds, spring, mass=mass, held=held, **forcing)

@@ -23,7 +23,7 @@ from tensegrity.engine.native import aligned_copy
 from tensegrity.engine.openings import is_treated
 from tensegrity.errors import TensegrityError
 from tensegrity.readonly import ReadOnly, Repeated, fixed, same_content
-from tensegrity.scenes.acting import Acting
+from tensegrity.scenes.acting import Acting, per_coordinate
 from tensegrity.springs.collection import Springs
 
 if TYPE_CHECKING:
@@ -300,7 +300,7 @@ class Dynamics:
         if energies is not None:
             return energies
         scene, rows = self.scene, (len(u), -1)
-        mass = scene.mass.reshape(-1, *[1] * (len(self.shape) - 1))
+        mass = per_coordinate(scene, scene.mass)
         with np.errstate(over="ignore"):  # overflow gives inf, which `checked` refuses
             kinetic = 0.5 * np.sum((mass * v**2).reshape(rows), axis=-1)
         some = max(IN_CACHE // max(len(scene.springs), 1), 1)

@@ -20,7 +20,7 @@ from tensegrity.engine.driven import Forcing
 from tensegrity.errors import TensegrityError
 from tensegrity.printing import concise, printed
 from tensegrity.readonly import FixedDict, fixed
-from tensegrity.scenes.acting import signals_of_force
+from tensegrity.scenes.acting import per_coordinate, signals_of_force
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.force import Force, place_counts
 from tensegrity.springs.signals import (
@@ -341,7 +341,8 @@ def forcing_of(scene: Any, t_end: float, timed: Any = None, as_forces: bool = Fa
     """
     dyn = dynamics(scene)
     (moved, motions), (forced, pulls) = (driven_entries(scene, x) for x in (True, False))
-    held, acting = np.repeat(dyn.inverse_mass == 0, scene.dim), dyn.acting
+    held = np.repeat(np.isin(np.arange(scene.sites), scene.held), scene.dim)
+    acting = dyn.acting
     ground, bond = (x.copy() for x in acting.dashpots)
     ground[held] = 0.0
     if applied := acting.applied(as_forces):  # dashpots are among them
@@ -352,7 +353,7 @@ def forcing_of(scene: Any, t_end: float, timed: Any = None, as_forces: bool = Fa
         forced = np.append(forced, [entry for entry, _ in more]).astype(int)
         pulls = (*pulls, *(signal for _, signal in more))
     check_signals((*motions, *pulls), t_end)
-    bonds, mass = dyn.loop_bonds, np.repeat(scene.mass, scene.dim)
+    bonds, mass = dyn.loop_bonds, per_coordinate(scene, scene.mass).flatten()
     driven_mass = mass[moved]
     mass[moved] = 0.0
     if timed is not None:

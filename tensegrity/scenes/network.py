@@ -17,6 +17,7 @@ import numpy as np
 from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.notebook import page
+from tensegrity.scenes.acting import per_coordinate
 from tensegrity.scenes.clearance import Clearance
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.forcing import start_driven_sites
@@ -31,14 +32,20 @@ from tensegrity.scenes.network_input import (
     numbers,
     per_site,
     plane_walls,
-    refuse_beside_plates,
     refuse_too_many,
     site_number,
     springs_of,
     whole_pairs,
 )
+from tensegrity.scenes.pair_dynamics import (
+    PairDynamics,
+    inertias,
+    is_pair_law,
+    pair_laws,
+    refuse_beside_pair_laws,
+)
 from tensegrity.scenes.picture import Picture, forces
-from tensegrity.scenes.scene import Scene, State, velocities
+from tensegrity.scenes.scene import Scene, State, momenta, velocities
 from tensegrity.scenes.walls import Wall
 from tensegrity.springs.potential import Potential
 
@@ -154,7 +161,10 @@ class Network(Scene):
         self.sites, self.dim = self.positions.shape
         check.whole("sites", self.sites, least=1)
         pairs = checked_bonds(bonds, self.sites)
-        self.mass = per_site("mass", mass, "kg", self.sites)
+        of_ends = is_pair_law(spring)
+        self.mass = (
+            inertias(mass, self.shape) if of_ends else per_site("mass", mass, "kg", self.sites)
+        )
         self.radius = None if radius is None else per_site("radius", radius, "m", self.sites)
         self.walls = plane_walls(walls, self.dim)
         touching = whole_pairs("wall_contacts", wall_contacts)
@@ -163,6 +173,8 @@ class Network(Scene):
         self.wall_contacts = checked_wall_contacts(touching, self.walls, self.positions)
         self._ends, self.bonds = contact_ends(pairs, self.wall_contacts, self.sites)
         springs = springs_of(spring, len(self.bonds), "bond")
+        if of_ends:
+            springs = pair_laws(springs, self)
         if len(self.wall_contacts) or wall_spring is not None:
             springs += springs_of(wall_spring, len(self.wall_contacts), "wall contact")
         self.springs = springs
@@ -179,7 +191,8 @@ class Network(Scene):
         _ = of.loop_bonds  # refuses springs that the compiled loop cannot take
         of.refuse_unlisted(none)
         self._set_forcing(drive, damping, forces)
-        refuse_beside_plates(of)
+        if of_ends:
+            refuse_beside_pair_laws(of)
         if of.follows:
             self._refuse_changing()
 
@@ -204,7 +217,12 @@ class Network(Scene):
         return kind(self.positions, self.radius, self.bonds, self.walls, self.wall_contacts)
 
     def _dynamics(self) -> NetworkDynamics:
-        return NetworkDynamics(self)
+        return (PairDynamics if self._of_ends else NetworkDynamics)(self)
+
+    @property
+    def _of_ends(self) -> bool:
+        """Whether the energy of a bond is a function of all coordinates of both ends."""
+        return self.mass.ndim > 1
 
     @property
     def _shape_text(self) -> str:
@@ -284,7 +302,8 @@ class Network(Scene):
         energy, half the energy of its bonds, the energy of its wall contacts, and the potential of
         its load."""
         u, v = self._checked_rows(state)
-        result = 0.5 * self.mass * np.sum(v**2, axis=-1) - np.sum(self.loads * u, axis=-1)
+        kinetic = 0.5 * per_coordinate(self, self.mass) * v**2
+        result = np.sum(kinetic - self.loads * u, axis=-1)
         bonds, walls = np.split(dynamics(self).evaluate("energy", u), [len(self.bonds)], axis=-1)
         bonds = bonds / 2
         result += np.sum(dynamics(self).acting.stored(0, u), axis=-1)
@@ -298,9 +317,10 @@ class Network(Scene):
         return result
 
     def momentum(self, state: State) -> Array:
-        """Total momentum [kg m/s]; (dim,)."""
+        """Total momentum [kg m/s]; (dim,), with a `PairLaw` of its free coordinates."""
         self._refuse_other(state)
-        return self.mass @ state.v
+        (total,) = momenta(self, state.v[None])
+        return np.asarray(total)
 
     def plot(self, ax: Axes | None = None, u: ArrayLike | None = None) -> Axes:
         """Sites, walls, and forces of bonds and contacts as lines: compression red, tension blue.
@@ -339,7 +359,8 @@ class Network(Scene):
         return page(lines, lambda figure: self.plot(figure.subplots()), size=(3.4, 3.4))
 
     def __repr__(self) -> str:
+        where = f"of {self.dim} coordinates" if self._of_ends else f"in {self.dim} dimensions"
         return (
-            f"Network({self.sites} sites in {self.dim} dimensions, {len(self.bonds)} bonds, "
+            f"Network({self.sites} sites {where}, {len(self.bonds)} bonds, "
             f"{len(self.walls)} walls with {len(self.wall_contacts)} contacts)"
         )

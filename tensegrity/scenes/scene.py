@@ -283,6 +283,19 @@ def refuse_other(state: object, shape: tuple[int, ...], words: str) -> None:
         raise TensegrityError(f"state has shape {state.u.shape}, the {words}")
 
 
+def momenta(scene: Any, v: Array) -> Array:
+    """Total momenta of rows of velocities, (rows,) or (rows, dim); with a `PairLaw` of its free
+    coordinates."""
+    if scene.mass.ndim == 1:
+        return np.einsum("s,ts...->t...", scene.mass, v)
+    law = scene.springs[0]
+    free = np.array(law.free)
+    if not free.any():
+        names = ", ".join(law.coordinates)
+        raise TensegrityError(f"no momentum: no coordinate of the pair law ({names}) is free")
+    return np.einsum("sd,tsd->td", scene.mass[:, free], v[..., free])
+
+
 def velocities(given: Mapping[int, Any] | None) -> Iterable[tuple[int, Any]]:
     """Pairs of a site and its velocity, from a dict or None (no pairs)."""
     given = {} if given is None else given

@@ -145,6 +145,11 @@ class Springs:
             np.array([spring.computable_domain for spring in self.different]).reshape(-1, 2)
         )
 
+    @property
+    def noted_domain(self) -> Any:
+        """Lowest and highest value of what a run notes the ranges of: of the elongations [m]."""
+        return self.computable_domain
+
     @cached_property
     def force_model(self) -> str:
         """The models by which the tensions are computed."""

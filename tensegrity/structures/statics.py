@@ -218,7 +218,7 @@ def nearest_form(positions: Array, ends: Indices) -> Array:
     x, size = positions, np.linalg.norm(start)
     for _ in range(STEPS):
         matrix = equilibrium_matrix(x, ends)
-        blocks = q[:, None, None] * np.eye(dim)
+        blocks = forces.of_both_ends(q[:, None, None] * np.eye(dim))
         slope = forces.assembled(ends[:, 0], ends[:, 1], blocks, len(x)).toarray()  # of A(x) q in x
         # a change of q orthogonal to q compensates all but this component of the residual
         out = np.linalg.svd(matrix)[0][:, members - 1 :]

@@ -408,12 +408,13 @@ def _of_line(line, mass, family, name, value):
             "a wave of a line of units is given by its speed, speed_ratio or excess alone"
         )
     law = CoupledLaw(unit_of(line))
-    mass = float(law.potential.mass[0])
+    mass = float(law.potential.mass.flat[0])
     sound = math.sqrt(law.secant / mass)
     above = stiffness_above(name, value, sound, mass, law.secant)
     profile, residual = coupled_profile(law, above / law.secant)
     stiffness, gain, _, energy, _, shape = _characteristics(profile, residual)
-    shape, peak = Series(shape.grid, law.basis @ shape.rates), law.physical(profile.rho)[0, 0]
+    shape = Series(shape.grid, law.basis @ shape.rates / law.root[:, None])
+    peak = law.physical(profile.rho)[0, 0]
     wave = _wave(law, mass, sound, stiffness, gain, float(peak), energy, residual, shape)
     return replace(wave, momentum=float(wave.momentum[0]))
 
