@@ -47,8 +47,8 @@ def scenes() -> None:
     for prism in (rigid, *elastic):
         equilibrium_path(prism)
     limit_load(Prism(1.0, 0.5, 0.4, 1.0, 2.0, 20.0), 0.3)
-    for profile in (sech2, tent):
-        profile(rigid.potential(), *(() if profile is tent else (1.5,)), 0.0)
+    sech2(rigid.potential(), 1.5, 0.0)
+    tent(rigid.potential(), 0.0)
     solitary_wave(rigid.potential(), speed_ratio=1.5)
     short = Chain(rigid.potential(), sites=8, ends=("free", "fixed"))
     peak = objective.peak(objective.load(bond=5))

@@ -52,7 +52,7 @@ NO_NUMBERS = (
 )  # fmt: skip
 PARTS = ("None", "text", "True", "nan", "inf", "-1", "1e308", "huge", "list", "array", "0-d nan")
 EXTREME = ("1e308", "1e30", "1e-30", "5e-324", "10**12", "half", "0-d")
-SECONDS = 20  # that a call may take
+SECONDS = 20  # of a processor, that a call may take
 LONGEST = 500  # characters of a message
 SEARCHES = (  # take long with these: see their tests
     ts.orbit_path, ts.solitary_wave, largest_speed, limit_load, design.peak_force,
@@ -63,20 +63,17 @@ MADE_BY_OTHERS = {
     "TransitionWave", "Transmission",
 }  # fmt: skip
 INNER = {  # what runs, paths and searches ask of their objects, and nobody else
-    "Best", "Budget", "Corrected", "Floquet", "Method", "Midpoint", "Modes", "Nystrom", "Objective",
-    "Orbit", "Prediction", "Problem", "Pulse", "Splitting", "StructureModes", "Trace", "arrays",
-    "at",
-    "available_energy", "beyond", "bind", "by_beads", "changed", "check", "check_room", "children",
-    "columns", "contacts_at", "contacts_within", "cosines", "default", "derivative", "designs",
-    "each", "energies", "evaluate", "extreme", "fastest", "finer_share", "followed", "freedom",
-    "frequency",
-    "frequency_of", "is_alike", "largest_stiffness", "listed", "listings", "measure",
-    "mutants", "name", "name_of", "needed", "nystrom_of", "of", "opened",
-    "palindrome", "parts", "placed", "places_of", "plan", "present_ranges", "projected", "random",
-    "reachable", "refuse_open", "rows", "shared", "steps",
-    "stiffest", "stiffness_within", "stored_by_site",
-    "stretch", "table", "tangent", "trace", "varied", "walls_hold", "walls_named", "with_springs",
-    "worth",
+    "Best", "Budget", "Corrected", "Floquet", "Method", "Midpoint", "Modes", "Nystrom",
+    "Objective", "Orbit", "Prediction", "Problem", "Pulse", "Splitting", "StructureModes",
+    "Trace", "arrays", "at", "available_energy", "beyond", "bind", "by_beads", "changed",
+    "check", "check_room", "children", "columns", "contacts_at", "contacts_within", "cosines",
+    "default", "derivative", "designs", "each", "energies", "evaluate", "extreme", "fastest",
+    "finer_share", "followed", "freedom", "frequency", "frequency_of", "is_alike",
+    "largest_stiffness", "listed", "listings", "measure", "mutants", "name", "name_of",
+    "needed", "nystrom_of", "of", "opened", "palindrome", "parts", "placed", "places_of",
+    "plan", "present_ranges", "projected", "random", "reachable", "refuse_open", "rows",
+    "shared", "steps", "stiffest", "stiffness_within", "stored_by_site", "stretch", "table",
+    "tangent", "trace", "varied", "walls_hold", "walls_named", "with_springs", "worth",
 }  # fmt: skip
 
 R, TIME = sp.symbols("r t")
@@ -456,8 +453,8 @@ def outcome(function, arguments):
     def late(*_):
         raise TimeoutError(f"more than {SECONDS} s")
 
-    signal.signal(signal.SIGALRM, late)
-    signal.setitimer(signal.ITIMER_REAL, SECONDS)
+    signal.signal(signal.SIGPROF, late)
+    signal.setitimer(signal.ITIMER_PROF, SECONDS)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -465,7 +462,7 @@ def outcome(function, arguments):
     except ts.TensegrityError as error:
         return error
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.setitimer(signal.ITIMER_PROF, 0)
 
 
 def has_nan(answer, depth=3):

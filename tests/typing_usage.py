@@ -324,7 +324,7 @@ def changing(state: ts.State) -> ts.Run:
     run = ts.simulate(chain, state, 1.0, dt=0.01)
     assert_type(run.work, Array | None)
     assert_type(ts.speed(run, (3, 9)), float)
-    ts.PowerLaw(1.0, 1.5).over_time(stiffness="t")  # type: ignore[arg-type]
+    ts.PowerLaw(1.0, 1.5).over_time(stiffness="t")
     ts.budget(run.final, 5)  # type: ignore[arg-type]
     return run
 

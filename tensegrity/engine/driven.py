@@ -368,7 +368,7 @@ class BoundDriven(Bound):
         """Widen ranges of elongation; see `Bound.widen`."""
         timed = self._forcing.timed
         if timed is None:
-            return super().widen(ranges)  # type: ignore[no-any-return]
+            return super().widen(ranges)
         for side, wider in enumerate((np.minimum, np.maximum)):
             wider(ranges[:, side], self._reached[timed.number, side], out=ranges[:, side])
         return ranges

@@ -114,9 +114,11 @@ class BatchMotion:
         return max(motion.fastest for motion in self._parts)
 
     def release(self) -> None:
-        """Return the loops to the cache for the next run."""
-        for motion in self._parts:
+        """Return the loops to the cache for the next run, and keep copies of what they reached."""
+        for motion, point in zip(self._parts, self._points, strict=True):
+            motion.point = point
             motion.release()
+        self._points = [motion.point for motion in self._parts]
 
     def refuse_start(self) -> None:
         """Refuse a step that is unstable in the initial state."""

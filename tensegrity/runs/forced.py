@@ -195,7 +195,7 @@ class ForcedMotion(Motion):
         that change, during an attempt that ends with step `end`."""
         at = np.linspace(self.point.done * self.dt, end * self.dt, INSTANTS + 1)
         each = zip(range(len(ranges)), ranges.tolist(), strict=True)
-        stiffness = np.array([self._stiffest(k, *reached, at) for k, reached in each])
+        stiffness = np.array([self._stiffest(k, low, high, at) for k, (low, high) in each])
         if not np.isfinite(stiffness).all():
             return math.inf
         return self.dynamics.spring_frequency_bound(stiffness[self.timed.number])

@@ -62,7 +62,7 @@ class Record:
         A new .npy file for the rows, which then take no memory except 48 bytes per instant; valid
         after every row, even if the process is killed.  numpy.load(path, mmap_mode="r") gives a
         structured array with fields t, energy, u, v, and work, loss of scenes that are driven,
-        damped or tuned.  Another run with the same path is refused before it writes.
+        damped or change.  Another run with the same path is refused before it writes.
     checkpoint : float, optional
         With a path: interval of computing time [s] after which the whole state is saved for
         `resume`, in a file with .state.npz added; also when the run ends, be it by an error or by

@@ -338,7 +338,7 @@ class Recorder(OutputStates):
                 self._rows.count = stop
                 return
             first, end, row = self.count, stop, self.count - self._first
-            if self._is_dense:
+            if self._is_dense and self._plan.part is not None:
                 between = self._plan.part[first:stop] > 0
                 if between[0]:
                     one = (None if x is None else x[None] for x in self.state(motion, first))

@@ -115,12 +115,11 @@ def trial_of(problem: Problem, rows: bool = False) -> Problem:
 def _largest(samples: Array, others: Array | None = None) -> Array:
     """Largest absolute values of u and of v, or of their differences from others, some instants at
     a time: of a large scene, their copies are as large as all else."""
-    largest, count = 0.0, max(1, AT_ONCE // samples[:, :1].size)
+    largest, count = np.zeros(2), max(1, AT_ONCE // samples[:, :1].size)
     for k in range(0, samples.shape[1], count):
         some = samples[:, k : k + count]
         some = some if others is None else some - others[:, k : k + count]
-        found = np.abs(some).reshape(2, -1).max(axis=1)
-        largest = np.maximum(largest, found) if k else found
+        largest = np.maximum(largest, np.abs(some).reshape(2, -1).max(axis=1))
     return largest
 
 

@@ -110,11 +110,13 @@ class Chain(Scene):
         springs = on_site_springs(ground, self.sites)
         self._set_forcing(drive, damping, (*given, *springs))
 
-    @wraps(__init__, assigned=())  # type: ignore[misc]
-    def __new__(cls, spring: Any = None, *given: Any, **forcing: Any) -> Any:
-        if cls is Chain and is_pair_law(spring):
-            return _of_pairs(spring, *given, **forcing)
-        return super().__new__(cls)
+    if not TYPE_CHECKING:  # types are those of __init__
+
+        @wraps(__init__, assigned=())
+        def __new__(cls, spring=None, *given, **forcing):
+            if cls is Chain and is_pair_law(spring):
+                return _of_pairs(spring, *given, **forcing)
+            return super().__new__(cls)
 
     def _springs(self, spring: Potential | Sequence[Potential]) -> tuple[Potential, ...]:
         if isinstance(spring, Potential):

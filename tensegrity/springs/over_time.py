@@ -22,7 +22,7 @@ from tensegrity.engine.compiled import evaluated, loop_of_law
 from tensegrity.engine.law import Change, Law
 from tensegrity.errors import LockingError, ResolutionError, TensegrityError
 from tensegrity.springs.varied import OverTime
-from tensegrity.typing import Array
+from tensegrity.typing import Array, Indices
 
 if TYPE_CHECKING:
     from tensegrity.springs.collection import Springs
@@ -331,7 +331,7 @@ class TimedSprings:
         ending = min(self.series, key=lambda one: one.until)
         self.until, self.reason = ending.until, ending.reason
 
-    def _columns(self) -> Array:
+    def _columns(self) -> Indices:
         row, known = self.numbers(np.zeros(1))[0].reshape(len(self.series), -1), dict[Any, int]()
         columns = np.arange(row.size).reshape(row.shape)
         for k, one in enumerate(self.series):

@@ -94,7 +94,7 @@ class Potential:
 
     def _set(
         self,
-        law: Law,
+        law: Any,
         values: ArrayLike,
         length: float | None,
         domain: tuple[float, float],
