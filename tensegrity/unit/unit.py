@@ -282,6 +282,13 @@ class Unit:
 
         return formula(self, check.kind("name", name, str))
 
+    def argument(self) -> list[Any]:
+        """Compatibility, equilibrium, self-stress, stiffness and its limits, each a sentence with
+        formulas: `python -m derivations unit FILE` makes a page of them."""
+        from tensegrity.unit.formula import argument
+
+        return argument(self)
+
     @checked
     def problem(
         self,
