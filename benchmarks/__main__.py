@@ -1,6 +1,7 @@
 """Run benchmarks: `python -m benchmarks [NAME...]`; by default all.
 
 `--save FILE` writes the ratios measured, `--compare FILE` holds them against those of a file.
+`answer --against COMMIT` measures small and whole calls alternately with those of a commit.
 """
 
 import argparse
@@ -59,6 +60,7 @@ def main(arguments=None):
     parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(names))
     parser.add_argument("--save", metavar="FILE", type=Path)
     parser.add_argument("--compare", metavar="FILE", type=Path)
+    parser.add_argument("--against", metavar="COMMIT")
     given = parser.parse_args(arguments)
     chosen = given.names or names
     for name in chosen:
@@ -68,7 +70,8 @@ def main(arguments=None):
     ratios = {}
     for name in chosen:
         _timing.RATIOS.clear()
-        importlib.import_module(f"benchmarks.{name.replace('-', '_')}").main()
+        main_of = importlib.import_module(f"benchmarks.{name.replace('-', '_')}").main
+        main_of(against=given.against) if given.against and name == "answer" else main_of()
         ratios |= {f"{name}/{key}": value for key, value in _timing.RATIOS.items()}
     now = {**stamp(), "ratios": ratios}
     if given.save:

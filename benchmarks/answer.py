@@ -20,7 +20,7 @@ from functools import partial
 
 import numpy as np
 
-from benchmarks import _peers
+from benchmarks import _against, _peers
 from benchmarks._timing import record, table
 from benchmarks.methods import EXTENDED, omega, scenes
 from benchmarks.work_precision import all_scenes
@@ -166,7 +166,7 @@ def _bare_seconds(case, method, steps):
     dt, best = t_end / steps, math.inf
     for _ in range(3):
         loop = dynamics(scene).bind(*dynamics(scene).arrays(state), method, dt)
-        loop.forget_range()
+        loop.forget()
         best = min(best, clock(partial(loop.advance, steps))[0])
     return best
 
@@ -307,8 +307,14 @@ def row_cost():
     return found
 
 
-def main(names=None):
-    """Print call, error, bare step and peers of every scene; then what a call and a row cost."""
+def main(names=None, against=None):
+    """Print call, error, bare step and peers of every scene; then what a call and a row cost; or
+    only what calls cost, beside those of a commit."""
+    if against is not None:
+        calls = _against.against(against)
+        rows = [(name, *both, both[0] / both[1]) for name, both in calls.items()]
+        table(f"calls [us], against {against}", ["", "here", "there", "ratio"], rows, ["ratio"])
+        return
     if hasattr(os, "sched_setaffinity"):
         kept = os.sched_getaffinity(0)
         os.sched_setaffinity(0, {max(kept)})

@@ -76,23 +76,38 @@ def main(arguments: Sequence[str] | None = None) -> int:
     units = units_of(given.file) if given.file else {}
     if given.file and not units:
         parser.error(f"{given.file} has no unit at the end")
-    if given.latex:
-        texts = [report.tex(unit.argument()) for unit in units.values()]
-        try:
-            print(*(texts or [report.tex_of(x) for x in (given.name and [given.name]) or NAMES]))
-        except ValueError as error:
-            parser.error(str(error))
-        return 0
     names = (given.name,) if given.name else NAMES
+    if given.latex:
+        return _print_latex(parser, units, names)
     target = given.output or Path()
     if not target.suffix:
         target = target / f"{given.name or 'derivations'}.html"
-    if units:
-        sections = [report.Section(name, f"The unit {name}", report.typeset(unit.argument()))
-                    for name, unit in units.items()]  # fmt: skip
-        text = report.whole(sections, f"What follows from {given.file.name}, derived by program.")
-    else:
-        text = report.page(names, progress)
+    what = f"The derivation {given.name}" if given.name else f"All {len(names)} derivations"
+    what += ", with the ledger's entries"
+    what = f"The units {', '.join(units)}" if units else what
+    _write(target, _page_of(units, given.file) if units else report.page(names, progress))
+    print(f"{what}: {target.resolve()}")
+    return 0
+
+
+def _print_latex(parser: Any, units: dict[str, Any], names: Sequence[str]) -> int:
+    texts = map(report.tex, (one.argument() for one in units.values()))
+    try:
+        print(*(texts if units else map(report.tex_of, names)))
+    except ValueError as error:
+        parser.error(str(error))
+    return 0
+
+
+def _page_of(units: dict[str, Any], file: Path) -> str:
+    sections = [
+        report.Section(name, f"The unit {name}", report.typeset(unit.argument()))
+        for name, unit in units.items()
+    ]
+    return report.whole(sections, f"What follows from {file.name}, derived by program.")
+
+
+def _write(target: Path, text: str) -> None:
     target.parent.mkdir(parents=True, exist_ok=True)
     beside = target.with_name(f".{target.name}.{os.getpid()}")
     try:
@@ -100,12 +115,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.replace(beside, target)
     finally:  # packages above this one have a helper for it
         beside.unlink(missing_ok=True)
-    if units:
-        print(f"The units {', '.join(units)}: {target.resolve()}")
-        return 0
-    what = f"The derivation {given.name}" if given.name else f"All {len(names)} derivations"
-    print(f"{what}, with the ledger's entries: {target.resolve()}")
-    return 0
 
 
 if __name__ == "__main__":

@@ -36,6 +36,9 @@ NAMES = (
 )
 """The derivations in reading order; each module defines TITLE and argument()."""
 
+SOURCES = {"seeds/000": "the talk", "seeds/001": "the paper"}
+"""Names of the two sources in texts for readers."""
+
 
 @dataclass(frozen=True)
 class Step:

@@ -116,12 +116,15 @@ def convexity_coefficients() -> list[sp.Expr]:
     claim = sp.expand(sp.powsimp(claim.subs(square, height_squared))).subs(sine, 2 * t / (1 + t**2))
     claim = claim.subs(cosine, -(1 - t**2) / (1 + t**2))
     least = hardening_slenderness_squared() - locking_slenderness_squared()
-    claim = sp.simplify(claim.subs(lock_square, least + y))
-    numerator, _ = sp.fraction(sp.cancel(claim, extension=sp.sqrt(3)))  # over 48 t^3 > 0
-    numerator = numerator.subs(t, (2 - sp.sqrt(3)) / (1 + z)) * (1 + z) ** 6
-    return sp.Poly(sp.cancel(numerator, extension=sp.sqrt(3)), y, z).coeffs()
+    claim = sp.together(claim.subs(lock_square, least + y))
+    numerator, _ = sp.fraction(sp.cancel(claim, extension=sp.sqrt(3)))  # over 288 t^3 > 0
+    terms = sp.Poly(numerator, t, y, extension=sp.sqrt(3)).terms()  # t^k, times (1 + z)^6
+    powers = [(2 - sp.sqrt(3)) ** k * (1 + z) ** (6 - k) * y**j for (k, j), _ in terms]
+    whole = sum(c * power for (_, c), power in zip(terms, powers, strict=True))
+    return sp.Poly(whole, y, z, extension=sp.sqrt(3)).coeffs()
 
 
+@cache
 def prove_hardening() -> sp.Expr:
     """H3 for eta0^2 > sqrt3/6, by three independent bounds, which must agree.
 

@@ -66,15 +66,16 @@ def _relation_agrees(relation, cases, domain):
 
 def _form_agrees(form, other, domain):
     """How two forms were shown to be equal, or "" if they differ."""
-    pairs = list(zip(_components(form), _components(other), strict=True))
+    pairs = [(sp.sympify(a), sp.sympify(b)) for a, b in
+             zip(_components(form), _components(other), strict=True)]  # fmt: skip
+    if not all(_agrees_at_points(a, b, domain) for a, b in pairs):
+        return ""
     differences = [sp.sympify(a - b).doit() for a, b in pairs]
     if all(d.count_ops() < EXPANDED_BELOW for d in differences):
         differences = [sp.expand(d) for d in differences]
-    if all(d == 0 for d in differences):
-        return "symbolic"
-    if not all(_agrees_at_points(sp.sympify(a), sp.sympify(b), domain) for a, b in pairs):
-        return ""
-    if all(d.count_ops() < SIMPLIFIED_BELOW and sp.simplify(d) == 0 for d in differences):
+    if all(
+        d == 0 or (d.count_ops() < SIMPLIFIED_BELOW and not sp.simplify(d)) for d in differences
+    ):
         return "symbolic"
     return f"{POINTS} points, {DIGITS} digits"
 
@@ -83,11 +84,17 @@ def _components(form):
     return list(form) if isinstance(form, (sp.Tuple, tuple, sp.MatrixBase)) else [form]
 
 
+@cache
+def _function(symbols, form):
+    """A form as a function of numbers of many digits, without the text that says so."""
+    return sp.lambdify(symbols, form, "mpmath", docstring_limit=0)
+
+
 def _agrees_at_points(form, other, domain):
     symbols = sorted(form.free_symbols | other.free_symbols, key=str)
     if form.atoms(sp.core.function.AppliedUndef) or form.has(sp.zoo, sp.oo, sp.nan):
         return False
-    function = sp.lambdify(symbols, [form, other], "mpmath")
+    first, second = (_function(tuple(symbols), x) for x in (form, other))
     random = Random(7)
     with mpmath.workdps(DIGITS + 15):
         for _ in range(POINTS):
@@ -96,7 +103,7 @@ def _agrees_at_points(form, other, domain):
                 low, high = domain.get(symbol, (0.5, 2.0))
                 point.append(mpmath.mpf(random.uniform(low, high)))
             try:
-                a, b = function(*point)
+                a, b = first(*point), second(*point)
             except ZeroDivisionError:
                 return False
             if not (mpmath.isfinite(a) and mpmath.isfinite(b)):

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import sympy as sp
 
 from derivations import ledger
-from derivations.argument import NAMES, Step, derivation
+from derivations.argument import NAMES, SOURCES, Step, derivation
 from derivations.typeset import latex, mathml
 
 STYLE = """
@@ -48,10 +48,6 @@ WORDS = {
     r"\^(-?\w+|\([^)]*\)|-)": r"<sup>\1</sup>",
 }  # fmt: skip
 """Typesetting of symbols in plain text: patterns and replacements."""
-
-
-SOURCES = {"seeds/000": "the talk", "seeds/001": "the paper"}
-"""Names of the two sources on the page."""
 
 
 def prose(text: str) -> str:

@@ -32,6 +32,7 @@ STYLE = {
     "figure.titlesize": 11,
 }
 ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "TENSEGRITY_THREADS": "1", "TQDM_DISABLE": "1"}
+PRELOADED = ["figures.__main__", "figures._measure", "granular", "matplotlib.pyplot"]
 
 
 def render(name, module, folder):
@@ -172,7 +173,10 @@ def finished(function, cases, processes):
     if processes == 1:
         yield from ((case, function(case)) for case in cases)
         return
-    with ProcessPoolExecutor(processes, get_context("spawn"), begin) as pool:
+    os.environ.update(ONE_THREAD)
+    context = get_context("forkserver")  # which imports once what all pictures need
+    context.set_forkserver_preload(PRELOADED)
+    with ProcessPoolExecutor(processes, context, begin) as pool:
         try:
             futures = {pool.submit(function, case): case for case in cases}
             for future in as_completed(futures):
@@ -189,7 +193,6 @@ def begin():
     """Make a process the first of a group of its own, which ends with the process that began it:
     Ctrl-C in a terminal reaches the latter alone."""
     os.setpgrp()
-    os.environ.update(ONE_THREAD)
 
     def follow():
         connection.wait([parent_process().sentinel])

@@ -5,7 +5,7 @@ from html import escape
 from inspect import cleandoc
 from pathlib import Path
 
-from derivations.report import SOURCES
+from derivations.argument import SOURCES
 from figures import chosen, pictures
 from figures._files import read_printed, write
 

@@ -23,31 +23,46 @@ def frames(path, rows):
     return side_by_side(members)
 
 
-def show(axes, table, frame):
-    """The structure of one frame; colours and limits are those of all frames."""
-    from matplotlib import colormaps
+def show(axes, table, frame=0):
+    """The structure of one frame; colours and limits are those of all frames.
 
-    along, rows = list(table)[1], np.flatnonzero(np.array(table["frame"]) == frame)
-    everything = np.column_stack([table[name] for name in ENDS])
-    tension, strings = np.array(table["tension"]), np.array(table["string"])
-    largest = tension[strings].max()
-    for row in rows.tolist():
-        line = {"color": "0.15", "lw": 2.6}
-        if strings[row]:
-            line = {"color": colormaps["viridis"](tension[row] / largest), "lw": 1.4}
-            if table["slack"][row]:
-                line = {"color": "0.6", "lw": 1.0, "ls": "--"}
-        axes.plot(*everything[row].reshape(2, 3).T, **line)
-    wide = 1.05 * np.abs(everything[:, [0, 1, 3, 4]]).max()
-    low, high = everything[:, [2, 5]].min(), everything[:, [2, 5]].max()
+    Returns
+    -------
+    callable (int) -> list of matplotlib.artist.Artist
+        Shows another frame there; returns what it changes.
+    """
+    from matplotlib import colormaps
+    from mpl_toolkits.mplot3d.art3d import Line3DCollection
+
+    along, count = list(table)[1], 1 + max(table["frame"])
+    ends = np.stack([table[name] for name in ENDS], axis=1).reshape(count, -1, 2, 3)
+    tension, slack, string = (
+        np.reshape(table[name], ends.shape[:2]) for name in ("tension", "slack", "string")
+    )
+    largest = tension[string].max()
+    styles = {"color": "0.15", "lw": 2.6}, {"lw": 1.4}, {"color": "0.6", "lw": 1.0, "ls": "--"}
+    kinds = [axes.add_collection(Line3DCollection([], **one), autolim=False) for one in styles]
+    wide, unit = 1.05 * np.abs(ends[..., :2]).max(), " m" if along == "shortening" else ""
+    low, high = ends[..., 2].min(), ends[..., 2].max()
     axes.set(xlim=(-wide, wide), ylim=(-wide, wide), zlim=(low, high), xlabel="x [m]",
              ylabel="y [m]", zlabel="z [m]")  # fmt: skip
     axes.set_box_aspect((2 * wide, 2 * wide, high - low), zoom=0.72)  # with its labels
     axes.locator_params(nbins=4)
     axes.zaxis.labelpad = 8
-    unit = " m" if along == "shortening" else ""
-    words = f"{along} {abs(table[along][rows[0]]):.2f}{unit}; slack strings dashed\n"
-    axes.set_title(f"{words}colour: tension, 0 to {largest:.2f} N", fontsize=8, y=0.97)
+    axes.M = axes.get_proj()
+
+    def draw(frame):
+        taut = string[frame] & ~slack[frame]
+        for kind, chosen in zip(kinds, (~string[frame], taut, slack[frame]), strict=True):
+            kind.set_segments(ends[frame, chosen])
+            kind.do_3d_projection()
+        kinds[1].set_color(colormaps["viridis"](tension[frame, taut] / largest))
+        value = abs(table[along][frame * ends.shape[1]])
+        words = f"{along} {value:.2f}{unit}; slack strings dashed\ncolour: tension, 0 to "
+        return [*kinds, axes.set_title(f"{words}{largest:.2f} N", fontsize=8, y=0.97)]
+
+    draw(frame)
+    return draw
 
 
 def film(table, path):
@@ -55,13 +70,8 @@ def film(table, path):
     import matplotlib.pyplot as plt
 
     figure = plt.figure(figsize=(5, 4.6))
-    axes = figure.add_subplot(projection="3d")
-
-    def frame(number):
-        axes.clear()
-        show(axes, table, number)
-
-    plotting.film(path, figure, range(1 + max(table["frame"])), frame, rate=9)
+    draw = show(figure.add_subplot(projection="3d"), table)
+    plotting.film(path, figure, range(1 + max(table["frame"])), draw, rate=9)
 
 
 def upright(s, lower):

@@ -40,19 +40,19 @@ def frequency():
 
 
 def shaken():
-    """A chain that is driven and tuned at once."""
+    """A chain that is driven, and whose prestrain changes, at once."""
     import sympy as sp
 
     t, w = sp.Symbol("t"), frequency()
     turns = [sp.tanh((t - share * T_END) / (0.03 * T_END)) for share in (0.35, 0.7)]
     prestrain = BEFORE + (AFTER - BEFORE) * (turns[0] - turns[1]) / 2
-    spring = Prism(1.0, HEIGHT, float(prestrain.subs(t, 0)), 1.0).potential()
+    spring = Prism(1.0, HEIGHT, BEFORE, 1.0).potential().over_time(prestrain=prestrain)
     grown = 1 - sp.exp(-((t / (0.05 * T_END)) ** 2))
     cells = np.arange(2 * CELLS) / 2
     ground = STRENGTH * np.clip((cells - SOFT) / (CELLS - SOFT), 0, None) ** 2
     chain = Chain(
         spring, 2 * CELLS, np.tile(MASSES, CELLS), damping=Damping(ground=ground),
-        drive={0: Drive(displacement=SIZE * grown * sp.sin(w * t))}, tune={"prestrain": prestrain},
+        drive={0: Drive(displacement=SIZE * grown * sp.sin(w * t))},
     )  # fmt: skip
     record = Record(interval=1.0, sites=(2 * FAR,))
     run = simulate(chain, chain.at_rest(), T_END, method="rkn6", record=record)

@@ -67,34 +67,31 @@ def chart(members, amplitude, prestrains, preloads):
 
 
 def drawn_in(ramp):
-    """The prism's spring as a function of time, its cross strings drawn in about WINDOW/2 ramps."""
+    """The prism's spring over time, its cross strings drawn in about WINDOW/2 ramps."""
+    import sympy as sp
 
-    def spring_at(t):
-        done = (1 + math.erf(t / ramp - WINDOW / 2)) / 2
-        return _scenes.rigid(HEIGHT, BEFORE + (AFTER - BEFORE) * done)
-
-    return spring_at
+    done = (1 + sp.erf(sp.Symbol("t") / ramp - WINDOW / 2)) / 2
+    return _scenes.rigid(HEIGHT, BEFORE).over_time(prestrain=BEFORE + (AFTER - BEFORE) * done)
 
 
 def tuned(ramp, dt, ratio=RATIO):
     """A wave before, during and after the change: three runs, the middle one with its work."""
-    spring_at = drawn_in(ramp)
-    wave = ts.solitary_wave(spring_at(0.0), speed_ratio=ratio)
+    spring = drawn_in(ramp)
+    wave = ts.solitary_wave(spring.at(0.0), speed_ratio=ratio)
     fast = 1.6 * wave.speed  # sites/s, more than the wave has after the change
     sites = round(START + wave.speed * LEAD + fast * (WINDOW * ramp + AFTERWARDS))
     scene = _scenes.launched(wave, sites, START, 1)
     record = ts.Record(every=max(1, round(0.2 / dt)))
     how = {"method": "rkn6", "dt": dt, "record": record}
     before, change = ts.simulate(scene.chain, scene.state, LEAD, **how), WINDOW * ramp
-    tuned = of_springs(scene.chain, spring_at(0.0), spring_at)
-    during = ts.simulate(tuned, before.final, change, **how)
-    last = of_springs(scene.chain, spring_at(change))
+    during = ts.simulate(of_spring(scene.chain, spring), before.final, change, **how)
+    last = of_spring(scene.chain, spring.at(change))
     return before, during, ts.simulate(last, during.final, AFTERWARDS, **how)
 
 
-def of_springs(chain, spring, tune=None):
+def of_spring(chain, spring):
     """The same chain with another spring, perhaps one that changes."""
-    return ts.Chain(spring, chain.sites, chain.mass, chain.ends, tune=tune)
+    return ts.Chain(spring, chain.sites, chain.mass, chain.ends)
 
 
 def outcome(before, during, after):
@@ -125,11 +122,11 @@ def outcome(before, during, after):
     }
 
 
-def densities(before, during, after, spring_at):
+def densities(before, during, after, spring):
     """Density of energy through all three runs, in the springs of each instant."""
     rows = [before.scene.site_energy(before)]
     for t, u, v in zip(during.t, during.u, during.v, strict=True):
-        rows.append(of_springs(during.scene, spring_at(t)).site_energy(ts.State(u, v))[None])
+        rows.append(of_spring(during.scene, spring.at(t)).site_energy(ts.State(u, v))[None])
     rows.append(after.scene.site_energy(after))
     t = np.concatenate([before.t, LEAD + during.t, LEAD + during.t[-1] + after.t])
     return _measure.density_table(t, np.concatenate(rows))

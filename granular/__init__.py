@@ -4,12 +4,11 @@
 """
 
 from granular.bead_chain import BeadChain, chain
-from granular.beads import Bead, Striker
+from granular.beads import Bead, Material, Striker, materials
 from granular.contact import Contact, hertz, power
 from granular.damped_contact import carretero_gonzalez, hunt_crossley, kuwabara_kono, viscous
 from granular.guide import Guide, diamond_guide, y_guide
 from granular.lattices import fcc_pack, hexagonal_pack
-from granular.materials import Material, materials
 from granular.observables import energies, overlaps, sensor_force, wall_force
 from granular.packing import Pack, pack
 from granular.stored import register_scenes

@@ -10,31 +10,21 @@ Source: the talk, part II, "Discrete element modeling" (the potentials W_i).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Unpack
+from typing import Any, Unpack
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from granular import sensitivity
-from granular.beads import Bead, Striker, beads_of
-from granular.contact import contact_of
-from granular.crystal import Crystal, WithWalls
+from granular.beads import Bead, Material, Striker, beads_of
+from granular.contact import BY_BEADS, Contact, ContactLaw, by_beads, contact_of
+from granular.contact_network import Crystal, WithWalls
 from granular.damped_contact import forces_of
-from granular.materials import Material
 from granular.surroundings import OfChain, Surroundings, accepted, surrounded
-from tensegrity import Chain, State, TensegrityError, check
+from tensegrity import Chain, Damping, Drive, Force, State, TensegrityError, check
 from tensegrity.springs.collection import Springs
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from typing import Any
-
-    from numpy.typing import ArrayLike
-
-    from granular.contact import Contact, ContactLaw
-    from tensegrity import Damping, Drive, Force
-    from tensegrity.typing import Array
+from tensegrity.typing import Array
 
 PER_BEAD = 2000  # bytes: each contact has its own spring
 WALL_MASS = 1.0  # kg: of the site that represents a wall, which is held: any value
@@ -54,7 +44,7 @@ class BeadChain(Crystal, Chain):
         One for each site: a Material stands for a wall.
     """
 
-    _arguments_of_sites = sensitivity.NAMES
+    _arguments_of_sites = BY_BEADS
 
     def __init__(
         self,
@@ -145,7 +135,7 @@ class BeadChain(Crystal, Chain):
     def _by_argument(
         self, name: str, by_mass: Array, by_spring: Callable[[str], Array], by_gap: Any
     ) -> Array:
-        """Derivatives with respect to an argument of every bead; see `granular.sensitivity`.
+        """Derivatives with respect to an argument of every bead; see `granular.contact`.
 
         The weight of a bead depends on its mass, and with it the preloads of the contacts.
         """
@@ -160,9 +150,7 @@ class BeadChain(Crystal, Chain):
             gravity = _gravity(self)
             by_mass[: len(pulled)] += gravity * pulled if gravity else 0.0
         by_constant = by_spring("stiffness")
-        return sensitivity.by_beads(
-            name, self.beads, pairs, self.springs, by_constant, by_mass, None
-        )
+        return by_beads(name, self.beads, pairs, self.springs, by_constant, by_mass, None)
 
     def _with_walls(self) -> WithWalls:
         """The contacts with walls, which stand for sites."""
@@ -244,7 +232,9 @@ def chain(
     BeadChain(striker: 1, chain: 20, wall: 1, struck at 0.5 m/s) on Chain(22 sites,
         2 kinds of springs, ends ('free', 'fixed'))
     """
-    beads = _beads(beads)
+    if isinstance(beads, Sequence):
+        check.memory(f"a chain of {len(beads)} beads", PER_BEAD * len(beads))
+    beads = beads_of(beads)
     if striker is not None:
         check.kind("striker", striker, Striker)
     for name, wall in (("end", end), ("start_wall", start_wall)):
@@ -308,10 +298,3 @@ def initial_gaps(
         if excluded:
             raise TensegrityError(f"gaps up to {given.max():g} m require {words}")
     return gaps
-
-
-def _beads(beads: Sequence[Bead]) -> tuple[Bead, ...]:
-    """A sequence of beads as a tuple."""
-    if isinstance(beads, Sequence):
-        check.memory(f"a chain of {len(beads)} beads", PER_BEAD * len(beads))
-    return beads_of(beads)

@@ -7,14 +7,15 @@ constant of each two partners follows.  The models and their sources are in `gra
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
-from granular.beads import Bead
-from granular.contact import Contact, hertz, refuse_attraction
+from granular.beads import Bead, Material
+from granular.contact import Contact, ContactLaw, hertz, refuse_attraction
 from granular.dissipation import (
     ELASTIC,
     UNITS,
@@ -28,13 +29,6 @@ from tensegrity import Force, PowerLaw, TensegrityError, check
 from tensegrity.checked import checked
 from tensegrity.once import once
 from tensegrity.typing import FractionOrOne, Positive, Speed
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from typing import Any
-
-    from granular.contact import ContactLaw
-    from granular.materials import Material
 
 HARDEST = 1e8  # largest constant that is tried for a restitution, in units of the collision
 

@@ -7,19 +7,21 @@ errors are below their bounds, otherwise 1.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from granular.beads import Bead, Striker
+from granular.beads import Bead, Striker, materials
 from granular.lattices import hexagonal_pack
-from granular.materials import materials
 from granular.observables import wall_force
 from tensegrity import (
     Chain,
     Prism,
     Record,
+    Run,
+    SolitaryWave,
     arrival,
     check,
     equilibrium_path,
@@ -32,12 +34,9 @@ from tensegrity import (
 from tensegrity.notebook import progress
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from matplotlib.artist import Artist
     from matplotlib.figure import Figure
 
-    from tensegrity import Run, SolitaryWave
     from tensegrity.prisms.problem import EquilibriumPath
 
 FRAMES, RATE = 40, 12

@@ -24,9 +24,12 @@ def scenes() -> None:
         equilibrium_path,
         gradient,
         objective,
+        sech2,
         simulate,
         solitary_wave,
+        tent,
     )
+    from tensegrity.prisms.fold_curve import limit_load
 
     steel, metal = Bead(4.76e-3, materials["steel"], mass=0.45e-3), materials["steel"]
     striker = Striker(steel, speed=0.5)
@@ -43,6 +46,9 @@ def scenes() -> None:
             simulate(chain, start, 1.0, **how)
     for prism in (rigid, *elastic):
         equilibrium_path(prism)
+    limit_load(Prism(1.0, 0.5, 0.4, 1.0, 2.0, 20.0), 0.3)
+    sech2(rigid.potential(), 1.5, 0.0)
+    tent(rigid.potential(), 0.0)
     solitary_wave(rigid.potential(), speed_ratio=1.5)
     short = Chain(rigid.potential(), sites=8, ends=("free", "fixed"))
     peak = objective.peak(objective.load(bond=5))
@@ -53,7 +59,8 @@ def scenes() -> None:
     space = fcc_pack(3, 2, bead=steel, striker=striker, floor=metal)
     for scene in (row, guide, plane, space):
         simulate(scene, scene.start(), 2e-5, tol=1e-5)
-        simulate(scene, scene.start(), 2e-5, dt=1e-7)
+        for method in ("verlet", "rkn6"):
+            simulate(scene, scene.start(), 2e-5, method=method, dt=1e-7)
     for dim in (2, 3):
         places = np.eye(3)[:, :dim]
         net = Network(places, [(0, 1), (1, 2), (0, 2)], PowerLaw(1.0, 1.5))

@@ -9,16 +9,14 @@ R. Carretero-Gonzalez and others, Phys. Rev. Lett. 102, 024102 (2009).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from tensegrity import Potential, PowerLaw, TensegrityError
 from tensegrity.engine.law import Law
 from tensegrity.once import once
 from tensegrity.printing import concise
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 RTOL, ATOL = 1e-12, 1e-15  # of a collision in units of its own length, time and speed
 

@@ -10,26 +10,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Unpack
+from typing import Annotated, Any, Unpack
 
 import numpy as np
 
-from granular.assembly import Assembly, SharedSprings
+from granular.assembly import Assembly, Equilibrium, SharedSprings, rest_of
 from granular.bead_chain import initial_gaps
-from granular.beads import Bead, Striker
+from granular.beads import Bead, Material, Striker, materials
 from granular.damped_contact import friction_of
-from granular.layout import TOUCH, Layout, diamond_layout, y_layout
-from granular.materials import Material, materials
-from granular.statics import Equilibrium, rest_of
+from granular.layout import TOUCH, Layout, Piece, diamond_layout, y_layout
 from granular.surroundings import OfGuide, Surroundings, accepted, surrounded
 from tensegrity import State, TensegrityError, Wall, check
+from tensegrity.checked import checked
 from tensegrity.scenes.clearance import Clearance
-
-if TYPE_CHECKING:
-    from typing import Any
-
-    from granular.layout import Piece
-    from tensegrity.typing import Array, Indices
+from tensegrity.typing import Array, Distance, Indices
 
 
 class Guide(Assembly):
@@ -64,6 +58,7 @@ class Guide(Assembly):
     parts: dict[str, tuple[int, ...]]
 
     @surrounded(OfGuide)
+    @checked
     def __init__(
         self,
         layout: Layout,
@@ -76,10 +71,11 @@ class Guide(Assembly):
     ) -> None:
         around = Surroundings(**accepted(Guide.__init__, surroundings))
         gravity, preload, friction = around.gravity, around.push, around.friction
-        _check(layout, beads, wall, striker, end, gravity, preload)
+        _check(layout, beads, end, gravity, preload)
         sides, first, given = len(layout.walls), int(striker is not None), layout
         if end is not None:
-            layout = layout.stopped(_last_parts(layout))
+            last = ("stem 2",) if "stem 2" in layout.parts else ("branch 1", "branch 2")
+            layout = layout.stopped(last)
         layout.check()
         self.layout, self.striker = layout, striker
         self.wall_names = tuple(piece.name for piece in layout.walls)
@@ -179,18 +175,11 @@ def _loads(beads: tuple[Bead, ...], first: int, gravity: float, preload: float) 
 def _check(
     layout: Layout,
     beads: Mapping[str, Bead],
-    wall: Material,
-    striker: Striker | None,
     end: Material | None,
     gravity: float,
     preload: float,
 ) -> None:
-    """Refuse other things than a guide consists of, and loads that nothing carries."""
-    check.kind("layout", layout, Layout)
-    check.kind("wall", wall, Material)
-    for name, given, kind in (("end", end, Material), ("striker", striker, Striker)):
-        if given is not None:
-            check.kind(name, given, kind)
+    """Refuse other beads than those of a guide, and loads that nothing carries."""
     if not isinstance(beads, Mapping):
         raise TensegrityError(f"beads {check.shown(beads)} must be a dict of parts and Beads")
     for part in layout.parts:
@@ -226,28 +215,25 @@ def _filled(
     )  # fmt: skip
 
 
-def _last_parts(layout: Layout) -> tuple[str, ...]:
-    return ("stem 2",) if "stem 2" in layout.parts else ("branch 1", "branch 2")
-
-
 def _wall(piece: Piece) -> Wall:
     middle = np.add(piece.start, piece.end) / 2
     return Wall(middle, piece.normal, piece.along * piece.length / 2)
 
 
 @surrounded(OfGuide)
+@checked
 def y_guide(
-    stem: int = 19,
-    branch: int = 23,
-    half_angle: float = math.pi / 6,
+    stem: Annotated[int, ">= 2"] = 19,
+    branch: Annotated[int, ">= 2"] = 23,
+    half_angle: Annotated[float, "> 0", f"< {math.pi / 2}", "rad"] = math.pi / 6,
     *,
     bead: Bead,
     branches: tuple[Bead, Bead] | None = None,
     wall: Material = materials["ptfe"],
     striker: Striker | None = None,
     end: Material | None = None,
-    gap: float = 0.0,
-    through: float = 0.0,
+    gap: Distance = 0.0,
+    through: Distance = 0.0,
     **surroundings: Unpack[OfGuide],
 ) -> Guide:
     """A Y-shaped guide, the first half of that of the paper: a stem that splits into two branches.
@@ -303,18 +289,19 @@ def y_guide(
 
 
 @surrounded(OfGuide)
+@checked
 def diamond_guide(
-    stem: int = 19,
-    branch: int = 47,
-    half_angle: float = math.pi / 6,
+    stem: Annotated[int, ">= 2"] = 19,
+    branch: Annotated[int, ">= 2"] = 47,
+    half_angle: Annotated[float, "> 0", f"< {math.pi / 2}", "rad"] = math.pi / 6,
     *,
     bead: Bead,
     branches: tuple[Bead, Bead] | None = None,
     wall: Material = materials["ptfe"],
     striker: Striker | None = None,
     end: Material | None = None,
-    gap: float = 0.0,
-    through: float = 0.0,
+    gap: Distance = 0.0,
+    through: Distance = 0.0,
     **surroundings: Unpack[OfGuide],
 ) -> Guide:
     """The full guide of the paper: the branches rejoin in a second stem.
@@ -350,7 +337,6 @@ def diamond_guide(
 
 
 def _filling(bead: Bead, branches: tuple[Bead, Bead] | None) -> dict[str, Bead]:
-    check.kind("bead", bead, Bead)
     branches = (bead, bead) if branches is None else branches
     if not isinstance(branches, (tuple, list)) or len(branches) != 2:
         raise TensegrityError(f"branches {check.shown(branches)} must be two beads")

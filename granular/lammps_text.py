@@ -7,6 +7,7 @@ import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import singledispatch
 from itertools import pairwise
 from typing import Any
 
@@ -14,11 +15,10 @@ import numpy as np
 
 from granular.assembly import Assembly
 from granular.bead_chain import BeadChain
-from granular.beads import Bead, volume
+from granular.beads import Bead, Material, volume
 from granular.contact import Contact, hertz, is_hertz
-from granular.crystal import beads_by_site
+from granular.contact_network import beads_by_site
 from granular.dissipation import ELASTIC
-from granular.materials import Material
 from granular.packing import Pack
 from tensegrity import Potential, State, TensegrityError, check
 from tensegrity.scenes.dynamics import dynamics
@@ -239,10 +239,7 @@ def _numbers(row: Array) -> str:
 
 def laid(scene: Any, state: State) -> Laid:
     """A scene and a state of it in space."""
-    if not isinstance(scene, (BeadChain, Assembly)):
-        raise TensegrityError(
-            f"scene {check.shown(scene)} is not a chain, a guide or a pack of beads"
-        )
+    places, loads, walls = _placed(scene)
     losses = dynamics(scene).further_forces if scene._losses else ()
     if scene.drive or scene.damping or len(losses) > len(scene._losses):
         raise TensegrityError(
@@ -254,7 +251,6 @@ def laid(scene: Any, state: State) -> Laid:
     by_site = beads_by_site(scene)
     sites = list(by_site)
     beads = list(by_site.values())
-    places, loads, walls = _line(scene) if isinstance(scene, BeadChain) else _net(scene)
     u, v = (np.reshape(x, (scene.sites, -1))[sites] for x in (state.u, state.v))
     axes = u.shape[1]
     places, u, v, loads = (_in_space(x) for x in (places, u, v, loads))
@@ -292,8 +288,15 @@ def _law_of(scene: Any) -> Any:
     return contact
 
 
+@singledispatch
+def _placed(scene: Any) -> tuple[Array, Array, list[Plane]]:
+    """Places and loads of the beads of a scene, and its walls."""
+    raise TensegrityError(f"scene {check.shown(scene)} is not a chain, a guide or a pack of beads")
+
+
+@_placed.register
 def _line(scene: BeadChain) -> tuple[Array, Array, list[Plane]]:
-    """Places and loads of a chain's beads along x, and its walls."""
+    """Along x."""
     bodies = scene.bodies
     for contact, (a, b) in zip(scene.contacts, pairwise(bodies), strict=True):
         _refuse_other_law(contact.potential, a, b)
@@ -314,8 +317,9 @@ def _line(scene: BeadChain) -> tuple[Array, Array, list[Plane]]:
     return x[sites, None], loads[sites, None], walls
 
 
+@_placed.register
 def _net(scene: Assembly) -> tuple[Array, Array, list[Plane]]:
-    """Places and loads of the beads of a guide or a pack, and its walls."""
+    """In the plane or in space."""
     if scene.radius is None:
         raise TensegrityError("beads that pass through each other have no equivalent in LAMMPS")
     if scene._arguments.get("gaps"):

@@ -9,30 +9,23 @@ Source: the talk, part II, "3D granular crystals/systems" (833 beads of 9.53 mm:
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Unpack
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Unpack
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from granular.beads import Bead, Striker
+from granular.beads import Bead, Material, Striker
 from granular.layout import TOUCH
-from granular.materials import Material
 from granular.packing import PER_BEAD, Pack, per_place
 from granular.surroundings import OfLattice, Surroundings, accepted, surrounded
 from tensegrity import TensegrityError, Wall, check
 from tensegrity.checked import checked
 from tensegrity.readonly import Repeated, as_fixed
 from tensegrity.scenes.network_input import refuse_too_many
-from tensegrity.typing import Count, Distance
+from tensegrity.typing import Array, Count, Distance
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
-    from typing import Any
-
-    from numpy.typing import ArrayLike
-
-    from tensegrity.typing import Array
-
-    Plane = tuple[tuple[float, ...], tuple[float, ...]]  # a point and a normal
+Plane = tuple[tuple[float, ...], tuple[float, ...]]  # a point and a normal
 
 
 @surrounded(OfLattice)

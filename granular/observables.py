@@ -13,8 +13,17 @@ from typing import Any, overload
 
 import numpy as np
 
-from granular.contact_network import contacts_of, kinetic, wall_forces, wall_sites
-from granular.crystal import Crystal, beads_by_site, crystal_of, rows, whole
+from granular.contact_network import (
+    Crystal,
+    beads_by_site,
+    contacts_of,
+    crystal_of,
+    kinetic,
+    rows,
+    wall_forces,
+    wall_sites,
+    whole,
+)
 from tensegrity import TensegrityError, check
 from tensegrity.measure.observables import speed_in
 from tensegrity.measure.records import first_peak, largest_peak

@@ -11,30 +11,23 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Unpack
+from typing import Any, Unpack
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from granular.assembly import Assembly, SharedSprings
-from granular.beads import Bead, Striker, beads_of
+from granular.assembly import Assembly, Equilibrium, SharedSprings, rest_of
+from granular.beads import Bead, Material, Striker, beads_of
 from granular.contact import hertz
-from granular.crystal import site_name
+from granular.contact_network import site_name
 from granular.layout import TOUCH
-from granular.materials import Material
-from granular.statics import Equilibrium, rest_of
 from granular.surroundings import OfPlaces, Surroundings, accepted, surrounded
 from tensegrity import State, TensegrityError, Wall, check
 from tensegrity.readonly import Repeated, as_fixed, fixed
 from tensegrity.scenes.near_pairs import near_pairs
+from tensegrity.typing import Array, Indices
 
-if TYPE_CHECKING:
-    from typing import Any
-
-    from numpy.typing import ArrayLike
-
-    from tensegrity.typing import Array, Indices
-
-    Walls = Mapping[str, tuple[Wall, Material]]
+Walls = Mapping[str, tuple[Wall, Material]]
 
 PER_BEAD = 550  # bytes while a pack is built: places, contacts, and their search
 

@@ -12,12 +12,11 @@ from typing import Any
 
 from granular.assembly import SharedSprings
 from granular.bead_chain import BeadChain
-from granular.beads import Bead, Striker
+from granular.beads import Bead, Material, Striker
 from granular.contact import Contact
 from granular.dissipation import Dissipation
 from granular.guide import Guide
 from granular.layout import Layout, Piece
-from granular.materials import Material
 from granular.packing import Pack
 from tensegrity.runs.archive import in_time, register
 from tensegrity.runs.identity import PARTS
@@ -35,7 +34,7 @@ def register_scenes() -> None:
 def _scene(name: str, x: Any) -> dict[str, Any] | None:
     """What a scene is built from, its contacts under a name."""
     parts = {**x._arguments, **in_time(x), "forces": x._arguments["forces"]}  # not of contacts
-    if isinstance(x, Pack) and x._hertzian:
+    if getattr(x, "_hertzian", False):
         return parts
     if x._arguments.get("contacts") == "follow":
         return None  # later contacts have a law that no file holds

@@ -19,13 +19,12 @@ from .errors import (
 )
 from .gradients.compute import gradient
 from .lattices.bands import bands
-from .lattices.effective import effective_mass
-from .lattices.evanescent import decay
 from .lattices.lattice import Lattice
 from .lattices.moduli import moduli
+from .lattices.pair_lattice import PairLattice
+from .lattices.response import decay, effective_mass
 from .measure.budget import bond_force, budget
-from .measure.collision import phase_shift
-from .measure.interfaces import interface, transmission
+from .measure.interfaces import interface, phase_shift, transmission
 from .measure.observables import (
     angular_momentum,
     arrival,
@@ -59,6 +58,7 @@ from .scenes.forcing import Damping, Drive
 from .scenes.network import Network
 from .scenes.scene import State
 from .scenes.walls import Wall
+from .springs.pair_law import PairLaw
 from .springs.polynomial import Polynomial
 from .springs.potential import Potential
 from .springs.power_law import PowerLaw
@@ -89,6 +89,8 @@ __all__ = [
     "Network",
     "NoLocking",
     "Nystrom",
+    "PairLattice",
+    "PairLaw",
     "Polynomial",
     "Potential",
     "PowerLaw",

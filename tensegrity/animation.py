@@ -7,11 +7,14 @@ the force; of structures of more than 2,000 members the sites alone.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tensegrity import check, plotting
+from tensegrity.checked import checked
 from tensegrity.errors import TensegrityError
 from tensegrity.runs.record import require_all_sites
 from tensegrity.runs.run import Run
@@ -19,18 +22,14 @@ from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.ensemble import Ensemble
 from tensegrity.scenes.network import Network
 from tensegrity.scenes.picture import Picture, forces
+from tensegrity.typing import Array, Count, NotNegative, Positive, Preload
 from tensegrity.unit_names import in_units, is_si, unit_text
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
     from os import PathLike
-    from typing import Any
 
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
-    from numpy.typing import ArrayLike
-
-    from tensegrity.typing import Array
 
 DOTS = 90  # per inch, of a film
 LONGEST, BESIDE = 7.0, 1.5  # inches: of a film, and for labels and a scale
@@ -44,14 +43,15 @@ LABELS = {
 OF_CHAINS, OF_NETWORKS = ("elongation", "velocity", "energy"), ("speed", "energy")
 
 
+@checked
 def animate(
     run: Run,
     path: str | PathLike[str],
     show: str | ArrayLike | None = None,
     *,
-    frames: int = 100,
+    frames: Count = 100,
     rate: float = 12.0,
-    factor: float = 1.0,
+    factor: Positive = 1.0,
     label: str = "",
     view: tuple[float, float] | None = None,
 ) -> None:
@@ -92,27 +92,27 @@ def animate(
     >>> run = simulate(chain, chain.at_rest({0: 0.1}), 60.0)
     >>> animate(run, "wave.gif", show="velocity")  # doctest: +SKIP
     """
-    frames = check.whole("frames", frames, least=1)
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=plotting.SIZE, dpi=DOTS, layout="constrained")
     ax = figure.subplots()
     draw = moving(run, ax, show, factor=factor, label=label, view=view)
-    if isinstance(run.scene, Network):
+    if run.u.ndim > 2:
         figure.set_size_inches(*_fitting(ax))
     count = len(run.t)
     rows = np.unique(np.linspace(0, count - 1, min(frames, count)).round().astype(int))
     plotting.film(path, figure, rows.tolist(), draw, rate)
 
 
+@checked
 def moving(
     run: Run,
     ax: Axes | None = None,
     show: str | ArrayLike | None = None,
     *,
-    factor: float = 1.0,
-    top: float | None = None,
-    widest: float | None = None,
+    factor: Positive = 1.0,
+    top: NotNegative | None = None,
+    widest: Preload | None = None,
     label: str | None = "",
     view: tuple[float, float] | None = None,
 ) -> Callable[[int], list[Artist]]:
@@ -140,14 +140,12 @@ def moving(
     TensegrityError
         As `animate`.
     """
-    check.kind("run", run, Run)
     scene = run.scene
     if isinstance(scene, Ensemble) or not isinstance(scene, (Chain, Network)):
         raise TensegrityError(f"a run of {type(scene).__name__}: take that of one scene")
     require_all_sites(run, " to animate")
     if not len(run.t):
         raise TensegrityError("0 instants recorded, must be at least 1 to animate")
-    factor = check.number("factor", factor, above=0)
     if label is not None:
         check.kind("label", label, str)
     if view is not None:
@@ -155,9 +153,9 @@ def moving(
         if getattr(scene, "dim", 1) != 3:
             raise TensegrityError(f"view {view} of a scene that is not in space: leave it out")
     values, words = _values(run, show, label or "")
-    if isinstance(scene, Chain):
+    if run.u.ndim == 2:
         return _profile(run, plotting.axes(ax), values, words)
-    colours = plotting.rooted(check.number("top", values.max() if top is None else top, least=0))
+    colours = plotting.rooted(float(values.max()) if top is None else top)
     if view is not None:
         colours |= {"cmap": plotting.clearing(colours["cmap"]), "edgecolors": "face"}
     order = np.argsort(values.max(axis=0))
@@ -169,7 +167,7 @@ def moving(
     if widest is None and not picture.crowded:
         largest = [float(np.abs(forces(scene, u)[1]).max(initial=0.0)) for u in run.u]
         widest = float(np.median(largest))
-    widest = check.number("widest", 0.0 if widest is None else widest, least=0, unit="N")
+    widest = widest or 0.0
     magnified = "" if factor == 1 else f", displacements x {factor:g}"
     words = "" if picture.crowded else f"; widest line {widest:.3g} N"
 
@@ -193,7 +191,7 @@ def _fitting(ax: Axes) -> tuple[float, float]:
 
 def _values(run: Run, show: Any, label: str) -> tuple[Array, str]:
     """What is shown of every instant, (T, sites or bonds), and in words."""
-    scene, known = run.scene, OF_CHAINS if isinstance(run.scene, Chain) else OF_NETWORKS
+    scene, known = run.scene, OF_CHAINS if run.u.ndim == 2 else OF_NETWORKS
     show = known[0] if show is None else show
     if not isinstance(show, str):
         return check.vector("show", show, (len(run.t), scene.sites)), label

@@ -14,16 +14,14 @@ import multiprocessing
 import sys
 import threading
 import warnings
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from tensegrity.errors import TensegrityError
 from tensegrity.unit_names import in_units
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
-    from typing import Any
-
     from matplotlib.figure import Figure
 
 DOTS = 110  # per inch

@@ -6,10 +6,12 @@ Matplotlib is imported when something is drawn, and not before.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Iterator
 from importlib import import_module
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
@@ -17,16 +19,13 @@ from tensegrity.notebook import progress
 from tensegrity.unit_names import in_units, is_si, unit_text
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
     from os import PathLike
-    from typing import Any, TypeVar
 
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from numpy.typing import NDArray
 
-    Frame = TypeVar("Frame")
+Frame = TypeVar("Frame")
 
 SIZE = 7.0, 4.5  # inches, of a new figure
 FAINTEST = 1e-4  # of the largest value: the lower end of logarithmic colours

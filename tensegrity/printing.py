@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import re
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import fields
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -21,9 +21,6 @@ from tensegrity.notebook import page
 from tensegrity.unit_names import in_units
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-    from typing import Any
-
     from matplotlib.figure import Figure
 
 Lines: TypeAlias = Iterator[str]

@@ -66,7 +66,6 @@ class SceneData(Protocol):
     springs: Sequence[Any]  # the Potential of each bond
     drive: Mapping[int, Any]  # {site: Drive}
     damping: Any  # Damping or None
-    tune: Any  # arguments of the springs as functions of time, or a function t -> Potential
 
     @property
     def shape(self) -> tuple[int, ...]:

@@ -47,8 +47,8 @@ NEAREST = {  # folders and files, and the tests of what stands there; those of i
     "granular/lammps": "lammps bad_input",
     "granular": "granular_chain granular_guide granular_contact granular_layout packs"
     " packs_at_rest observables",
-    "granular/sensitivity": "gradient_networks",
-    "tensegrity/springs/tuned": "tuning",
+    "granular/contact": "contact_laws gradient_networks",
+    "tensegrity/springs/over_time": "over_time",
     "tensegrity/minimum": "structure_path",
     "tensegrity/catalogue": "catalogue structure bistable",
     "tensegrity/branches": "continuation response structure_path condensed golden",
@@ -89,7 +89,7 @@ EQUIVALENT = {
     'tensegrity/engine/programs.py: return root if e.exp > 0 else put("Pow", root, '
     "place(sp.Integer(-1))) -> return root if "
     'e.exp >= 0 else put("Pow", root, place(sp.Integer(-1)))': "the exponent is 1/2 or -1/2",
-    "tensegrity/scenes/signals.py: scale = float(np.max(np.abs(signal(np.linspace(0, "
+    "tensegrity/springs/signals.py: scale = float(np.max(np.abs(signal(np.linspace(0, "
     "t_end, INTERVALS + 1))))) -> scale = float(np.max(np.abs(signal(np.linspace(0, "
     "t_end, INTERVALS + 2)))))": "another sample of the size below which jumps are round-off",
     "tensegrity/engine/reverse.py: self.rows = self.sites + 1 if self.dim else packs + "

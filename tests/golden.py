@@ -55,10 +55,10 @@ T = sp.Symbol("t")
 
 def driven():
     """A prism chain shaken at one end, with dashpots, whose prestrain changes."""
-    spring = Prism(1.0, 0.8, 0.02, 1.0).potential()
+    spring = Prism(1.0, 0.8, 0.02, 1.0).potential().over_time(prestrain=0.02 + 0.001 * T)
     scene = Chain(
         spring, 20, drive={0: Drive(displacement=0.01 * (1 - sp.cos(T)))},
-        damping=Damping(bond=0.01, ground=0.002), tune={"prestrain": 0.02 + 0.001 * T},
+        damping=Damping(bond=0.01, ground=0.002),
     )  # fmt: skip
     return scene, scene.at_rest(), 10.0
 
@@ -158,13 +158,11 @@ def of_gradient(scene, method):
     return numbers | dict(found.parameters)
 
 
-def of_tuned():
-    """Springs given at each instant."""
-
-    def spring_at(t):
-        return Prism(1.0, 0.8, 0.02 + 0.002 * np.tanh((t - 10) / 4), 1.0).potential()
-
-    scene = Chain(spring_at(0.0), 30, tune=spring_at)
+def of_changing():
+    """Springs of which each third changes in another phase, beside constant ones."""
+    spring = Prism(1.0, 0.8, 0.02, 1.0).potential()
+    each = [spring.over_time(prestrain=0.02 + 0.002 * sp.sin(T / 2 - k)) for k in range(3)]
+    scene = Chain([*(each * 9), spring, spring], 30)
     return numbers_of(simulate(scene, scene.at_rest({0: 0.03}), 20.0, method="rkn6", dt=0.1))
 
 
@@ -204,7 +202,7 @@ def cases():
             found[f"errors {scene} {name}"] = lambda s=scene, h=how: of_error(s, h)
     for scene, step in RESUMED.items():
         found[f"resumed {scene}"] = lambda s=scene, a=step: of_file(s, a)
-    return found | {"scenes tuned by a function": of_tuned} | rooms()
+    return found | {"scenes of changing springs": of_changing} | rooms()
 
 
 def machine():

@@ -43,7 +43,7 @@ from granular.design import robustness, search
 from granular.lammps import run_lammps
 from tensegrity.prisms.fold_curve import limit_load
 from tensegrity.prisms.stability import first_loss
-from tensegrity.waves.limit import largest_speed
+from tensegrity.waves.curve import largest_speed
 
 
 def table(path):

@@ -124,7 +124,9 @@ SCENES = {
         drive={0: ts.Drive(displacement=([0, 1, 3, 9], [0, 0.02, -0.01, 0])), 5: SHAKER}
     ),
     "ground": lambda: chain_of(ground=[WELLS] * 5 + [DUFFING], ends=("fixed", "free")),
-    "tuned": lambda: chain_of(tune={"prestrain": 0.1 + 0.01 * sp.sin(T)}, drive={0: SHAKER}),
+    "tuned": lambda: chain_of(
+        SPRING.over_time(prestrain=0.1 + 0.01 * sp.sin(T)), drive={0: SHAKER}
+    ),
     "forces": lambda: chain_of(toda(), forces=(DRAG, STIFFER, ts.Force(sp.sin(T) * U, at=[2]))),
     "square": square,
     "driven square": lambda: square(

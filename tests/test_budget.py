@@ -88,7 +88,7 @@ def test_bad_input_says_what_and_why():
     with pytest.raises(TensegrityError, match="the last site is fixed"):
         budget(run, 3)
     spring = chain.springs[0]
-    changing = Chain(spring, 12, tune=lambda t: spring)
+    changing = Chain(spring.over_time(prestrain=0.03), 12)
     tuned = simulate(changing, smooth_blow(chain), 2.0, dt=0.1, record=ALL)
     with pytest.raises(TensegrityError, match="springs that change in time"):
         budget(tuned, 3)

@@ -444,7 +444,11 @@ def test_laws_hold_at_many_scales(kind):
     print(f"{kind}: 100 rows, 200 packs at rest, 10 collisions")
 
 
-@pytest.mark.parametrize("loss", [viscous(1.0), hunt_crossley(0.1), kuwabara_kono(1e-6)])
+@pytest.mark.parametrize("loss", [
+    pytest.param(viscous(1.0), marks=pytest.mark.slow),
+    pytest.param(hunt_crossley(0.1), marks=pytest.mark.slow),
+    kuwabara_kono(1e-6),
+])  # fmt: skip
 def test_numbers_and_parameters_of_a_law_lose_the_same(loss):
     """Also where a parameter has the name that a number goes by, a power is a float, or a number is
     negative."""

@@ -10,7 +10,7 @@ from designs import BLOW, CHOICE, ORDER, SIZES, STEEL, STRIKER, before_a_wall
 from granular import Bead, chain
 from granular.design import Sizes, peak_force, search
 from granular.design import searching as module
-from granular.design.downhill import NORMS, Descents, Pass, _maxima, downhill
+from granular.design.methods import NORMS, Descents, Pass, _maxima, downhill
 from tensegrity import TensegrityError, gradient, objective
 
 T_END, STEPS = 2e-4, 1000
@@ -149,7 +149,7 @@ def test_the_highest_maxima_are_pressed_down_behind_the_norms(monkeypatch):
     space = Sizes(12, (4e-3, 10e-3), 0.084, STEEL)
     one, start = lean(space, 4e-4, 1500), space.random(np.random.default_rng(0), 1)[0]
     way = downhill(one, space, start)
-    monkeypatch.setattr("granular.design.downhill.PROGRAMS", 0)
+    monkeypatch.setattr("granular.design.methods.PROGRAMS", 0)
     norms = downhill(one, space, start)
     assert way.forces.min() < norms.forces.min() * (1 - 1e-3)
     np.testing.assert_array_equal(way.forces[: len(norms.forces) - 1], norms.forces[:-1])

@@ -62,9 +62,9 @@ def test_steps_follow_a_drive_far_quicker_than_the_springs(how):
 
 
 def test_what_a_scene_says_of_its_functions_of_time_makes_another():
-    given = {"drive": {0: Drive(displacement=sp.sin(T) / 9)}, "tune": {"k": 1 + sp.sin(T) / 2}}
+    given = {"drive": {0: Drive(displacement=sp.sin(T) / 9)}}
     one = Chain(LINEAR, 4, **given)
-    other = Chain(LINEAR, 4, drive=one.drive, damping=one.damping, tune=one.tune)
+    other = Chain(LINEAR, 4, drive=one.drive, damping=one.damping)
     first, second = (simulate(x, x.at_rest(), 5.0, tol=1e-6) for x in (one, other))
     assert np.array_equal(first.u, second.u)
 

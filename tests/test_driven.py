@@ -181,7 +181,7 @@ def test_what_is_recorded_changes_no_bit():
     {"drive": {4: Drive(displacement=(None, 0.1 * sp.sin(T))), 6: Drive(force=(sp.sin(T), None))},
      "damping": Damping(bond=np.linspace(0, 0.4, 20), ground=0.05)},
     {"drive": {4: Drive(displacement=(0.1 * sp.sin(T), None))}, "damping": Damping(bond=0.1),
-     "tune": {"k": 1 + sp.sin(T) / 2}},
+     "spring": CUBIC.over_time(k=1 + sp.sin(T) / 2)},
 ])  # fmt: skip
 def test_networks_keep_order_and_balance(forcing):
     net = plate(**forcing)

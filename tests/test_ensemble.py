@@ -264,3 +264,14 @@ def test_a_lane_whose_bead_comes_to_the_end_of_its_wall_is_told():
     with pytest.raises(ContactError, match=r"beyond its end at t = 0\.000162") as caught:
         simulate(Ensemble(guide, 2), fast, 3e-4, dt=4e-8)
     assert 1.6e-4 < caught.value.run.t[-1] < 1.63e-4
+
+
+def test_the_last_state_is_that_of_the_last_row_although_other_trial_runs_follow():
+    springs = [
+        Prism(1.0, h, p, 1.0).potential() for h, p in ((0.7, 0.01), (0.8, 0.02), (0.6, 0.03))
+    ]
+    ensemble = Ensemble([Chain(spring, 6) for spring in (*springs, PowerLaw(1.0, 1.5))])
+    for t_end, tol in ((3.0, 1e-12), (8.0, 1e-10)):
+        run = simulate(ensemble, ensemble.at_rest({0: 0.05}), t_end, tol=tol)
+        assert np.array_equal(run.final.u, run.u[-1])
+        assert np.array_equal(run.final.v, run.v[-1])

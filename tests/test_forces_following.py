@@ -25,7 +25,6 @@ from tensegrity import (
     Drive,
     Force,
     Network,
-    Potential,
     PowerLaw,
     Record,
     TensegrityError,
@@ -236,8 +235,8 @@ def test_packs_without_dissipation_stay_as_they_were():
                                                                      parameters={"c": [1.0]})])),
         ("dashpots in bonds", lambda: loose(2, 1, damping=Damping(bond=0.1))),
         ("springs that change", lambda: Network(
-            [[0.0], [1.0]], [(0, 1)], Potential(C * R**2, R, {"c": 1.0}), radius=0.1,
-            contacts="follow", law=PowerLaw(1.0, 1.5), tune={"c": 1 + T})),
+            [[0.0], [1.0]], [(0, 1)], PowerLaw(1.0, 2.0).over_time(stiffness=1 + T), radius=0.1,
+            contacts="follow", law=PowerLaw(1.0, 1.5))),
     ],
 )  # fmt: skip
 def test_what_depends_on_open_contacts_is_refused(words, make):

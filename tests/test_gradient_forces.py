@@ -222,7 +222,7 @@ def chain_of(*forces, **more):
     ("words", "make", "more"),
     [
         ("method 'verlet' has no gradient", scene, {"method": "verlet"}),
-        ("springs that change", lambda: Chain(SPRING, 5, tune={"k": 1.3 + T}), {}),
+        ("springs that change", lambda: Chain(SPRING.over_time(k=1.3 + T), 5), {}),
         ("different things", lambda: chain_of(Force(-K * V, parameters={"k": 0.1})), {}),
         ("different things", lambda: chain_of(Force(K * RATE, "bonds", parameters={"k": 1.0})), {}),
         ("different things", lambda: chain_of(DRAG, Force(C * RATE, "bonds",

@@ -8,7 +8,7 @@ import sympy as sp
 from complex_steps import derivative, net, run, tension_of
 
 from granular import Bead, Striker, chain, fcc_pack, hertz, hexagonal_pack, materials, y_guide
-from granular.sensitivity import by_beads
+from granular.contact import by_beads
 from tensegrity import (
     Network,
     Potential,

@@ -24,8 +24,7 @@ from granular import (
     simulate,
     y_guide,
 )
-from granular.contact_network import contacts_of
-from granular.crystal import rows
+from granular.contact_network import contacts_of, rows
 from granular.guide import Guide
 from granular.layout import y_layout
 from tensegrity import (

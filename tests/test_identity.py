@@ -261,9 +261,9 @@ PAIRS = {  # two contents of every kind
     "potentials": (lambda: spring(0.1), lambda: spring(math.nextafter(0.1, 1))),
     "scenes": (lambda: Chain(spring(2.0), 9), lambda: Chain(spring(2.0), 9, mass=2.0)),
     "networks": (lambda: plate(1.0), lambda: plate(2.0)),
-    "tuned scenes": (
-        lambda: Chain(spring(1.0), 9, tune=lambda t: spring(1.0 + 0.1 * t)),
-        lambda: Chain(spring(1.0), 9, tune=lambda t: spring(1.0 + 0.2 * t)),
+    "changing scenes": (
+        lambda: Chain(PowerLaw(1.0, 1.5).over_time(stiffness=1.0 + 0.1 * T), 9),
+        lambda: Chain(PowerLaw(1.0, 1.5).over_time(stiffness=1.0 + 0.2 * T), 9),
     ),
     "drives": (
         lambda: Chain(spring(1.0), 9, drive={0: Drive(force=sp.sin(T))}),

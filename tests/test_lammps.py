@@ -7,6 +7,7 @@ import re
 import shutil
 import sys
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -30,7 +31,7 @@ from granular import (
     wall_force,
     y_guide,
 )
-from granular.crystal import beads_by_site
+from granular.contact_network import beads_by_site
 from granular.lammps import INSTALL, PROGRAMS, run_lammps, to_lammps
 from tensegrity import Chain, Damping, PowerLaw, Record, TensegrityError, Wall
 
@@ -51,6 +52,7 @@ def cube(**options):
                     striker=Striker(STEEL, 1.65), **options)  # fmt: skip
 
 
+@cache
 def scenes():
     oblique = {"offset": (-0.5, math.sqrt(0.75)), "direction": (0.5, -math.sqrt(0.75))}
     loads = {"gravity": 9.81, "preload": 1.0}
@@ -112,6 +114,7 @@ def test_lammps_moves_every_kind_of_scene_as_this_engine(name, tmp_path):
         np.testing.assert_allclose(told, found, atol=1e-9 * told.max())
 
 
+@cache
 def lossy():
     floor = {"floor": (Wall((0, 0), (0, 1)), WALL)}
     places = [[0, D], [1.2 * D, 1.1 * D], [0.6 * D, 2.2 * D]]

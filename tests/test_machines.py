@@ -155,9 +155,9 @@ def test_two_that_push_each_other_get_opposite_velocities_to_the_last_bit(dim, f
     np.testing.assert_array_equal(v[where[:count]], -v[where[count:]])
 
 
-def tuned():
-    tune = {"prestrain": 0.02 + 0.001 * sp.Symbol("t")}
-    chain = Chain(Prism(1.0, 0.8, 0.02, 1.0).potential(), 70, tune=tune)
+def changing():
+    spring = Prism(1.0, 0.8, 0.02, 1.0).potential()
+    chain = Chain(spring.over_time(prestrain=0.02 + 0.001 * sp.Symbol("t")), 70)
     return chain, chain.at_rest({0: 0.01, 50: -0.01})
 
 
@@ -173,7 +173,7 @@ def graded():
 
 
 @pytest.mark.parametrize("flag", WITHOUT[1:])
-@pytest.mark.parametrize("make", [tuned, elastic, graded])
+@pytest.mark.parametrize("make", [changing, elastic, graded])
 def test_processors_agree(flag, make, monkeypatch):
     runs = []
     for given in ("", flag):

@@ -8,6 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
+import pytest
 import sympy as sp
 from test_continuation import followed
 
@@ -85,18 +86,25 @@ def numbers():
     }
 
 
-def test_what_does_not_step_in_time_needs_no_compiler(tmp_path):
-    code = "import json, test_no_compiler as t; print(json.dumps(t.numbers()))"
-    found, wanted = json.loads(outcome(code, tmp_path)), numbers()
-    for name, one in wanted.items():
+@pytest.fixture(scope="module")
+def without(tmp_path_factory):
+    """What needs no compiler, and branches, in a process without one."""
+    code = """
+import json, test_continuation, test_no_compiler
+print(json.dumps([test_no_compiler.numbers(), test_continuation.followed()]))"""
+    return json.loads(outcome(code, tmp_path_factory.mktemp("without")))
+
+
+def test_what_does_not_step_in_time_needs_no_compiler(without):
+    found, _ = without
+    for name, one in numbers().items():
         scale = np.abs(one)[np.isfinite(one)].max()  # a path's own points lie on it to 1e-7
         np.testing.assert_allclose(found[name], one, rtol=1e-7, atol=1e-12 * scale, err_msg=name)
 
 
-def test_branches_without_a_compiler_have_the_same_events(tmp_path):
+def test_branches_without_a_compiler_have_the_same_events(without):
     """Rows may lie elsewhere by round-off that the step control saw; events may not."""
-    code = "import json, test_continuation as t; print(json.dumps(t.followed()))"
-    found = json.loads(outcome(code, tmp_path))
+    _, found = without
     for name, (end, columns, events) in followed().items():
         other_end, other_columns, other_events = found[name]
         assert other_end == end, name
@@ -127,7 +135,7 @@ def refused(folder):
     chain = Chain(prism.potential(), 6)
     start, kept = chain.at_rest({0: 0.01}), Record(path=folder / "new.npy", checkpoint=0.0)
     driven = Chain(prism.potential(), 6, drive={0: Drive(force=0.01)})
-    tuned = Chain(prism.potential(), 6, tune={"prestrain": 0.1 + sp.Symbol("t") / 99})
+    tuned = Chain(prism.potential().over_time(prestrain=0.1 + sp.Symbol("t") / 99), 6)
     bead = Bead(5e-3, steel)
     blow = {"striker": Striker(bead, 0.5), "wall": steel, "t_end": 1e-3}
     sizes, file = Sizes(4, (4e-3, 6e-3), 0.02, steel), folder / "new.json"

@@ -224,7 +224,7 @@ def test_what_is_no_observer_is_refused_before_any_work(observe, words):
 
 def test_instants_within_one_step_share_its_state():
     """Ten thousand of them in fifty steps take no room of ten thousand states."""
-    scene = prism_chain(1000)
+    scene = prism_chain(300)
     state, seen = scene.at_rest({0: 0.01}), []
     tracemalloc.start()
     observe = (lambda t, u, v: seen.append(t), Record(interval=0.0005))
@@ -232,7 +232,7 @@ def test_instants_within_one_step_share_its_state():
     taken = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert len(seen) == 10_001
-    assert taken < 30e6
+    assert taken < 9e6
 
 
 def test_a_stop_and_a_disk_that_is_full_leave_the_last_row_as_the_end(tmp_path, monkeypatch):

@@ -322,7 +322,7 @@ print(run.force_model, run.error_estimate.hex(), run.final.u.tobytes().hex())
             [sys.executable, "-c", code.replace("BEFORE", repr(before))],
             cwd=Path(__file__).parent, capture_output=True, text=True, check=True,
         ).stdout
-        for before in ((), ((0.103, 2e-7), (0.05, 1e-5)), ((0.1, 1e-7), (0.2, 1e-9)))
+        for before in ((), ((0.103, 2e-7), (0.05, 1e-5), (0.1, 1e-7), (0.2, 1e-9)))
     }  # fmt: skip
     assert len(found) == 1
     assert "polynomial" in found.pop()

@@ -407,7 +407,7 @@ def test_only_runs_of_whole_chains_have_pulses():
     network = Network([[0.0, 0.0], [1.0, 0.0]], [(0, 1)], LINEAR)
     with pytest.raises(TensegrityError, match="scene of the run is Network, must be a Chain"):
         pulses(simulate(network, network.at_rest(), 1.0))
-    changes = Chain(PRISM, 10, tune=lambda t: Prism(1.0, 0.7, 0.01 + 0.001 * t, 1.0).potential())
+    changes = Chain(PRISM.over_time(prestrain=0.01 + 0.001 * sp.Symbol("t")), 10)
     with pytest.raises(TensegrityError, match="the springs change in time"):
         pulses(simulate(changes, changes.at_rest(), 1.0, dt=0.1))
     chain = Chain(PRISM, 10)

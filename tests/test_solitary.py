@@ -25,7 +25,7 @@ from tensegrity import (
 )
 from tensegrity.waves import family
 from tensegrity.waves.cosines import Grid
-from tensegrity.waves.limit import largest_speed
+from tensegrity.waves.curve import largest_speed
 from tensegrity.waves.travelling import Profile, Scaled, amplitude_is, newton
 
 R = sp.Symbol("r")

@@ -12,7 +12,7 @@ import matplotlib.pyplot as plt
 from derivations import waves
 from figures import solitary_errors, solitary_families
 from tensegrity import Prism, predict, solitary_wave, tent
-from tensegrity.waves.limit import largest_speed
+from tensegrity.waves.curve import largest_speed
 
 pytestmark = pytest.mark.unchanged()
 

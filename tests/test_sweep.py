@@ -119,7 +119,7 @@ def test_a_checkpoint_tells_functions_with_other_arguments_apart(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "name", ["objects", "masks", "lambdas", "tuned scenes", "series", "frames"]
+    "name", ["objects", "masks", "lambdas", "changing scenes", "series", "frames"]
 )
 def test_a_checkpoint_does_not_take_one_case_for_another(name, tmp_path):
     """Also where they print alike."""

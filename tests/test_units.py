@@ -24,7 +24,7 @@ from tensegrity import (
     solitary_wave,
 )
 from tensegrity.prisms.stability import first_loss
-from tensegrity.waves.limit import largest_speed
+from tensegrity.waves.curve import largest_speed
 
 
 @dataclass(frozen=True)

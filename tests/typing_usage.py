@@ -22,6 +22,7 @@ from tensegrity.engine import methods
 from tensegrity.measure import observables
 from tensegrity.measure.interfaces import Transmission
 from tensegrity.measure.pulses import Pulse
+from tensegrity.measure.records import Peak
 from tensegrity.prisms.problem import EquilibriumPath
 from tensegrity.prisms.stability import first_loss, lowest
 from tensegrity.structures.structure_path import StructurePath
@@ -252,6 +253,11 @@ def waves(spring: ts.Potential, chain: ts.Chain) -> ts.State:
     ts.Chain(spring, 5, drive={"0": shaker})  # type: ignore[dict-item]
     assert_type(ts.modes(ts.Chain(spring, 5)).frequencies, Array)
     assert_type(ts.dispersion([spring, spring], 1.0, [0.1], ground=spring), Array)
+    q, other = sp.symbols("q other")
+    pair = ts.PairLaw((other - q) ** 2 / 2, [q], [other], {"k": 1.0}, site=0, rest={q: 0.0})
+    assert_type(pair.free, tuple[bool, ...])
+    lattice = ts.PairLattice([[1.0]], [[0.0]], [(0, 0, 1, pair)], mass=(1.0,))
+    assert_type(ts.bands(lattice, [[1.0]]).frequencies, Array)
     row = ts.Lattice([(0, 0)], [(1, 0)], strings=[(0, 0, 1)]).prestressed([0.1])
     assert_type(row, ts.Lattice)
     assert_type(ts.bands(row, [[0.1]]).frequencies, Array)
@@ -311,15 +317,14 @@ def measured(chain: ts.Chain, run: ts.Run) -> float:
     return times + front + ts.speed(run, (3, 9)) + ts.width(run.t, run.energy)
 
 
-def tuned(state: ts.State) -> ts.Run:
-    def spring_at(t: float) -> ts.Potential:
-        return ts.Prism(1.0, 0.7, 0.01 + 0.01 * t, 1.0).potential()
-
-    chain = ts.Chain(spring_at(0.0), 20, tune=spring_at)
+def changing(state: ts.State) -> ts.Run:
+    spring = ts.Prism(1.0, 0.7, 0.01, 1.0).potential().over_time(prestrain=0.01 + sp.Symbol("t"))
+    assert_type(spring, ts.Potential)
+    chain = ts.Chain([spring, spring.at(0.5)], 3)
     run = ts.simulate(chain, state, 1.0, dt=0.01)
     assert_type(run.work, Array | None)
     assert_type(ts.speed(run, (3, 9)), float)
-    ts.Chain(spring_at(0.0), 20, tune=spring_at(0.0))  # type: ignore[arg-type]
+    ts.PowerLaw(1.0, 1.5).over_time(stiffness="t")
     ts.budget(run.final, 5)  # type: ignore[arg-type]
     return run
 
@@ -413,12 +418,12 @@ def beads() -> ts.Run:
 def sensed(run: ts.Run) -> Array:
     force = granular.sensor_force(run, "stem 1", 3)
     assert_type(force, Array)
-    assert_type(ts.first_peak(run.t, force, between=(0.0, 1.0)), tuple[float, float])
-    assert_type(ts.largest_peak(run.t, force, between=(0.0, 1.0)), tuple[float, float])
+    assert_type(ts.first_peak(run.t, force, between=(0.0, 1.0)), Peak[float])
+    assert_type(ts.largest_peak(run.t, force, between=(0.0, 1.0)), Peak[float])
     assert_type(ts.first_peak(run.t, force, noise=0.1).instant_error, float)
     assert_type(ts.peaks(run.t, force, noise=0.1).height_error, Array)
     assert_type(ts.sampled(run.t, force, interval=1e-6), tuple[Array, Array])
-    assert_type(ts.peaks(run.t, force), tuple[Array, Array])
+    assert_type(ts.peaks(run.t, force), Peak[Array])
     assert_type(granular.energies(run).parts, dict[str, Array])
     assert_type(granular.overlaps(run, "stem 1"), tuple[float, float])
     assert_type(ts.speed(run, "stem 1", (3, 7)), float)
@@ -428,7 +433,7 @@ def sensed(run: ts.Run) -> Array:
     found = granular.energies(run)
     assert_type(found.fractions + found.effective_number, Array)
     assert_type(found.participation_ratio + found.virial_ratio, Array)
-    ts.first_peak(run.t)  # type: ignore[call-overload]
+    ts.first_peak(run.t)  # type: ignore[call-arg]
     granular.sensor_force(run, 3, "stem 1")  # type: ignore[call-overload]
     granular.energies(run.final)  # type: ignore[arg-type]
     return run.momentum()[:, 0] + granular.sensor_force(run, [1])[:, 0]

@@ -110,7 +110,7 @@ def _table(given):
     )
     loop = compiled(every, (None,) * len(every), 2, 1)
     bound = bind(*dynamics(scene).arrays(start), bonds, METHOD, dt, loop, divided=False)
-    bound.forget_range()
+    bound.forget()
     fields = bound._scene.filled
     parts = {name: [min(sites), max(sites)] for name, sites in getattr(scene, "parts", {}).items()}
     drag = given.get("drag", 0.0)

@@ -15,11 +15,10 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from granular.beads import Bead, Striker
+from granular.beads import Bead, Material, Striker
 from granular.design import objective
 from granular.design.scatter import Scatter
 from granular.design.spaces import Designs
-from granular.materials import Material
 from tensegrity import TensegrityError
 from tensegrity.checked import checked
 from tensegrity.engine import native

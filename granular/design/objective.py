@@ -28,11 +28,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from granular.beads import Bead, Striker, beads_of
+from granular.beads import Bead, Material, Striker, beads_of
 from granular.contact_network import wall_sites
 from granular.design.scatter import Scatter
 from granular.design.spaces import Designs, Space
-from granular.materials import Material
 from granular.observables import wall_force
 from tensegrity import METHODS, PowerLaw, Record, TensegrityError, check, largest_peak, simulate
 from tensegrity.checked import checked

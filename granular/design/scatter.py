@@ -10,17 +10,14 @@ designs are then those of the designs (common random numbers).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import numpy as np
 
 from granular.design.spaces import Designs
 from tensegrity.checked import checked
 from tensegrity.printing import printed
-from tensegrity.typing import Distance, Index, Quantile
-
-if TYPE_CHECKING:
-    from tensegrity.typing import Array
+from tensegrity.typing import Array, Distance, Index, Quantile
 
 WIDEST = 0.1  # relative standard deviation: ten of these make a diameter 0
 MOST_DRAWS = 10**6

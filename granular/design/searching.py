@@ -17,15 +17,13 @@ from typing import Any
 
 import numpy as np
 
-from granular.beads import Striker
+from granular.beads import Material, Striker
 from granular.design import objective
-from granular.design.downhill import Descent, Descents
 from granular.design.finalists import CANDIDATES, Best, chosen
-from granular.design.methods import POPULATION, suits
+from granular.design.methods import POPULATION, Descent, Descents, suits
 from granular.design.objective import Build, Problem
 from granular.design.scatter import Scatter
 from granular.design.spaces import Choice, Order, Sizes, Space
-from granular.materials import Material
 from tensegrity import TensegrityError, check
 from tensegrity.checked import checked
 from tensegrity.engine import native
@@ -73,7 +71,7 @@ def search(
         quantile.  It excludes a `build` and the method "gradient".
     method : {"ga", "gradient", "cma"}, optional
         "ga": a genetic algorithm, for `Order` and `Choice`.  "gradient": descents from many
-        starting points, for `Sizes` of chains, see `granular.design.downhill`.  "cma": covariance
+        starting points, for `Sizes` of chains, see `granular.design.methods`.  "cma": covariance
         matrix adaptation, for `Sizes`.  By default "ga" for `Order` and `Choice`, "gradient" for
         `Sizes`, and "cma" for `Sizes` with a `build` or a `scatter`.
     budget : int, optional

@@ -15,18 +15,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
-from granular.beads import Bead, volume
+from granular.beads import Bead, Material, volume
 from granular.contact import hertz_constants, hertz_slopes
-from granular.materials import Material
 from tensegrity import TensegrityError, check
 from tensegrity.checked import checked
 from tensegrity.printing import printed
-from tensegrity.typing import Count, Length
+from tensegrity.typing import Array, Count, Indices, Length
 
 if TYPE_CHECKING:
     from numpy.random import Generator
-
-    from tensegrity.typing import Array, Indices
 
 HALVINGS = 60  # of the interval in which a shift is sought
 SLACK = 1e-12  # of a length, relative

@@ -17,8 +17,9 @@ by Chandrupatla's method as functions of the place on the branch between the two
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -26,14 +27,9 @@ from tensegrity import check
 from tensegrity.branches.arclength import TINY
 from tensegrity.branches.table import INTERRUPTED
 from tensegrity.errors import TensegrityError
+from tensegrity.typing import Array
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-    from typing import Any
-
-    from tensegrity.typing import Array
-
-    Level = tuple[str, float, int | Callable[[Array], Array]]  # name, value, place or function
+Level = tuple[str, float, int | Callable[[Array], Array]]  # name, value, place or function
 
 START_ITERATIONS = 50
 BISECTIONS = 45  # that locate a bifurcation

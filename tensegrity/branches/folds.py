@@ -80,8 +80,8 @@ def fold_start(problem: Problem, event: Event, parameters: ArrayLike, free: int)
         Unknowns of `fold_problem`.
     """
     p = np.asarray(parameters, dtype=float)
-    z = np.array([event.at[name] for name in problem.unknowns])
-    scale = np.array(problem.scale)
+    z = np.array([event.at[name] for name in problem._stepper.names])
+    scale = np.array(problem._stepper.scale)
     tangent = _tangent(problem, np.arcsinh(z / scale), p) * np.hypot(1, z / scale)
     return np.concatenate([z, tangent / np.linalg.norm(tangent), [p[free]]])
 

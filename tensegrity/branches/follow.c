@@ -1,5 +1,5 @@
 /* The compiled loop of arc-length continuation: steps until one contains an event, and the location
-   of events.  It calls the functions that CasADi generates in compiled_stepper.py; the layout of a
+   of events.  It calls the functions that CasADi generates in steppers.py; the layout of a
    row is described in arclength.py. */
 #include <math.h>
 #include <string.h>

@@ -10,23 +10,19 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Protocol, Self, TypeVar
+from typing import Any, Protocol, Self, TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tensegrity import check
-from tensegrity.branches.compiled_stepper import CompiledStepper
 from tensegrity.branches.continuation import ContinuationError, Part, Settings, follow
-from tensegrity.branches.many import ManyProblem, PlainEquations
+from tensegrity.branches.steppers import CompiledStepper, ManyProblem, PlainEquations
 from tensegrity.branches.table import Branch, Event, Table
 from tensegrity.engine.disk_cache import cached, maker
 from tensegrity.errors import TensegrityError
 from tensegrity.once import once
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from tensegrity.typing import Array
+from tensegrity.typing import Array
 
 FIRST = "first "  # before the kind of an event at which a path ends
 PLAIN = Settings()
@@ -306,6 +302,11 @@ class DerivedProblem(Problem):
         key, derive = ("problem", name), once(lambda: make(*arguments))
         build = once(lambda: CompiledStepper(self, cached(key, lambda: _layout(self)), name))
         self.__dict__.update(derived=derive, _build_stepper=build, until={})
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the columns of numbers, which are cached with the functions."""
+        return (*self._stepper.names, *self._stepper.tabulated)
 
 
 def _field_of(name: str) -> Any:

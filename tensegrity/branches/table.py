@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, ClassVar, overload
+from typing import TYPE_CHECKING, Any, ClassVar, Self, overload
 
 import numpy as np
 
 from tensegrity import check, plotting
 from tensegrity.errors import TensegrityError
 from tensegrity.printing import Lines, Printed, drawn, filled
+from tensegrity.typing import Array
 from tensegrity.unit_names import unit_text
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
     from os import PathLike
-    from typing import Any, Self
 
     from matplotlib.axes import Axes
-
-    from tensegrity.typing import Array
 
 INTERRUPTED = "interrupted"  # why a curve ends after Ctrl-C
 FIRST = 6  # number of columns in the text of an event

@@ -10,7 +10,7 @@ cross strings; that of the others follows from the self-stress.  `twin_strings`,
 stable states, is a `Potential`, and `twin_prism` its structure.
 """
 
-from tensegrity.catalogue.cells import column, plate, prism, snelson_x
+from tensegrity.catalogue.cells import column, plate, prism, snelson_x, twin_prism, twin_strings
 from tensegrity.catalogue.lattices import (
     honeycomb,
     kagome,
@@ -21,9 +21,13 @@ from tensegrity.catalogue.lattices import (
     x_plate,
     x_strip,
 )
-from tensegrity.catalogue.solids import expandable_octahedron, geodesic, truncated_tetrahedron
-from tensegrity.catalogue.towers import dome, tower
-from tensegrity.catalogue.units import twin_prism, twin_strings
+from tensegrity.catalogue.solids import (
+    dome,
+    expandable_octahedron,
+    geodesic,
+    tower,
+    truncated_tetrahedron,
+)
 
 __all__ = [
     "column",

@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
+from tensegrity.engine import geometry
 from tensegrity.engine.codegen import is_long
 from tensegrity.readonly import fixed
 
@@ -36,7 +37,7 @@ class Bonds:
     parameters : ndarray, (springs, most parameters of any law)
     group : ndarray of int, (bonds,) or (bonds, batch)
         The spring of each bond; the springs of a bond in all scenes of a batch have one law.
-    inverse_mass : ndarray, (sites,) or (sites, batch)
+    inverse_mass : ndarray, (sites,), (sites, batch), or of a network also (sites, dim)
         [1/kg], 0 for a held site.
     contacts : Contacts, optional
         Contacts of a network; the bonds of a chain join neighbours.
@@ -56,6 +57,12 @@ class Bonds:
     def dim(self):
         """Number of coordinates of a site; 0 on a line."""
         return 0 if self.contacts is None else self.contacts.load.shape[1]
+
+    @property
+    def noted(self):
+        """Number of ranges that the loop notes: of the elongation of each different spring; with a
+        law of both ends, of each coordinate, of the differences of free ones."""
+        return self.dim if geometry.own(self.laws) else len(self.law)
 
     @property
     def law_of_bond(self):

@@ -13,9 +13,9 @@ from itertools import pairwise
 import numpy as np
 
 from tensegrity.engine import implicit, layout, march, openings
-from tensegrity.engine.bonds import by_spring, integers, parameters
+from tensegrity.engine.bonds import integers, parameters
 from tensegrity.engine.methods import Corrected, Midpoint, Splitting
-from tensegrity.engine.native import aligned, pointer, structure
+from tensegrity.engine.native import address, aligned, pointer, structure
 from tensegrity.errors import StabilityError
 
 SCENE = structure("scene.h", "scene")
@@ -55,14 +55,13 @@ class Bound:
         Numbers of entries of u that belong to sites, and to the walls after them.
     """
 
-    _dt = _alone = _active = output_sums = None
+    _dt = _alone = output_sums = None
 
     def __init__(self, loop, u, v, bonds, method, dt, pieces=1, runs=None, seen=None):
         self._loop, self._bonds, self.u, self.v = loop, bonds, u, v
         self._layout = loop_layout = layout.loop_layout(loop, bonds, pieces, runs)
         self.sizes, self._travel = (u.size, 0), np.zeros(1, dtype=loop.dtype)
         self._active = np.zeros(1 + (loop_layout.slices.tiles if loop.dim else 1), dtype=np.int64)
-        self._may_all_move()
         self._set_ranges(loop_layout.springs, loop_layout.fields["range_at"], seen)
         fields = loop_layout.fields | stages(method, 1.0, loop.dtype)
         fields |= {"u": u, "v": v, "low": self._low, "high": self._high, "stage": None}
@@ -79,14 +78,13 @@ class Bound:
             fields = dict.fromkeys(SCENE.kinds) | fields | {"active": self._active}
         self._bind(SCENE(**fields), method)
         self.set_step(dt)
-        self.forget_range()
 
     def _set_ranges(self, springs, range_at, seen=None):
         """Arrays in which the loop notes the smallest and the largest elongations."""
-        self._counted = slice(None) if seen is None else np.repeat(seen, np.diff(range_at))
-        self._springs = springs[self._counted]
-        self._one_to_one = np.array_equal(self._springs, np.arange(len(self._bonds.law)))
+        counted = True if seen is None else np.repeat(seen, np.diff(range_at))
+        self._springs = integers(np.where(counted, springs, -1))
         self._low, self._high = (aligned(len(springs), self._loop.dtype) for _ in range(2))
+        self._no_range = np.tile([np.inf, -np.inf], (self._bonds.noted, 1))
 
     def _room(self, pieces):
         """Work arrays of the loop of a network."""
@@ -113,7 +111,8 @@ class Bound:
         scene.fill(stage=stage)
         self._addresses = [x and ctypes.addressof(x) for x in (scene, self._second)]
         self.output = np.empty_like(self.u), np.empty_like(self.v)
-        self._march = self._marched(self._advance)
+        self._library, self._march = march.compiled(), self._marched(self._advance)
+        self._march_at = ctypes.addressof(self._march)
 
     def _marched(self, advance):
         """The structure `loop` of `march.c`, for a function that advances the loop."""
@@ -128,8 +127,15 @@ class Bound:
             output_v=self.output[1],
             sums=self.output_sums,
             travel=self._travel,
+            low=self._low,
+            high=self._high,
+            spring=self._springs,
+            active=self._active,
             size=self.u.size,
             sum_count=2,
+            places=len(self._springs),
+            actives=len(self._active),
+            all_active=0 if self._loop.dim else np.iinfo(np.int64).max // 2,
         )
 
     def _steps(self, method):
@@ -154,8 +160,9 @@ class Bound:
         if dt == self._dt:
             return
         self._dt = None  # until all fields are scaled, in case of an interrupt
+        factor = self._loop.dtype.type(dt)
         for array, of_one, power in self._scaled_fields:
-            np.multiply(of_one, array.dtype.type(dt) ** power, out=array)
+            np.multiply(of_one, factor if power == 1 else factor**power, out=array)
         self._dt = dt
 
     def _accelerations(self, method):
@@ -222,20 +229,23 @@ class Bound:
     # motion
 
     def go(self, done, end, wanted=()):
-        """Advance from step `done` of a run to `end`, and store requested and final states.
+        """Advance from step `done` of a run to `end`, and store requested and final states; begins
+        with `forget`.
 
         Parameters
         ----------
         done, end : int
         wanted : sequence of Wanted, optional
+            For numbers of steps above `done` (or not below, if it is 0) and at most `end`.
 
         Returns
         -------
         int
-            See `march.go`.
+            0; `STOPPED` where the loop stopped early, `NOT_FINITE` where the state is not finite.
         """
-        self._may_all_move()
-        return march.go(self._march, done, end, wanted, *self.sizes)
+        rows = march.requests(wanted, *self.sizes)
+        at = ctypes.addressof(rows)
+        return self._library.go(self._march_at, done, end, at, len(wanted), self.sizes[0])
 
     def advance(self, steps, opened=False):
         """Advance u and v in place by whole steps with their closing kick; `opened`: other steps
@@ -248,14 +258,10 @@ class Bound:
     def advance_open(self, steps, opened):
         """Steps without the closing kick of the last one; if `opened`, they begin with that of the
         step before."""
-        self._may_all_move()
+        self._active[:] = 0
+        self._active[0] = self._march.all_active
         if self._advance(*self._addresses, steps, opened):
             raise self.why_stopped()
-
-    def _may_all_move(self):
-        """Let the next step include all sites, after which those that rest are found."""
-        if self._active is not None:
-            self._active[:] = 0 if self._loop.dim else (np.iinfo(np.int64).max // 2, 0)
 
     def why_stopped(self):
         """The error by which steps failed."""
@@ -271,18 +277,20 @@ class Bound:
         for name, values in (fields | {"w": bonds.inverse_mass}).items():
             self._scene.filled[name][:] = values
 
-    def forget_range(self):
-        """Reset the elongation range and the distance travelled."""
-        self._low[:], self._high[:], self._travel[:] = np.inf, -np.inf, 0
+    def forget(self):
+        """Reset the elongation ranges and the distance travelled."""
+        self._library.begin(self._march_at)
+
+    def widen(self, ranges):
+        """Widen ranges of elongation, (springs, 2) [m], by those since `forget`, in place."""
+        self._library.widen(self._march_at, address(ranges))
+        return ranges
 
     @property
     def range(self):
-        """Smallest and largest elongation of each different spring since `forget_range` [m],
-        (springs, 2)."""
-        low, high = self._low[self._counted], self._high[self._counted]
-        if self._one_to_one:
-            return np.stack((low, high), axis=1)
-        return by_spring(self._springs, len(self._bonds.law), low, high)
+        """Smallest and largest elongation of each different spring since then [m], (springs, 2), or
+        the ranges of coordinates; see `Bonds.noted`."""
+        return self.widen(self._no_range.copy())
 
     @property
     def travel(self):

@@ -27,7 +27,7 @@ def c_text(laws, own=None, dim=0, steps="", forces=(), helpers=()):
     Parameters
     ----------
     laws : sequence of Law
-        Or one law whose parameters change in time, and its `Change`.
+        Or, of springs of which some change in time, the `Change` of each.
     own : sequence of (tuple of int or None), optional
         For each law the indices of parameters that each bond of a run has of its own; None where
         the bonds of all runs are equal.
@@ -46,34 +46,31 @@ def c_text(laws, own=None, dim=0, steps="", forces=(), helpers=()):
     str
     """
     own, loop = own or (None,) * len(laws), "net" if dim else "line"
-    change = next((law for law in laws if isinstance(law, Change)), None)
-    names = ("tension", *["stiffness"] * (steps == "implicit"))
+    changes = any(isinstance(law, Change) for law in laws)
+    names = ["energy"] if changes else ["tension", *["stiffness"] * (steps == "implicit")]
     scalars = [
         scalar(number, name, functions(law)[name])
         for number, law in enumerate(laws)
-        for name in (["energy"] if law is change else names)
+        for name in names
     ]
-    runs, parts, packed = (
-        [],
-        ["scene.h"],
-        geometry.side_by_side(dim, geometry.own(laws)) if dim else [],
-    )
-    for k, law in enumerate(laws[: len(laws) - (change is not None)]):
-        in_simd = bool(dim or change) or law_properties(law)["packed"]
+    runs, parts = [], ["scene.h"]
+    packed = _contacts(laws, own, dim) if dim else []
+    for k, law in enumerate(laws):
+        in_simd = bool(dim or changes) or law_properties(law)["packed"]
         for kind in kinds(law, own[k]):
             runs.append((k, kind))
-            count, text = _tensions(k, kind, law, own[k], change, dim) if in_simd else (0, "")
+            count, text = _tensions(k, kind, law, own[k], dim) if in_simd else (0, "")
             packed.append(text)
             flags = {"K": k, "OWNED": kind, "IS_LONG": is_long(law), "IN_SIMD": in_simd}
             flags["WAITING"] = max(1, count)
             parts += [*_defined(flags), f"{loop}_law.c", *(f"#undef {x}" for x in flags)]
     lists = {"RUNS": runs, "LAWS": zip(range(len(laws)))}
-    flags = {"CHANGES": change is not None}
+    flags = {"CHANGES": changes}
     rows, functions_of_forces, before = _forces(forces)
     parts += [f"{loop}.c", *before, "steps.c", *STEPS[steps]]
     hooks = [*scalars, *helpers, *functions_of_forces]
-    hooks += geometry.tangents(laws, steps == "implicit")
-    return whole(laws, own, hooks, dim, packed, lists | rows, flags, parts)
+    more = ("tangent",) * (steps == "implicit")
+    return whole(laws, own, hooks, dim, packed, lists | rows, flags, parts, more)
 
 
 def stepper_text(dim, steps, forces=()):
@@ -170,7 +167,6 @@ def reverse_text(laws, own, wanted, dim):
         "const real *own, integer all"
     )
     hooks, packed, runs, scalars = [], [], [], []
-    hooks += geometry.tangents(laws)
     for number, law in enumerate(laws):
         function, count = law_function(law, wanted[number]), len(wanted[number])
         mine = [(number, kind) for kind in (0, 1)[: 1 + (own[number] is not None)]]
@@ -187,10 +183,23 @@ def reverse_text(laws, own, wanted, dim):
             packed.append(simd.text(function, name, arguments, given, [targets]))
     lists = {"RUNS": runs, "SCALARS": scalars}
     parts = ["reverse.c", "reverse_nystrom.c"]
-    return whole(laws, own, hooks, dim, packed, lists, {}, parts)
+    if geometry.own(laws) is not None:
+        packed.append("#define ENDS")
+        lists["WANTED"] = enumerate(wanted[0])
+    return whole(laws, own, hooks, dim, packed, lists, {}, parts, ("turned",))
 
 
-def whole(laws, own, hooks, dim, packed, lists, flags, parts):
+def _contacts(laws, own, dim):
+    """C of the elongations of contacts, or energies of both ends, for each kind of run."""
+    law = geometry.own(laws)
+    kinds_of = () if law is None else kinds(law, own[0])
+    packs = [
+        (f"0_{kind}", _packs(law, own[0] if kind else (), "p[{}]", "GROUP")) for kind in kinds_of
+    ]
+    return geometry.side_by_side(dim, law, packs)
+
+
+def whole(laws, own, hooks, dim, packed, lists, flags, parts, of_ends=()):
     """Assemble a C source.
 
     Parameters
@@ -207,6 +216,8 @@ def whole(laws, own, hooks, dim, packed, lists, flags, parts):
         Macros.
     parts : sequence of str
         Names of files, and C text.
+    of_ends : sequence of str, optional
+        Functions of a law of both ends besides "pair"; see `PairForms.functions`.
 
     Returns
     -------
@@ -215,7 +226,8 @@ def whole(laws, own, hooks, dim, packed, lists, flags, parts):
     import casadi as ca
 
     generator = ca.CodeGenerator("laws.c")
-    hooks = [*hooks, *(geometry.helpers(dim, geometry.own(laws)) if dim else ())]
+    if dim:
+        hooks = [*hooks, *geometry.helpers(dim, geometry.own(laws), ("pair", *of_ends))]
     for function, _ in hooks:
         generator.add(function)
     takes = [_take(k, law, own[k]) for k, law in enumerate(laws) if own[k] is not None]
@@ -266,6 +278,7 @@ def cost(law):
 
 def is_long(law):
     """Whether a law is compiled once as a function, instead of inlined in the loop."""
+    law = law.law if isinstance(law, Change) else law
     return law_properties(law)["instructions"] > LONG
 
 
@@ -285,17 +298,19 @@ def _packs(law, own, one, wide="WIDE"):
     ]
 
 
-def _tensions(number, kind, law, own, change, dim):
+def _tensions(number, kind, law, own, dim):
     """C of the tensions of several contacts, `tension_lanes_<law>_<kind of run>`; for a chain in
     two functions, with the rates of energies of changing bonds in the block after the tensions.
     Also the number of vectors that are stored between the two functions."""
     shared, one = ("pack", "p[{}]") if dim else ("real", "wide(p[{}])")
     arguments = f"const pack *r, const {shared} *p, const real *own, integer all, pack *f"
     p = _packs(law, own if kind else (), one, "GROUP" if dim else "WIDE")
-    function, targets = functions(law)["tension"], [["f[g]"]]
-    if change and not dim:
-        p = _packs(change, (), one)
-        function, targets = change.both(), [["f[g]"], ["f[BLOCK / WIDE + g]"]]
+    changes = isinstance(law, Change)
+    function, targets = functions(law.law if changes else law)["tension"], [["f[g]"]]
+    if changes and dim:
+        p = p[: len(p) // 2]
+    elif changes:
+        function, targets = law.both(), [["f[g]"], ["f[BLOCK / WIDE + g]"]]
     name = f"tension_lanes_{number}_{kind}"
     given = [["r[g]"], p]
     if dim:
@@ -417,13 +432,11 @@ def _differentiated(law, wanted):
 
 
 def _slopes(law, r, p, form):
-    """Derivatives of energy and tension by the parameters: the law's own, or twice that of the one
-    that is given."""
+    """Derivatives of energy and tension by the parameters, the law's own or those of a form."""
     import casadi as ca
 
     if hasattr(law, "by_parameters"):
-        *given, by_energy, by_tension = law.by_parameters()
-        return ca.Function("slopes", given, [by_energy, by_tension])(r, p)
+        return law.by_parameters(r, p)
     return [ca.gradient(form, p) if law.parameters else ca.SX(0, 1)] * 2
 
 

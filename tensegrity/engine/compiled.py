@@ -8,7 +8,6 @@ from functools import cached_property
 
 import numpy as np
 
-from tensegrity.engine import geometry
 from tensegrity.engine.codegen import c_text, evaluate_text, stepper_text
 from tensegrity.engine.disk_cache import cached
 from tensegrity.engine.law import DERIVATIVES, evaluate, named
@@ -26,7 +25,7 @@ class Compiled:
     Parameters
     ----------
     laws : tuple of Law
-        Or one law whose parameters change in time, and its `Change`.
+        See `codegen.c_text`.
     own : tuple, optional
         See `Bonds.own`.
     dim : int, optional
@@ -58,7 +57,7 @@ class Compiled:
         stage : int or None
             Address of the stage that these take, where they are compiled apart from the laws.
         """
-        apart = kind in APART and geometry.own(self.laws) is None
+        apart = kind in APART
         given = self.dim, kind, self.forces, *self._flags, *self._sizes
         made = _stepper(*given) if apart else self._loop(kind)
         ending = f"_{kind}" * bool(kind)

@@ -14,8 +14,13 @@
 typedef struct {
     const real *moved_u, *moved_v;   /* (drifts, moved) after each; (kicks, moved) */
     const real *force, *force_rate;  /* (kicks, forced) */
-    const real *shared;              /* (kicks, PARAMETERS): of the law, and their rates */
-    const real *domain;              /* (kicks, 2) elongations that springs may have */
+    const real *numbers;             /* (kicks, columns) parameters of springs, and their rates */
+    const real *domain;              /* (kicks, springs, 2) elongations that springs may have */
+    const integer *shared_from, *own_from; /* columns of the numbers of the loop's bonds */
+    const integer *column;           /* (springs, PARAMETERS) those of each spring */
+    const integer *spring;           /* (bonds), in the order of the loop */
+    real *shared, *own;              /* of the loop's bonds */
+    real *reached;                   /* (springs, 2) smallest and largest elongation so far */
     const real *prescribed_mass;     /* (moved) their masses */
     const real *series;              /* (drifts, moved, degree) of prescribed velocities */
     const real *dissipated;          /* (drifts) loss in dashpots from the ground to those */
@@ -23,78 +28,122 @@ typedef struct {
     const real *mass, *ground, *bond; /* (entries), 0 where prescribed; (entries); (bonds) */
     const integer *moved, *forced;   /* entries of u */
     real *term, *next, *pull, *given; /* scratch: (entries) twice, (entries + 1), (moved, degree) */
-    real *sums, *output_sums;        /* work, loss, elongation range (2): so far, and in the output */
+    real *sums, *output_sums;        /* work, loss: so far, and in the output */
     const integer *ends;             /* (damped_bonds, 2) first entries of their ends */
     const real *geometry;               /* (damped_bonds, DIM + 2) their geometry D, g, L */
     real *room;                      /* scratch: (levels + 3, 2 entries + 1) */
     real *elongations;               /* scratch: (bonds) elongations, in the order of the loop */
     integer entries, moving, forcing, damped, degree, damped_bonds, levels, bonds, stage, step;
+    integer springs, columns, shared_size, own_size;
 } drive;
 
 /* Drifts: without dashpots, without those in bonds, with those of a chain, of a network. */
 enum { UNDAMPED, DAMPED_SITES, DAMPED_CHAIN, DAMPED_NETWORK };
 
 #if CHANGES
+/* Give the bonds of the loop the numbers of the s-th kick. */
+static void set_springs(const drive *d, integer s)
+{
+    const real *restrict numbers = d->numbers + s * d->columns;
+    EACH(d->shared_size) d->shared[i] = numbers[d->shared_from[i]];
+    EACH(d->own_size) d->own[i] = numbers[d->own_from[i]];
+}
+
 #ifdef DIM
-#define ELONGATION(i) d->elongations[i]
+#define ELONGATION(j) d->elongations[j]
 /* Elongations of the bonds of a network. */
 static void find_elongations(const scene *c, const drive *d)
 {
-    const integer n = c->contacts;
+    const integer n = c->contacts, walls = c->sites * DIM;
     for (integer b = 0; b < d->bonds; b++) {
+        const integer wall = c->from[b] >= walls;
         const real *at = c->u + c->from[b], *to = c->u + c->to[b];
-        real place[DIM], w[DIM], along[DIM];
-        AXES(k) place[k] = c->geometry[k * n + b], w[k] = to[k] - at[k];
-        pair_contact(
-            place, w, c->geometry[DIM * n + b], c->geometry[(DIM + 1) * n + b], d->elongations + b,
-            along);
+        real place[DIM], w[DIM], along[DIM], *r = d->elongations + b;
+        const real g = c->geometry[DIM * n + b], length = c->geometry[(DIM + 1) * n + b];
+        AXES(k) place[k] = c->geometry[k * n + b], w[k] = to[k] - (wall ? 0 : at[k]);
+        if (wall) wall_contact(place, w, g, length, r, along);
+        else pair_contact(place, w, g, length, r, along);
     }
 }
 
-/* Rate of the energy of all bonds at given elongations: law number 1 is the rate of law number
-   0. */
-__attribute__((flatten)) static real power_of(const scene *c, const drive *d)
+/* The sum of the rates of the energies of n bonds of law K with the same numbers p. */
+#define RATE(K)                                                                             \
+    __attribute__((flatten)) static real rates_##K(                                         \
+        const real *restrict elongations, integer n, const real *restrict p)                \
+    {                                                                                       \
+        real part[BLOCK] = {0}, sum = 0;                                                    \
+        integer j = 0;                                                                      \
+        for (; j + BLOCK <= n; j += BLOCK)                                                  \
+            EACH(BLOCK) part[i] += energy_##K(elongations[j + i], p);                       \
+        EACH(n - j) part[i] += energy_##K(elongations[j + i], p);                           \
+        for (int i = 0; i < BLOCK; i++) sum += part[i];                                     \
+        return sum;                                                                         \
+    }
+LAWS(RATE)
+
+/* Rate of the energy of all bonds at the elongations found, in the s-th kick. */
+static real power_of(const scene *c, const drive *d, integer s)
 {
-    const integer bonds = d->bonds;
-    const real *restrict shared = c->shared;
-    real p[PARAMETERS + 1], part[BLOCK] = {0}, sum = 0;
-    for (int i = 0; i < PARAMETERS; i++) p[i] = shared[i];
-    integer j = 0;
-    for (; j + BLOCK <= bonds; j += BLOCK)
-        EACH(BLOCK) part[i] += energy_1(d->elongations[j + i], p);
-    EACH(bonds - j) part[i] += energy_1(d->elongations[j + i], p);
-    for (int i = 0; i < BLOCK; i++) sum += part[i];
+    const real *numbers = d->numbers + s * d->columns;
+    real p[PARAMETERS + 1], sum = 0;
+    for (integer run = 0; run < c->runs; run++)
+        for (integer j = c->first[run], next; j < c->first[run + 1]; j = next) {
+            const integer spring = d->spring[j], *column = d->column + spring * PARAMETERS;
+            for (next = j + 1; next < c->first[run + 1] && d->spring[next] == spring;) next++;
+            for (int i = 0; i < PARAMETERS; i++) p[i] = numbers[column[i]];
+            switch (c->law[run] / 4) {
+#define CASE_OF(K) case K: sum += rates_##K(d->elongations + j, next - j, p); break;
+                LAWS(CASE_OF)
+            }
+        }
     return sum;
 }
 #else
-#define ELONGATION(i) (u[(i) + 1] - u[i])
+#define ELONGATION(j) (u[(j) + 1] - u[j])
 #define find_elongations(c, d)
 #endif
 
-/* The smallest and the largest elongation. */
-static void span(const scene *c, const drive *d, real *least, real *most)
+/* Note that a spring has had elongations from `low` to `high`; whether it may have them. */
+static int may_reach(const drive *d, integer s, integer spring, real low, real high)
 {
-    const integer bonds = d->bonds;
+    real *reached = d->reached + 2 * spring;
+    const real *domain = d->domain + 2 * (s * d->springs + spring);
+    reached[0] = smaller(low, reached[0]), reached[1] = larger(high, reached[1]);
+    return low > domain[0] && high < domain[1];
+}
+
+/* Note the elongations of a kick; whether all springs may have them. */
+static int may_span(const scene *c, const drive *d, integer s)
+{
     const real *restrict u = c->u;
-    real low[BLOCK], high[BLOCK];
+    int may = 1;
     find_elongations(c, d);
-    for (int i = 0; i < BLOCK; i++) low[i] = INFINITY, high[i] = -INFINITY;
+    for (integer run = 0; run < c->runs; run++) {
+        const integer end = c->first[run + 1];
+        integer j = c->first[run];
+        if (c->law[run] & 1) { /* bonds with numbers of their own */
+            for (; j < end; j++) may &= may_reach(d, s, d->spring[j], ELONGATION(j), ELONGATION(j));
+            continue;
+        }
+        real low[BLOCK], high[BLOCK];
+        for (int i = 0; i < BLOCK; i++) low[i] = INFINITY, high[i] = -INFINITY;
 #define SPAN(n)                                                                             \
     EACH(n) {                                                                               \
-        const real r = ELONGATION(j + i);                                                      \
+        const real r = ELONGATION(j + i);                                                   \
         low[i] = r < low[i] ? r : low[i];                                                   \
         high[i] = r > high[i] ? r : high[i];                                                \
     }
-    integer j = 0;
-    for (; j + BLOCK <= bonds; j += BLOCK) SPAN(BLOCK)
-    SPAN(bonds - j)
+        for (; j + BLOCK <= end; j += BLOCK) SPAN(BLOCK)
+        SPAN(end - j)
+        for (int n = BLOCK / 2; n; n /= 2)
+            EACH(n) {
+                low[i] = low[i + n] < low[i] ? low[i + n] : low[i];
+                high[i] = high[i + n] > high[i] ? high[i + n] : high[i];
+            }
+        may &= may_reach(d, s, d->spring[c->first[run]], *low, *high);
+    }
     (void)u;
-    for (int n = BLOCK / 2; n; n /= 2)
-        EACH(n) {
-            low[i] = low[i + n] < low[i] ? low[i + n] : low[i];
-            high[i] = high[i + n] > high[i] ? high[i + n] : high[i];
-        }
-    *least = *low, *most = *high;
+    return may;
 }
 #endif
 
@@ -256,13 +305,10 @@ static int driven_stage(scene *c, const drive *d, integer s, integer i, real a, 
     }
     for (integer e = 0; e < d->moving; e++) v[d->moved[e]] = 0, d->given[e] = u[d->moved[e]];
 #if CHANGES
-    real low, high;
-    span(c, d, &low, &high);
-    d->sums[2] = smaller(low, d->sums[2]), d->sums[3] = larger(high, d->sums[3]);
-    if (!(low > d->domain[2 * s] && high < d->domain[2 * s + 1])) return 1;
-    c->shared = d->shared + s * PARAMETERS;
+    if (!may_span(c, d, s)) return 1;
+    set_springs(d, s);
 #ifdef DIM
-    d->sums[0] += a * power_of(c, d);
+    d->sums[0] += a * power_of(c, d, s);
     stage(c, a, straight);
 #else
     d->sums[0] += a * stage(c, a, straight);
@@ -306,7 +352,7 @@ integer advance_driven(const scene *given, drive *d, integer steps, integer open
     return 0;
 }
 
-/* The output state has its own sums; elongations of its closing kick count. */
+/* The output state has its own sums. */
 integer postprocess_driven(const scene *given, drive *d, real *u, real *v)
 {
     FLUSH
@@ -314,9 +360,6 @@ integer postprocess_driven(const scene *given, drive *d, real *u, real *v)
     drive alone = *d;
     copy.u = u, copy.v = v, alone.sums = d->output_sums;
     ALL_MAY_MOVE(copy)
-    for (int i = 0; i < 4; i++) d->output_sums[i] = d->sums[i];
-    const integer locked = copy.closing
-        && driven_stage(&copy, &alone, d->stage, 0, copy.kicks[copy.stages], 0);
-    d->sums[2] = d->output_sums[2], d->sums[3] = d->output_sums[3];
-    return locked;
+    for (int i = 0; i < 2; i++) d->output_sums[i] = d->sums[i];
+    return copy.closing && driven_stage(&copy, &alone, d->stage, 0, copy.kicks[copy.stages], 0);
 }

@@ -22,7 +22,6 @@ from tensegrity.engine.bonds import Bonds
 from tensegrity.engine.bound import Bound
 from tensegrity.engine.compiled import compiled
 from tensegrity.engine.force_law import AppliedForce
-from tensegrity.engine.law import Change
 from tensegrity.engine.layout import of_contacts
 from tensegrity.engine.methods import Splitting
 from tensegrity.engine.native import structure
@@ -58,9 +57,8 @@ class Forcing:
         Dashpots to the ground [N s/m].
     bond : ndarray, (bonds,)
         Dashpots in the bonds [N s/m]; none in contacts with walls, which follow the bonds.
-    tuning : object or None
-        Springs that change: `law`, the indices of the parameters that are `moving`, `at(t)` and
-        `numbers(t)`, one row for each of t.
+    timed : object or None
+        Springs of which some change; see `springs.over_time.TimedSprings`.
     applied : tuple of AppliedForce
         Further forces, on sites and along bonds.
     """
@@ -74,7 +72,7 @@ class Forcing:
     prescribed_mass: Array
     ground: Array
     bond: Array
-    tuning: Any
+    timed: Any
     applied: tuple[AppliedForce, ...] = ()
 
     @property
@@ -160,8 +158,8 @@ class Schedule:
         forcing, width = self._forcing, 1
         width += len(forcing.moved) * (2 + self.degree * (1 + (forcing.damped > 0)))
         width += 2 * len(forcing.forced)
-        if forcing.tuning is not None:
-            width += 4 * forcing.bonds.parameters.shape[1]
+        if forcing.timed is not None:
+            width += 2 * forcing.timed.columns.size
         return width * len(self.drifts)
 
     def rows(self, first: int, steps: int, origin: float = 0.0) -> dict[str, Array]:
@@ -187,8 +185,8 @@ class Schedule:
                 table |= self._between(at, steps)
         if forcing.forced.size:
             table["force"], table["force_rate"] = (forcing.force(at, k) for k in (0, 1))
-        if forcing.tuning is not None:
-            table["shared"], table["domain"] = forcing.tuning.numbers(at)
+        if forcing.timed is not None:
+            table["numbers"], table["domain"] = forcing.timed.numbers(at)
         return {name: np.ascontiguousarray(rows, dtype=float) for name, rows in table.items()}
 
     def _between(self, at: Array, steps: int) -> dict[str, Array]:
@@ -207,18 +205,16 @@ class Schedule:
 
 
 class Locked(Exception):  # internal: tells the stage, not raised to users
-    """A spring of a chain whose springs change reached an end of its domain.
+    """A spring that changes reached an end of its domain.
 
     Parameters
     ----------
     t : float
         Instant of the stage [s].
-    range : ndarray, (2,)
-        Smallest and largest elongation up to that stage [m].
     """
 
-    def __init__(self, t: float, range: Array) -> None:
-        self.t, self.range = t, range
+    def __init__(self, t: float) -> None:
+        self.t = t
 
 
 class BoundDriven(Bound):
@@ -226,10 +222,9 @@ class BoundDriven(Bound):
 
     Attributes
     ----------
-    sums : ndarray, (4,)
-        Work of drives [J], without the energy of their masses and forces; loss in dashpots [J];
-        smallest and largest elongation [m], where springs change.
-    output_sums : ndarray, (4,)
+    sums : ndarray, (2,)
+        Work of drives [J], without the energy of their masses and forces; loss in dashpots [J].
+    output_sums : ndarray, (2,)
         The same for the output state.
     """
 
@@ -242,9 +237,12 @@ class BoundDriven(Bound):
         splits = isinstance(method, Splitting)
         self._forcing, self._corrects = forcing, corrects
         self.schedule: Any = (Schedule if splits else forced.Stages)(forcing, method, dt)
-        self.sums = np.array([0.0, 0.0, np.inf, -np.inf])
+        self.sums = np.zeros(2)
         self.output_sums = self.sums.copy() if splits else self.sums
+        self._reached = np.zeros((0 if forcing.timed is None else len(forcing.timed.series), 2))
         super().__init__(loop, u, v, forcing.bonds, method, dt)
+        if forcing.timed is not None:
+            self._no_range = self._no_range[forcing.timed.number]
 
     def _steps(self, method: Any) -> Any:
         forcing, schedule, loop = self._forcing, self.schedule, self._loop
@@ -271,6 +269,8 @@ class BoundDriven(Bound):
         }
         if loop.dim:
             self._scene.fill(**of_contacts(loop, forcing.bonds))
+        if forcing.timed is not None:
+            arrays |= self._changing()
         if forcing.damped == DAMPED_NETWORK:
             of, damped_bonds = forcing.bonds.contacts, forcing.damped_bonds
             ends = loop.dim * np.stack([of.first, of.second], axis=1)[damped_bonds]
@@ -290,10 +290,26 @@ class BoundDriven(Bound):
             "damped_bonds": len(forcing.damped_bonds),
             "levels": schedule.levels,
             "bonds": bonds,
+            "springs": len(self._reached),
+            "columns": 0 if forcing.timed is None else forcing.timed.columns.size,
+            "shared_size": self._scene.filled["shared"].size,
+            "own_size": self._scene.filled["own"].size,
         }
         arrays = {name: np.ascontiguousarray(x) for name, x in arrays.items()}
         self._timed_fields = DRIVE(**dict.fromkeys(DRIVE.kinds) | arrays | numbers)
         return "driven", self._timed_fields  # others: `_timed`
+
+    def _changing(self) -> dict[str, Any]:
+        """Arrays of springs that change: the loop's bonds have for parameters the columns of
+        their numbers, and places for these numbers."""
+        runs, timed, places = self._layout.runs, self._forcing.timed, {}
+        for name in ("shared", "own"):
+            columns = self._layout.fields[name]
+            places[name] = np.zeros(columns.shape)
+            places[f"{name}_from"] = columns.astype(np.int64)
+        self._scene.fill(shared=places["shared"], own=places["own"])
+        spring = self._forcing.bonds.group[runs.source].astype(np.int64)
+        return places | {"spring": spring, "column": timed.columns, "reached": self._reached}
 
     def go(self, done: int, end: int, wanted: Any = ()) -> int:
         """Advance and store states; see `Bound.go`.
@@ -308,13 +324,14 @@ class BoundDriven(Bound):
         Returns
         -------
         int
-            See `march.go`.
+            See `Bound.go`.
 
         Raises
         ------
         Locked
             A changing spring reached an end of its domain; u and v are invalid then.
         """
+        self._reached[:] = np.inf, -np.inf
         return self._timed(done, end - done, lambda: super(BoundDriven, self).go(done, end, wanted))
 
     def short(self, t: float) -> None:
@@ -339,7 +356,7 @@ class BoundDriven(Bound):
         status = do()
         if status == march.STOPPED:
             times = self.schedule.times(first, steps, origin)
-            raise Locked(float(times[timed.stage]), self.sums[2:].copy())
+            raise Locked(float(times[timed.stage]))
         return status
 
     def record_stages(self, path: Array) -> None:
@@ -347,15 +364,14 @@ class BoundDriven(Bound):
         of all steps, 2, entries)."""
         self._timed_fields.fill(path=path)
 
-    def forget_range(self) -> None:
-        """Reset the elongation range; work and loss remain."""
-        self.sums[2:] = np.inf, -np.inf
-        super().forget_range()
-
-    @property
-    def range(self) -> Array:
-        """Smallest and largest elongation of each different spring; see `Bound.range`."""
-        return super().range if self._forcing.tuning is None else self.sums[2:][None].copy()
+    def widen(self, ranges: Array) -> Array:
+        """Widen ranges of elongation; see `Bound.widen`."""
+        timed = self._forcing.timed
+        if timed is None:
+            return super().widen(ranges)
+        for side, wider in enumerate((np.minimum, np.maximum)):
+            wider(ranges[:, side], self._reached[timed.number, side], out=ranges[:, side])
+        return ranges
 
 
 def bind(
@@ -379,10 +395,6 @@ def bind(
     -------
     BoundDriven
     """
-    bonds = forcing.bonds
-    laws, own = bonds.laws, bonds.own
-    if forcing.tuning is not None:
-        laws, own = (laws[0], Change(laws[0], forcing.tuning.moving)), (None, None)
-    forces = tuple(one.law for one in forcing.applied)
-    loop = compiled(laws, own, bonds.dim, 1, forces)
+    bonds, forces = forcing.bonds, tuple(one.law for one in forcing.applied)
+    loop = compiled(bonds.laws, bonds.own, bonds.dim, 1, forces)
     return BoundDriven(loop, forcing, u, v, method, dt, corrects)

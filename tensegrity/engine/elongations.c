@@ -5,6 +5,8 @@ typedef struct {
     const real *at;                /* (rows, DIM) reference places, and the normals of walls */
     const real *gap, *length;      /* (count), or one of all where the step is 0 */
     integer gap_step, length_step;
+    const real *parameters;        /* (springs, PARAMETERS) of a law of both ends */
+    const int *spring;             /* (count) that of each contact; 0 where there is one */
 } places;
 
 /* On a line the direction from the first site to the second counts. */
@@ -32,5 +34,17 @@ static inline real separation(const real *at, integer from, integer to, int k)
         }                                                                                   \
     }
 
+#ifdef ENDS
+void pair_elongations(const places *of, integer begin, integer end, const real *restrict u,
+                      real *restrict out)
+{
+    real along[2 * DIM];
+    for (integer i = begin; i < end; i++)
+        pair_of_ends(u + of->first[i] * DIM, u + of->second[i] * DIM,
+                     of->parameters + (of->spring ? of->spring[i] * PARAMETERS : 0), out + i - begin,
+                     along);
+}
+#else
 ELONGATIONS(pair, separation(at, p, q, k), u[q * DIM + k] - u[p * DIM + k])
+#endif
 ELONGATIONS(wall, at[p * DIM + k], u[q * DIM + k])

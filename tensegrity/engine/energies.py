@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
     Set = tuple[Compiled, Array, Array, Indices, Indices]
 
+FLOAT = np.dtype(float)
 FINITE = 2  # what `largest` returns of finite numbers
 
 BOND_SET = structure("energies.c", "bond_set")
@@ -44,14 +45,16 @@ def _compiled() -> Any:
 def _elongations(dim: int, law: Any) -> list[int | None]:
     """Addresses of the functions for each kind of contact; the library is never unloaded."""
     laws = (law,) * (law is not None)
-    given: tuple[Any, ...] = laws, (None,) * len(laws), (), dim, (), {}, {}, ["elongations.c"]
+    flags = ["#define ENDS"] * len(laws)
+    given: tuple[Any, ...] = laws, (None,) * len(laws), (), dim, flags, {}, {}, ["elongations.c"]
     text = cached(named("elongations", laws, dim), lambda: codegen.whole(*given))
     functions = library(text, [f"-DDIM={dim}"])
     return [pointer(functions[f"{kind}_elongations"]) for kind in KINDS]
 
 
 class Energies:
-    """Total energies of states, with the bonds in sets that one compiled function evaluates.
+    """Total energies of states, with the bonds in sets that one compiled function evaluates; for
+    one thread, as its work space is.
 
     Parameters
     ----------
@@ -79,23 +82,22 @@ class Energies:
         given = ctypes.addressof(each), len(rows), bonds, address(mass), size // max(mass.size, 1)
         self._given = *given, None if loads is None else address(loads), size
         own = max((row.own for row in rows), default=0)  # parameters of each bond
-        self._room = bonds + max(size, most) + own * most
+        self._scratch = np.empty(bonds + max(size, most) + own * most)
+        self._scratch_at = address(self._scratch)
 
     def __call__(self, u: Array, v: Array) -> Array | None:
         """Total energies [J] of states u and v, (..., *shape of a state), the potential of loads
         included; None where an elongation is outside its domain, or the arrays are not
         C-contiguous arrays of float64."""
-        states = u.shape[: u.ndim - len(self._shape)]
-        fit = u.shape == v.shape == (*states, *self._shape)
-        if not (fit and all(x.dtype == np.float64 and x.flags.c_contiguous for x in (u, v))):
+        shape, own = u.shape, len(self._shape)
+        fit = shape == v.shape and shape[-own:] == self._shape and u.dtype == v.dtype == FLOAT
+        if not (fit and u.flags.c_contiguous and v.flags.c_contiguous):
             return None
-        count = math.prod(states)
-        scratch = np.empty(self._room + count)  # work space, and the results
-        energies = scratch[self._room :]
-        pointers = address(u), address(v), address(scratch), address(energies)
-        if not self._function(*self._given, count, *pointers):
+        energies = np.empty(shape[:-own])
+        pointers = address(u), address(v), self._scratch_at, address(energies)
+        if not self._function(*self._given, energies.size, *pointers):
             return None
-        return energies.reshape(states).copy() if states else energies[0]
+        return energies
 
 
 def _bond_set(
@@ -116,6 +118,9 @@ def _bond_set(
             contacts.kind[columns][0]
         ]
         places = _places(contacts, slice(first, last) if in_a_row else columns)
+        if geometry.own(loop.laws):
+            of_each = np.ascontiguousarray(springs, dtype=np.int32) if different > 1 else None
+            places.fill(parameters=np.ascontiguousarray(parameters.T), spring=of_each)
     return BOND_SET(
         function=pointer(loop.evaluator.values_own if several else loop.evaluator.values),
         elongations=elongations,
@@ -145,6 +150,8 @@ def _places(contacts: Contacts, columns: slice | Indices) -> Any:
         length=length,
         gap_step=gap.strides[0] // gap.itemsize,
         length_step=length.strides[0] // length.itemsize,
+        parameters=None,
+        spring=None,
     )
 
 

@@ -192,7 +192,7 @@ class ForceLaw:
         jacobian = ca.jacobian(function(*given), given[1])
         return ca.Function("slopes", given, [ca.densify(ca.vec(jacobian))])
 
-    def between(self, dim: int, kind: str, own: Any = None) -> dict[str, Any]:
+    def between(self, dim: int, kind: str) -> dict[str, Any]:
         """CasADi functions (t, w, s, parameters, geometry) of the force on the first of two ends,
         the ground for a force on a site.
 
@@ -201,8 +201,6 @@ class ForceLaw:
         dim : int
         kind : {"pair", "wall"}
             Of the contact.
-        own : Law, optional
-            With a geometry of its own.
 
         Returns
         -------
@@ -218,7 +216,7 @@ class ForceLaw:
         if self.on == SITE:
             reaction = -force(t, ca.vertcat(w, s, _norm(s)), p)
         else:
-            r, along = functions(dim, own)[kind](x[:-2], w, x[-2], x[-1])
+            r, along = functions(dim)[kind](x[:-2], w, x[-2], x[-1])
             rate = ca.dot(along, s)
             across = s - rate * along
             slip, speed = ca.SX.sym("slip"), _norm(across)

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tensegrity.engine import geometry
 from tensegrity.engine.bonds import KINDS
 from tensegrity.engine.compiled import Functions
 from tensegrity.engine.force_law import BOND, SITE, AppliedForce, ForceLaw
@@ -30,9 +29,9 @@ FORCING = structure("forced.c", "forcing")
 
 
 @once
-def _compiled(law: ForceLaw, dim: int, kind: str, own: Any) -> Functions:
-    key = named("derivatives of", [own] if own else (), law.name, dim, kind)
-    return Functions(key, lambda: law.between(dim, kind, own))
+def _compiled(law: ForceLaw, dim: int, kind: str) -> Functions:
+    key = named("derivatives of", (), law.name, dim, kind)
+    return Functions(key, lambda: law.between(dim, kind))
 
 
 def _evaluated(
@@ -53,7 +52,7 @@ def _evaluated(
         whole[:, :sites] = x.reshape(len(t), sites, dim)
         rows.append((whole[:, ends[1]] - whole[:, ends[0]]).reshape(-1, dim))
     rows += [np.tile(x, (len(t), 1)) for x in (one.values.T, of)]
-    values = _compiled(one.law, dim, kind, geometry.own(bonds.laws))(name, *rows)
+    values = _compiled(one.law, dim, kind)(name, *rows)
     return ends, values.reshape(len(t), len(at), -1, dim)
 
 

@@ -7,6 +7,8 @@ contacts do not depend on them.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from tensegrity.engine import geometry as functions
@@ -27,10 +29,14 @@ def connectivity(bonds):
 
 
 def elongations(bonds, u):
-    """Elongation r of each bond [m], (..., bonds), and its gradient, (..., bonds, dim).
+    """Elongation r of each bond [m], (..., bonds), and its gradient, (..., bonds, dim); by both
+    ends of bonds with a law of these, (..., bonds, 2 dim).
 
     `u` has the shape (..., rows, dim), of a chain (..., sites).
     """
+    if functions.own(bonds.laws):
+        r, along = _of_ends(bonds, "pair", u)
+        return r[..., 0], along
     first, second, pair, geometry = connectivity(bonds)
     w = _between(u if bonds.dim else u[..., None], first, second, pair)
     return _elongations_at(bonds, geometry, pair, w), _along(bonds, geometry, pair, w)
@@ -44,6 +50,11 @@ def bond_elongations(bonds, u):
     elongations = np.empty((*u.shape[:-2], len(contacts.first)), dtype=u.dtype)
     for k in range(0, elongations.shape[-1], PART):
         some = slice(k, k + PART)
+        if functions.own(bonds.laws):
+            elongations[..., some] = _of_ends(
+                bonds, "pair", u, np.arange(len(contacts.first))[some]
+            )[0][..., 0]
+            continue
         pair = contacts.kind[some] == PAIR
         w = _between(u, contacts.first[some], contacts.second[some], pair)
         all_in_one = elongations.shape[-1] <= PART
@@ -76,24 +87,38 @@ def _between(u, first, second, pair):
     return u[..., second, :] - np.where(pair[:, None], u[..., np.where(pair, first, 0), :], 0)
 
 
-def _own(bonds, kind, geometry, w):
-    """Results, (..., bonds, rows, columns) each, of a function of the law with a geometry of its
-    own for relative displacements w; None where there is no such law."""
-    law, states = functions.own(bonds.laws), w.shape[:-1]
-    if law is None:
-        return None
-    each = np.broadcast_to(geometry.T, (*states, len(geometry))).reshape(-1, len(geometry)).T
-    given = each[:-2], w.reshape(-1, w.shape[-1]).T, each[-2:-1], each[-1:]
-    outputs = law.geometry()[kind].map(each.shape[1]).call(given)
-    parts = [np.array(x).reshape(x.shape[0], each.shape[1], -1) for x in outputs]
-    return [x.swapaxes(0, 1).reshape(*states, len(x), -1) for x in parts]
+def _of_ends(bonds, kind, u, members=None, ends=None, y=None):
+    """Results, (..., members, size) each, of a function of the law of both ends.
+
+    Parameters
+    ----------
+    bonds : Bonds
+    kind : str
+        A key of `PairForms.functions`.
+    u : ndarray, (..., rows, dim)
+        Displacements [m].
+    members : ndarray of int, optional
+        Numbers of the bonds; by default all.
+    ends : tuple of ndarray of int, optional
+        The rows of u at which they end.
+    y : ndarray, (..., members, 2 dim), optional
+        A further argument.
+    """
+    of, group = bonds.contacts, bonds.group if members is None else bonds.group[members]
+    if ends is None:
+        ends = [x if members is None else x[members] for x in (of.first, of.second)]
+    law, states = functions.own(bonds.laws), (*u.shape[:-2], len(group))
+    p = np.broadcast_to(bonds.parameters[group], (*states, bonds.parameters.shape[1]))
+    given = [*(u[..., end, :] for end in ends), p, *([] if y is None else [y])]
+    columns = [x.reshape(math.prod(states), -1).T for x in given]
+    outputs = law.functions()[kind].map(max(columns[0].shape[1], 1)).call(columns)
+    sizes = [math.prod(law.functions()[kind].size_out(k)) for k in range(len(outputs))]
+    flat = [np.array(x).ravel(order="F") for x in outputs]  # columns one after the other
+    return [x.reshape(*states, size) for x, size in zip(flat, sizes, strict=True)]
 
 
 def _elongations_at(bonds, geometry, pair, w):
     """Elongations for relative displacements w of the ends, (..., bonds, dim)."""
-    own = _own(bonds, "pair", geometry, w)
-    if own:
-        return own[0][..., 0, 0]
     reference, gap, length = geometry[:-2], geometry[-2], geometry[-1]
     r = gap + np.sum(reference.T * w, axis=-1)  # walls, and on a line
     dim = len(reference)
@@ -105,9 +130,6 @@ def _elongations_at(bonds, geometry, pair, w):
 
 def _along(bonds, geometry, pair, w):
     """Gradient of the elongations with respect to w: unit vectors of pairs, normals of walls."""
-    own = _own(bonds, "pair", geometry, w)
-    if own:
-        return own[1][..., 0]
     reference = geometry[:-2].T
     along = np.broadcast_to(reference, w.shape).astype(w.dtype)
     if w.shape[-1] > 1:
@@ -137,19 +159,30 @@ def scattered_forces(bonds, tension, along):
     bonds : Bonds
     tension : ndarray, (..., bonds)
         [N]
-    along : ndarray, (..., bonds, dim)
-        Gradient of the elongations.
+    along : ndarray, (..., bonds, dim) or (..., bonds, 2 dim)
+        Gradient of the elongations; see `elongations`.
 
     Returns
     -------
     ndarray, (..., rows, dim)
         [N]
     """
-    return scattered(*connectivity(bonds)[:2], tension[..., None] * along, _rows(bonds))
+    each = tension[..., None] * along
+    each, other = _at_ends(bonds, each)
+    return scattered(*connectivity(bonds)[:2], each, _rows(bonds), other)
 
 
-def scattered(first, second, each, rows):
-    """Vectors of bonds added at their first ends and subtracted at their second ends.
+def _at_ends(bonds, each):
+    """What is added at first and subtracted at second ends, from products with the gradient."""
+    if functions.own(bonds.laws):
+        first, second = np.split(each, 2, axis=-1)
+        return -first, second
+    return each, each
+
+
+def scattered(first, second, each, rows, other=None):
+    """Vectors of bonds added at their first ends, and these or others subtracted at their second
+    ends.
 
     Parameters
     ----------
@@ -157,15 +190,16 @@ def scattered(first, second, each, rows):
         Rows of the ends.
     each : ndarray, (..., bonds, dim)
     rows : int
+    other : ndarray, shape of `each`, optional
 
     Returns
     -------
     ndarray, (..., rows, dim)
     """
     sums = np.zeros((*each.shape[:-2], rows, each.shape[-1]), dtype=each.dtype)
-    by_row, each = np.moveaxis(sums, -2, 0), np.moveaxis(each, -2, 0)  # a view
-    np.add.at(by_row, first, each)
-    np.subtract.at(by_row, second, each)
+    by_row = np.moveaxis(sums, -2, 0)  # a view
+    np.add.at(by_row, first, np.moveaxis(each, -2, 0))
+    np.subtract.at(by_row, second, np.moveaxis(each if other is None else other, -2, 0))
     return sums
 
 
@@ -179,7 +213,7 @@ def tangent(bonds, r, along, tension, stiffness, u=None):
     along : ndarray, (bonds, dim)
         Gradient of the elongations.
     u : ndarray, (rows, dim), optional
-        Displacements [m], of which only a law with a geometry of its own makes use.
+        Displacements [m], of which only a law of both ends makes use.
 
     Returns
     -------
@@ -187,11 +221,13 @@ def tangent(bonds, r, along, tension, stiffness, u=None):
         [N/m]; the columns of walls are 0, as walls do not move.
     """
     first, second, pair, geometry = connectivity(bonds)
-    blocks = tangents(along, stiffness, _density(geometry, pair, r, tension))
     if functions.own(bonds.laws):
-        (turning,) = _own(bonds, "tangent", geometry, _between(u, first, second, pair))
-        blocks = tangents(along, stiffness, 0 * tension) + tension[:, None, None] * turning
-    return assembled(first, second, blocks, _rows(bonds), pair)
+        (blocks,) = _of_ends(bonds, "tangent", u)
+        return assembled(
+            first, second, blocks.reshape(len(first), along.shape[1], -1), _rows(bonds)
+        )
+    blocks = tangents(along, stiffness, _density(geometry, pair, r, tension))
+    return assembled(first, second, of_both_ends(blocks), _rows(bonds), pair)
 
 
 def _density(geometry, pair, r, tension):
@@ -220,6 +256,12 @@ def tangents(along, stiffness, density):
     return stiffness[:, None, None] * lengthwise + density[:, None, None] * across
 
 
+def of_both_ends(blocks):
+    """Tangent stiffness by the coordinates of both ends, (bonds, 2 dim, 2 dim), of bonds with that
+    by their difference, (bonds, dim, dim)."""
+    return np.block([[blocks, -blocks], [-blocks, blocks]])
+
+
 def assembled(first, second, blocks, rows, pair=slice(None)):
     """Tangent stiffness of all bonds as one sparse matrix.
 
@@ -227,8 +269,8 @@ def assembled(first, second, blocks, rows, pair=slice(None)):
     ----------
     first, second : ndarray of int, (bonds,)
         Rows of the ends.
-    blocks : ndarray, (bonds, dim, dim)
-        Tangent stiffness of each bond [N/m].
+    blocks : ndarray, (bonds, 2 dim, 2 dim)
+        Tangent stiffness of each bond by both ends [N/m].
     rows : int
     pair : ndarray of bool, (bonds,), optional
         Bonds whose first end is a site; the others end at walls, which do not move.
@@ -240,16 +282,12 @@ def assembled(first, second, blocks, rows, pair=slice(None)):
     """
     from scipy.sparse import coo_array
 
-    axis, dim = np.arange(blocks.shape[-1]), blocks.shape[-1]
-    at, to, values = [], [], []
-    for row, column, sign, members in (
-        (second, second, 1, slice(None)),
-        (first, second, -1, slice(None)),
-        (first, first, 1, pair),
-        (second, first, -1, pair),
-    ):
-        matrix = sign * blocks[members]
-        i, j = (dim * x[members][:, None, None] for x in (row, column))
+    dim = blocks.shape[-1] // 2
+    axis, at, to, values, ends = np.arange(dim), [], [], [], (first, second)
+    for row, column in ((1, 1), (0, 1), (0, 0), (1, 0)):
+        members = slice(None) if column else pair
+        matrix = blocks[members, dim * row : dim * (row + 1), dim * column : dim * (column + 1)]
+        i, j = (dim * ends[x][members][:, None, None] for x in (row, column))
         at.append(np.broadcast_to(i + axis[:, None], matrix.shape).ravel())
         to.append(np.broadcast_to(j + axis, matrix.shape).ravel())
         values.append(matrix.ravel())
@@ -279,22 +317,37 @@ class BondForces:
     def __init__(self, layout, members, rows, u):
         place = np.full(layout.rows, -1)
         place[rows] = np.arange(len(rows))
-        self.members, self._rows = members, len(rows)
-        self._first, self._second = (place[x[members]] for x in layout.ends)
+        self.members, self._rows, self._bonds, self._u = members, len(rows), layout.bonds, u
+        self._ends = first, second = tuple(place[x[members]] for x in layout.ends)
+        self._wanted = layout.wanted
         _, _, pair, geometry = connectivity(layout.bonds)
         pair, geometry = pair[members], geometry[:, members]
-        w, of = _between(u, self._first, self._second, pair), layout.bonds
-        self.r, self._along = _elongations_at(of, geometry, pair, w), _along(of, geometry, pair, w)
-        self._own = _own(of, "tangent", geometry, w)
+        if functions.own(layout.bonds.laws):
+            self.r, self._along = self._of_ends("pair")
+            self.r = self.r[..., 0]
+        else:
+            w, of = _between(u, first, second, pair), layout.bonds
+            self.r, self._along = (
+                _elongations_at(of, geometry, pair, w),
+                _along(of, geometry, pair, w),
+            )
         self.f, self.k, self._d = layout.laws_at(self.r, members)
         self._density = _density(geometry, pair, self.r, self.f)
+
+    def _of_ends(self, kind, y=None):
+        return _of_ends(self._bonds, kind, self._u, self.members, self._ends, y)
+
+    def _wanted_of(self, by_all):
+        """Derivatives by the requested parameters, (wanted, ...), of those by all, (..., all)."""
+        return np.moveaxis(by_all[..., list(self._wanted[0])], -1, 0)
 
     def forces(self):
         """Forces on the rows [N], shape of u."""
         return self._scattered(self.f[..., None] * self._along)
 
     def _scattered(self, each):
-        return scattered(self._first, self._second, each, self._rows)
+        each, other = _at_ends(self._bonds, each)
+        return scattered(*self._ends, each, self._rows, other)
 
     def pullback(self, by_force=None, by_tension=0.0, by_elongation=0.0):
         """Derivatives of a number with respect to u, from those with respect to the forces.
@@ -315,13 +368,18 @@ class BondForces:
         g : ndarray, (..., members)
             Derivatives with respect to the elongations.
         """
-        along, turned = self._along, 0.0
+        along, turned, by_p, of_ends = self._along, 0.0, 0.0, functions.own(self._bonds.laws)
+        if of_ends and np.any(by_elongation):
+            by_p = by_elongation * self._wanted_of(self._of_ends("slopes")[0])
         if by_force is not None:
-            y = by_force[..., self._first, :] - by_force[..., self._second, :]
-            lengthwise = np.sum(y * along, axis=-1)
-            by_tension = by_tension + lengthwise
-            turned = self._density[..., None] * (y - lengthwise[..., None] * along)
-            if self._own:
-                turned = self.f[..., None] * (self._own[0] @ y[..., None])[..., 0]
+            first, second = (by_force[..., end, :] for end in self._ends)
+            if of_ends:
+                (both,) = self._of_ends("turned", -np.concatenate([first, second], axis=-1))
+                turned, rest = np.split(both, [along.shape[-1]], axis=-1)
+                by_p = by_p + self._wanted_of(rest)
+            else:
+                lengthwise = np.sum((first - second) * along, axis=-1)
+                by_tension = by_tension + lengthwise
+                turned = self._density[..., None] * (first - second - lengthwise[..., None] * along)
         g = by_tension * self.k + by_elongation
-        return -self._scattered(g[..., None] * along + turned), by_tension * self._d, g
+        return -self._scattered(g[..., None] * along + turned), by_tension * self._d + by_p, g

@@ -60,6 +60,13 @@ static int linearised(const scene *c, const implicit *m)
             separation[k] = m->geometry[k * bonds + b];
             moved[k] = place[ends[1] + k] - (wall ? 0 : place[ends[0] + k]);
         }
+#ifdef ENDS
+        real slope[2 * DIM], second[4 * DIM * DIM];
+        pair_of_ends(place + ends[0], place + ends[1], p, &r, slope);
+        tangent_of_ends(place + ends[0], place + ends[1], p, second);
+#define FORCE(e, k) -slope[e * DIM + k]
+#define TANGENT(e, k, o, l) second[(o * DIM + l) * 2 * DIM + e * DIM + k]
+#else
         (wall ? wall_contact : pair_contact)(
             separation, moved, m->geometry[DIM * bonds + b], length, &r, along);
         switch (m->law[b]) {
@@ -67,22 +74,17 @@ static int linearised(const scene *c, const implicit *m)
     case K: tension = tension_##K(r, p), stiffness = stiffness_##K(r, p); break;
             LAWS(LAW_CASE)
         }
-#ifdef OWN_TANGENT
-        real second[DIM * DIM];
-        pair_tangent(separation, moved, m->geometry[DIM * bonds + b], length, second);
-#define TANGENT(k, l) stiffness * along[k] * along[l] + tension * second[DIM * k + l]
-#else
         const real across = DIM > 1 && !wall ? tension / (length + r) : 0; /* it turns */
-#define TANGENT(k, l) (stiffness - across) * along[k] * along[l] + (k == l ? across : 0)
+#define FORCE(e, k) (e ? -tension * along[k] : tension * along[k])
+#define TANGENT(e, k, o, l)                                                                 \
+    (e == o ? 1 : -1) *                                                                     \
+        ((stiffness - across) * along[k] * along[l] + (k == l ? across : 0))
 #endif
         for (integer e = wall; e < 2; e++)
             AXES(k) {
-                m->force[ends[e] + k] += e ? -tension * along[k] : tension * along[k];
+                m->force[ends[e] + k] += FORCE(e, k);
                 for (integer o = wall; o < 2; o++)
-                    AXES(l) {
-                        const real sum = h * h * (TANGENT(k, l));
-                        couple(m, ends[e] + k, ends[o] + l, e == o ? sum : -sum);
-                    }
+                    AXES(l) couple(m, ends[e] + k, ends[o] + l, h * h * (TANGENT(e, k, o, l)));
             }
     }
     int is_valid = 1;

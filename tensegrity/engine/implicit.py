@@ -57,7 +57,7 @@ def fields(loop, u, bonds):
 def _order(bonds, first, second):
     """Position of each site in the matrix (reverse Cuthill-McKee), and the bandwidth in sites."""
     sites = len(bonds.inverse_mass)
-    moves = np.append(bonds.inverse_mass > 0, False)
+    moves = np.append(bonds.inverse_mass.reshape(sites, -1).any(axis=1), False)
     joined = moves[np.minimum(first, sites)] & moves[second]  # without walls
     first, second, at = first[joined], second[joined], np.arange(sites)
     if bonds.contacts is not None:

@@ -330,7 +330,8 @@ def _law_properties(law):
     import casadi as ca
 
     slow = {ca.OP_SQRT: 16, ca.OP_DIV: 8, ca.OP_INV: 8}
-    slow |= dict.fromkeys((ca.OP_EXP, ca.OP_LOG, ca.OP_POW, ca.OP_SIN, ca.OP_COS), 150)
+    slow |= {ca.OP_SIN: 20, ca.OP_COS: 20}
+    slow |= dict.fromkeys((ca.OP_EXP, ca.OP_LOG, ca.OP_POW), 150)
     kinked = {
         ca.OP_FMAX,
         ca.OP_FMIN,

@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from tensegrity.engine import geometry
 from tensegrity.engine.bonds import (
     BLOCK,
     GROUP,
@@ -104,7 +105,7 @@ def _with_parameters(loop, bonds, runs, fields, pieces=1, slices=None, **more):
 
 
 def elongations(bonds, runs, batch=1, pieces=1):
-    """Places at which a loop notes elongation ranges.
+    """Places at which a loop notes elongation ranges, or those of coordinates; see `Bonds.noted`.
 
     There is one for each bond with parameters of its own, see `springs_of_places`; a run of other
     bonds has one for each place of a block, or in a network for each SIMD lane of each thread.
@@ -123,9 +124,12 @@ def elongations(bonds, runs, batch=1, pieces=1):
     range_at : ndarray of int64, (runs + 1,)
         First place of each run.
     springs : ndarray of int, (places,)
-        The spring of each place.
+        The spring or the coordinate of each place.
     """
     at, springs = [0], [np.zeros(0, dtype=int)]
+    if geometry.own(bonds.laws):
+        each = np.tile(np.repeat(np.arange(bonds.dim), GROUP), pieces)
+        return len(each) * np.arange(len(runs.own) + 1), np.tile(each, len(runs.own))
     most = pieces * GROUP if bonds.contacts is not None else BLOCK
     for k, own in enumerate(runs.own):
         group = springs_of_places(bonds, runs, k, batch)
@@ -141,7 +145,7 @@ def _net(loop, bonds, pieces):
     entries = replace(runs, source=listed.astype(np.int32), first=sliced.first)
     dim, sites = bonds.dim, len(contacts.load)
     w = np.zeros((contacts.rows + 1, dim))
-    w[:sites] = bonds.inverse_mass[:, None]
+    w[:sites] = bonds.inverse_mass.reshape(sites, -1)
     w[sites : contacts.rows - 1] = 1  # velocities of walls: impulses
     loaded = bool(contacts.load.any())
     fields = {

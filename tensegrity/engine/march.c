@@ -15,9 +15,13 @@ typedef struct {
     const double *u, *v;
     double *output_u, *output_v;
     const double *sums;   /* (sum_count) of the output state: work, loss */
-    const double *travel; /* bound on how far any coordinate of a site moved */
-    integer size;         /* numbers in u */
-    integer sum_count;
+    double *travel; /* bound on how far any coordinate of a site moved */
+    double *low, *high;    /* (places) smallest and largest elongation, as the loop notes them */
+    const integer *spring; /* (places) the spring, below 0 where the elongation does not count */
+    integer *active;       /* (actives) as of the scene, 0 for none; of a scene that may move all
+                              over the first number is `all_active`, the others are 0 */
+    integer size;          /* numbers in u */
+    integer sum_count, places, actives, all_active;
 } loop;
 
 /* Requested states after the steps `at`, increasing: the first `size` numbers of u and v,
@@ -34,6 +38,26 @@ typedef struct {
 enum { DONE, STOPPED, NOT_FINITE };
 
 static void copy(double *to, const double *from, integer n) { memcpy(to, from, n * sizeof *to); }
+
+/* Forget the elongations and the distance travelled; let the next step include all sites, after
+   which those that rest are found. */
+void begin(loop *l)
+{
+    for (integer k = 0; k < l->places; k++) l->low[k] = INFINITY, l->high[k] = -INFINITY;
+    *l->travel = 0;
+    for (integer k = 0; k < l->actives; k++) l->active[k] = k ? 0 : l->all_active;
+}
+
+/* Widen the smallest and largest elongation of each spring (springs, 2) by those since `begin`. */
+void widen(const loop *l, double *ranges)
+{
+    for (integer k = 0; k < l->places; k++) {
+        if (l->spring[k] < 0) continue;
+        double *of = ranges + 2 * l->spring[k];
+        if (l->low[k] < of[0]) of[0] = l->low[k];
+        if (l->high[k] > of[1]) of[1] = l->high[k];
+    }
+}
 
 /* Copy u and v, and turn the copies into the output state. */
 static integer write_output(const loop *l, double *u, double *v)
@@ -78,9 +102,10 @@ static int is_finite(const double *x, integer n)
 
 /* Advance from step `done` to `end`, and write the output state there; step 0 is the initial state.
    Returns DONE, STOPPED, or NOT_FINITE where one of the first `sites` numbers is not finite. */
-integer go(const loop *l, integer done, integer end, wanted *each, integer count, integer sites)
+integer go(loop *l, integer done, integer end, wanted *each, integer count, integer sites)
 {
     FLUSH
+    begin(l);
     for (integer k = 0; k < count; k++)
         while (done == 0 && each[k].count && *each[k].at == 0) take(l, each + k, 1);
     while (done < end) {

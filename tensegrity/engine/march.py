@@ -84,54 +84,33 @@ class Wanted(NamedTuple):
 
 
 @once
-def _compiled() -> Any:
-    return library(concatenated(["prelude.c", "march.c"])).go
+def compiled() -> Any:
+    """The functions of `march.c`."""
+    return library(concatenated(["prelude.c", "march.c"]))
 
 
-def go(loop: Any, done: int, end: int, wanted: Sequence[Wanted], sites: int, walls: int) -> int:
-    """Advance from step `done` to `end`, and store the requested states.
-
-    Parameters
-    ----------
-    loop : LOOP
-    done, end : int
-        Numbers of steps.
-    wanted : sequence of Wanted
-        For numbers of steps above `done` (or not below, if it is 0) and at most `end`.
-    sites, walls : int
-        Numbers of entries of u that belong to sites, and to the walls after them.
-
-    Returns
-    -------
-    int
-        0, or `STOPPED` where the loop stopped early, `NOT_FINITE` where the state is not finite.
-    """
-    each = (_WANTED * len(wanted))(*(_output_buffers(one, sites, walls) for one in wanted))
-    return _compiled()(
-        ctypes.addressof(loop), done, end, ctypes.addressof(each), len(wanted), sites
-    )
+def requests(wanted: Sequence[Wanted], sites: int, walls: int) -> Any:
+    """The structures `wanted` of `march.c`, where sites and the walls after them have so many
+    entries of u."""
+    each = [_request(one, sites, walls) for one in wanted]
+    return each[0] if len(each) == 1 else (_WANTED * len(each))(*each)
 
 
-def _output_buffers(one: Wanted, sites: int, walls: int) -> Any:
-    """The structure `wanted` of `march.c`."""
+def _request(one: Wanted, sites: int, walls: int) -> Any:
     at, u, v, impulse, sums, travel, raw, places, u_count, width = one
     filled = _WANTED.of(at=address(at), u=address(u), count=len(at), raw=raw, size=u[:1].size)
     if places is not None:
-        filled.places, filled.entries, filled.u_count, filled.raw = (
-            address(places),
-            len(places),
-            u_count,
-            1,
-        )
+        filled.places, filled.entries, filled.u_count = address(places), len(places), u_count
+        filled.raw = 1
         return filled
     if width:
         batch = u.strides[-2 if width > 1 else -1] // u.itemsize  # scenes of the whole array
         filled.used = u.shape[-1] if width > 1 else 1
         filled.width, filled.stride = width, batch
         filled.size = width * (u[:1].size // filled.used)
-    filled.v, filled.behind = address(v), sites
+    filled.v = address(v)
     if impulse is not None:
-        filled.impulse, filled.walls = address(impulse), walls
+        filled.impulse, filled.walls, filled.behind = address(impulse), walls, sites
     if sums is not None:
         filled.sums = address(sums)
     if travel is not None:

@@ -1,12 +1,23 @@
 /* Forces of a run of contacts of law number K in a tile, of pairs or with walls: added to the rows
    of both sites, or to those of the site and of the contact with a wall.  Returns whether any is
-   not 0. */
+   not 0.  With a law of both ends (ENDS) the gradient is that by both ends, and instead of
+   elongations the ranges of differences of free coordinates and of values of others are noted. */
+
+#ifdef ENDS
+#define WAYS (2 * DIM)
+#define NOTED DIM
+#define EACH_NOTED 0
+#else
+#define WAYS DIM
+#define NOTED 1
+#define EACH_NOTED OWNED
+#endif
 
 __attribute__((always_inline)) static inline int OF(run)(
     const scene *c, const real *restrict u, integer s, integer t, real *restrict pull,
     const int wall)
 {
-    pack stored[STORED][ROOM], along[DIM][ROOM], r[ROOM], f[ROOM], p[PARAMETERS + 1], sum[DIM];
+    pack stored[STORED][ROOM], along[WAYS][ROOM], r[ROOM], f[ROOM], p[PARAMETERS + 1], sum[DIM];
     pack largest = wide(0);
     const integer start = c->entry[s], all = c->entry[s + 1] - start;
     const integer *slice = c->slice + s * (c->tiles + 1) + t;
@@ -15,9 +26,10 @@ __attribute__((always_inline)) static inline int OF(run)(
     const real *restrict places = c->places;
     real *restrict low = c->low + c->range_at[s], *restrict high = c->high + c->range_at[s];
     for (int k = 0; k < PARAMETERS; k++) p[k] = wide(shared[k]);
-#if !OWNED
-    low += c->piece * GROUP, high += c->piece * GROUP;
-    pack least = load(low), most = load(high);
+#if !EACH_NOTED
+    low += c->piece * NOTED * GROUP, high += c->piece * NOTED * GROUP;
+    pack least[NOTED], most[NOTED];
+    for (int k = 0; k < NOTED; k++) least[k] = load(low + k * GROUP), most[k] = load(high + k * GROUP);
 #endif
     for (int part = 0; part < GROUP; part += WIDE)
         for (integer q = slice[0], at = c->begin[q]; q < slice[1];) {
@@ -47,8 +59,17 @@ __attribute__((always_inline)) static inline int OF(run)(
                         first_wall(g, x, moved, CONTACT);
                         continue;
                     }
-                    columns(places, other + g * GROUP, x);
                     columns(u, other + g * GROUP, y);
+#ifdef ENDS
+                    AXES(k) {
+                        const pack lower = free_ends[k] ? y[k] - moved[k] : smaller_of(y[k], moved[k]);
+                        const pack upper = free_ends[k] ? lower : larger_of(y[k], moved[k]);
+                        least[k] = smaller_of(lower, least[k]), most[k] = larger_of(upper, most[k]);
+                    }
+                    OF(first_ends)(g, moved, y, p, own + e, all, along, stored);
+                    continue;
+#endif
+                    columns(places, other + g * GROUP, x);
                     AXES(k) y[k] = moved[k] - y[k], x[k] = here[k] - x[k];
 #if DIM == 1
                     x[0] = TRUTH(x[0] > wide(0)) - TRUTH(x[0] < wide(0));
@@ -56,7 +77,11 @@ __attribute__((always_inline)) static inline int OF(run)(
                     first_pair(g, x, y, CONTACT);
                 }
             }
+#ifdef ENDS
+            OF(rest_ends)(stop - at, along, stored);
+#else
             (wall ? rest_wall : rest_pair)(stop - at, CONTACT);
+#endif
             OF(tension_lanes)(stop - at, r, p, own + e, all, f);
             for (integer z = q, g = 0; z < to; z++) {
                 const int *restrict site = c->site + z * GROUP + part;
@@ -65,12 +90,12 @@ __attribute__((always_inline)) static inline int OF(run)(
                 for (; g < end; g++) {
                     const pack tension = counting(counts[g] >> part, f[g]);
                     largest = larger_of(magnitude(tension), largest);
-#if OWNED
+#if EACH_NOTED
                     real *lower = low + e + g * GROUP, *upper = high + e + g * GROUP;
                     store(lower, smaller_of(r[g], load(lower)));
                     store(upper, larger_of(r[g], load(upper)));
-#else
-                    least = smaller_of(r[g], least), most = larger_of(r[g], most);
+#elif NOTED == 1 && !defined(ENDS)
+                    *least = smaller_of(r[g], *least), *most = larger_of(r[g], *most);
 #endif
                     pack forces[DIM];
                     AXES(k) {
@@ -78,6 +103,12 @@ __attribute__((always_inline)) static inline int OF(run)(
                         ROUNDED(forces[k])
                         sum[k] -= forces[k];
                     }
+#ifdef ENDS
+                    AXES(k) {
+                        forces[k] = -along[DIM + k][g] * tension;
+                        ROUNDED(forces[k])
+                    }
+#endif
                     if (wall) AXES(k) store(press + (g * DIM + k) * GROUP, forces[k]);
                     else add_rows(pull, other + g * GROUP, forces);
                 }
@@ -85,8 +116,8 @@ __attribute__((always_inline)) static inline int OF(run)(
             }
             q = last, at = stop;
         }
-#if !OWNED
-    store(low, least), store(high, most);
+#if !EACH_NOTED
+    for (int k = 0; k < NOTED; k++) store(low + k * GROUP, least[k]), store(high + k * GROUP, most[k]);
 #endif
     int felt = 0;
     LANES_OF(l) felt |= LANE(largest, l) > 0;
@@ -103,3 +134,6 @@ CONTACTS(pairs, 0)
 CONTACTS(walls, 1)
 
 #undef CONTACT
+#undef WAYS
+#undef NOTED
+#undef EACH_NOTED

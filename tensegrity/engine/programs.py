@@ -16,7 +16,7 @@ from tensegrity.once import once
 
 SUMS = {"Add": operator.add, "Mul": operator.mul}
 FUNCTIONS = ("sqrt", "sin", "cos", "tan", "asin", "acos", "atan", "exp", "log")
-CHOICES = {"Max": "maximum", "Min": "minimum"}  # NumPy's
+CHOICES = {"Max": "maximum", "Min": "minimum", "Abs": "absolute"}  # NumPy's
 CONSTANTS = {"Pi": "pi"}
 
 

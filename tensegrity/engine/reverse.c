@@ -15,12 +15,13 @@ typedef struct {
     const real *shared;              /* (runs, PARAMETERS) */
     const real *own;                 /* for each run (own parameters of its law, its bonds) */
     const real *geometry;            /* (DIM + 2, bonds), of a network */
+    const real *values;              /* (bonds, PARAMETERS) of a law of both ends */
     const real *kicks, *drifts;      /* dt times the coefficients (stages + 1), (stages) */
     real *ub, *vb, *wb;              /* (objectives, entries) */
     real *pb;                        /* (objectives, wanted, stride) */
     real *gb;                        /* (objectives, bonds) of elongations, in a network */
     real *r, *f, *k, *d;             /* scratch (stride), (stride + 2), (stride), (wanted, stride) */
-    real *along, *pull, *turn;       /* scratch (DIM, bonds), (entries), (entries) */
+    real *along, *pull, *turn;       /* scratch (DIM or 2 DIM, bonds), (entries), (entries) */
     real *bent;                      /* scratch (stride), of a network */
     const integer *from, *to;        /* (bonds) where their rows begin */
     const integer *first;            /* (runs + 1) first bond of each run */
@@ -184,6 +185,14 @@ static void place(const scene *c)
     const integer n = c->bonds;
     const real *restrict u = c->u, *restrict geometry = c->geometry;
     real *restrict r = c->r, *restrict along = c->along;
+#ifdef ENDS
+    for (integer i = 0; i < n; i++) {
+        real slope[2 * DIM];
+        pair_of_ends(u + c->from[i], u + c->to[i], c->values + i * PARAMETERS, r + i, slope);
+        for (int q = 0; q < 2 * DIM; q++) along[q * n + i] = slope[q];
+    }
+    return;
+#endif
     for (integer i = 0; i < n; i++) AXES(q) along[q * n + i] = u[c->to[i] + q] - u[c->from[i] + q];
     for (integer s = 0; s < c->runs; s++) {
         const integer at = c->first[s], many = c->first[s + 1] - at;
@@ -207,9 +216,14 @@ static void gather(const scene *c)
     EACH(c->entries) pull[i] = c->load[i];
     for (integer i = 0; i < n; i++)
         AXES(q) {
+#ifdef ENDS
+            pull[c->from[i] + q] -= along[q * n + i];
+            pull[c->to[i] + q] -= along[(DIM + q) * n + i];
+#else
             const real part = f[i] * along[q * n + i];
             pull[c->from[i] + q] += part;
             pull[c->to[i] + q] -= part;
+#endif
         }
 }
 
@@ -230,6 +244,19 @@ static void carry(const scene *c, real a, real b, integer o, integer rows)
     const real *restrict length = c->geometry + (DIM + 1) * n;
     real *restrict ub = c->ub + o * c->entries, *restrict pb = c->pb + o * c->wanted * stride;
     real *restrict bent = c->bent, *restrict gb = c->gb + o * n;
+#ifdef ENDS
+    for (integer i = 0; i < n; i++) {
+        const integer from = c->from[i], to = c->to[i];
+        const real *at = c->u + from, *end = c->u + to;
+        real y[2 * DIM], bent[2 * DIM + PARAMETERS];
+        AXES(q) y[q] = turn[from + q], y[DIM + q] = turn[to + q];
+        turned_of_ends(at, end, c->values + i * PARAMETERS, y, bent);
+        AXES(q) ub[from + q] -= bent[q], ub[to + q] -= bent[DIM + q];
+#define WANTED_SLOPE(m, of) pb[m * stride + i] -= bent[2 * DIM + of];
+        WANTED(WANTED_SLOPE)
+    }
+    return;
+#endif
     for (integer s = 0; s < c->runs; s++)
         for (integer i = c->first[s]; i < c->first[s + 1]; i++) {
             real y[DIM], t = 0;
@@ -237,18 +264,7 @@ static void carry(const scene *c, real a, real b, integer o, integer rows)
             AXES(q) t += y[q] * along[q * n + i];
             const real across = c->wall[s] || DIM == 1 ? 0 : f[i] / (length[i] + r[i]);
             bent[i] = t;
-#ifdef OWN_TANGENT
-            const real *here = c->geometry + i;
-            real D[DIM], w[DIM], second[DIM * DIM], z[DIM];
-            AXES(q) D[q] = here[q * n], w[q] = c->u[c->to[i] + q] - c->u[c->from[i] + q], z[q] = y[q];
-            pair_tangent(D, w, here[DIM * n], here[(DIM + 1) * n], second);
-            AXES(q) {
-                y[q] = t * k[i] * along[q * n + i];
-                AXES(p) y[q] += f[i] * second[q * DIM + p] * z[p];
-            }
-#else
             AXES(q) y[q] = t * k[i] * along[q * n + i] + across * (y[q] - t * along[q * n + i]);
-#endif
             AXES(q) ub[c->to[i] + q] += y[q];
             AXES(q) ub[c->from[i] + q] -= y[q];
         }

@@ -13,6 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
+from tensegrity.engine import geometry
 from tensegrity.engine.bonds import PAIR, WALL, integers, parameters
 from tensegrity.engine.bound import stages
 from tensegrity.engine.codegen import reverse_text
@@ -147,7 +148,7 @@ class ReverseLoop:
         n, sites, size = len(runs.source), layout.sites, max(dim, 1)
         self.u, self.v, w, load = (aligned(layout.shape) for _ in range(4))
         self.ub, self.vb = (aligned((totals.objectives, *layout.shape)) for _ in range(2))
-        w[:sites] = b.inverse_mass[:, None] if dim else b.inverse_mass
+        w[:sites] = b.inverse_mass.reshape(sites, -1) if dim else b.inverse_mass
         place = np.zeros((2, n))
         if dim:
             load[:sites] = b.contacts.load
@@ -159,7 +160,8 @@ class ReverseLoop:
         rows = method.stages if together else 1
         scratch = {"r": room, "f": room + 2, "bent": room, "k": (rows, room)}
         scratch |= {"d": (rows, layout.most, room), "pull": (rows, entries)}
-        scratch |= {"along": (dim, n), "turn": entries}
+        ends = geometry.own(b.laws) is not None
+        scratch |= {"along": (dim * (1 + ends), n), "turn": entries}
         self.scene = SCENE(
             **stages(method, dt),
             **layout.parameters(b),
@@ -172,6 +174,9 @@ class ReverseLoop:
             vb=self.vb,
             load=load,
             geometry=place,
+            values=np.ascontiguousarray(b.parameters[b.group[runs.source]])
+            if ends
+            else np.zeros(0),
             wb=totals.arrays[0],
             pb=totals.arrays[1],
             gb=totals.arrays[2],

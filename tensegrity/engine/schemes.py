@@ -56,7 +56,7 @@ class Method:
     limitations : str, optional
         Where another method is better.
     preserves : str
-        Properties that remain in scenes that are driven, damped or tuned.
+        Properties that remain in scenes that are driven, damped or change.
     """
 
     name: str
@@ -67,7 +67,7 @@ class Method:
 
     explicit = True
     reversible = True
-    preserves: ClassVar[str] = "not for scenes that are driven, damped or tuned"
+    preserves: ClassVar[str] = "not for scenes that are driven, damped or change"
     if TYPE_CHECKING:  # defined by each kind of method
         symplectic: ClassVar[bool]
         _slack: ClassVar[float]

@@ -151,6 +151,37 @@ PACKED pack quotient(pack x, pack y) { return x / y; }
 /* Functions without a SIMD instruction. */
 #define ONE_BY_ONE(y, f, ...) LANES_OF(l) LANE(y, l) = f(__VA_ARGS__);
 
+/* Sine and cosine to 1.1e-16: x less the nearest multiple n of pi/2, in three parts of which n times
+   the first two are exact, then the series of both by the minimax polynomials of fdlibm (Sun, 1993;
+   K. C. Ng).  The last bits of n, as it is rounded by adding 1.5 2^52, tell the quadrant.  Where an
+   argument is so large that n times the parts are not exact, the library takes over. */
+PACKED void sine_cosine(pack x, pack *sine, pack *cosine)
+{
+#if WIDE > 1
+    const pack whole = wide(6755399441055744.0), turns = x * 0.63661977236758134308 + whole;
+    const pack n = turns - whole;
+    const pack r = ((x - n * 1.57079632673412561417) - n * 6.07710050630396597660e-11) -
+                   n * 2.02226624879595063154e-21;
+    const pack z = r * r;
+    const pack s = r + r * z * (-1.66666666666666324348e-1 + z * (8.33333333332248946124e-3 +
+        z * (-1.98412698298579493134e-4 + z * (2.75573137070700676789e-6 +
+        z * (-2.50507602534068634195e-8 + z * 1.58969099521155010221e-10)))));
+    const pack c = 1 - (0.5 * z - z * z * (4.16666666666666019037e-2 + z * (-1.38888888888741095749e-3 +
+        z * (2.48015872894767294178e-5 + z * (-2.75573143513906633035e-7 +
+        z * (2.08757232129817482790e-9 - z * 1.13596475577881948265e-11))))));
+    const mask quarter = (mask)turns, odd = -(quarter & wide_integer(1));
+    const mask two = quarter << 62, three = (quarter + wide_integer(1)) << 62;
+    const mask sign = wide_integer(1) << 63;
+    *sine = (pack)((mask)SELECT(odd, c, s) ^ (two & sign));
+    *cosine = (pack)((mask)SELECT(odd, s, c) ^ (three & sign));
+    integer near = 1;
+    LANES_OF(l) near &= fabs(x[l]) < 1e6;
+    if (near) return;
+#endif
+    ONE_BY_ONE(*sine, sin, LANE(x, l))
+    ONE_BY_ONE(*cosine, cos, LANE(x, l))
+}
+
 /* Rounds a product before it is added: contracted with the sum, equal and opposite forces would
    differ in their last bit, and momentum would not be conserved.  gcc rounds a product that is also
    stored; other compilers need not. */

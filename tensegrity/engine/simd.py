@@ -28,7 +28,7 @@ def _names(ca):
         ca.OP_IF_ELSE_ZERO: "only((mask)({a} != wide(0)), {b})",
     }  # fmt: skip
     library = [
-        "EXP", "LOG", "SIN", "COS", "TAN", "ASIN", "ACOS", "ATAN", "SINH", "COSH", "TANH", "ASINH",
+        "EXP", "LOG", "TAN", "ASIN", "ACOS", "ATAN", "SINH", "COSH", "TANH", "ASINH",
         "ACOSH", "ATANH", "FLOOR", "CEIL", "ERF", "ATAN2", "FMOD", "COPYSIGN",
     ]  # fmt: skip
     called = {getattr(ca, f"OP_{name}"): name.lower() for name in library}
@@ -99,12 +99,13 @@ def _loops(passes):
 
 
 def benefits_from_simd(function):
-    """Whether a function has roots or quotients, and no operation that SIMD code lacks."""
+    """Whether a function has roots, quotients or sines, and no operation that SIMD code lacks."""
     import casadi as ca
 
     names = [[f"x[{k}]" for k in range(function.numel_in(j))] for j in range(function.n_in())]
     body = "".join(_Body(ca, names, [["y"]]).of(function)[1])
-    return ("root" in body or "quotient(" in body) and "ONE_BY_ONE" not in body
+    slow = any(x in body for x in ("root", "quotient(", "sine_cosine("))
+    return slow and "ONE_BY_ONE" not in body
 
 
 @dataclass
@@ -182,6 +183,8 @@ class _Body:
         if operation in (ca.OP_MUL, ca.OP_IF_ELSE_ZERO) and a in self._less:
             call, *compared = self._less[a]
             return self._new(f"{call}({', '.join(compared)}, {b})", *compared, b)
+        if operation in (ca.OP_SIN, ca.OP_COS):
+            return self._turn(a)[operation == ca.OP_COS]
         if operation in self._texts:
             return self._plain(operation, a, b)
         if operation in self._library:
@@ -241,6 +244,16 @@ class _Body:
         factors += [self._new(f"root({half})", half, slow=True)] if rest % 2 else []
         factors += [a] * whole or ["wide(1)"]
         return self._new(" * ".join(factors), *factors)
+
+    def _turn(self, a):
+        """The sine and the cosine of a value."""
+        if (call := f"sine_cosine({a})") not in self._known:
+            count = len(self._values)
+            both = f"x{count}", f"x{count + 1}"
+            level = self._add(f"sine_cosine({a}, &{both[0]}, &{both[1]});", both, (a,))
+            self._known[call] = both
+            self._values |= {name: _Value(level) for name in both}
+        return self._known[call]
 
     def _one_by_one(self, called, a, b):
         given = [_scalar(x) for x in (a, b) if x is not None]

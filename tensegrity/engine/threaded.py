@@ -131,6 +131,7 @@ class Threaded(Bound):
         loop = ref(self)  # no cycle, which would hold the arrays of a run until it is found
         self._called = STEPS(lambda *given: loop()._called_by_march(*given))
         self._march = self._marched(self._called)
+        self._march_at = ctypes.addressof(self._march)
 
     def go(self, done, end, wanted=()):
         """Advance and store states; see `Bound.go`.
@@ -143,7 +144,7 @@ class Threaded(Bound):
         Returns
         -------
         int
-            See `march.go`.
+            See `Bound.go`.
 
         Raises
         ------
@@ -206,17 +207,22 @@ class ThreadedChain(Threaded):
         for piece in self._parts:
             piece.loop.set_step(dt)
 
-    def forget_range(self):
-        """Reset the elongation range."""
-        super().forget_range()
+    def go(self, done, end, wanted=()):
+        """Advance and store states; see `Bound.go`."""
         for piece in self._parts:
-            piece.loop.forget_range()
+            piece.loop.forget()
+        return super().go(done, end, wanted)
 
-    @property
-    def range(self):
-        """Smallest and largest elongation of each different spring; see `Bound.range`."""
-        each = np.array([super().range, *(piece.loop.range for piece in self._parts)])
-        return np.stack([each[..., 0].min(axis=0), each[..., 1].max(axis=0)], axis=1)
+    def forget(self):
+        """Reset the elongation ranges; see `Bound.forget`."""
+        for loop in (super(), *(piece.loop for piece in self._parts)):
+            loop.forget()
+
+    def widen(self, ranges):
+        """Widen ranges of elongation; see `Bound.widen`."""
+        for loop in (super(), *(piece.loop for piece in self._parts)):
+            loop.widen(ranges)
+        return ranges
 
     def advance_open(self, steps, opened):
         """Advance without the closing kick; see `Bound.advance_open`."""

@@ -11,28 +11,24 @@ from contextlib import nullcontext
 from dataclasses import replace
 from functools import cache, partial
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from tensegrity.engine import kernel
+from tensegrity.engine.bonds import Bonds
 from tensegrity.engine.march import Wanted
 from tensegrity.engine.methods import Splitting
 from tensegrity.engine.reverse import Layout, OutputCotangents, ReverseLoop, Totals
+from tensegrity.gradients.samples import TraceSamples
 from tensegrity.notebook import progress
 from tensegrity.runs.march import march
+from tensegrity.runs.problem import Problem
+from tensegrity.runs.run import Run
 from tensegrity.scenes.scene import State
+from tensegrity.typing import Array
 
-if TYPE_CHECKING:
-    from typing import Any
-
-    from tensegrity.engine.bonds import Bonds
-    from tensegrity.gradients.samples import TraceSamples
-    from tensegrity.runs.problem import Problem
-    from tensegrity.runs.run import Run
-    from tensegrity.typing import Array
-
-    Pair = tuple[Array, Array]
+Pair = tuple[Array, Array]
 
 LIMIT = 1e-9  # largest error of a recomputed state over the largest |u| and |v|
 WORK = 4_000_000  # bonds x stages x steps of one call: about 20 ms

@@ -6,8 +6,9 @@ computed again and recorded, and the adjoint is applied to them in reverse order
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
@@ -16,19 +17,14 @@ from tensegrity.engine.force_law import BOND, SITE
 from tensegrity.engine.forced import Stages, pull_back, tangent_springs
 from tensegrity.engine.reverse import Layout, OutputCotangents, ReverseLoop, Totals
 from tensegrity.errors import TensegrityError
+from tensegrity.gradients.samples import TraceSamples
 from tensegrity.scenes.dynamics import dynamics
-from tensegrity.scenes.force import applied_forces, place_counts
+from tensegrity.scenes.force import place_counts
 from tensegrity.scenes.forcing import driven_entries, forcing_of
-from tensegrity.scenes.signals import in_columns
+from tensegrity.springs.signals import in_columns
+from tensegrity.typing import Array
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from typing import Any
-
-    from tensegrity.gradients.samples import TraceSamples
-    from tensegrity.typing import Array
-
-    Pair = tuple[Array, Array]
+Pair = tuple[Array, Array]
 
 NUMBERS = 4_000_000  # most numbers of the stages that are recorded together
 SAME = 1e-12  # relative difference of a parameter of a spring and of the same one in a force
@@ -198,7 +194,7 @@ def check_forced(scene: Any, traces: Sequence[Any]) -> None:
     ------
     TensegrityError
     """
-    if scene.tune:
+    if dynamics(scene).springs.changing:
         raise TensegrityError("springs that change in time has no gradient")
     counts, bonds = place_counts(scene), set()
     for one in dynamics(scene).further_forces:
@@ -242,7 +238,7 @@ def parameters_of(scene: Any) -> dict[str, str]:
     given: list[tuple[str, str, Any]] = [
         (str(name), DRIVE, None) for one in scene.drive.values() for name in one.parameters
     ]
-    for one in applied_forces(scene, as_forces=True):
+    for one in of.acting.applied(as_forces=True):
         for name, values in zip(one.law.names, one.values, strict=False):
             shared = one.law.on == BOND and name in symbols
             given.append((name, one.law.on, (one.places, values) if shared else None))

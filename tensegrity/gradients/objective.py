@@ -11,24 +11,18 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import permutations
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tensegrity import check
 from tensegrity.checked import checked
 from tensegrity.errors import TensegrityError
 from tensegrity.root import peak_weights, root
-from tensegrity.typing import Index
+from tensegrity.typing import Array, Index
 
-if TYPE_CHECKING:
-    from typing import Any
-
-    from numpy.typing import ArrayLike
-
-    from tensegrity.typing import Array
-
-    Rule = Callable[[Array, Array], tuple[float, ArrayLike]]
+Rule = Callable[[Array, Array], tuple[float, ArrayLike]]
 
 STEEPEST = 1000.0  # exponent of a p-norm
 TINY = 1e-30  # step of a derivative through the complex plane

@@ -6,39 +6,37 @@ differentiated by the complex-step method, and from those of a power law by its 
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tensegrity import check, plotting
 from tensegrity.engine.law import Law
+from tensegrity.engine.pair import PairForms
 from tensegrity.engine.programs import derived as program_of
 from tensegrity.engine.programs import run
 from tensegrity.errors import TensegrityError
 from tensegrity.printing import Lines, Printed, span
 from tensegrity.prisms.closed import polygon, rigid_law
 from tensegrity.prisms.condensed import ElasticPotential
-from tensegrity.prisms.plates import PlateLaw
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.network import Network
 from tensegrity.scenes.picture import Picture
 from tensegrity.springs.polynomial import Polynomial
 from tensegrity.springs.power_law import PowerLaw
 from tensegrity.springs.pressed import Pressed
+from tensegrity.typing import Array
 from tensegrity.unit.potential import UnitPotential
 from tensegrity.unit_names import unit_text
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-    from typing import Any
-
     from matplotlib.axes import Axes
 
     from tensegrity.runs.run import Run
     from tensegrity.springs.collection import Springs
     from tensegrity.springs.potential import Potential
-    from tensegrity.typing import Array
 
 TINY = 1e-30  # step of a derivative through the complex plane
 DIGITS = -np.log10(np.finfo(float).eps)
@@ -162,9 +160,9 @@ class Gradient(Printed):
         scene, unit = one._scene, UNITS.get(name, "")
         label = f"derivative by {name}" + (f" [value per {unit_text(unit)}]" if unit else "")
         of_sites = name == "mass" or name in dynamics(scene).arguments
-        if isinstance(scene, Network) and values.ndim == 2:
-            raise TensegrityError(f"a map shows one gradient, not {values.shape[1]}")
         if isinstance(scene, Network):
+            if values.ndim == 2:
+                raise TensegrityError(f"a map shows one gradient, not {values.shape[1]}")
             picture = Picture(scene, ax, facecolors=None if of_sites else "0.95")
             image = picture.paint(values, of_sites)
             picture.scale(image, label)
@@ -233,7 +231,7 @@ def refuse(spring: Potential) -> None:
             f"exponent {spring.exponent:g} of {spring!r} is below 1: its stiffness has no bound "
             "where the contact opens, and no derivative exists there"
         )
-    if not isinstance(spring.law, (Law, PlateLaw)) and not hasattr(spring.law, "by_parameters"):
+    if not isinstance(spring.law, (Law, PairForms)) and not hasattr(spring.law, "by_parameters"):
         raise TensegrityError(
             f"{spring!r} has no parameters with respect to which to differentiate"
         )
@@ -339,7 +337,7 @@ def _prism_forms(collapses: bool, any_sides: bool) -> tuple[list[Any], tuple[Any
 
     from derivations import prism, regular
     from derivations import rigid_elastic as derived
-    from derivations.rigid_parameters import parameter_expressions
+    from derivations.rigid_elastic import parameter_expressions
 
     of = polygon(any_sides)
     forms = dict(parameter_expressions(of))

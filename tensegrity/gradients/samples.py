@@ -7,22 +7,21 @@ velocities adds that kick, from the forces on its sites.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tensegrity.engine.bonds import PAIR
 from tensegrity.engine.codegen import energy_function
 from tensegrity.engine.forces import BondForces
+from tensegrity.engine.geometry import own
 from tensegrity.errors import TensegrityError
+from tensegrity.typing import Array, Indices
 
 if TYPE_CHECKING:
-    from typing import Any
-
     from tensegrity.engine.reverse import Layout
     from tensegrity.gradients.objective import Trace
     from tensegrity.scenes.scene import Scene
-    from tensegrity.typing import Array, Indices
 
 AT_ONCE = 4_000_000  # most numbers from which traces are computed in one block
 
@@ -67,6 +66,8 @@ class TraceSamples:
         kind, where, none = trace.kind, trace.where, np.zeros(0, dtype=int)
         first, second = self.layout.ends
         if kind == "bond":
+            if own(self.layout.bonds.laws):
+                raise TensegrityError(f"bond {where}: the bonds of a pair law have no tension")
             if where >= len(first):
                 raise TensegrityError(f"bond {where} must be below {len(first)}")
             return np.array([where]), none
@@ -127,12 +128,13 @@ class TraceSamples:
         -------
         ndarray, (steps, places)
             Derivatives with respect to the samples.
-        p, g, m, w : ndarray, (wanted, bonds), (bonds,), (sites,), (sites,)
+        p, g, m, w : ndarray, (wanted, bonds), (bonds,), shape of the masses twice
             With respect to parameters, elongations, masses and their inverses.
         """
         layout, by_rows = self.layout, np.zeros(rows.shape)
         bonds = len(layout.bonds.group)
-        totals = np.zeros((layout.most, bonds)), np.zeros(bonds), *np.zeros((2, layout.sites))
+        masses = np.zeros((2, *self.scene.mass.shape))
+        totals = np.zeros((layout.most, bonds)), np.zeros(bonds), *masses
         used = np.flatnonzero(slopes.any(axis=0))
         for k in range(0, len(used), self._most):
             x = used[k : k + self._most]
@@ -163,7 +165,7 @@ class _Block:
         v, _ = self._velocity(bonds, sites)
         if trace.kind == "velocity":
             return v[:, 0, trace.axis]
-        kinetic = 0.5 * np.sum(self._of.scene.mass[sites] * np.sum(v**2, axis=-1), axis=-1)
+        kinetic = 0.5 * np.sum(self._mass(sites) * v**2, axis=(-1, -2))
         stored = self._stored(bonds)[0] @ self._energy_fractions(bonds, sites)
         return kinetic + stored - np.sum(self._loads(sites) * u, axis=(1, 2))
 
@@ -190,8 +192,8 @@ class _Block:
             self._add_velocity(bonds, sites, slope * np.eye(self._of.axes)[trace.axis])
         else:
             v, _ = self._velocity(bonds, sites)
-            self._add_velocity(bonds, sites, slope * self._of.scene.mass[sites, None] * v)
-            self._m[sites] += 0.5 * slope[:, 0, 0] @ np.sum(v**2, axis=-1)
+            self._add_velocity(bonds, sites, slope * self._mass(sites) * v)
+            self._m[sites] += self._of_masses(0.5 * np.sum(slope * v**2, axis=0))
             self._ub[:, self._rows(sites)] -= slope * self._loads(sites)
             stored, weight = (
                 self._stored(bonds),
@@ -250,7 +252,16 @@ class _Block:
 
     def _kick(self, sites: Indices) -> Any:
         """Change of velocity by the closing kick per unit force on each site; (steps, sites, 1)."""
-        return self._closing * self._of.layout.bonds.inverse_mass[sites, None]
+        weights = self._of.layout.bonds.inverse_mass[sites]
+        return self._closing * weights.reshape(len(sites), -1)
+
+    def _mass(self, sites: Indices) -> Array:
+        """Masses of sites, (sites, 1), or of their coordinates, (sites, axes) [kg]."""
+        return self._of.scene.mass[sites].reshape(len(sites), -1)
+
+    def _of_masses(self, each: Array) -> Array:
+        """Derivatives with respect to the masses from those by each coordinate's, (sites, axes)."""
+        return each if self._of.scene.mass.ndim > 1 else each.sum(axis=1)
 
     def _add_velocity(self, bonds: Indices, sites: Indices, by_v: Array) -> None:
         self._vb[:, np.searchsorted(self._of.rows_v, sites)] += by_v
@@ -258,4 +269,4 @@ class _Block:
         by_force = np.zeros(self._u.shape)
         by_force[:, self._rows(sites)] = self._kick(sites) * by_v
         self._add_bond_forces(bonds, by_force=by_force)
-        self._w[sites] += np.sum(self._closing * by_v * force, axis=(0, 2))
+        self._w[sites] += self._of_masses(np.sum(self._closing * by_v * force, axis=0))

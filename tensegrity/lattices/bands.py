@@ -5,6 +5,7 @@ The lattice is linearised about its own state, in which some strings may be slac
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -33,6 +34,7 @@ FASTEST = 1e100  # bound of frequencies, whose squares are finite [rad/s]
 TURNS = 1e9  # bound of phases, which keep 7 decimals there [rad]
 OPEN = 1e-9  # of the highest frequency: the least gap
 SHOWN = 4  # gaps that are printed
+NEGATIVE = 1e-14  # eigenvalue of a bond over the largest that is round-off
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -97,8 +99,8 @@ def bands(
     Parameters
     ----------
     lattice : Lattice or PeriodicBonds
-        With its nodes in equilibrium; a macroscopic stress is allowed.  The second are columns of
-        plates, `Prism.column`.
+        With its nodes in equilibrium; a macroscopic stress is allowed.  The second are a
+        `PairLattice`, and columns of plates, `Prism.column`.
     wavenumbers : array_like, (points, d)
         Phase differences between adjacent cells along each lattice vector [rad].
     velocities, shapes : bool, optional
@@ -137,7 +139,8 @@ def bands(
     """
     if not isinstance(lattice, PeriodicBonds):
         check.kind("lattice", lattice, Cell)
-    size, dim = lattice.positions.size, lattice.positions.shape[1]
+    shape = _shape(lattice)
+    size, dim = math.prod(shape), shape[1]
     each = size if count is None else check.whole("count", count, least=1, below=size + 1)
     q = _phases(lattice, wavenumbers, each)
     numbers = 6 + 2 * velocities * (q.shape[1] + dim) + 6 * shapes * size
@@ -168,8 +171,8 @@ def bands(
         with np.errstate(divide="ignore", invalid="ignore"):
             group = np.where(w > 0, 0.5 / w, np.nan)[..., None] * (rates @ lattice.vectors)
     if moved is not None:
-        moved = moved.reshape(count, size, *lattice.positions.shape)
-        moved = moved / np.sqrt(lattice.mass)[:, None]
+        moved = moved.reshape(count, size, *shape)
+        moved = moved / np.sqrt(lattice.mass.reshape(lattice.nodes, -1))
     return Bands(q, w, group, moved)
 
 
@@ -177,10 +180,10 @@ def _lowest(
     lattice: Cell | PeriodicBonds, q: Array, count: int, velocities: bool, shapes: bool
 ) -> Bands:
     """The lowest branches."""
-    size = lattice.positions.size
+    size = math.prod(_shape(lattice))
     if velocities:
         raise TensegrityError(f"velocities require all branches, not the lowest {count}")
-    if size <= DENSE or 2 * count >= size // 4:
+    if size <= DENSE or 2 * count >= size // 4 or lattice.mass.ndim > 1:
         whole = bands(lattice, q, shapes=shapes)
         moved = None if whole.shapes is None else whole.shapes[:, :count]
         return Bands(q, whole.frequencies[:, :count], None, moved)
@@ -200,9 +203,14 @@ def _lowest(
     return Bands(q, w, None, moved)
 
 
+def _shape(lattice: Cell | PeriodicBonds) -> tuple[int, ...]:
+    """Nodes of a cell, and coordinates of a node."""
+    return lattice.mass.shape if lattice.mass.ndim > 1 else lattice.positions.shape
+
+
 def bloch_matrix(lattice: Cell | PeriodicBonds, weighted: bool = True) -> BlochMatrix:
     """M^-1/2 K(kappa) M^-1/2 of a lattice, or K(kappa) itself."""
-    mass = lattice.mass if weighted else np.ones(lattice.nodes)
+    mass = lattice.mass if weighted else np.ones_like(lattice.mass)
     blocks = _blocks(lattice)
     return BlochMatrix.of(lattice.ends, lattice.offsets, blocks, mass)
 
@@ -261,6 +269,10 @@ def _frequencies(lattice: Cell | PeriodicBonds, squares: Array, q: Array, larges
     slow = np.flatnonzero(np.abs(squares).min(axis=1) < SLOW**2 * largest)
     if slow.size and (isinstance(lattice, PeriodicBonds) or (lattice.tensions >= 0).all()):
         values, vectors = np.linalg.eigh(_blocks(lattice))
+        if lattice.mass.ndim > 1:  # by both ends
+            if values.min() < -NEGATIVE * values.max():
+                return w
+            values = np.where(values > NEGATIVE * values.max(), values, 0.0)
         root = (vectors * np.sqrt(np.maximum(values, 0))[:, None]) @ vectors.swapaxes(1, 2)
         exact = singular_frequencies(lattice.ends, lattice.offsets, root, lattice.mass, q[slow])
         w[slow] = 0

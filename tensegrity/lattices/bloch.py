@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from tensegrity import check
+from tensegrity.engine.forces import of_both_ends
 from tensegrity.minimum import lowest
 from tensegrity.typing import Array, Indices
 
@@ -50,21 +51,25 @@ class BlochMatrix:
             Nodes of a cell.
         offsets : ndarray of int, (bonds, d)
             Offset of the cell of the second end from that of the first.
-        blocks : ndarray, (bonds, dim, dim)
-            Tangent stiffness of each bond [N/m].
-        mass : ndarray, (nodes,)
+        blocks : ndarray, (bonds, dim, dim) or (bonds, 2 dim, 2 dim)
+            Tangent stiffness of each bond [N/m]: by the difference of its ends; or, where there
+            are inertias of all coordinates, by both ends.
+        mass : ndarray, (nodes,) or (nodes, dim)
             [kg]; ones give K itself.
 
         Returns
         -------
         BlochMatrix
         """
-        (i, j), dim, root = ends.T, blocks.shape[-1], np.sqrt(mass)
+        (i, j), root = ends.T, np.sqrt(mass.reshape(len(mass), -1))
+        of_ends = blocks if mass.ndim > 1 else of_both_ends(blocks)
+        dim = of_ends.shape[-1] // 2
+        first, second = slice(dim), slice(dim, None)
         entries = [
-            (np.zeros_like(offsets), i, i, blocks),
-            (np.zeros_like(offsets), j, j, blocks),
-            (offsets, i, j, -blocks),
-            (-offsets, j, i, -blocks),
+            (np.zeros_like(offsets), i, i, of_ends[:, first, first]),
+            (np.zeros_like(offsets), j, j, of_ends[:, second, second]),
+            (offsets, i, j, of_ends[:, first, second]),
+            (-offsets, j, i, of_ends[:, second, first]),
         ]
         distinct, number = np.unique(
             np.concatenate([entry[0] for entry in entries]), axis=0, return_inverse=True
@@ -73,7 +78,7 @@ class BlochMatrix:
         check.memory(f"waves of {len(mass)} nodes", 24.0 * len(distinct) * (dim * len(mass)) ** 2)
         parts = np.zeros((len(distinct), len(mass), len(mass), dim, dim))
         np.add.at(parts, (number.ravel(), row, column), each)
-        parts /= (root[:, None] * root)[:, :, None, None]
+        parts /= root[:, None, :, None] * root[:, None, :]
         size = dim * len(mass)
         return cls(distinct, parts.swapaxes(2, 3).reshape(-1, size, size))
 
@@ -106,7 +111,7 @@ class PeriodicBonds:
     vectors : ndarray, (d, dim)
         Lattice vectors [m].
     ends, offsets, blocks, mass
-        As of `BlochMatrix.of`; the blocks are positive definite.
+        As of `BlochMatrix.of`; blocks by differences are positive definite.
     """
 
     positions: Array
@@ -180,7 +185,7 @@ def singular_frequencies(
     ----------
     ends, offsets, mass
         As of `BlochMatrix.of`.
-    roots : ndarray, (bonds, dim, dim)
+    roots : ndarray, shape of the blocks
         Symmetric square roots of the bonds' tangent stiffnesses.
     phases : ndarray, (points, d)
         Phases per cell [rad].
@@ -190,14 +195,22 @@ def singular_frequencies(
     ndarray, (points, min(bonds, nodes) dim)
         [rad/s], ascending; frequencies beyond these are 0.
     """
-    bonds, dim = roots.shape[:2]
-    frequencies = np.empty((len(phases), dim * min(bonds, len(mass))))
+    bonds, rows = roots.shape[:2]
+    dim = mass.shape[1] if mass.ndim > 1 else rows
+    frequencies = np.empty((len(phases), min(bonds * rows, len(mass) * dim)))
     each = np.arange(bonds)
-    for of in chunks(len(phases), bonds * dim):
-        moves = np.zeros((len(phases[of]), bonds, len(mass)), dtype=complex)
-        moves[:, each, ends[:, 0]] = -1
-        moves[:, each, ends[:, 1]] += np.exp(1j * (phases[of] @ offsets.T))
-        scaled = roots[:, :, None, :] * moves[:, :, None, :, None] / np.sqrt(mass)[:, None]
-        whole = scaled.reshape(len(moves), bonds * dim, len(mass) * dim)
+    for of in chunks(len(phases), bonds * rows):
+        turns = np.exp(1j * (phases[of] @ offsets.T))
+        if mass.ndim > 1:
+            scaled = np.zeros((len(turns), bonds, len(mass), rows, dim), dtype=complex)
+            scaled[:, each, ends[:, 0]] = roots[..., :dim]
+            scaled[:, each, ends[:, 1]] += roots[..., dim:] * turns[..., None, None]
+            scaled = scaled.swapaxes(2, 3) / np.sqrt(mass)
+        else:
+            moves = np.zeros((len(turns), bonds, len(mass)), dtype=complex)
+            moves[:, each, ends[:, 0]] = -1
+            moves[:, each, ends[:, 1]] += turns
+            scaled = roots[:, :, None, :] * moves[:, :, None, :, None] / np.sqrt(mass)[:, None]
+        whole = scaled.reshape(len(turns), bonds * rows, len(mass) * dim)
         frequencies[of] = np.linalg.svd(whole, compute_uv=False)[:, ::-1]
     return frequencies

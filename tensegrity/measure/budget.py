@@ -27,7 +27,6 @@ from tensegrity.runs.record import require_all_sites
 from tensegrity.runs.run import Run
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.dynamics import dynamics
-from tensegrity.scenes.force import applied_forces
 from tensegrity.scenes.network import Network
 from tensegrity.typing import Array, Indices
 
@@ -94,9 +93,8 @@ def bond_force(run: Run) -> Array:
     if dynamics(scene).follows:
         raise TensegrityError("contacts form in this run: their forces belong to no list of bonds")
     total = np.array(scene.bond_tension(run.u))
-    along = (
-        np.ones((1, scene.sites - 1, 1)) if isinstance(scene, Chain) else directions(scene, run.u)
-    )
+    on_line = np.ones((1, total.shape[1], 1))
+    along = on_line if run.u.ndim == 2 else directions(scene, run.u)
     for on, at, force in _further(run):
         inside = np.flatnonzero((on == BOND) & (at < total.shape[1]))  # others touch walls
         at, force = at[inside], force[:, inside]
@@ -110,7 +108,7 @@ def _recorded_whole(run: Run, *kinds: Any) -> Any:
     if not isinstance(scene, kinds):
         names = " or a ".join(kind.__name__ for kind in kinds)
         raise TensegrityError(f"the scene of the run is {type(scene).__name__}, not a {names}")
-    if scene.tune:
+    if dynamics(scene).springs.changing:
         raise TensegrityError(
             "the work of springs that change in time does not pass through a bond"
         )
@@ -121,8 +119,9 @@ def _recorded_whole(run: Run, *kinds: Any) -> Any:
 def _further(run: Run) -> Iterator[tuple[str, Indices, Array]]:
     """What dashpots and further forces act on, their places, and the forces on the first end of
     each, (T, places, dim) [N]."""
-    bonds = dynamics(run.scene).contact_bonds
-    for one in applied_forces(run.scene, as_forces=True):
+    of = dynamics(run.scene)
+    bonds = of.contact_bonds
+    for one in of.acting.applied(as_forces=True):
         yield one.law.on, one.places, values_between(one, bonds, run.t, run.u, run.v)
 
 

@@ -17,8 +17,7 @@ from tensegrity import check
 from tensegrity.checked import checked
 from tensegrity.engine import forces
 from tensegrity.errors import TensegrityError
-from tensegrity.measure.noise import noise_of
-from tensegrity.measure.pulses import peak_bonds, sites_around
+from tensegrity.measure.peaks import noise_of, peak_bonds, sites_around
 from tensegrity.root import polynomial_through, root
 from tensegrity.runs.run import Run
 from tensegrity.scenes.chain import Chain

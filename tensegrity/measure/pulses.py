@@ -22,22 +22,20 @@ import numpy as np
 from tensegrity import check
 from tensegrity.checked import checked
 from tensegrity.errors import TensegrityError
+from tensegrity.measure.peaks import peak_bonds, sites_around
 from tensegrity.notebook import progress
 from tensegrity.printing import printed
 from tensegrity.runs.integrate import simulate
 from tensegrity.runs.record import require_all_sites
 from tensegrity.runs.run import Run
 from tensegrity.scenes.chain import Chain
-from tensegrity.scenes.dynamics import varied
-from tensegrity.scenes.force import depends_on_time
+from tensegrity.scenes.dynamics import dynamics, varied
 from tensegrity.scenes.scene import State
 from tensegrity.typing import Array, FractionOrOne
 from tensegrity.waves.family import Family
 from tensegrity.waves.solitary import SolitaryWave, solitary_wave
 
 FRACTION = 0.1  # of the largest elongation, from which a peak counts
-DISTINCT = 0.25  # of its height, by which a peak stands above what surrounds it
-RIPPLE = 1e-6  # of a peak: an elongation that increases by less counts as decreasing
 ROUND_OFF = 64 * np.finfo(float).eps  # of the largest displacement: elongations below are 0
 NEIGHBOURS = 8  # bonds on either side of a peak, through which its shape is interpolated
 ONE_WAY = 0.9  # of the flow either way: a larger sum is that of a wave that travels
@@ -167,7 +165,7 @@ def chain_of(run: Run) -> Chain:
             f"the scene of the run is {type(chain).__name__}, must be a Chain: pulses run along "
             "bonds in a row"
         )
-    if chain.tune:
+    if dynamics(chain).springs.changing:
         raise TensegrityError("the springs change in time: pulses require constant ones")
     require_all_sites(run)
     return chain
@@ -176,50 +174,6 @@ def chain_of(run: Run) -> Chain:
 def check_row(run: Run, row: int) -> int:
     """The number of a recorded instant, from the last one if negative."""
     return check.whole("row", row, least=-len(run.t), below=len(run.t))
-
-
-def peak_bonds(r: Array, fraction: float, least: float = 0.0) -> list[int]:
-    """Bonds of the distinct peaks of |elongation| above a fraction of the largest.
-
-    Parameters
-    ----------
-    r : ndarray, (bonds,)
-        [m].
-    fraction : float
-        Of the largest |r|.
-    least : float, optional
-        Smallest |r| of a peak [m]; below it is round-off.
-
-    Returns
-    -------
-    list of int
-        Bonds, in ascending order.
-    """
-    from scipy.signal import find_peaks
-
-    height = max(fraction * float(np.abs(r).max(initial=0.0)), least)
-    if not height > 0:
-        return []
-    bonds = []
-    for sign in (-1, 1):
-        padded = np.concatenate([[0.0], np.maximum(sign * r, 0.0), [0.0]])
-        places, facts = find_peaks(padded, height=height, prominence=0)
-        distinct = facts["prominences"] >= DISTINCT * facts["peak_heights"]
-        bonds += (places[distinct] - 1).tolist()
-    return sorted(bonds)
-
-
-def sites_around(r: Array, peak: int) -> tuple[int, int]:
-    """First and last site of the pulse with a peak at a bond."""
-    size = np.sign(r[peak]) * r
-    ripple, ends = RIPPLE * size[peak], []
-    for step in (-1, 1):
-        bond = peak
-        while 0 <= bond + step < len(r) and 0 < size[bond + step] <= size[bond] + ripple:
-            bond += step
-        ends.append(bond)
-    low, high = ends
-    return low + (low > 0), high + (high == len(r) - 1)
 
 
 class Instant:
@@ -314,9 +268,8 @@ class Instant:
         if octave not in self._runs:
             try:
                 chain, state = varied(self.chain, drive={}), State(self.u, self.v)
-                self._runs[octave] = (
-                    None if depends_on_time(chain) else simulate(chain, state, 2.0**octave)
-                )
+                changes = any(one.law.varies for one in dynamics(chain).acting.forces)
+                self._runs[octave] = None if changes else simulate(chain, state, 2.0**octave)
             except TensegrityError:
                 self._runs[octave] = None
         return self._runs[octave]

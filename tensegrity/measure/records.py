@@ -3,13 +3,13 @@
 Peaks lie between the recorded instants; they are located by interpolating splines of degree 5, the
 first one by the polynomial through the rows around it, as SciPy takes longer to import than most
 first calls of this package.  Interpolation is for computed rows.  Rows with noise are fitted, see
-`tensegrity.measure.noise`.
+`tensegrity.measure.peaks`.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Generic, NamedTuple, TypeVar, overload
+from typing import Annotated, Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,8 +17,8 @@ from numpy.typing import ArrayLike
 from tensegrity import check
 from tensegrity.checked import checked
 from tensegrity.errors import TensegrityError
-from tensegrity.measure.noise import fitted_peaks, noise_of, refuse_plateau
 from tensegrity.measure.observables import PEAK_FRACTION
+from tensegrity.measure.peaks import DISTINCT, fitted_peaks, noise_of, refuse_plateau
 from tensegrity.root import root
 from tensegrity.typing import Array, Duration, Flags, Fraction
 
@@ -27,7 +27,6 @@ LEVEL = 0.05  # of the largest peak: smaller ones do not count
 AROUND = 7  # rows by which the first peak is located
 ROUND_OFF = 1e-9  # of the clock, by which rows may be farther apart
 NOISE = 1e-9  # of the largest force: maxima below it are round-off
-DISTINCT = 0.25  # of its height, by which a peak stands above what surrounds it
 
 Number = TypeVar("Number")
 
@@ -69,21 +68,14 @@ class Peak(_Pair[Number]):
         raise AttributeError(f"{name} of a peak cannot be set")
 
 
-@overload
-def first_peak(
-    t: ArrayLike, force: ArrayLike, between: tuple[float, float] = ..., *, noise: None = ...
-) -> tuple[float, float]: ...
-@overload
-def first_peak(
-    t: ArrayLike, force: ArrayLike, between: tuple[float, float] = ..., *, noise: float
-) -> Peak[float]: ...
+@checked
 def first_peak(
     t: ArrayLike,
     force: ArrayLike,
     between: tuple[float, float] = (-math.inf, math.inf),
     *,
-    noise: float | None = None,
-) -> tuple[float, float]:
+    noise: Annotated[float, ">= 0", "N"] | None = None,
+) -> Peak[float]:
     """Instant and height of the first large peak of a recorded force.
 
     Parameters
@@ -137,14 +129,6 @@ def first_peak(
     return Peak(float(t[top] + flat[heights.argmax()] * unit), float(heights.max()))
 
 
-@overload
-def largest_peak(
-    t: ArrayLike, force: ArrayLike, between: tuple[float, float] = ..., *, noise: None = ...
-) -> tuple[float, float]: ...
-@overload
-def largest_peak(
-    t: ArrayLike, force: ArrayLike, between: tuple[float, float] = ..., *, noise: float
-) -> Peak[float]: ...
 @checked
 def largest_peak(
     t: ArrayLike,
@@ -152,7 +136,7 @@ def largest_peak(
     between: tuple[float, float] = (-math.inf, math.inf),
     *,
     noise: Annotated[float, ">= 0", "N"] | None = None,
-) -> tuple[float, float]:
+) -> Peak[float]:
     """Instant and height of the largest force of a record, at a row or between two rows.
 
     Where the first large peak is the largest, the result is that of `first_peak`.  A pulse must
@@ -269,12 +253,6 @@ def sampled(
         raise TensegrityError(f"forces to {np.abs(force).max():g} N: {error}") from error
 
 
-@overload
-def peaks(
-    t: ArrayLike, force: ArrayLike, level: float = ..., *, noise: None = ...
-) -> tuple[Array, Array]: ...
-@overload
-def peaks(t: ArrayLike, force: ArrayLike, level: float = ..., *, noise: float) -> Peak[Array]: ...
 @checked
 def peaks(
     t: ArrayLike,
@@ -282,7 +260,7 @@ def peaks(
     level: Fraction = LEVEL,
     *,
     noise: Annotated[float, ">= 0", "N"] | None = None,
-) -> tuple[Array, Array]:
+) -> Peak[Array]:
     """Instants and heights of all peaks above a fraction of the largest.
 
     Two neighbouring peaks count as two if the force between them falls below three quarters of
@@ -366,8 +344,6 @@ def _record(
 ) -> tuple[Array, Array, float]:
     """Instants and forces as arrays (T,), T >= 2, once they are found to form a record, and the
     standard deviation of its rows: given, or estimated if it is None."""
-    if noise is not None:
-        noise = check.number("noise", noise, least=0, unit="N")
     t, force = check.columns(t=t, force=force)
     if len(t) < 2 or not np.all(np.diff(t) > 0):
         least = np.diff(t).min(initial=0.0)

@@ -26,7 +26,7 @@ from tensegrity.engine.schemes import Splitting
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.forcing import driven_entries, forcing_of
 from tensegrity.scenes.scene import Scene
-from tensegrity.scenes.signals import in_columns
+from tensegrity.springs.signals import in_columns
 from tensegrity.typing import Array
 
 _BASE = methods.METHODS["rkn6"]
@@ -84,7 +84,7 @@ class Flow:
         for array, values in zip(arrays, (u, v), strict=True):
             array[:sites] = values.reshape(self._shape)
         self._loop.set_step(duration / self.steps)
-        self._loop.forget_range()
+        self._loop.forget()
         self._loop.advance_open(self.steps, False)
         ends = [array[:sites].reshape(-1).copy() for array in arrays]
         return ends[0], ends[1]
@@ -218,7 +218,6 @@ class DrivenFlow:
             array[:] = given.reshape(array.shape)
         self._loop.set_step(dt)
         self._loop.schedule = Stages(varied, methods.RK8, dt)
-        self._loop.forget_range()
         self._loop.go(0, self.steps)
         ends = [array.reshape(-1).copy() for array in self._here]
         return ends[0], ends[1]

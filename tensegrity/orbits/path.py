@@ -9,27 +9,23 @@ may change along the branch: an orbit returns after the same phase of the drives
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, ClassVar
+from collections.abc import Mapping
+from typing import Any, ClassVar
 
 import numpy as np
 
 from tensegrity import check
 from tensegrity.branches.continuation import ContinuationError, Part, Settings
-from tensegrity.branches.many import ManyProblem
 from tensegrity.branches.problem import Joined, Problem, trace
+from tensegrity.branches.steppers import ManyProblem
 from tensegrity.branches.table import INTERRUPTED, Table
 from tensegrity.checked import checked
 from tensegrity.errors import TensegrityError
 from tensegrity.orbits.driven_orbit import drive_parameters
 from tensegrity.orbits.orbit import Family, family_of
-from tensegrity.orbits.shooting import Orbit, is_reversible
-from tensegrity.orbits.stability import STABLE
+from tensegrity.orbits.shooting import STABLE, Orbit, is_reversible
 from tensegrity.scenes.dynamics import dynamics
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from tensegrity.typing import Array, Flags
+from tensegrity.typing import Array, Flags
 
 FINER = 2  # steps of the flow along a path over those of its first orbit
 SAME_PLACE = 1e-9  # relative difference below which two events of one kind are the same
@@ -108,11 +104,11 @@ def orbit_path(
     >>> import sympy as sp
     >>> from tensegrity import Chain, Damping, Drive, Prism, orbit_path, periodic_orbit
     >>> t, W = sp.symbols("t W")
-    >>> shaker = Drive(force=0.001 * sp.cos(W * t), parameters={"W": 1.65})
+    >>> shaker = Drive(force=0.001 * sp.cos(W * t), parameters={"W": 1.69})
     >>> spring = Prism(1.0, 0.7, 0.1, 1.0).potential()
     >>> ends, damping = ("fixed", "free"), Damping(ground=0.02)
     >>> chain = Chain(spring, 2, ends=ends, damping=damping, drive={1: shaker})
-    >>> path = orbit_path(periodic_orbit(chain, chain.at_rest()), by="W", until=1.75)
+    >>> path = orbit_path(periodic_orbit(chain, chain.at_rest()), by="W", until=1.73)
     >>> [f"{event.kind} at {event.value:.9f}" for event in path.events]
     ['fold at 1.726272601', 'fold at 1.698961890']
     """
@@ -143,7 +139,7 @@ def orbit_path(
 
 
 class _Family(Problem):
-    """A family of orbits as `Equations` of `tensegrity.branches.many`, with events."""
+    """A family of orbits as `Equations` of `tensegrity.branches.steppers`, with events."""
 
     leaving = np.zeros(0, dtype=int)
     of: Family

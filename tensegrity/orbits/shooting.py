@@ -14,6 +14,7 @@ from tensegrity.printing import Lines, Printed
 from tensegrity.readonly import FixedDict
 from tensegrity.runs.integrate import simulate
 from tensegrity.runs.run import Run
+from tensegrity.scenes.acting import per_coordinate
 from tensegrity.scenes.dynamics import dynamics, varied
 from tensegrity.scenes.scene import Scene, State
 from tensegrity.structures.supports import orthonormal, rigid_motions
@@ -27,6 +28,7 @@ CONVERGED = 1e-12  # last step of Newton's method over the largest displacement
 STUCK = 1e-9  # the same: below it the iteration may end by round-off
 SETTLED = 1e-9  # change of the unknowns when the steps are doubled, over the largest
 FINEST = 4096  # steps of the flow
+STABLE = 1e-6  # excess of the modulus of a multiplier over 1 that is round-off
 FIXED = 1e-9  # fraction of a motion that counts as zero
 
 
@@ -79,8 +81,9 @@ def descending(multipliers: Multipliers) -> Multipliers:
 
 def is_reversible(scene: Scene) -> bool:
     """Whether all forces have a potential that does not depend on time."""
-    further = dynamics(scene).further_forces
-    return all(one.stores for one in further) and not (scene.drive or scene.damping or scene.tune)
+    of = dynamics(scene)
+    driven = scene.drive or scene.damping or of.springs.changing
+    return all(one.stores for one in of.further_forces) and not driven
 
 
 class NoOrbitError(Exception):  # internal: its words become part of a `TensegrityError`
@@ -122,7 +125,7 @@ class Shooting:
     def __init__(self, scene: Scene, flow: Any) -> None:
         self._last: tuple[Any, Any] = None, None
         self.scene, self.flow, self.of = scene, flow, dynamics(scene)
-        self.inverse_mass = np.repeat(self.of.inverse_mass, scene.dim)
+        self.inverse_mass = per_coordinate(scene, self.of.inverse_mass).ravel()
         self.rest = varied(scene, drive=FixedDict()).at_rest().u
         self._least = scene.energy(State(self.rest, 0 * self.rest))
 

@@ -28,12 +28,12 @@ from tensegrity import check
 from tensegrity.errors import ResolutionError, TensegrityError
 from tensegrity.orbits.flow import DrivenFlow, Flow
 from tensegrity.orbits.orbit import family_of
-from tensegrity.orbits.shooting import Multipliers, Orbit, descending
+from tensegrity.orbits.shooting import STABLE, Multipliers, Orbit, descending
 from tensegrity.printing import Lines, Printed
 from tensegrity.scenes.chain import Chain
 from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array
-from tensegrity.waves.by_speed import neutral_motions
+from tensegrity.waves.by_target import neutral_motions
 from tensegrity.waves.solitary import SolitaryWave
 from tensegrity.waves.transition import TransitionWave
 
@@ -41,7 +41,6 @@ FIRST, MOST = 4, 2048  # steps per site passed
 ORDER, MARGIN = 3, 1.2  # of the double multiplier 1, split by the root of the error; of steps
 CLOSED = 1e-6  # largest distance of the neutral multipliers from 1
 AGREE = 1e-7  # difference of equal multipliers in two windows
-STABLE = 1e-6  # excess of a modulus over 1 that is round-off
 TAIL, FRONT_TAIL = 1e-12, 1e-9  # fraction of the peak or step outside of the window
 SHORTER = 0.08  # part of the sites by which the second window is shorter at each end
 LARGEST = 700  # sites of a window

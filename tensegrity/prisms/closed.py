@@ -79,7 +79,7 @@ def exact(name: str, prism: Any, height: float = 1.0, preload: float = 0.0) -> l
 
 def _of_fields(name: str, any_sides: bool) -> tuple[list[Any], tuple[Any, ...]]:
     """Expressions of a quantity, and the symbols of fields, loaded height, preload and sides."""
-    from derivations import elastic, regular, rigid_parameters
+    from derivations import elastic, regular
     from derivations import prism as p
     from derivations import rigid_elastic as r
 
@@ -88,7 +88,7 @@ def _of_fields(name: str, any_sides: bool) -> tuple[list[Any], tuple[Any, ...]]:
         "least k_base": p.least_k_base,  # at which the natural length of the bases is 0 [N/m]
         "locking height squared": r.locking_height_squared,  # [m^2]; below 0 if flat before that
         "axial stiffness": elastic.axial_stiffness_of_prism,  # at the reference state [N/m]
-        "parameters": rigid_parameters.parameter_expressions,  # of `rigid_law`
+        "parameters": r.parameter_expressions,  # of `rigid_law`
     }
     form = forms[name](polygon(any_sides))
     form = form.values() if isinstance(form, dict) else form

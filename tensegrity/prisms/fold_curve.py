@@ -9,12 +9,12 @@ import numpy as np
 
 from tensegrity.branches.continuation import Settings
 from tensegrity.branches.folds import fold_problem, fold_start, refined_fold
-from tensegrity.branches.problem import Problem, trace
+from tensegrity.branches.problem import DerivedProblem, Problem, trace
 from tensegrity.branches.table import Table
 from tensegrity.checked import checked
 from tensegrity.errors import TensegrityError
 from tensegrity.once import once
-from tensegrity.prisms.equations import kind_of, numbers, problem
+from tensegrity.prisms.equations import UNKNOWNS, kind_of, numbers, problem
 from tensegrity.prisms.prism import Prism
 from tensegrity.prisms.problem import STATE
 from tensegrity.typing import NotNegative
@@ -25,6 +25,10 @@ SETTINGS = Settings(tolerance=1e-7, largest=0.05)
 
 @once
 def _folds(rigid_base: bool, any_sides: bool) -> Problem:
+    return DerivedProblem(_fold_problem, rigid_base, any_sides)
+
+
+def _fold_problem(rigid_base: bool, any_sides: bool) -> Problem:
     return fold_problem(problem(rigid_base, any_sides), "fold", PRESTRAIN)
 
 
@@ -57,7 +61,7 @@ def limit_load(prism: Prism, prestrain: NotNegative) -> Table:
         raise TensegrityError(f"prestrain {prestrain:g} must differ from that of the prism")
     kind, p = kind_of(prism), numbers(prism)
     of = problem(*kind)
-    start = np.zeros(len(of.unknowns))
+    start = np.zeros(len(UNKNOWNS) - kind[0])
     first = trace(of, start, p, direction=-1, stop=("fold", "flat"))
     if first.end != "fold":
         raise TensegrityError(f"{prism!r} has no limit load")

@@ -2,153 +2,74 @@
 
 Each plate is a polygon that two units share, with a mass and a moment of inertia; its coordinates
 are the axial displacement and the rotation times the radius of gyration.  The energy of a unit is
-that of its members as a function of its height and twist, its bases in equilibrium at each.
+that of its members as a function of its height and twist, its bases in equilibrium at each, a
+`PairLaw` of both coordinates.
 Source: the talk, part III, "Elastic problem", where the twist is in equilibrium too.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from tensegrity import check
-from tensegrity.engine.law import to_casadi
+from tensegrity.engine.pair import PairForms
 from tensegrity.errors import TensegrityError
 from tensegrity.lattices.bloch import PeriodicBonds
 from tensegrity.once import once
 from tensegrity.prisms.closed import polygon
 from tensegrity.scenes.network import Network
-from tensegrity.springs.potential import Potential
-from tensegrity.typing import Array, Members
-
-SNAPPED = 1e-9  # of force times base: energy by which a unit is below its state at rest
-GRID = 61  # points each way, at which the stiffness is bounded
-FARTHEST = 0.8  # of the height and of the twist at rest: changes up to there
-MARGIN = 4.0  # of the energy, between points
-ITERATIONS = 5  # of Newton's method for the bases: to 1e-13 with heights halved
+from tensegrity.springs.pair_law import PairLaw, pair_of_law
+from tensegrity.typing import Members
 
 
-@dataclass(frozen=True)
-class PlateLaw:
-    """Law of a unit between two plates.
-
-    The engine's elongation is the unit's energy over `force`, in the plane of both coordinates, so
-    that the force on the plates is `force` times its gradient.
-
-    Attributes
-    ----------
-    slenderness, prestrain, base_compliance, bar_compliance, sides : float, int
-        Height over base, prestrain of the cross strings, k_cross over k_base and over k_bar, and
-        number of sides.
-    """
-
-    slenderness: float
-    prestrain: float
-    base_compliance: float
-    bar_compliance: float
-    sides: int
-    compiled = ("energy", "tension", "stiffness")
-    name = property(repr)
-    parameters = ("force",)
-
-    def forms(self) -> tuple[Any, Any, Any]:
-        """The law in CasADi: linear; see `law.Law.forms`."""
-        import casadi as ca
-
-        r, p = ca.SX.sym("r"), ca.SX.sym("p", 1)
-        return r, p, (p * r, p, ca.SX(0), ca.SX(0))
-
-    def geometry(self) -> Any:
-        """CasADi functions "pair", of `engine.geometry`, and "tangent": (D, w, g, L) -> second
-        derivatives of the elongation in w, (2, 2)."""
-        return _geometry(self)
-
-
-@once
-def _geometry(law: Any) -> dict[str, Any]:
-    import casadi as ca
-
-    from derivations import mixed as derived
-    from derivations.regular import SIDES
-
-    of, angle = polygon(law.sides != 3), math.pi / law.sides
-    d, w, more = ca.SX.sym("D", 2), ca.SX.sym("w", 2), [ca.SX.sym("g"), ca.SX.sym("L")]
-    y = ca.SX.sym("y")
-    numbers = law.slenderness, law.prestrain, law.base_compliance, law.bar_compliance
-    base = ca.fabs(d[0]) / law.slenderness
-    known = {derived.base_tension: y, derived.rise: w[0] / d[0] * law.slenderness}
-    known[derived.half_turn] = ca.tan((math.pi / 4 + angle / 2) * w[1] / d[1])
-    known |= dict(zip(derived.PARAMETERS, numbers, strict=True))
-    known |= dict(zip(SIDES, (law.sides, math.sin(angle), math.cos(angle)), strict=True))
-    energy = base * ca.SX(to_casadi(derived.energy_at_twist(of), list(known))(*known.values()))
-    slope, across = ca.gradient(energy, y), ca.gradient(energy, w)
-    curvature, mixed = ca.gradient(slope, y), ca.gradient(slope, w)
-    whole, root = ca.jacobian(across, w), ca.SX(0)
-    if law.base_compliance:
-        step = ca.Function("step", [y, d, w], [y - slope / curvature])
-        for _ in range(ITERATIONS):
-            root = step(root, d, w)
-        whole = whole - mixed @ mixed.T / curvature
-    forms = {"pair": [energy, across], "tangent": [whole]}
-    return {
-        kind: ca.Function(f"geometry_{kind}", [d, w, *more],
-                          [ca.substitute(form, y, root) for form in several])
-        for kind, several in forms.items()
-    }  # fmt: skip
-
-
-class PlateSpring(Potential):
-    """A unit between two plates of two coordinates each, for a `Network`.
+def plate_law(prism: Members, turn: float) -> PairLaw:
+    """A unit between two plates of two coordinates each: axial displacement, and rotation times the
+    radius of gyration.
 
     Parameters
     ----------
     prism : Prism
         With elastic bars.
+    turn : float
+        Its twist times that radius [m], below 0 for the opposite handedness.
 
-    Notes
-    -----
-    The separation of two plates at rest is the height along the axis, and across it the twist of
-    the unit times the radius of gyration of the plates, below 0 for the opposite handedness.
-    The elongation is a measure of the energy only: `energy` and `tension` are linear in it.
+    Returns
+    -------
+    PairLaw
     """
+    if math.isinf(prism.k_bar):
+        raise TensegrityError("k_bar inf N/m must be finite: rigid bars leave no twist")
+    k, angle = prism.k_cross, math.pi / prism.sides
+    values = [k * prism.base**2, prism.height, turn, math.pi / 4 + angle / 2,
+              prism.height / prism.base, prism.prestrain, k / prism.k_base, k / prism.k_bar,
+              prism.sides, math.sin(angle), math.cos(angle)]  # fmt: skip
+    law = _law(prism.sides != 3, math.isinf(prism.k_base))
+    return pair_of_law(law, values[: len(law.parameters)], {"prism": prism, "turn": turn})
 
-    def __init__(self, prism: Members) -> None:
-        if math.isinf(prism.k_bar):
-            raise TensegrityError("k_bar inf N/m must be finite: rigid bars leave no twist")
-        self.prism, k = prism, prism.k_cross
-        law: Any = PlateLaw(prism.height / prism.base, prism.prestrain, k / prism.k_base,
-                       k / prism.k_bar, prism.sides)  # fmt: skip
-        domain = -SNAPPED * prism.base, math.inf
-        ends = "the unit has less energy than at rest", ""
-        self._set(law, [k * prism.base], prism.height, domain, ends)
-        self._origin = f"PlateSpring({prism!r})"
 
-    def tangent(self, apart: Array, w: Array) -> Array:
-        """Second derivatives of the energy [N/m].
+@once
+def _law(any_sides: bool, rigid_bases: bool) -> PairForms:
+    """The energy of a unit, its bases in equilibrium unless they are rigid."""
+    import sympy as sp
 
-        Parameters
-        ----------
-        apart, w : ndarray, (2,), (2, states)
-            Separation of the plates at rest, and its changes [m].
+    from derivations import mixed as derived
+    from derivations.elastic import base_compliance
+    from derivations.regular import SIDES
 
-        Returns
-        -------
-        ndarray, (states, 2, 2)
-        """
-        tangents = _geometry(self.law)["tangent"].map(w.shape[1])(apart, w, 0, 0)
-        return self.values[0] * np.array(tangents).reshape(2, -1, 2).swapaxes(0, 1)
-
-    def largest_stiffness(self, apart: Array, elongation: float) -> float:
-        """Bound on the stiffness up to an elongation [N/m], for plates apart at rest by (2,) [m]:
-        the largest one at points of a grid with up to `MARGIN` times the energy."""
-        line = FARTHEST * np.linspace(-1, 1, GRID)
-        w = apart[:, None] * np.stack(np.meshgrid(line, line)).reshape(2, -1)
-        r = np.array(_geometry(self.law)["pair"].map(w.shape[1])(apart, w, 0, 0)[0])[0]
-        inside = (r <= MARGIN * elongation) | ~w.any(axis=0)
-        return float(np.linalg.eigvalsh(self.tangent(apart, w[:, inside])).max())
+    first, second = sp.symbols("z_i s_i", real=True), sp.symbols("z_j s_j", real=True)
+    scale, height, turn, half = sp.symbols("scale height turn half_twist", real=True)
+    known = {derived.rise: (second[0] - first[0]) / height * derived.reference_height}
+    known[derived.half_turn] = sp.tan(half * (second[1] - first[1]) / turn)
+    energy, inner = derived.energy_at_twist(polygon(any_sides)), (derived.base_tension,)
+    if rigid_bases:
+        known |= {derived.base_tension: 0, base_compliance: 0}
+        inner = ()
+    energy = scale * energy.subs(known)
+    parameters = (scale, height, turn, half, *derived.PARAMETERS, *(SIDES if any_sides else ()))
+    return PairForms(energy, first, second, parameters, (True, True), inner)
 
 
 def plate_column(
@@ -184,11 +105,12 @@ def plate_column(
     turns = np.where((chirality == "alternate") & (np.arange(count) % 2 == 1), -1, 1)
     apart = step * np.column_stack([np.ones(count), turns])
     positions = np.concatenate([np.zeros((1, 2)), np.cumsum(apart, axis=0)])
-    each, spring = np.arange(count), PlateSpring(prism)
+    each, springs = np.arange(count), [plate_law(prism, x) for x in apart[:, 1].tolist()]
     ends = np.column_stack([each, each + 1])
     if not periodic:
-        return Network(positions, ends, spring, mass=mass)
-    blocks = np.array([spring.tangent(d, np.zeros((2, 1)))[0] for d in apart])
+        return Network(positions, ends, springs, mass=mass)
+    rest = np.zeros((2, 1, 2))
+    blocks = np.concatenate([spring.tangent(*rest)[:, 2:, 2:] for spring in springs])
     offsets = np.zeros((count, 1), dtype=int)
     offsets[-1], ends[-1, 1] = 1, 0
     vectors = np.array([[count * prism.height, 0.0]])

@@ -264,7 +264,7 @@ class Prism:
         >>> prism.column(periodic=True)
         Lattice(6 nodes, 1 vector in 3 dimensions, 6 bars, 12 strings)
         >>> prism.column(count=2, plates=(3.0, 0.5))
-        Network(3 sites in 2 dimensions, 2 bonds, 0 walls with 0 contacts)
+        Network(3 sites of 2 coordinates, 2 bonds, 0 walls with 0 contacts)
         """
         from tensegrity.prisms.stack import stacked
 

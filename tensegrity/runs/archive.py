@@ -21,7 +21,7 @@ from tensegrity.engine import methods
 from tensegrity.errors import TensegrityError
 from tensegrity.prisms.closed import rigid_law
 from tensegrity.prisms.condensed import ElasticPotential
-from tensegrity.prisms.plates import PlateSpring
+from tensegrity.prisms.plates import plate_law
 from tensegrity.prisms.prism import Prism
 from tensegrity.readonly import Repeated
 from tensegrity.runs.identity import PARTS, identity
@@ -34,12 +34,13 @@ from tensegrity.scenes.forcing import Damping, Drive
 from tensegrity.scenes.network import Network
 from tensegrity.scenes.scene import State
 from tensegrity.scenes.walls import Wall
+from tensegrity.springs.pair_law import PairLaw
 from tensegrity.springs.polynomial import Polynomial, polynomial_of_coefficients
 from tensegrity.springs.potential import Potential
 from tensegrity.springs.power_law import PowerLaw
 from tensegrity.springs.provenance import potential_of_law, provenance
 from tensegrity.springs.spline import SplineLaw
-from tensegrity.structures.dynamics import BarSpring, StringSpring
+from tensegrity.structures.structure import BarSpring, StringSpring
 
 FORMAT = "tensegrity 1"
 
@@ -355,12 +356,8 @@ def _member(x):
 
 
 def in_time(x: Any) -> dict[str, Any]:
-    """Drives, damping and tuning of a scene; expressions of time are stored in printed form."""
-    tune = x.tune
-    if not callable(tune):
-        tune = {name: signal.expression for name, signal in tune.items()}
-    parts = {"drive": dict(x.drive), "damping": x.damping, "tune": tune}
-    parts["forces"] = dynamics(x).further_forces
+    """Drives, damping and forces of a scene; expressions of time are stored in printed form."""
+    parts = {"drive": dict(x.drive), "damping": x.damping, "forces": dynamics(x).further_forces}
     return {name: value for name, value in parts.items() if value}
 
 
@@ -429,7 +426,7 @@ register(Force, _force)
 register(PowerLaw, _power_law)
 register(Potential, _rigid, _make_rigid)
 register(ElasticPotential, _elastic)
-register(PlateSpring, lambda x: {"prism": x.prism})
+register(PairLaw, lambda x: x.of_prism, plate_law)
 register(Polynomial, _polynomial, polynomial_of_coefficients)
 register(StringSpring, _member)
 register(BarSpring, _member)

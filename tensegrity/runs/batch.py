@@ -39,7 +39,7 @@ def motion_of(problem: Problem, dt: float, allowed: float, start: Any = None) ->
         parts = problem.dynamics.parts(problem.method)
         if len(parts) > 1 or parts[0].scene is not problem.scene:
             return BatchMotion(problem, dt, allowed, start)
-    return (ForcedMotion if problem.is_forced else Motion)(problem, dt, allowed, start)
+    return (ForcedMotion if problem.dynamics.is_driven else Motion)(problem, dt, allowed, start)
 
 
 class BatchMotion:
@@ -50,15 +50,15 @@ class BatchMotion:
         self.dt, self.allowed = dt, allowed
         self._parts, self._springs = [], len(problem.loop_dynamics.springs)
         each = problem.dynamics.parts(problem.method), problem.loop_dynamics.parts(problem.method)
-        kind = ForcedMotion if problem.is_forced else Motion
+        kind = ForcedMotion if problem.dynamics.is_driven else Motion
         self._numbers = [part.numbers for part in each[0]]
         self._places = [part.places for part in each[1]]
         for number, (part, moved) in enumerate(zip(*each, strict=True)):
             state = State(part.of(problem.state.u), part.of(problem.state.v))
+            of = dynamics(part.scene)
             mine = unchecked_replace(
-                problem, scene=part.scene, state=state,
-                a_priori=AprioriBounds(dynamics(part.scene), state),
-                surrogate=problem.surrogate and moved.scene,
+                problem, scene=part.scene, state=state, dynamics=of,
+                loop_dynamics=dynamics(moved.scene), a_priori=AprioriBounds(of, state),
             )  # fmt: skip
             begins = start and MotionState(
                 start.done, part.of(start.u), part.of(start.v), tuple(map(part.of, start.output)),
@@ -114,9 +114,11 @@ class BatchMotion:
         return max(motion.fastest for motion in self._parts)
 
     def release(self) -> None:
-        """Return the loops to the cache for the next run."""
-        for motion in self._parts:
+        """Return the loops to the cache for the next run, and keep copies of what they reached."""
+        for motion, point in zip(self._parts, self._points, strict=True):
+            motion.point = point
             motion.release()
+        self._points = [motion.point for motion in self._parts]
 
     def refuse_start(self) -> None:
         """Refuse a step that is unstable in the initial state."""

@@ -1,4 +1,4 @@
-"""The motion of a scene that is driven, damped or tuned; see `engine.driven`."""
+"""The motion of a scene that is driven or damped, or whose springs change; see `engine.driven`."""
 
 from __future__ import annotations
 
@@ -9,15 +9,16 @@ from typing import Any
 import numpy as np
 
 from tensegrity.engine import driven
+from tensegrity.engine.bonds import by_spring
+from tensegrity.engine.compiled import evaluated
 from tensegrity.engine.driven import LARGEST_DAMPING, Locked
 from tensegrity.engine.force_law import largest_decay
 from tensegrity.engine.methods import Nystrom, Splitting
 from tensegrity.errors import LockingError, StabilityError, TensegrityError
 from tensegrity.runs.motion import Motion, MotionState
-from tensegrity.scenes.force import applied_forces
+from tensegrity.scenes.acting import per_coordinate
 from tensegrity.scenes.forcing import check_start, forcing_of
-from tensegrity.scenes.on_site import on_site
-from tensegrity.springs.tuned import Tuned
+from tensegrity.springs.over_time import TimedSprings
 from tensegrity.typing import Array
 
 GRID = np.linspace(0, 1, 9)  # points of the range of elongations where stiffness is evaluated
@@ -26,12 +27,13 @@ NUMBERS = 100_000  # most time-dependent numbers that are computed for an attemp
 
 
 class ForcedMotion(Motion):
-    """The motion of one driven, damped or tuned scene, with the interface of `Motion`."""
+    """The motion of one such scene, with the interface of `Motion`."""
 
     def __init__(self, problem: Any, dt: float, allowed: float, start: Any = None) -> None:
         scene, method = problem.scene, problem.method
-        as_forces = bool(getattr(method, "rates", ())) and not scene.tune
-        if applied_forces(scene) and not as_forces:
+        dyn = problem.dynamics
+        as_forces = bool(getattr(method, "rates", ())) and not dyn.springs.changing
+        if dyn.needs_rates and not as_forces:
             raise TensegrityError(
                 f"method {method.name!r} admits no forces but those of springs, drives, dashpots "
                 "and of time alone: take rk4 or rk8"
@@ -39,19 +41,17 @@ class ForcedMotion(Motion):
         if not as_forces and not isinstance(method, Splitting):
             raise TensegrityError(
                 f"method {method.name!r} is not a splitting into kicks and drifts, as driven, "
-                "damped and tuned scenes require: take verlet or rkn6"
+                "damped and time-dependent scenes require: take verlet or rkn6"
             )
         check_start(scene, problem.state.u)
-        self.tuning: Any = None
-        if scene.tune:
-            known, key = problem.dynamics.tuned, problem.t_end
+        self.timed: Any = None
+        if dyn.springs.changing:
+            known, key = dyn.timed, problem.t_end
             if key not in known:
-                known[key] = Tuned(problem.dynamics.springs.different[0], scene.tune, key)
-            self.tuning = known[key]
-        listed = problem.dynamics.listed(
-            problem.state.u if start is None else start.output[0][: problem.dynamics.sites]
-        )
-        self.forcing = forcing_of(listed.scene, problem.t_end, self.tuning, as_forces)
+                known[key] = TimedSprings(dyn.springs, key)
+            self.timed = known[key]
+        listed = dyn.listed(problem.state.u if start is None else start.output[0][: dyn.sites])
+        self.forcing = forcing_of(listed.scene, problem.t_end, self.timed, as_forces)
         self.problem: Any = problem
         self._damped_out: StabilityError | None = None
         self._limit_damping(problem, dt)
@@ -98,12 +98,12 @@ class ForcedMotion(Motion):
 
     def _bind(self, listed: Any) -> Any:
         u, v = listed.arrays(self.problem.state)
-        if listed.loop_bonds is not self.forcing.bonds and self.tuning is None:
+        if listed.loop_bonds is not self.forcing.bonds and self.timed is None:
             self.forcing = replace(
                 self.forcing,
                 bonds=listed.loop_bonds,
                 bond=np.zeros(len(listed.scene.springs)),
-                applied=applied_forces(listed.scene, bool(self.forcing.applied)),
+                applied=listed.acting.applied(bool(self.forcing.applied)),
             )
         corrects = self.problem.bind is None
         return driven.bind(self.forcing, u, v, self.problem.method, self.dt, corrects)
@@ -117,10 +117,8 @@ class ForcedMotion(Motion):
         output, sums = (u.copy(), v.copy()), np.zeros((1, 2))
         sites = self._sites
         self._add_prescribed(np.zeros(1), output[0][None, :sites], output[1][None, :sites], sums)
-        elongation_range = np.zeros((len(self._listed.springs), 2))
-        return MotionState(
-            0, u, v, (*output, sums[0]), elongation_range, np.array([0.0, 0.0, np.inf, -np.inf])
-        )
+        elongation_range = np.zeros((self._listed.loop_bonds.noted, 2))
+        return MotionState(0, u, v, (*output, sums[0]), elongation_range, np.zeros(2))
 
     def restore(self) -> None:
         super().restore()
@@ -144,13 +142,13 @@ class ForcedMotion(Motion):
                 self._add_prescribed(one.at * self.dt, one.u, one.v, sums)
         sites, t = self._sites, np.array([end * self.dt])
         u, v = self._bound.output
-        self._sums = self._bound.output_sums[None, :2].copy()
+        self._sums = self._bound.output_sums[None].copy()
         self._add_prescribed(t, u[None, :sites], v[None, :sites], self._sums)
         return not stopped
 
     def _is_past_end(self, end: int) -> bool:
         """Whether the springs cease to exist before step `end`."""
-        return self.tuning is not None and end * self.dt > self.tuning.until
+        return self.timed is not None and end * self.dt > self.timed.until
 
     def _add_prescribed(self, t: Array, u: Array, v: Array, sums: Array) -> None:
         """Add the prescribed motion to rows, and to their sums the work that it stores; in place.
@@ -186,35 +184,44 @@ class ForcedMotion(Motion):
             if largest < self.dt:
                 self._damped_out = self._too_damped(self.dt, largest, end * self.dt)
                 return False
-        if self.tuning is None:
+        if self.timed is None:
             return super()._allows(elongation_range, end)
-        self._limit = self.problem.largest_step(
-            self._omega(float(elongation_range[0, 0]), float(elongation_range[0, 1]), end)
-        )
+        _, first = np.unique(self.timed.number, return_index=True)
+        self._limit = self.problem.largest_step(self._omega(elongation_range[first], end))
         return self.dt <= self.allowed * self._limit
 
-    def _omega(self, low: float, high: float, end: int) -> float:
-        """Bound on the angular frequency [rad/s] between two elongations [m], for the springs
-        during an attempt that ends with step `end`."""
-        dyn, r = self.dynamics, np.append(low + (high - low) * GRID, 0.0)
+    def _omega(self, ranges: Array, end: int) -> float:
+        """Bound on the angular frequency [rad/s] for the elongations (series, 2) [m] of springs
+        that change, during an attempt that ends with step `end`."""
         at = np.linspace(self.point.done * self.dt, end * self.dt, INSTANTS + 1)
-        p = np.ascontiguousarray(np.repeat(self.tuning.at(at), len(r), axis=0).T)
-        r = np.tile(r, len(at))
-        largest = float(np.max(self.tuning.evaluate(2, p, r)))
-        if dyn.turns:  # tension resists motion across a bond
-            shortest = min(low, 0.0) - float(np.max(dyn.zero_length_elongation))
-            across = float(np.max(self.tuning.evaluate(1, p, r)))
-            largest = max(largest, across / shortest if shortest > 0 else math.inf)
-        if not math.isfinite(largest):
+        each = zip(range(len(ranges)), ranges.tolist(), strict=True)
+        stiffness = np.array([self._stiffest(k, low, high, at) for k, (low, high) in each])
+        if not np.isfinite(stiffness).all():
             return math.inf
-        return dyn.bond_frequency_bound(np.full(len(dyn.scene.springs), max(largest, 0.0)))
+        return self.dynamics.spring_frequency_bound(stiffness[self.timed.number])
+
+    def _stiffest(self, number: int, low: float, high: float, at: Array) -> float:
+        """Largest stiffness [N/m] of the spring of a series between two elongations [m], at some
+        instants [s]; at least 0."""
+        one, dyn = self.timed.series[number], self.dynamics
+        r = np.append(low + (high - low) * GRID, 0.0)
+        p = np.ascontiguousarray(np.repeat(one.at(at), len(r), axis=0).T)
+        r = np.tile(r, len(at))
+        largest = float(np.max(evaluated(one.law, 2, p, r), initial=0.0))
+        if dyn.turns:  # tension resists motion across a bond
+            meets = dyn.zero_length_elongation[self.timed.number == number]
+            shortest = min(low, 0.0) - float(np.max(meets))
+            across = float(np.max(evaluated(one.law, 1, p, r)))
+            largest = max(largest, across / shortest if shortest > 0 else math.inf)
+        return largest
 
     def first_frequency(self) -> float:
         """Bound on the angular frequency at the start [rad/s]."""
-        if self.tuning is None:
+        if self.timed is None:
             return super().first_frequency()
         r = self.dynamics.elongations(self.point.output[0][: self._sites])
-        return self._omega(float(r.min()), float(r.max()), self.point.done)
+        ranges = by_spring(self.timed.group, len(self.timed.series), r, r)
+        return self._omega(ranges, self.point.done)
 
     # accepted state
 
@@ -234,10 +241,10 @@ class ForcedMotion(Motion):
             [J]
         """
         dyn, scene = self.dynamics, self.problem.scene
-        if self.tuning is None:
+        if self.timed is None:
             return dyn.energies(u, v)
-        stored = self.tuning.energies(t, dyn.elongations(u))
-        mass = scene.mass.reshape(-1, *[1] * (v.ndim - 2))
+        stored = self.timed.energies(t, dyn.elongations(u))
+        mass = per_coordinate(scene, scene.mass)
         motion = (mass * v**2 / 2 - scene.loads * u).reshape(len(u), -1)
         return np.sum(motion, axis=1) + np.sum(stored, axis=-1)
 
@@ -271,12 +278,12 @@ class ForcedMotion(Motion):
         bound = driven.bind(
             self.forcing, rows[0], rows[1], self.problem.method, part, self.problem.bind is None
         )
-        bound.sums[:2] = sums - prescribed_sums[0]  # as the loop sums them
+        bound.sums[:] = sums - prescribed_sums[0]  # as the loop sums them
         bound.short(t)
         u[...], v[...] = rows[0][:sites], rows[1][:sites]
         if impulse is not None:
             impulse[...] = rows[1][walls]
-        sums[:] = bound.sums[:2]
+        sums[:] = bound.sums
         self._add_prescribed(np.array([t + part]), u[None], v[None], sums[None])
 
     # errors
@@ -285,27 +292,30 @@ class ForcedMotion(Motion):
         """The error by which an attempt of a single step failed."""
         if self._is_past_end(self.point.done + 1):
             return LockingError(
-                f"{self.tuning.reason}: the springs were driven there at t = "
-                f"{self.tuning.until:.6g} s"
+                f"{self.timed.reason}: the springs were driven there at t = "
+                f"{self.timed.until:.6g} s"
             )
         if self._damped_out is not None:
             return self._damped_out
-        return super().error() if self._locked is None else self._of_lock(self._locked)
+        return super().error() if self._locked is None else self._of_lock(self._locked.t)
 
-    def _of_lock(self, locked: Locked) -> LockingError | StabilityError:
-        if not np.isfinite(locked.range).all():
-            return self._diverged(locked.t)
-        low = self.tuning.domain(np.array([locked.t]))[0, 0]
-        side = int(locked.range[0] > low)
-        error = self.tuning.range_error(locked.t, float(locked.range[side]))
-        where = self.dynamics.where_extreme(0, self._bound.u[: self._sites], side)
-        return type(error)(f"{error}: the spring {where} got there at t = {locked.t:.6g} s")
+    def _of_lock(self, t: float) -> LockingError | StabilityError:
+        u = self._bound.u[: self._sites]
+        if not np.isfinite(u).all():
+            return self._diverged(t)
+        dyn, timed = self.dynamics, self.timed
+        r = dyn.elongations(u)
+        low, high = timed.numbers(np.array([t]))[1].reshape(-1, 2)[timed.group].T
+        bond = int(np.argmax(np.maximum(low - r, r - high)))
+        error = timed.series[timed.group[bond]].range_error(t, float(r[bond]))
+        where = dyn.where_extreme(int(dyn.springs.group[bond]), u, int(r[bond] > low[bond]))
+        return type(error)(f"{error}: the spring {where} got there at t = {t:.6g} s")
 
     def _diverged(self, t: float) -> LockingError | StabilityError:
         scene, point = self.problem.scene, self.point
         u, v = (x.reshape(-1)[: self._sites * max(scene.dim, 1)] for x in (point.u, point.v))
         try:  # where the sites are after two steps at the velocities of the last state
-            on_site(scene, 0, (u + 2 * self.dt * v).reshape(scene.shape))
+            self.dynamics.acting.stored(0, (u + 2 * self.dt * v).reshape(scene.shape))
         except LockingError as error:
             return LockingError(f"{error}: a spring to the ground got there at t = {t:.6g} s")
         return StabilityError(
@@ -319,7 +329,7 @@ class ForcedMotion(Motion):
     def _diagnosed(
         self, t: float, elongation_range: Array, output: Any
     ) -> LockingError | StabilityError:
-        if self.tuning is not None:
+        if self.timed is not None:
             finite = all(np.isfinite(x[: self._sites]).all() for x in output)
             return (
                 self._too_coarse(t, output[0][: self._sites], elongation_range)
@@ -334,6 +344,6 @@ class ForcedMotion(Motion):
         return self._diverged(t)
 
     def _too_coarse(self, t: float, u: Array, elongation_range: Array) -> StabilityError:
-        if self.tuning is not None:
+        if self.timed is not None:
             self._guard.limit = self._limit
         return super()._too_coarse(t, u, elongation_range)

@@ -18,8 +18,8 @@ from tensegrity.runs.march import Start
 from tensegrity.runs.motion import MotionState
 from tensegrity.runs.observers import user_observers
 from tensegrity.runs.problem import AprioriBounds, Problem
-from tensegrity.runs.record import Record, checkpoint_path
-from tensegrity.runs.run import Run, unchecked, unchecked_replace
+from tensegrity.runs.record import PLAIN, Record, checkpoint_path
+from tensegrity.runs.run import Run, unchecked
 from tensegrity.runs.step import default_step, fixed_step, resumed
 from tensegrity.runs.tolerance import ROUND_OFF, to_tolerance
 from tensegrity.scenes.dynamics import HasDynamics, dynamics
@@ -150,14 +150,13 @@ def simulate(
     if dt is not None and tol is not None:
         raise TensegrityError(f"dt {dt!r} s and tol {tol!r} exclude each other: give one")
     if method is None:
-        method = methods.default(dt, tol, not dyn.is_driven and dyn.opens, dyn.has_forces)
+        method = methods.default(dt, tol, not dyn.is_driven and dyn.opens, dyn.needs_rates)
     method = methods.find(method)
-    record = Record() if record is None else record
+    record = PLAIN if record is None else record
     check.kind("record", record, Record)
     record.check(scene.sites, t_end)
     native.require()
     choice = "dt" if dt is not None else "default" if tol is None else "tol"
-    a_priori = AprioriBounds(dyn, state, energy)
     problem = unchecked(
         Problem,
         scene=scene,
@@ -165,10 +164,12 @@ def simulate(
         t_end=t_end,
         method=method,
         record=record,
-        observe=tuple(user_observers(observe, record, scene, t_end)),
+        observe=user_observers(observe, record, scene, t_end),
         choice=choice,
-        a_priori=a_priori,
+        a_priori=AprioriBounds(dyn, state, energy),
         given=dt,
+        dynamics=dyn,
+        loop_dynamics=dyn,
     )
     if dt is not None:
         run = fixed_step(problem, dt)
@@ -176,7 +177,8 @@ def simulate(
         run = to_tolerance(problem, tol)
     else:
         run = default_step(problem)
-    return unchecked_replace(run, wall_time=time.perf_counter() - started)
+    object.__setattr__(run, "wall_time", time.perf_counter() - started)
+    return run
 
 
 def resume(path: str | os.PathLike[str], scene: Scene | Ensemble | None = None) -> Run:
@@ -291,8 +293,7 @@ class CheckpointData:
             archive.array("u or v", x, shape)
         if dyn.is_driven:
             archive.array("work and loss", self.seen[2], (2, *dyn.batch))
-            work = archive.array("sums", self.seen[3], (4, *dyn.batch), are_finite=False)[:2]
-            check.finite("sums", work)  # the other two are elongations, initially inf
+            archive.array("sums", self.seen[3], (2, *dyn.batch))
         archive.array("elongation_range", self.elongation_range, (springs, 2))
         seen, sums = (self.seen[:3], self.seen[3]) if dyn.is_driven else (self.seen, None)
         return Start(

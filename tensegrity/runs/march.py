@@ -68,7 +68,7 @@ class MarchResult:
     """
 
     def __init__(
-        self, problem: Problem, motion: Any, recorder: Any, samples: ComparisonSamples
+        self, problem: Problem, motion: Any, recorder: Any, samples: Sequence[ComparisonSamples]
     ) -> None:
         self.problem, self.motion, self.recorder = problem, motion, recorder
         self._samples, self.complete = samples, False
@@ -76,7 +76,7 @@ class MarchResult:
 
     @property
     def samples(self) -> Array:
-        return self._samples.rows
+        return self._samples[0].rows
 
     @property
     def steps(self) -> int:
@@ -122,7 +122,8 @@ class MarchResult:
         dyn, (u, v, *sums) = self.problem.dynamics, self.motion.point.output
         sites, walls = dyn.sites, dyn.wall_count
         impulse = v[sites : sites + walls] if walls else None
-        return *(np.ascontiguousarray(x[:sites]) for x in (u, v)), impulse, *(sums or [None])
+        u, v = np.ascontiguousarray(u[:sites]), np.ascontiguousarray(v[:sites])
+        return u, v, impulse, sums[0] if sums else None
 
     def end_at_last_row(self, last: Any) -> None:
         """Let the run end with its last row, given as time, step and state, or None."""
@@ -174,13 +175,13 @@ def march(
         motion.refuse_start()  # before there is a file
     rows = () if start is None else start[1:]
     recorder = Recorder(problem, motion, steps, *rows) if problem.rows else None
-    most = MOST_COMPARED if problem.is_forced else 0
-    samples = ComparisonSamples(problem.scene.shape, steps, instants, most)
+    most = MOST_COMPARED if problem.dynamics.is_driven else 0
+    samples = [ComparisonSamples(problem.scene.shape, steps, instants, most)] if instants else []
     users = [UserObserver(*pair, problem, motion, steps) for pair in problem.observe]
     reached = MarchResult(problem, motion, recorder, samples)
     failure: Any = None
     try:
-        _go(reached, steps, users, [samples, *observers])
+        _go(reached, steps, users, [*samples, *observers])
         motion.release()
         return reached
     except KeyboardInterrupt:
@@ -204,24 +205,27 @@ def _go(reached: MarchResult, steps: int, users: Any, others: Any) -> None:
     problem, motion, recorder = reached.problem, reached.motion, reached.recorder
     block = BLOCK // (problem.dynamics.cost * problem.method.stages)
     most, is_given = max(FEWEST, FIRST * block), problem.choice == "dt"
-    takers = [*users, *([recorder] if recorder else [])]
-    observers, room = [*others, *takers], max(1, ROOM // math.prod(problem.scene.shape))
+    takers = users if recorder is None else [*users, recorder]
+    observers, room = [*others, *takers], max(1, ROOM // problem.state.u.size)
     seconds, since = recorder and problem.record.checkpoint, time.monotonic()
     if seconds is not None:
         recorder.save_checkpoint(motion)
     with progress(steps, "step", motion.done) if steps > most else nullcontext() as bar:
         while not reached.complete and reached.stop is None:
-            end = min((one.last_step(room) for one in takers), default=steps)
-            end = min(steps, motion.done + most, max(end, motion.done + 1))
-            _attempt(motion, end - motion.done, observers, is_given)
+            done, end = motion.done, steps
+            for one in takers:
+                end = min(end, one.last_step(room))
+            end = min(done + most, max(end, done + 1), steps)
+            _attempt(motion, end - done, observers, is_given)
             motion.accept()
             _notify_observers(reached, users, others)
+            done, most = motion.done, max(FEWEST, block)
             if bar is not None:
-                bar.update(motion.done - bar.n)
-            most = max(FEWEST, block)
-            reached.complete = reached.stop is None and motion.done == steps
-            late = seconds is not None and time.monotonic() - since > seconds
-            if reached.stop is None and (late or (seconds is not None and reached.complete)):
+                bar.update(done - bar.n)
+            reached.complete = reached.stop is None and done == steps
+            if seconds is None or reached.stop is not None:
+                continue
+            if reached.complete or time.monotonic() - since > seconds:
                 recorder.save_checkpoint(motion)
                 since = time.monotonic()
 

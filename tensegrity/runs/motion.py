@@ -110,30 +110,26 @@ class Motion:
     def _bind(self, listed: Any) -> Any:
         """A loop for these contacts: a cached one, if no other run uses it."""
         method, bind = self.problem.method, self.problem.bind
-        try:
-            bound = listed.prepared[method].pop() if bind is None else None
-        except (KeyError, IndexError):
-            bound = None
-        if bound is None:
+        self._spare = listed.prepared.setdefault(method, []) if bind is None else []
+        if not self._spare:
             u, v = listed.arrays(self.problem.state)
             return (bind or listed.bind)(u, v, method, self.dt)
+        bound = self._spare.pop()
         bound.set_step(self.dt)
         return bound
 
     def release(self) -> None:
         """Return the loop to the cache for the next run."""
         bound = self._bound
-        cached = bound is not None and self.problem.bind is None and bound.u.size <= LARGEST
-        if cached:
+        if bound is not None and self.problem.bind is None and bound.u.size <= LARGEST:
             self.keep()
+            if len(self._spare) < SPARE:
+                self._spare.append(bound)
         self._bound = None
-        spare = self._listed.prepared.setdefault(self.problem.method, [])
-        if cached and len(spare) < SPARE:
-            spare.append(bound)
 
     def _initial_state(self) -> MotionState:
-        u, v = self._listed.arrays(self.problem.state)
-        return MotionState(0, u, v, (u, v), np.zeros((len(self._listed.springs), 2)))
+        u, v = self._listed.rows(self.problem.state)
+        return MotionState(0, u, v, (u, v), np.zeros((self._listed.loop_bonds.noted, 2)))
 
     def restore(self) -> None:
         """Return to the accepted state."""
@@ -161,10 +157,10 @@ class Motion:
 
     def keep(self) -> None:
         """Copy the accepted state from the arrays of the loop, before an attempt changes these."""
-        point = self.point
-        if point.u is self._bound.u:
-            output = *(x.copy() for x in point.output[:2]), *point.output[2:]
-            self.point = point._replace(u=point.u.copy(), v=point.v.copy(), output=output)
+        done, u, v, (output_u, output_v, *work), *rest = self.point
+        if u is self._bound.u:
+            output = output_u.copy(), output_v.copy(), *work
+            self.point = MotionState(done, u.copy(), v.copy(), output, *rest)
 
     def attempt(self, end: int, wanted: Any) -> bool:
         """Advance to step `end` and store the requested states.
@@ -190,17 +186,15 @@ class Motion:
             return True
         self._list_anew()
         steps, bound = end - self.point.done, self._bound
-        bound.forget_range()
         if self._monitor is not None:
             wanted = [one.with_travel() for one in self._with_contact_samples(end, wanted)]
         finite = self._go(end, wanted)
-        elongation_range = bound.range
-        self._attempt_range = self._range(elongation_range, finite)
+        self._attempt_range = self._range(bound.range, finite)
         if not (finite and self._allows(self._attempt_range, end)):
             return False
         if self._monitor is not None and not self._is_clear(steps, end, wanted):
             return False
-        self.reached = self._point(end, union_of(self.point.elongation_range, elongation_range))
+        self.reached = self._point(end, bound.widen(self.point.elongation_range.copy()))
         return True
 
     def accept(self) -> None:
@@ -241,7 +235,7 @@ class Motion:
         )
 
     def _allows(self, elongation_range: Array, end: int) -> bool:
-        return self._guard.is_inside(elongation_range) and self._guard.allows(elongation_range)
+        return self._guard.allows(elongation_range)
 
     def _is_clear(self, steps: int, end: int, wanted: Any) -> bool:
         """Whether no contact outside the list can have formed, by the distance travelled, or by the
@@ -292,7 +286,6 @@ class Motion:
         rows = np.empty((2, end - done, *shape))
         every = Wanted(done + 1 + np.arange(end - done), *rows).with_travel()
         self.restore()
-        self._bound.forget_range()
         self._go(end, [every])
         return self._samples_clear(end, [every], each=True)
 
@@ -370,7 +363,7 @@ class Motion:
             array[:sites] = rows
         if impulse is not None:
             bound.v[walls] = impulse
-        bound.forget_range()
+        bound.forget()
         bound.advance(1)
         elongation_range = bound.range
         if not (np.isfinite(bound.u).all() and self._guard.is_inside(elongation_range)):

@@ -55,7 +55,7 @@ class UserObserver(OutputStates):
         return int(self._plan.step[k])
 
 
-def user_observers(observe: Any, record: Record, scene: Any, t_end: float) -> list[Any]:
+def user_observers(observe: Any, record: Record, scene: Any, t_end: float) -> tuple[Any, ...]:
     """Pairs of a function and its record, from the argument `observe` of `simulate`.
 
     Parameters
@@ -69,7 +69,7 @@ def user_observers(observe: Any, record: Record, scene: Any, t_end: float) -> li
 
     Returns
     -------
-    list of (callable, Record)
+    tuple of (callable, Record)
 
     Raises
     ------
@@ -77,7 +77,7 @@ def user_observers(observe: Any, record: Record, scene: Any, t_end: float) -> li
         Not a function, not a record, or a record that says more than instants.
     """
     if observe is None:
-        return []
+        return ()
     one = callable(observe) or (
         isinstance(observe, tuple) and len(observe) == 2 and isinstance(observe[1], Record)
     )
@@ -97,4 +97,4 @@ def user_observers(observe: Any, record: Record, scene: Any, t_end: float) -> li
                     )
             when.check(scene.sites, t_end)
         pairs.append((function, record.instants if when is None else when))
-    return pairs
+    return tuple(pairs)

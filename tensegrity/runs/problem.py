@@ -6,7 +6,6 @@ from __future__ import annotations
 import math
 import sys
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -16,7 +15,6 @@ from tensegrity.engine.forces import elongations, scattered_forces
 from tensegrity.engine.methods import Method
 from tensegrity.errors import StabilityError
 from tensegrity.scenes.dynamics import dynamics
-from tensegrity.scenes.force import applied_forces
 
 if TYPE_CHECKING:
     from tensegrity.scenes.dynamics import Dynamics
@@ -58,12 +56,12 @@ class AprioriBounds:
             self._known = nearest, nearest.available_energy(self._state, given)
         return self._known
 
-    @cached_property
+    @property
     def expected(self) -> StiffnessBounds:
         """Bounds if a spring receives all the energy."""
         return bounds_at_energy(*self.nearest)  # not rounded, which would depend on the units
 
-    @cached_property
+    @property
     def first_frequency(self) -> float:
         """Bound on the angular frequency [rad/s] if one bond receives half of the energy."""
         nearest, energy = self.nearest
@@ -132,9 +130,10 @@ class Problem:
     ----------
     scene, state, t_end, method, record
         The arguments of `simulate`.
-    surrogate : Scene, optional
-        The scene with polynomials fitted to its springs: it is advanced, while checks and recorded
-        energies are those of `scene`.
+    dynamics, loop_dynamics : Dynamics
+        That of the scene; and that of the scene which the loop advances, maybe with polynomials
+        fitted to its springs, while checks and recorded energies are those of `scene`.  By default
+        obtained once, for the whole run.
     choice : {"dt", "tol", "default"}
         How the step is chosen.
     rows : bool
@@ -153,38 +152,20 @@ class Problem:
     t_end: float
     method: Method
     record: Any
-    surrogate: Any = None
     choice: str = "dt"
     rows: bool = True
     a_priori: AprioriBounds | None = None
     given: float | None = None
     observe: tuple[Any, ...] = ()
     bind: Any = None
+    dynamics: Any = None
+    loop_dynamics: Any = None
 
     def __post_init__(self):
-        if self.a_priori is None:
-            bounds = AprioriBounds(dynamics(self.scene), self.state)
-            object.__setattr__(self, "a_priori", bounds)
-
-    @property
-    def dynamics(self):
-        """Dynamics of the scene, obtained once for the whole run."""
-        return self.a_priori.dynamics
-
-    @property
-    def loop_dynamics(self):
-        """Dynamics of the scene that the loop advances: the surrogate, if there is one."""
-        return self.dynamics if self.surrogate is None else dynamics(self.surrogate)
-
-    @property
-    def is_forced(self):
-        """Whether the scene is driven, damped or tuned."""
-        return self.dynamics.is_driven
-
-    @property
-    def force_model(self):
-        """How the tensions of the springs are computed."""
-        return self.loop_dynamics.springs.force_model
+        if self.dynamics is None:
+            of = dynamics(self.scene)
+            given = {"dynamics": of, "loop_dynamics": of, "a_priori": AprioriBounds(of, self.state)}
+            self.__dict__.update(given)
 
     def largest_step(self, omega):
         """Stability limit [s] at an angular frequency [rad/s]; inf where it is 0."""
@@ -242,25 +223,28 @@ class StabilityGuard:
 
     def __init__(self, problem, dynamics, dt, allowed) -> None:
         self._problem, self._dynamics, self._dt, self._allowed = problem, dynamics, dt, allowed
-        self.domains, self.limit = dynamics.springs.computable_domain, math.inf
+        self.domains, self.limit = dynamics.springs.noted_domain, math.inf
         self._admissible = None  # ranges of elongation known to be allowed
         self._stiffness = None  # bound of each spring's within them [N/m]
 
     def is_inside(self, elongation_range):
         """Whether elongations, (springs, 2) [m], are within the domains."""
-        if len(elongation_range) == 1:
-            ((low, high),), ((lowest, highest),) = elongation_range.tolist(), self.domains.tolist()
-            return not (low <= lowest or high >= highest)
         return not (
-            np.any(elongation_range[:, 0] <= self.domains[:, 0])
-            or np.any(elongation_range[:, 1] >= self.domains[:, 1])
+            (elongation_range[:, 0] <= self.domains[:, 0]).any()
+            or (elongation_range[:, 1] >= self.domains[:, 1]).any()
         )
 
     def allows(self, elongation_range):
-        """Whether the step is stable at elongations within the domains."""
+        """Whether elongations are within the domains, and the step is stable there."""
+        if self._admissible is not None and _are_within(elongation_range, self._admissible):
+            return True
+        if self.is_known(elongation_range):
+            return True
+        if not self.is_inside(elongation_range):
+            return False
         if self._admissible is None:
             self._admissible = np.zeros(self.domains.shape)
-        if _are_within(elongation_range, self._admissible) or self.is_known(elongation_range):
+        if _are_within(elongation_range, self._admissible):
             return True
         if self._stiffness is None:
             if self._adopts_a_priori():
@@ -288,9 +272,9 @@ class StabilityGuard:
 
     def is_known(self, elongation_range):
         """Whether another run of the scene found this step stable over a range that contains it."""
-        least = self._dt / self._allowed
+        least, largest = self._dt / self._allowed, self._problem.method.stability_limit
         for ranges, stiffness, omega in self._dynamics.ranges:
-            limit = self._problem.largest_step(omega)
+            limit = largest / omega if omega > 0 else math.inf
             if least <= limit and _are_within(elongation_range, ranges):
                 self._admissible, self._stiffness, self.limit = ranges, stiffness, limit
                 return True
@@ -345,7 +329,7 @@ def length_at_rest(problem: Problem, seen: Array) -> float | None:
     if np.max(np.abs(seen[1] - u)) > FAINT * length:
         return None
     stiffness = dyn.stiffness_bounds(dyn.ranges_at(u))
-    forces = _static_forces(dyn, u) if dyn.has_forces else dyn.forces(u)
+    forces = _static_forces(dyn, u) if dyn.further_forces else dyn.forces(u)
     largest_force = np.max(np.abs(forces), initial=0.0)
     return length if largest_force <= REST * np.max(stiffness, initial=0.0) * length else None
 
@@ -355,7 +339,10 @@ def _changes(dyn: Any) -> bool:
     an ensemble with forces."""
     scene = dyn.scene
     return (
-        dyn.batch or scene.drive or scene.tune or any(one.law.varies for one in dyn.further_forces)
+        dyn.batch
+        or scene.drive
+        or dyn.springs.changing
+        or any(one.law.varies for one in dyn.further_forces)
     )
 
 
@@ -364,7 +351,7 @@ def _static_forces(dyn: Any, u: Array) -> Array:
     scene = dyn.scene
     r, along = elongations(dyn.contact_bonds, u)
     tension, sites = np.zeros(r.shape), np.zeros((scene.sites, scene.dim))
-    for one in applied_forces(scene, as_forces=True):
+    for one in dyn.acting.applied(as_forces=True):
         x = u.reshape(sites.shape).T if one.law.on == SITE else r[None]
         state = np.zeros((len(one.law.state), len(one.places)))
         state[: len(x)] = x[:, one.places]

@@ -62,7 +62,7 @@ class Record:
         A new .npy file for the rows, which then take no memory except 48 bytes per instant; valid
         after every row, even if the process is killed.  numpy.load(path, mmap_mode="r") gives a
         structured array with fields t, energy, u, v, and work, loss of scenes that are driven,
-        damped or tuned.  Another run with the same path is refused before it writes.
+        damped or change.  Another run with the same path is refused before it writes.
     checkpoint : float, optional
         With a path: interval of computing time [s] after which the whole state is saved for
         `resume`, in a file with .state.npz added; also when the run ends, be it by an error or by
@@ -196,6 +196,9 @@ class Record:
         return OutputTimes(whole.astype(int), part, t, whole.astype(int) + (part > 0))
 
 
+PLAIN = Record()
+
+
 class OutputTimes(NamedTuple):
     """The instants to record, in terms of the steps of a run.
 
@@ -203,8 +206,8 @@ class OutputTimes(NamedTuple):
     ----------
     step : ndarray of int, (instants,)
         Number of whole steps up to each instant.
-    part : ndarray, (instants,)
-        Time from the end of that step to the instant [s].
+    part : ndarray, (instants,), or None
+        Time from the end of that step to the instant [s]; None where each is the end of one.
     t : ndarray, (instants,)
         Instants [s].
     due : ndarray of int, (instants,)
@@ -212,7 +215,7 @@ class OutputTimes(NamedTuple):
     """
 
     step: Indices
-    part: Array
+    part: Array | None
     t: NDArray[Any]
     due: Indices
 
@@ -229,7 +232,7 @@ def _evenly(every: int, total: int, t_end: float) -> OutputTimes:
     require_memory(PER_INSTANT * (total // every + 2))
     step = np.arange(0, total + every, every) if total else np.zeros(1, dtype=int)
     step[-1] = total
-    return OutputTimes(step, np.zeros(len(step)), step * (t_end / (total or 1)), step)
+    return OutputTimes(step, None, step * (t_end / (total or 1)), step)
 
 
 def require_all_sites(run: Any, what: str = "") -> None:
@@ -306,13 +309,11 @@ class OutputStates:
 
     def __init__(self, record: Record, problem: Any, motion: Any, steps: int) -> None:
         self._plan, self._dynamics = record.plan(steps, problem.t_end), problem.dynamics
-        self._shapes = [x.shape for x in motion.point.output]
-        self._is_dense = not record.is_plain and len(self._plan.step) > 1
-        self._states = Wanted(self._plan.step[:0], np.empty(0))
+        self._is_dense = self._plan.part is not None
 
     def wanted(self, end: int) -> Sequence[Wanted]:
         """States that are due in an attempt to advance to step `end`."""
-        first = self.count
+        first = self._first = self.count
         stop = int(self._plan.due.searchsorted(end, side="right"))
         at, here = self._plan.step[first:stop], slice(first, stop)
         if self._is_dense:  # several instants within a step need one state
@@ -323,13 +324,14 @@ class OutputStates:
 
     def _room(self, here: slice) -> tuple[Any, ...]:
         """Empty arrays u, v, impulse and sums for the states of some instants."""
-        count, walls, sums = here.stop - here.start, self._dynamics.wall_count, self._shapes[2:]
-        shape = self._dynamics.shape
-        return (
-            np.empty((count, *shape)), np.empty((count, *shape)),
-            np.empty((count, walls, *shape[1:])) if walls else None,
-            np.empty((count, *sums[0])) if sums else None,
-        )  # fmt: skip
+        dyn, count = self._dynamics, here.stop - here.start
+        walls, shape = dyn.wall_count, dyn.shape
+        u, v = np.empty((2, count, *shape))
+        return u, v, np.empty((count, walls, *shape[1:])) if walls else None, self._sums(count)
+
+    def _sums(self, count: int) -> Array | None:
+        """An empty array for work and loss at some instants, where there are any."""
+        return np.empty((count, 2, *self._dynamics.batch)) if self._dynamics.is_driven else None
 
     def last_step(self, count: int) -> int | float:
         """The last step up to which no more than so many of the next instants are due."""
@@ -348,7 +350,7 @@ class OutputStates:
         """Copies of u, v, impulse and sums at the instant number k."""
         here = int(self._states.at.searchsorted(self._plan.step[k]))
         arrays = tuple(None if x is None else x[here].copy() for x in self._states[1:5])
-        if self._plan.part[k] > 0:
+        if self._plan.part is not None and self._plan.part[k] > 0:
             motion.between(int(self._plan.step[k]), self._plan.part[k], *arrays)
         return arrays
 
@@ -365,16 +367,16 @@ class ComparisonSamples:
     steps : int
         Number of steps of the run, a multiple of `instants`.
     instants : int
-        Number of instants after the first, 0 for none.
+        Number of instants after the first.
     most : int, optional
         Take as many times more of them as end with a step and do not exceed so many numbers in u.
     """
 
     def __init__(self, shape: tuple[int, ...], steps: int, instants: int, most: int = 0) -> None:
-        every = steps // instants if instants else 0  # steps from one instant to the next
+        every = steps // instants  # steps from one instant to the next
         least = -(-steps * math.prod(shape) // most) if most else every
         every = next((k for k in range(max(least, 1), every) if every % k == 0), every)
-        self._at = every * np.arange(steps // every + 1) if instants else np.zeros(0, int)
+        self._at = every * np.arange(steps // every + 1)
         self._all, self._count, self._stop = np.empty((2, len(self._at), *shape)), 0, 0
 
     @property

@@ -37,23 +37,27 @@ BEGUN: set[tuple[int, int]] = set()  # files of this process, which its later tr
 
 
 class Rows:
-    """Rows in memory: time, energy, and u and v of the recorded sites, in one array each."""
+    """Rows in memory, in one array for each column; what is in place already only counts.
+
+    u and v share one block: the system keeps its pages for the next run of a process, but takes
+    back those of two blocks of half the size.
+    """
 
     def __init__(self, instants: int, shapes: Mapping[str, tuple[int, ...]]) -> None:
         require_memory(8 * instants * sum(map(math.prod, shapes.values())))
-        self.arrays = {name: np.empty((instants, *shape)) for name, shape in shapes.items()}
+        self.arrays = {x: np.empty((instants, *shapes[x])) for x in shapes.keys() - {"u", "v"}}
+        self.arrays["u"], self.arrays["v"] = np.empty((2, instants, *shapes["u"]))
         self.count = 0
 
-    def extend(self, *columns: ArrayLike | None) -> None:
-        """Append rows given as columns; None for columns that are in place already."""
-        stop = self.count + len(columns[0])  # type: ignore[arg-type]
-        for rows, values in zip(self.arrays.values(), columns, strict=True):
-            if values is not None:
-                rows[self.count : stop] = values
+    def extend(self, columns: Mapping[str, Array]) -> None:
+        """Append rows given as columns, by their names."""
+        stop = self.count + len(columns["t"])
+        for name, values in columns.items():
+            self.arrays[name][self.count : stop] = values
         self.count = stop
 
     def finished(self) -> Mapping[str, NDArray[Any]]:
-        """Arrays t, energy, u, v, ... of the rows written so far."""
+        """Arrays t, u, v, ... of the rows written so far."""
         return {name: rows[: self.count] for name, rows in self.arrays.items()}
 
 
@@ -193,9 +197,9 @@ class FileRows:
             raise self._refused(error) from error
         self.count += 1
 
-    def extend(self, *columns: Array) -> None:
-        """Append rows given as columns, one after the other; see `add`."""
-        for row in zip(*columns, strict=True):
+    def extend(self, columns: Mapping[str, Array]) -> None:
+        """Append rows given as columns, by their names, one after the other; see `add`."""
+        for row in zip(*columns.values(), strict=True):
             self.add(*row)
 
     @property
@@ -281,22 +285,27 @@ class Recorder(OutputStates):
         record, dyn = problem.record, problem.dynamics
         self._problem, self._motion, self._steps = problem, motion, steps
         self._columns, rest = record.columns(dyn.sites), dyn.shape[1:]
-        self._sites = range(dyn.sites) if record.sites is None else tuple(record.sites)
+        self._sites = range(dyn.sites) if record.sites is None else record.sites
         self._in_place = record.is_plain and record.sites is None
-        self._rows: Any = None
         self._latest: Any = 0, None  # number of a row, and the states from there on
         if record.checkpoint_path is not None:  # before any work, which may change what it holds
             self._scene = archive.storable(problem.scene)
         super().__init__(record, problem, motion, steps)
         of_sites: Any = len(self._sites), *rest
-        shapes = {"t": (), "energy": dyn.batch, "u": of_sites, "v": of_sites}
+        shapes = {"t": ()} if self._in_place else {"t": (), "energy": dyn.batch}
+        shapes |= {"u": of_sites, "v": of_sites}
         if dyn.wall_count:
             shapes["impulse"] = dyn.wall_count, *rest
-        if problem.is_forced:
+        if dyn.is_driven:
             shapes |= {"work": dyn.batch, "loss": dyn.batch}
         instants = len(self._plan.t) + 1
         if record.path is None:
-            self._rows = Rows(instants, shapes)
+            self._rows: Any = Rows(instants, shapes)
+            if self._in_place:
+                self._rows.arrays["t"][:-1] = self._plan.t
+                if dyn.is_driven:
+                    arrays, sums = self._rows.arrays, np.empty((instants, 2, *dyn.batch))
+                    arrays["sums"], arrays["work"], arrays["loss"] = sums, sums[:, 0], sums[:, 1]
         else:
             kind = np.dtype([(name, float, shape) for name, shape in shapes.items()])
             of = count, last_row, record.checkpoint_path
@@ -305,18 +314,19 @@ class Recorder(OutputStates):
     @property
     def count(self) -> int:
         """Number of rows written."""
-        return 0 if self._rows is None else self._rows.count
+        count: int = self._rows.count
+        return count
 
     def _room(self, here: slice) -> tuple[Any, ...]:
         if not self._in_place:
             return super()._room(here)
-        arrays, sums = self._rows.arrays, self._shapes[2:]
-        return (
-            arrays["u"][here],
-            arrays["v"][here],
-            arrays["impulse"][here] if self._dynamics.wall_count else None,
-            np.empty((here.stop - here.start, *sums[0])) if sums else None,
-        )
+        arrays = self._rows.arrays
+        u, v, impulse, sums = arrays["u"][here], arrays["v"][here], None, None
+        if "impulse" in arrays:
+            impulse = arrays["impulse"][here]
+        if "sums" in arrays:
+            sums = arrays["sums"][here]
+        return u, v, impulse, sums
 
     def take(self, motion: Any, last: float = math.inf) -> None:
         """Record the accepted states that are due, up to an instant [s]."""
@@ -324,32 +334,34 @@ class Recorder(OutputStates):
         if last < math.inf:
             stop = int(self._plan.t[:stop].searchsorted(last, side="right"))
         while self.count < stop:
-            first = self.count
-            if self._plan.part[first] > 0:
-                self._extend(self._plan.t[first : first + 1], *self._single(motion, first))
-                continue
-            between = self._plan.part[first:stop] > 0
-            end = first + int(between.argmax()) if between.any() else stop
-            row = int(self._states.at.searchsorted(self._plan.step[first]))
-            here, states = slice(row, row + end - first), self._states[1:5]
             if self._in_place:
-                states = *[None] * 3, states[3]
-            states = (None if x is None else x[here] for x in states)
+                self._rows.count = stop
+                return
+            first, end, row = self.count, stop, self.count - self._first
+            if self._is_dense and self._plan.part is not None:
+                between = self._plan.part[first:stop] > 0
+                if between[0]:
+                    one = (None if x is None else x[None] for x in self.state(motion, first))
+                    self._extend(self._plan.t[first : first + 1], *one)
+                    continue
+                end = first + int(between.argmax()) if between.any() else stop
+                row = int(self._states.at.searchsorted(self._plan.step[first]))
+            here = slice(row, row + end - first)
+            states = (None if x is None else x[here] for x in self._states[1:5])
             self._extend(self._plan.t[first:end], *states)
 
-    def _single(self, motion: Any, k: int) -> Any:
-        return (None if x is None else x[None] for x in self.state(motion, k))
-
     def _extend(self, t: Array, u: Any, v: Any, impulse: Any, sums: Any) -> None:
-        """Append rows; where u, v and impulse are in place already, only times and sums."""
-        self._latest, states = (self.count, u, v, impulse, sums), (u, v)
-        more = [impulse] * bool(self._dynamics.wall_count)
+        """Append rows."""
+        self._latest = self.count, u, v, impulse, sums
+        columns = {"t": t}
+        if not self._in_place:
+            columns["energy"] = self._motion.energies(t, u, v)
+        columns |= {"u": u[:, self._columns], "v": v[:, self._columns]}
+        if self._dynamics.wall_count:
+            columns["impulse"] = impulse
         if sums is not None:
-            more += [sums[:, 0], sums[:, 1]]
-        if u is not None:
-            u, v = u[:, self._columns], v[:, self._columns]
-        energy = None if self._in_place else self._motion.energies(t, *states)
-        self._rows.extend(t, energy, u, v, *more)
+            columns |= {"work": sums[:, 0], "loss": sums[:, 1]}
+        self._rows.extend(columns)
 
     def end(self, t: float, output: Any) -> None:
         """Record the end of the run, u, v, impulse and sums, unless it is the last row already."""
@@ -401,14 +413,15 @@ class Recorder(OutputStates):
         Run or RunBatch
         """
         table, problem, motion = self._rows.finished(), self._problem, self._motion
-        dyn, forced = problem.dynamics, problem.is_forced
+        dyn, forced = self._dynamics, self._dynamics.is_driven
         return unchecked(
             RunBatch if dyn.batch else Run,
             scene=problem.scene, t=table["t"], u=table["u"], v=table["v"],
             energy=self._energies(table) if self._in_place else table["energy"],
             final=unchecked_state(*final), method=problem.method.name, dt=motion.dt, steps=done,
             sites=tuple(self._sites), complete=complete, stopped=stopped,
-            force_model=problem.force_model, impulse=table["impulse"] if dyn.wall_count else None,
+            force_model=problem.loop_dynamics.springs.force_model,
+            impulse=table["impulse"] if dyn.wall_count else None,
             elongation_range=motion.point.elongation_range,
             fastest=motion.fastest if dyn.follows else None,
             work=table["work"] if forced else None, loss=table["loss"] if forced else None,

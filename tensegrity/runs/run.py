@@ -16,7 +16,7 @@ from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.ensemble import Ensemble
 from tensegrity.scenes.network import Network
 from tensegrity.scenes.picture import Picture
-from tensegrity.scenes.scene import Scene, State, unchecked_state
+from tensegrity.scenes.scene import Scene, State, momenta, unchecked_state
 from tensegrity.unit_names import in_units, unit_text
 
 if TYPE_CHECKING:
@@ -114,7 +114,7 @@ class Run(Printed):
         Impulse that each wall received since the start [N s], where the scene has walls.
     work : ndarray, (T,), or None
         Work done on the scene since the start by drives and by the change of its springs [J],
-        where the scene is driven, damped or tuned.
+        where the scene is driven, damped or changes.
     loss : ndarray, (T,), or None
         Energy dissipated by dashpots and other forces since the start [J], where there is `work`.
         Energy - work + loss is constant.
@@ -257,7 +257,7 @@ class Run(Printed):
         if len(order) < self.scene.sites:
             count = f"{len(self.sites)} of {self.scene.sites} sites"
             raise TensegrityError(f"{count} recorded: the momentum needs all")
-        total = np.einsum("s,ts...->t...", self.scene.mass, self.v[:, order])
+        total = momenta(self.scene, self.v[:, order])
         return total if self.impulse is None else total + self.impulse.sum(axis=1)
 
     def to_xarray(self) -> Any:

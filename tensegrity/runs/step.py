@@ -23,7 +23,7 @@ from tensegrity.errors import (
 from tensegrity.runs.march import march
 from tensegrity.runs.problem import step_count
 from tensegrity.runs.run import unchecked_replace
-from tensegrity.scenes.signals import frequency_of_drives, time_signals
+from tensegrity.scenes.forcing import frequency_of_drives, time_signals
 from tensegrity.springs.kinks import TAUT
 from tensegrity.springs.potential import Potential
 from tensegrity.springs.power_law import PowerLaw
@@ -80,7 +80,7 @@ class ErrorEstimator:
         self._problem, self._tol, self._most = problem, tol, MANY
         forces = problem.dynamics.further_forces
         rough = any(one.law.continuity < math.inf for one in forces)
-        self._forced, self._unresolved = problem.is_forced, 0
+        self._forced, self._unresolved = problem.dynamics.is_driven, 0
         self._safety = SAFETY_FACTOR if rough else FORCED if self._forced else 1.0
         self._set_order(elongation_range)
 
@@ -218,6 +218,8 @@ def attainable_order(problem, elongation_range):
 
 def exponents_within(dyn, elongation_range):
     """Exponents of the kinks of forces within a range of elongations, widened by round-off."""
+    if not may_open(dyn):
+        return ()
     if dyn.follows:
         return {kink[2] for _, kink in kinks_in(dyn, elongation_range)}
     near = [TAUT * (spring.length or 0.0) for spring in dyn.springs.different]
@@ -289,7 +291,8 @@ def default_step(problem):
     Only the run itself shows whether contacts were lost and how far loads drove the springs.  Where
     this requires a finer step, the run is repeated.
     """
-    fraction = _fraction(problem, problem.dynamics.ranges_at(problem.state.u))
+    dyn = problem.dynamics
+    fraction = _fraction(problem, dyn.ranges_at(problem.state.u) if may_open(dyn) else None)
     alone = unchecked_replace(problem, observe=(), rows=not problem.observe)
     result = with_adequate_step(
         alone, refined(alone, expected_steps(problem, fraction), MARGIN * fraction)
@@ -402,7 +405,7 @@ def refined(problem, steps, allowed, instants=0, start=None):
         try:
             return march(problem, steps, allowed, instants, start)
         except (ContactError, LockingError, StabilityError) as error:
-            ranged = problem.surrogate is not None and isinstance(error, RangeError)
+            ranged = isinstance(error, RangeError) and problem.loop_dynamics is not problem.dynamics
             if (
                 ranged
                 or isinstance(error, ContactError)

@@ -29,6 +29,7 @@ from tensegrity.runs.step import (
     run_at_rest,
     steps_at,
 )
+from tensegrity.scenes.dynamics import dynamics
 from tensegrity.springs.polynomial import DEGREES, Polynomial, PolynomialLaw
 from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array
@@ -91,12 +92,12 @@ class Trial:
         over the largest value there."""
         counts = self.samples.shape[1] - 1, finer.samples.shape[1] - 1
         common = math.gcd(*counts)
-        both = (
+        both: Any = (
             one.samples[:, :: count // common]
             for one, count in zip((self, finer), counts, strict=True)
         )
-        gaps = _largest(*both)
-        return float(np.divide(gaps, finer._sizes, out=gaps, where=finer._sizes > 0).max())
+        both = zip(_largest(*both).tolist(), finer._sizes.tolist(), strict=True)
+        return max(gap / size if size > 0 else gap for gap, size in both)
 
 
 def trial_of(problem: Problem, rows: bool = False) -> Problem:
@@ -118,7 +119,7 @@ def _largest(samples: Array, others: Array | None = None) -> Array:
     for k in range(0, samples.shape[1], count):
         some = samples[:, k : k + count]
         some = some if others is None else some - others[:, k : k + count]
-        np.maximum(largest, np.abs(some).reshape(2, -1).max(axis=1), out=largest)
+        largest = np.maximum(largest, np.abs(some).reshape(2, -1).max(axis=1))
     return largest
 
 
@@ -153,7 +154,7 @@ def _fitted(problem: Problem, ranges: Array, errors: Sequence[float]) -> Problem
         fits.append(_fit(spring, low, high, error))
         if fits[-1] is None:
             return None
-    return unchecked_replace(problem, surrogate=dyn.surrogate(tuple(fits)))
+    return unchecked_replace(problem, loop_dynamics=dynamics(dyn.surrogate(tuple(fits))))
 
 
 def _fits(fitted: Problem) -> Sequence[Polynomial]:
@@ -298,6 +299,7 @@ DIVISIBLE = 2  # the same of driven scenes, all of whose steps are compared
 FEWEST = 4  # least instants
 COMPARED = 3  # most runs that are compared, the finest included
 SECOND = 1e-6  # tolerances below this are rarely attained by the second run
+SHORT = 10_000  # steps times entries of u of a run whose rows cost less than a run for them alone
 ROUND_OFF = 1e-14  # relative differences below this are round-off
 # Successive refinements without gain after which round-off is reached: of a method of order 2 or
 # more, and of less, where a run may be better than the next ones by chance.
@@ -316,7 +318,7 @@ def to_tolerance(problem, tol):
     if may_jump(problem.dynamics):
         refuse_jumps(problem, problem.dynamics.ranges_at(problem.state.u), tol)
     steps_per_instant, fewest = (DENSE, AT_FIRST) if problem.dynamics.smooth else (1, CHECKPOINTS)
-    if problem.is_forced:
+    if problem.dynamics.is_driven:
         steps_per_instant = DIVISIBLE
     least = steps_at(problem, TRIAL, problem.a_priori.first_frequency, fewest)
     instants = min(
@@ -386,7 +388,7 @@ def converged(problem, first, error, tol):
             return accepted_run(problem, trials[-1], estimate + error)
         stagnant = stagnant + 1 if gaps[-1][1] > smallest / 2 else 0
         smallest = min(smallest, gaps[-1][1])
-        patient = estimator.order < 2 or (problem.is_forced and smallest > UNRESOLVED)
+        patient = estimator.order < 2 or (problem.dynamics.is_driven and smallest > UNRESOLVED)
         if stagnant >= (STAGNANT_BELOW_2 if patient else STAGNANT):
             raise TensegrityError(
                 f"tol {tol:g} is below {max(smallest, tol):.1e}: with up to {trials[-1].steps} "
@@ -416,9 +418,10 @@ def next_trial(problem, trials, factor, tol):
     """
     finest = trials[-1].refinement
     refinement = max(math.ceil(finest * factor), finest + 1 if factor > 1 else 1)
-    if problem.is_forced:  # every step of the coarser run ends with one of the finer run
+    if problem.dynamics.is_driven:  # every step of the coarser run ends with one of the finer run
         refinement = finest * math.ceil(factor) if factor > 1 else finest // 2
-    keeps_rows = factor > 1 and (len(trials) > 1 or tol > SECOND)
+    short = refinement * trials[0].instants * problem.state.u.size <= SHORT
+    keeps_rows = factor > 1 and (len(trials) > 1 or tol > SECOND or short)
     return Trial.of(trial_of(problem, keeps_rows), refinement, trials[0].instants)
 
 

@@ -70,7 +70,7 @@ def shown(run: Any) -> Shown:
     if not isinstance(scene, Chain):
         places = scene.positions + u
         return Shown(data | drawing(scene, places) | {"places": _packed(places)})
-    springs = [scene.springs[k] for k in range(scene.sites - 1)]
+    springs = [scene.springs[k].at(0.0) for k in range(scene.sites - 1)]
     if all(provenance(spring)[1] for spring in springs):
         return Shown(data | _prisms(scene, u))
     lengths = np.array([spring.length or 1.0 for spring in springs])
@@ -132,7 +132,7 @@ def drawing(scene: Any, places: Array) -> dict[str, Any]:
         "dim": scene.dim,
         "radius": None if radius is None else size.tolist(),
         "bonds": scene.bonds.tolist(),
-        "bars": [not scene.springs[k].kinks for k in range(len(scene.bonds))],
+        "bars": [not scene.springs[k].at(0.0).kinks for k in range(len(scene.bonds))],
         "walls": [line.tolist() for line in lines if line is not None],
         "frame": corners.tolist(),
     }

@@ -12,7 +12,6 @@ import numpy as np
 from tensegrity.engine import kernel, threaded
 from tensegrity.engine.bonds import Bonds
 from tensegrity.engine.methods import Method
-from tensegrity.engine.native import aligned_copy
 from tensegrity.errors import TensegrityError
 from tensegrity.readonly import fixed
 from tensegrity.scenes.dynamics import Dynamics, dynamics
@@ -71,17 +70,17 @@ class BatchDynamics(Dynamics):
 
     @cached_property
     def is_driven(self) -> bool:
-        """Whether some scene is driven, damped or tuned."""
+        """Whether some scene is driven or damped, or changes."""
         return any(one.is_driven for one in self.members)
 
     @cached_property
-    def has_forces(self) -> bool:
-        """Whether any of the scenes has forces besides those of springs, drives and dashpots."""
-        return any(one.has_forces for one in self.members)
+    def needs_rates(self) -> bool:
+        """Whether a scene has forces that a Runge-Kutta method takes only."""
+        return any(one.needs_rates for one in self.members)
 
     @property
     def further_forces(self) -> tuple[Any, ...]:
-        """These forces of all scenes."""
+        """The forces of all scenes besides those of springs, drives and dashpots."""
         return tuple(force for one in self.members for force in one.further_forces)
 
     @cached_property
@@ -195,11 +194,11 @@ class BatchDynamics(Dynamics):
         mass = np.ascontiguousarray(self.inverse_mass)
         return Bonds(laws, law, parameters, group, mass, kinks=self.springs.kinks)
 
-    def arrays(self, state: State) -> tuple[Array, Array]:
+    def rows(self, state: State) -> tuple[Array, Array]:
         """u and v in the form of the compiled loop."""
         if self._bonds is not None:
-            return aligned_copy(state.u), aligned_copy(state.v)
-        each = [one.arrays(self.scene.select(state, k)) for k, one in enumerate(self.members)]
+            return super().rows(state)
+        each = [one.rows(self.scene.select(state, k)) for k, one in enumerate(self.members)]
         u, v = (np.stack(x, axis=-1) for x in zip(*each, strict=True))
         return u, v
 

@@ -8,23 +8,27 @@ the constant preload, because potentials are measured from the loaded equilibriu
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from functools import wraps
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
+from tensegrity.scenes.acting import on_site_springs
 from tensegrity.scenes.dynamics import Dynamics, dynamics
 from tensegrity.scenes.forcing import start_driven_sites
-from tensegrity.scenes.on_site import on_site, on_site_springs
+from tensegrity.scenes.network import Network
+from tensegrity.scenes.pair_dynamics import is_pair_law
 from tensegrity.scenes.scene import BYTES_PER_SITE, SMALLEST_MASS, Scene, State, velocities
+from tensegrity.springs.pair_law import PairLaw
 from tensegrity.springs.potential import Potential
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from tensegrity.scenes.force import Force
-    from tensegrity.scenes.forcing import Damping, Drive, Tune
+    from tensegrity.scenes.forcing import Damping, Drive
     from tensegrity.typing import Array, Indices, Motion
 
 ENDS = ("free", "fixed")
@@ -36,7 +40,10 @@ class Chain(Scene):
     Parameters
     ----------
     spring : Potential or sequence of Potential
-        One spring for all bonds, or `sites - 1` springs; bond j joins sites j and j + 1.
+        One spring for all bonds, or `sites - 1` springs; bond j joins sites j and j + 1.  Some may
+        change with time, see `Potential.over_time`.  With a `PairLaw`, or several of one form, the
+        chain is a `Network` in a row: u has the shape (sites, dim), and `mass` is one number, the
+        inertias of one site, (dim,), or of all.
     sites : int
         Number of masses, at least 2.
     mass : float or array_like (sites,), optional
@@ -47,17 +54,10 @@ class Chain(Scene):
         {site: Drive}: prescribed motions, and forces that depend on time.
     damping : Damping, optional
         Dashpots in the bonds and to the ground.
-    tune : dict of str to sympy.Expr, or callable t -> Potential, optional
-        {name: expression of t}: arguments of the spring that depend on time, such as the
-        prestrain of a prism; or a function that returns the spring at time t [s], always of the
-        same force law and smooth in t.  All bonds then share one spring, `spring`, which must be
-        that of t = 0.  The change does work on the chain at the rate dV/dt at fixed elongation.
-        Elongations are measured from the reference shape at t = 0.
-        Source: the talk, "adjusted on the fly, through suitable control of prestress".
     forces : sequence of Force, optional
         Forces of time, displacement and velocity, in addition to those of the springs.  Unless
-        they depend on time alone, they need a Runge-Kutta method, "rk4" or "rk8".  They exclude
-        `tune`.
+        they depend on time alone, or are dashpots, linear in velocities, they need a Runge-Kutta
+        method, "rk4" or "rk8", and exclude springs that change.
     ground : Potential or sequence of Potential, optional
         Springs between all sites and the ground, or one for each site: functions of u.  They are
         forces, each the `Force` of a potential, whose energy counts as that of the chain.
@@ -97,7 +97,6 @@ class Chain(Scene):
         *,
         drive: Mapping[int, Drive] | None = None,
         damping: Damping | None = None,
-        tune: Tune | None = None,
         forces: Sequence[Force] = (),
         ground: Potential | Sequence[Potential] | None = None,
     ) -> None:
@@ -105,17 +104,19 @@ class Chain(Scene):
         check.memory(f"a run of {self.sites} sites", BYTES_PER_SITE * self.sites)
         self.springs = self._springs(spring)
         self.mass = self._masses(mass)
-        if (
-            not isinstance(ends, (tuple, list))
-            or len(ends) != 2
-            or any(not isinstance(e, str) or e not in ENDS for e in ends)
-        ):
-            raise TensegrityError(f"ends {check.shown(ends)} must be two of {ENDS}")
-        self.ends = ends[0], ends[1]
+        self.ends = _checked_ends(ends)
         _ = dynamics(self).loop_bonds  # refuses springs that the compiled loop cannot take
         given = check.sequence("forces", forces, "forces")
         springs = on_site_springs(ground, self.sites)
-        self._set_forcing(drive, damping, tune, (*given, *springs))
+        self._set_forcing(drive, damping, (*given, *springs))
+
+    if not TYPE_CHECKING:  # types are those of __init__
+
+        @wraps(__init__, assigned=())
+        def __new__(cls, spring=None, *given, **forcing):
+            if cls is Chain and is_pair_law(spring):
+                return _of_pairs(spring, *given, **forcing)
+            return super().__new__(cls)
 
     def _springs(self, spring: Potential | Sequence[Potential]) -> tuple[Potential, ...]:
         if isinstance(spring, Potential):
@@ -157,7 +158,7 @@ class Chain(Scene):
     @property
     def held(self) -> list[int]:
         """Indices of the sites that are held at u = 0."""
-        return [s for s, end in zip((0, self.sites - 1), self.ends, strict=True) if end == "fixed"]
+        return _held(self.ends, self.sites)
 
     def at_rest(self, velocity: Mapping[int, float] | None = None) -> State:
         """The undeformed state, in which the given sites have a velocity and all others rest.
@@ -211,7 +212,7 @@ class Chain(Scene):
         half = self.bond_energy(u) / 2
         edge = np.zeros((*half.shape[:-1], 1))
         left, right = np.concatenate([edge, half], -1), np.concatenate([half, edge], -1)
-        return 0.5 * self.mass * v**2 + left + right + on_site(self, 0, u)
+        return 0.5 * self.mass * v**2 + left + right + dynamics(self).acting.stored(0, u)
 
     def momentum(self, state: State) -> float:
         """Total momentum [kg m/s], > 0 towards higher sites."""
@@ -230,3 +231,29 @@ class Chain(Scene):
         kinds = len(dynamics(self).springs)
         springs = "equal springs" if kinds == 1 else f"{kinds} kinds of springs"
         return f"Chain({self.sites} sites, {springs}, ends {self.ends})"
+
+
+def _checked_ends(ends: Any) -> tuple[str, str]:
+    if (
+        not isinstance(ends, (tuple, list))
+        or len(ends) != 2
+        or any(not isinstance(e, str) or e not in ENDS for e in ends)
+    ):
+        raise TensegrityError(f"ends {check.shown(ends)} must be two of {ENDS}")
+    return ends[0], ends[1]
+
+
+def _held(ends: tuple[str, str], sites: int) -> list[int]:
+    return [s for s, end in zip((0, sites - 1), ends, strict=True) if end == "fixed"]
+
+
+def _of_pairs(
+    spring: Any, sites: int, mass: ArrayLike = 1.0, ends: Any = ("free", "free"), **forcing: Any
+) -> Network:
+    """A chain of sites of several coordinates: a network in a row."""
+    sites = check.whole("sites", sites, least=2)
+    one = spring if isinstance(spring, PairLaw) else spring[0]
+    places, each = np.zeros((sites, one.law.dim)), np.arange(sites)
+    places[:, 0] = each * (one.length or 1.0)
+    bonds, held = np.stack([each[:-1], each[1:]], axis=1), _held(_checked_ends(ends), sites)
+    return Network(places, bonds, spring, mass=mass, held=held, **forcing)

@@ -23,7 +23,7 @@ from tensegrity.engine.native import aligned_copy
 from tensegrity.engine.openings import is_treated
 from tensegrity.errors import TensegrityError
 from tensegrity.readonly import ReadOnly, Repeated, fixed, same_content
-from tensegrity.scenes.on_site import on_site
+from tensegrity.scenes.acting import Acting, per_coordinate
 from tensegrity.springs.collection import Springs
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from tensegrity.engine.energies import Energies
     from tensegrity.engine.methods import Method
     from tensegrity.springs.potential import Potential
-    from tensegrity.typing import Array, Indices, SceneData
+    from tensegrity.typing import Array, Indices
 
 SURROGATES = 4  # scenes with fitted springs that are cached with a scene
 IN_CACHE = 20_000  # contacts times rows whose energies are computed in one call
@@ -111,7 +111,7 @@ class Dynamics:
         each spring over them [N/m], and the resulting bound on the angular frequency [rad/s].
     reached : dict of float to Reach
         Cache of the elongations that springs attain with a given energy [J] in one bond.
-    tuned : dict of float to object
+    timed : dict of float to TimedSprings
         Cache of springs that change with time, by the duration of the run [s].
     saving : float or None
         Estimate of the time that fitted forces save in one evaluation of all forces [s].
@@ -132,7 +132,7 @@ class Dynamics:
         self.sites, self.dim = scene.sites, scene.dim
         self.ranges: list[tuple[Array, Array, float]] = []
         self.reached: dict[float, Any] = {}
-        self.tuned: dict[float, Any] = {}
+        self.timed: dict[float, Any] = {}
         self.saving: float | None = None
         self.prepared: dict[Method, list[Any]] = {}
         self._surrogates: dict[tuple[Potential, ...], Any] = {}
@@ -199,16 +199,22 @@ class Dynamics:
     @cached_property
     def is_driven(self) -> bool:
         """Whether forces depend on time or velocity, or motion is prescribed."""
-        return is_driven(self.scene)
+        scene = self.scene
+        return bool(scene.drive or scene.damping or scene._forces or self.springs.changing)
+
+    @cached_property
+    def acting(self) -> Acting:
+        """The forces of the scene on their places."""
+        return Acting(self.scene)
 
     @property
-    def has_forces(self) -> bool:
-        """Whether there are forces besides those of springs, drives and dashpots."""
-        return bool(self.scene._forces)
+    def needs_rates(self) -> bool:
+        """Whether there are forces that a Runge-Kutta method takes only."""
+        return not self.acting.splits
 
     @property
     def further_forces(self) -> tuple[Any, ...]:
-        """These forces, each a Force."""
+        """The forces besides those of springs, drives and dashpots, each a Force."""
         return self.scene._forces
 
     @cached_property
@@ -232,27 +238,19 @@ class Dynamics:
         """Bonds with their geometry, which the loop over a chain does not need."""
         return self.loop_bonds
 
-    def arrays(self, state: Any) -> tuple[Array, Array]:
+    def rows(self, state: Any) -> tuple[Array, Array]:
         """Copies of u and v in the form of the loop, with rows for walls after the sites."""
-        odd = (self.sites - 1) % BLOCK  # bonds before the whole blocks
-        return aligned_copy(state.u, odd), aligned_copy(state.v, odd)
+        return state.u.copy(), state.v.copy()
+
+    def arrays(self, state: Any) -> tuple[Array, Array]:
+        """The same where a loop advances them fastest."""
+        u, v = self.rows(state)
+        odd = (len(u) - 1) % BLOCK if u.size == len(u) else 0  # bonds before the whole blocks
+        return aligned_copy(u, odd), aligned_copy(v, odd)
 
     def bind(self, u: Array, v: Array, method: Method, dt: float) -> Any:
-        """The compiled time-stepping loop.
-
-        Parameters
-        ----------
-        u, v : ndarray
-            The `arrays` of a state [m], [m/s], which the loop advances in place.
-        method : Method
-        dt : float
-            Time step [s].
-
-        Returns
-        -------
-        object
-            The loop, as `tensegrity.engine.kernel.bind` returns it.
-        """
+        """The compiled loop that advances the `arrays` u [m] and v [m/s] of a state in place by
+        steps dt [s]; see `tensegrity.engine.kernel.bind`."""
         return kernel.bind(u, v, self.loop_bonds, method, dt)
 
     def listed(self, u: Array) -> Dynamics:
@@ -290,22 +288,26 @@ class Dynamics:
 
     def energies(self, u: Array, v: Array) -> Array:
         """Total energy of each state [J], (states,); u and v (states, *shape)."""
-        stored: Any = 0.0
-        if self.has_forces:
-            stored = np.sum(on_site(self.scene, 0, u).reshape(len(u), -1), axis=-1)
+        if self.acting.stores:
+            stored = np.sum(self.acting.stored(0, u).reshape(len(u), -1), axis=-1)
+            return self._of_bonds(u, v) + stored
+        return self._of_bonds(u, v)
+
+    def _of_bonds(self, u: Array, v: Array) -> Array:
+        """The same without springs to the ground."""
         compiled = self.energies_in_one_call
         energies = None if compiled is None else compiled(u, v)
         if energies is not None:
-            return energies + stored
+            return energies
         scene, rows = self.scene, (len(u), -1)
-        mass = scene.mass.reshape(-1, *[1] * (len(self.shape) - 1))
+        mass = per_coordinate(scene, scene.mass)
         with np.errstate(over="ignore"):  # overflow gives inf, which `checked` refuses
             kinetic = 0.5 * np.sum((mass * v**2).reshape(rows), axis=-1)
         some = max(IN_CACHE // max(len(scene.springs), 1), 1)
         parts = [np.sum(self.evaluate("energy", u[k : k + some]), axis=-1)
                  for k in range(0, len(u), some)]  # fmt: skip
         bonds = np.concatenate(parts) if parts else np.zeros(0)
-        return kinetic + bonds - np.sum((scene.loads * u).reshape(rows), axis=-1) + stored
+        return kinetic + bonds - np.sum((scene.loads * u).reshape(rows), axis=-1)
 
     @cached_property
     def energies_in_one_call(self) -> Energies | None:
@@ -314,7 +316,7 @@ class Dynamics:
 
     # bounds
 
-    @property
+    @cached_property
     def is_loaded(self) -> bool:
         """Whether constant loads act."""
         return bool(np.any(self.scene.loads))
@@ -323,7 +325,7 @@ class Dynamics:
         """Refuse a state that the scene cannot have; return its energy [J]."""
         self.scene._check_sites(state)
         energy = float(self.energies(state.u[None], state.v[None])[0])  # refuses locked springs
-        if not np.isfinite(energy):
+        if not math.isfinite(energy):
             raise TensegrityError(f"energy {energy} J of the state must be finite")
         return energy
 
@@ -384,7 +386,7 @@ class Dynamics:
     @cached_property
     def _on_site_bound(self) -> float:
         """Largest stiffness over mass of the springs to the ground, at rest [1/s^2]."""
-        stiffness = np.abs(on_site(self.scene, 2, np.zeros(self.shape)))
+        stiffness = np.abs(self.acting.stored(2, np.zeros(self.shape)))
         return float(np.max(stiffness * self.inverse_mass))
 
     @property
@@ -443,8 +445,3 @@ def varied(scene: Any, **changed: Any) -> Any:
     other = copy(scene)
     other.__dict__.update(changed)
     return other
-
-
-def is_driven(scene: SceneData) -> bool:
-    """Whether forces depend on time or velocity, or motion is prescribed."""
-    return bool(scene.drive or scene.damping or scene.tune or getattr(scene, "_forces", ()))

@@ -8,7 +8,8 @@ arrays of the time-stepping loop.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -19,18 +20,16 @@ from tensegrity.engine.driven import Forcing
 from tensegrity.errors import TensegrityError
 from tensegrity.printing import concise, printed
 from tensegrity.readonly import FixedDict, fixed
+from tensegrity.scenes.acting import per_coordinate, signals_of_force
 from tensegrity.scenes.dynamics import dynamics
-from tensegrity.scenes.force import applied_forces, checked_forces, place_counts
-from tensegrity.scenes.signals import (
+from tensegrity.scenes.force import Force, place_counts
+from tensegrity.springs.signals import (
     RTOL,
     check_signals,
-    expression_of,
     in_columns,
+    largest_frequency,
     signals_of,
-    signals_of_force,
 )
-from tensegrity.springs.provenance import argument
-from tensegrity.springs.tuned import spring_at
 
 if TYPE_CHECKING:
     from typing import Any, TypeAlias
@@ -38,11 +37,9 @@ if TYPE_CHECKING:
     import sympy as sp
     from numpy.typing import ArrayLike
 
-    from tensegrity.springs.potential import Potential
     from tensegrity.typing import Array
 
     Signal: TypeAlias = sp.Expr | float | tuple[ArrayLike, ArrayLike]
-    Tune: TypeAlias = Mapping[str, sp.Expr | float] | Callable[[float], Potential]
 
 ATOL = 1e-12  # m: tolerance on the initial position of a driven site
 
@@ -205,9 +202,7 @@ class Damping:
         return np.broadcast_to(values, (count,)).copy()
 
 
-def checked_forcing(
-    scene: Any, drive: Any, damping: Any, tune: Any = None, forces: Any = ()
-) -> dict[str, Any]:
+def checked_forcing(scene: Any, drive: Any, damping: Any, forces: Any = ()) -> dict[str, Any]:
     """Validate the forcing of a scene.
 
     Parameters
@@ -215,20 +210,19 @@ def checked_forcing(
     scene : Scene
     drive : dict of int to Drive, or None
     damping : Damping or None
-    tune : dict of str to expression, callable t -> Potential, or None
     forces : sequence of Force
 
     Returns
     -------
     dict
-        The attributes `drive`, `damping` (None if all coefficients are 0), `tune` and `_forces`
-        of the scene.
+        The attributes `drive`, `damping` (None if all coefficients are 0) and `_forces` of the
+        scene.
 
     Raises
     ------
     TensegrityError
         A drive of a held or missing site or with a wrong number of components, damping of another
-        number of bonds or sites, or a tuning that does not begin at the scene's own spring.
+        number of bonds or sites, or what is no force.
     """
     drive = {} if drive is None else drive
     if not isinstance(drive, Mapping):
@@ -244,135 +238,86 @@ def checked_forcing(
             raise TensegrityError(f"site {number} is held and cannot be driven")
     if damping is not None:
         check.kind("damping", damping, Damping)
-        damping.each("bond", _bonds(scene))
+        damping.each("bond", place_counts(scene)["bonds"])
         damping.each("ground", scene.sites)
         if not (damping.bond.any() or damping.ground.any()):
             damping = None
-    forcing = {
-        "drive": FixedDict(drive),
-        "damping": damping,
-        "_forces": checked_forces(scene, forces),
-    }
-    forcing["tune"] = _checked_tune(scene, {} if tune is None else tune)
-    if forcing["tune"] and forcing["_forces"]:
-        raise TensegrityError("tune and forces exclude each other")
-    return forcing
-
-
-def _checked_tune(scene: Any, tune: Any) -> Any:
-    """Validate the dependence of a scene's springs on time."""
-    if not callable(tune) and not isinstance(tune, Mapping):
-        raise TensegrityError(
-            f"tune {check.shown(tune)} must be a dict {{name: expression of t}}, or a function of t"
-        )
-    # springs that differ only in length are distinct here
-    different = dynamics(scene).springs.different
-    if tune and (len(scene.springs) > _bonds(scene) or any(x != different[0] for x in different)):
-        raise TensegrityError(
-            f"tune needs one spring for all bonds, there are {len(set(different))}, and no "
-            f"contacts with walls, there are {len(scene.springs) - _bonds(scene)}"
-        )
-    if callable(tune):
-        if (first := spring_at(tune, 0.0)) != different[0]:
-            raise TensegrityError(f"tune begins with {first!r}, the spring is {different[0]!r}")
-        return tune
-    names = [name for name in tune if not isinstance(name, str)]
-    if names:
-        raise TensegrityError(f"tune {check.shown(names[0])} is not the name of an argument")
-    signals = {name: expression_of(name, one) for name, one in tune.items()}
-    for name, signal in signals.items():
-        spring, begin = different[0], float(signal(np.array(0.0)))
-        spring.varied({name: begin})  # refuses a name that is no argument of the spring
-        if abs(argument(spring, name) - begin) > RTOL * abs(begin):
-            raise TensegrityError(
-                f"tune begins at {name} {begin:.9g}, the spring has {argument(spring, name):.9g}"
-            )
-    return FixedDict(signals)
-
-
-def _bonds(scene: Any) -> int:
-    return place_counts(scene)["bonds"]
+    given = check.sequence("forces", forces, "forces")
+    for one in given:
+        check.kind("a force", one, Force)
+    return {"drive": FixedDict(drive), "damping": damping, "_forces": given}
 
 
 def refuse_driven(scene: Any, what: str) -> None:
-    """Refuse a driven, damped or tuned scene in an analysis of conservative scenes."""
+    """Refuse a scene that is driven, damped or changes, in an analysis of conservative scenes."""
     if dynamics(scene).is_driven:
         raise TensegrityError(
-            f"{what}: not for scenes that are driven, damped or tuned, or have further forces or "
-            "springs to the ground"
+            f"{what}: not for scenes that are driven or damped, or have springs that change, "
+            "further forces or springs to the ground"
         )
 
 
-def start_driven_sites(scene: Any, u: Array, v: Array) -> None:
-    """Set the displacements and velocities of driven sites to those of their drives at t = 0.
+def time_signals(scene: Any) -> list[Any]:
+    """All functions of time that drive or change a scene, or the scenes of an ensemble."""
+    signals: list[Any] = []
+    for one in getattr(scene, "scenes", (scene,)):
+        for spring in dynamics(one).springs.changing:
+            signals += spring.signals.values()
+        for drive in one.drive.values():
+            signals += [signal for signal in drive.signals if signal is not None]
+    return signals
 
-    Parameters
-    ----------
-    scene : Scene
-    u, v : ndarray, (sites[, dim])
-        Displacements [m] and velocities [m/s], changed in place.
-    """
+
+def frequency_of_drives(scene: Any, state: Any, t_end: float) -> float:
+    """Largest estimate of an angular frequency of drives, of springs and forces that change
+    [rad/s], these at displacements and velocities like those of a state."""
+    largest = largest_frequency(time_signals(scene), t_end)
+    x, rate = (float(np.max(np.abs(values))) or 1.0 for values in (state.u, state.v))
+    for one in getattr(scene, "scenes", (scene,)):
+        for force in dynamics(one).acting.forces:
+            if force.law.varies:
+                each = signals_of_force(force, x, rate)
+                signals = {s.key: s for place in each for s in place}.values()
+                with suppress(TensegrityError):  # infinite at these displacements
+                    largest = max(largest, largest_frequency([*signals], t_end))
+    return largest
+
+
+def _components(scene: Any, prescribed: bool) -> Iterator[tuple[int, int, int, Any]]:
+    """Of each coordinate with a prescribed motion, or with a prescribed force: site, axis, index in
+    the flattened u, and function of time."""
     for site, drive in scene.drive.items():
-        if drive.prescribes:
-            _, prescribed, here = driven_components(scene, site, drive)
-            u.reshape(-1)[here] = drive.at(0.0)[prescribed]
-            v.reshape(-1)[here] = drive.at(0.0, 1)[prescribed]
+        for axis, signal in enumerate(drive.signals):
+            if drive.prescribes == prescribed and signal is not None:
+                yield site, axis, site * scene.dim + axis, signal
 
 
-def driven_components(
-    scene: Any, site: int, drive: Drive
-) -> tuple[list[Any], list[int], list[int]]:
-    """Components of a drive that are not free.
-
-    Parameters
-    ----------
-    scene : Scene
-    site : int
-    drive : Drive
-        The drive of that site.
-
-    Returns
-    -------
-    signals : list of callable
-        Functions of time.
-    axes : list of int
-        Their coordinates.
-    entries : list of int
-        Their indices in the flattened u.
-    """
-    axes = [k for k, signal in enumerate(drive.signals) if signal is not None]
-    return [drive.signals[k] for k in axes], axes, [site * scene.dim + k for k in axes]
+def start_driven_sites(scene: Any, u: Array, v: Array) -> None:
+    """Set the displacements u [m] and velocities v [m/s] of driven sites, (sites[, dim]), to those
+    of their drives at t = 0, in place."""
+    for _, _, entry, signal in _components(scene, True):
+        u.reshape(-1)[entry], v.reshape(-1)[entry] = (signal(np.array(0.0), k) for k in (0, 1))
 
 
 def driven_entries(scene: Any, prescribed: bool) -> tuple[Any, Any]:
     """Indices in the flattened u with a prescribed motion, or with a force, and their functions."""
-    numbers: list[int] = []
-    signals: list[Any] = []
-    for site, drive in scene.drive.items():
-        if drive.prescribes == prescribed:
-            of_site, _, here = driven_components(scene, site, drive)
-            numbers += here
-            signals += of_site
-    return np.array(numbers, dtype=int), tuple(signals)
+    found = [(entry, signal) for _, _, entry, signal in _components(scene, prescribed)]
+    return np.array([x for x, _ in found], dtype=int), tuple(signal for _, signal in found)
 
 
 def check_start(scene: Any, u: Array) -> None:
     """Refuse displacements of driven sites that differ from their drives at t = 0."""
-    for site, drive in scene.drive.items():
-        if not drive.prescribes:
-            continue
-        signals, axes, here = driven_components(scene, site, drive)
-        for signal, axis, entry in zip(signals, axes, here, strict=True):
-            prescribed, actual = float(signal(np.array(0.0))), float(u.reshape(-1)[entry])
-            if abs(actual - prescribed) > ATOL + RTOL * abs(prescribed):
-                raise TensegrityError(
-                    f"site {site} is at {actual:.9g} m, its drive {signal} begins at "
-                    f"{prescribed:.9g} m (axis {axis}): start from `at_rest`, or let the drive "
-                    "begin there"
-                )
+    for site, axis, entry, signal in _components(scene, True):
+        prescribed, actual = float(signal(np.array(0.0))), float(u.reshape(-1)[entry])
+        if abs(actual - prescribed) > ATOL + RTOL * abs(prescribed):
+            raise TensegrityError(
+                f"site {site} is at {actual:.9g} m, its drive {signal} begins at "
+                f"{prescribed:.9g} m (axis {axis}): start from `at_rest`, or let the drive "
+                "begin there"
+            )
 
 
-def forcing_of(scene: Any, t_end: float, tuning: Any = None, as_forces: bool = False) -> Forcing:
+def forcing_of(scene: Any, t_end: float, timed: Any = None, as_forces: bool = False) -> Forcing:
     """The forcing of a scene as arrays for the loop; see `tensegrity.engine.driven`.
 
     Parameters
@@ -380,8 +325,8 @@ def forcing_of(scene: Any, t_end: float, tuning: Any = None, as_forces: bool = F
     scene : Scene
     t_end : float
         End of the run [s].
-    tuning : object, optional
-        The springs' parameters as functions of time; see `tensegrity.springs.tuned`.
+    timed : TimedSprings, optional
+        The springs, if some change with time.
     as_forces : bool, optional
         Whether dashpots are further forces, as Runge-Kutta methods take them.
 
@@ -394,45 +339,38 @@ def forcing_of(scene: Any, t_end: float, tuning: Any = None, as_forces: bool = F
     TensegrityError
         A drive that is not finite, has a jump, or is not defined up to `t_end`.
     """
-    (moved, motions), (forced, scattered_forces) = (
-        driven_entries(scene, True),
-        driven_entries(scene, False),
-    )
-    held = np.repeat(dynamics(scene).inverse_mass == 0, scene.dim)
-    if not (applied := applied_forces(scene, as_forces)):
+    dyn = dynamics(scene)
+    (moved, motions), (forced, pulls) = (driven_entries(scene, x) for x in (True, False))
+    held = np.repeat(np.isin(np.arange(scene.sites), scene.held), scene.dim)
+    acting = dyn.acting
+    ground, bond = (x.copy() for x in acting.dashpots)
+    ground[held] = 0.0
+    if applied := acting.applied(as_forces):  # dashpots are among them
+        ground[:], bond[:] = 0.0, 0.0
+    else:
         fixed_entries = {*moved.tolist(), *np.flatnonzero(held).tolist()}
-        for of in (one._applied(scene) for one in scene._forces):
-            for place, each in zip(of.places.tolist(), signals_of_force(of), strict=True):
-                here = [(scene.dim * place + k, signal) for k, signal in enumerate(each)]
-                here = [pair for pair in here if pair[0] not in fixed_entries]
-                forced = np.append(forced, [entry for entry, _ in here]).astype(int)
-                scattered_forces = (*scattered_forces, *(signal for _, signal in here))
-    check_signals((*motions, *scattered_forces), t_end)
-    bonds, mass = dynamics(scene).loop_bonds, np.repeat(scene.mass, scene.dim)
+        more = [pair for pair in acting.of_time() if pair[0] not in fixed_entries]
+        forced = np.append(forced, [entry for entry, _ in more]).astype(int)
+        pulls = (*pulls, *(signal for _, signal in more))
+    check_signals((*motions, *pulls), t_end)
+    bonds, mass = dyn.loop_bonds, per_coordinate(scene, scene.mass).flatten()
     driven_mass = mass[moved]
     mass[moved] = 0.0
-    damping = scene.damping or Damping()
-    ground = np.repeat(damping.each("ground", scene.sites), scene.dim)
-    bond = np.zeros(len(scene.springs))
-    bond[: _bonds(scene)] = damping.each("bond", _bonds(scene))
-    ground[held] = 0.0
-    if applied:  # dashpots are among them
-        ground, bond = np.zeros_like(ground), np.zeros_like(bond)
-    if tuning is not None:
+    if timed is not None:
         bonds = replace(
-            bonds, laws=(tuning.law,), law=np.zeros(1, int), parameters=tuning.at(np.zeros(1)),
-            group=np.zeros(len(bonds.group), int), kinks=None,
+            bonds, laws=timed.laws, law=timed.law, parameters=timed.columns.astype(float),
+            group=timed.group, kinks=None,
         )  # fmt: skip
     return Forcing(
         bonds,
         moved,
         forced,
         in_columns(motions),
-        in_columns(scattered_forces),
+        in_columns(pulls),
         mass,
         driven_mass,
         ground,
         bond,
-        tuning,
+        timed,
         applied,
     )

@@ -17,6 +17,7 @@ import numpy as np
 from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.notebook import page
+from tensegrity.scenes.acting import per_coordinate
 from tensegrity.scenes.clearance import Clearance
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.forcing import start_driven_sites
@@ -31,15 +32,20 @@ from tensegrity.scenes.network_input import (
     numbers,
     per_site,
     plane_walls,
-    refuse_beside_plates,
     refuse_too_many,
     site_number,
     springs_of,
     whole_pairs,
 )
-from tensegrity.scenes.on_site import on_site
+from tensegrity.scenes.pair_dynamics import (
+    PairDynamics,
+    inertias,
+    is_pair_law,
+    pair_laws,
+    refuse_beside_pair_laws,
+)
 from tensegrity.scenes.picture import Picture, forces
-from tensegrity.scenes.scene import Scene, State, velocities
+from tensegrity.scenes.scene import Scene, State, momenta, velocities
 from tensegrity.scenes.walls import Wall
 from tensegrity.springs.potential import Potential
 
@@ -50,7 +56,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from tensegrity.scenes.force import Force
-    from tensegrity.scenes.forcing import Damping, Drive, Tune
+    from tensegrity.scenes.forcing import Damping, Drive
     from tensegrity.typing import Array, Motion
 
 
@@ -64,7 +70,8 @@ class Network(Scene):
     bonds : array_like of int, (bonds, 2)
         The two sites of each bond.
     spring : Potential or sequence of Potential
-        One spring for all bonds, or one for each bond.
+        One spring for all bonds, or one for each bond.  Some may change with time, with "fixed"
+        contacts only; see `Potential.over_time`.
     lengths : float or array_like (bonds,), optional
         Distance [m] at which a bond's elongation is 0; by default its distance in `positions`.
     mass : float or array_like (sites,), optional
@@ -96,8 +103,6 @@ class Network(Scene):
         {site: Drive}: prescribed motions, and forces that depend on time.
     damping : Damping, optional
         Dashpots in the bonds and to the ground; in the bonds with "fixed" contacts only.
-    tune : dict of str to sympy.Expr, or callable t -> Potential, optional
-        Change of the spring with time, as in `Chain`; excludes contacts with walls.
     forces : sequence of Force, optional
         Forces of time, displacement and velocity on sites, in bonds, or at walls; on all bonds or
         walls of a network that follows its contacts they act in those that form, too, and must be 0
@@ -144,7 +149,6 @@ class Network(Scene):
         law: Potential | Callable[[int, int | Wall], Potential] | None = None,
         drive: Mapping[int, Drive] | None = None,
         damping: Damping | None = None,
-        tune: Tune | None = None,
         forces: Sequence[Force] = (),
     ) -> None:
         if isinstance(positions, np.ndarray) and positions.ndim:
@@ -157,7 +161,10 @@ class Network(Scene):
         self.sites, self.dim = self.positions.shape
         check.whole("sites", self.sites, least=1)
         pairs = checked_bonds(bonds, self.sites)
-        self.mass = per_site("mass", mass, "kg", self.sites)
+        of_ends = is_pair_law(spring)
+        self.mass = (
+            inertias(mass, self.shape) if of_ends else per_site("mass", mass, "kg", self.sites)
+        )
         self.radius = None if radius is None else per_site("radius", radius, "m", self.sites)
         self.walls = plane_walls(walls, self.dim)
         touching = whole_pairs("wall_contacts", wall_contacts)
@@ -166,6 +173,8 @@ class Network(Scene):
         self.wall_contacts = checked_wall_contacts(touching, self.walls, self.positions)
         self._ends, self.bonds = contact_ends(pairs, self.wall_contacts, self.sites)
         springs = springs_of(spring, len(self.bonds), "bond")
+        if of_ends:
+            springs = pair_laws(springs, self)
         if len(self.wall_contacts) or wall_spring is not None:
             springs += springs_of(wall_spring, len(self.wall_contacts), "wall contact")
         self.springs = springs
@@ -181,15 +190,17 @@ class Network(Scene):
         of = dynamics(self)
         _ = of.loop_bonds  # refuses springs that the compiled loop cannot take
         of.refuse_unlisted(none)
-        self._set_forcing(drive, damping, tune, forces)
-        refuse_beside_plates(of)
+        self._set_forcing(drive, damping, forces)
+        if of_ends:
+            refuse_beside_pair_laws(of)
         if of.follows:
             self._refuse_changing()
 
     def _refuse_changing(self) -> None:
         """Refuse forcing that depends on which open contacts are listed."""
-        if self.tune or (self.damping and self.damping.bond.any()):
-            what = "springs that change in time" if self.tune else "dashpots in bonds"
+        changing = dynamics(self).springs.changing
+        if changing or (self.damping and self.damping.bond.any()):
+            what = "springs that change in time" if changing else "dashpots in bonds"
             raise TensegrityError(f"{what} act in open contacts too: contacts must be 'fixed'")
         for force in self._forces:
             force.refuse_open(dynamics(self).clearance.skin)
@@ -206,7 +217,12 @@ class Network(Scene):
         return kind(self.positions, self.radius, self.bonds, self.walls, self.wall_contacts)
 
     def _dynamics(self) -> NetworkDynamics:
-        return NetworkDynamics(self)
+        return (PairDynamics if self._of_ends else NetworkDynamics)(self)
+
+    @property
+    def _of_ends(self) -> bool:
+        """Whether the energy of a bond is a function of all coordinates of both ends."""
+        return self.mass.ndim > 1
 
     @property
     def _shape_text(self) -> str:
@@ -286,10 +302,11 @@ class Network(Scene):
         energy, half the energy of its bonds, the energy of its wall contacts, and the potential of
         its load."""
         u, v = self._checked_rows(state)
-        result = 0.5 * self.mass * np.sum(v**2, axis=-1) - np.sum(self.loads * u, axis=-1)
+        kinetic = 0.5 * per_coordinate(self, self.mass) * v**2
+        result = np.sum(kinetic - self.loads * u, axis=-1)
         bonds, walls = np.split(dynamics(self).evaluate("energy", u), [len(self.bonds)], axis=-1)
         bonds = bonds / 2
-        result += np.sum(on_site(self, 0, u), axis=-1)
+        result += np.sum(dynamics(self).acting.stored(0, u), axis=-1)
         rows = np.moveaxis(result, -1, 0)  # a view: sites first
         for sites, energy in (
             (self.bonds[:, 0], bonds),
@@ -300,9 +317,10 @@ class Network(Scene):
         return result
 
     def momentum(self, state: State) -> Array:
-        """Total momentum [kg m/s]; (dim,)."""
+        """Total momentum [kg m/s]; (dim,), with a `PairLaw` of its free coordinates."""
         self._refuse_other(state)
-        return self.mass @ state.v
+        (total,) = momenta(self, state.v[None])
+        return np.asarray(total)
 
     def plot(self, ax: Axes | None = None, u: ArrayLike | None = None) -> Axes:
         """Sites, walls, and forces of bonds and contacts as lines: compression red, tension blue.
@@ -341,7 +359,8 @@ class Network(Scene):
         return page(lines, lambda figure: self.plot(figure.subplots()), size=(3.4, 3.4))
 
     def __repr__(self) -> str:
+        where = f"of {self.dim} coordinates" if self._of_ends else f"in {self.dim} dimensions"
         return (
-            f"Network({self.sites} sites in {self.dim} dimensions, {len(self.bonds)} bonds, "
+            f"Network({self.sites} sites {where}, {len(self.bonds)} bonds, "
             f"{len(self.walls)} walls with {len(self.wall_contacts)} contacts)"
         )

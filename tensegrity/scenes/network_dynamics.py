@@ -10,7 +10,6 @@ from typing import Any, Self
 
 import numpy as np
 
-from tensegrity.engine import geometry
 from tensegrity.engine.bonds import Bonds, Contacts
 from tensegrity.readonly import fixed
 from tensegrity.scenes.clearance import neighbour_counts
@@ -44,7 +43,7 @@ class NetworkDynamics(Dynamics):
     @cached_property
     def turns(self) -> bool:  # type: ignore[override]
         """Whether bonds can rotate."""
-        return self.dim > 1 and not geometry.own(self.springs.table[0])
+        return self.dim > 1
 
     @cached_property
     def contact_bonds(self) -> Bonds:
@@ -69,7 +68,8 @@ class NetworkDynamics(Dynamics):
         scene, bonds, count = self.scene, self.contact_bonds, np.arange(len(self.scene.bonds))
         row = [count, count + 1]
         if (
-            self.dim == 1 and self.sites == len(count) + 1 and scene.radius is None
+            self.dim == 1 and scene.mass.ndim == 1
+            and self.sites == len(count) + 1 and scene.radius is None
             and np.array_equal(scene.bonds.T, row) and not scene.walls and not scene.loads.any()
             and np.all(np.diff(scene.positions[:, 0]) > 0) and not scene._gaps.any()
         ):  # fmt: skip
@@ -156,10 +156,10 @@ class NetworkDynamics(Dynamics):
         """Cost of one evaluation of all forces, in bonds of a chain."""
         return 3 * len(self.scene.springs) + self.sites
 
-    def arrays(self, state: State) -> tuple[Array, Array]:
+    def rows(self, state: State) -> tuple[Array, Array]:
         """u and v in the form of the compiled loop: sites, followed by walls and a spare row."""
         if self.loop_bonds.contacts is None:
-            return super().arrays(state)
+            return super().rows(state)
         u, v = np.zeros((2, self.loop_bonds.contacts.rows, self.dim))
         u[: self.sites], v[: self.sites] = state.u, state.v
         return u, v
@@ -179,16 +179,6 @@ class NetworkDynamics(Dynamics):
         shortest, pairs = np.full(len(self.springs), np.inf), len(self.scene.bonds)
         np.minimum.at(shortest, self.springs.group[:pairs], self.scene.lengths)
         return fixed(-shortest)
-
-    def stiffness_bounds(self, ranges: Array, numbers: Indices | None = None) -> Array:
-        """Bound on the stiffness of the bonds of each distinct spring; see `Dynamics`.  That of a
-        law with a geometry of its own does not follow from the elongation alone."""
-        if not geometry.own(self.springs.table[0]):
-            return super().stiffness_bounds(ranges, numbers)
-        (spring,) = self.springs.different
-        contacts: Any = self.contact_bonds.contacts
-        apart = contacts.geometry[:-2, 0]
-        return np.array([spring.largest_stiffness(apart, float(ranges[0, 1]))])
 
     def bond_frequency_bound(self, stiffness: Array) -> float:
         """Bound on the largest angular frequency [rad/s], given the contacts' stiffnesses [N/m].

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity import check
-from tensegrity.engine import geometry
 from tensegrity.errors import TensegrityError
 from tensegrity.readonly import Repeated
 from tensegrity.scenes.near_pairs import blocks, distances, keys
@@ -100,22 +99,6 @@ GAP_TOLERANCE = 0.1  # largest difference of `wall_gaps` from the positions' gap
 
 
 LARGEST = 2**29  # sites and walls: the loop numbers their rows, of four numbers, with 32 bits
-
-
-def refuse_beside_plates(of: Any) -> None:
-    """Refuse arguments that springs between plates, which have a geometry of their own, exclude."""
-    scene, laws = of.scene, of.springs.table[0]
-    if not any(geometry.own([law]) for law in laws):
-        return
-    if len(of.springs) > 1 or scene.dim != 2:
-        raise TensegrityError(
-            f"springs between plates must be equal, not {len(of.springs)} different ones, and "
-            f"plates have 2 coordinates, not {scene.dim}"
-        )
-    others = {"walls": len(scene.walls), "radius": scene.radius is not None}
-    others |= {"damping": scene.damping, "tune": scene.tune, "forces": scene._forces}
-    for name in (name for name, given in others.items() if given):
-        raise TensegrityError(f"{name} must not be given with springs between plates")
 
 
 def refuse_too_many(sites: int) -> None:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity import plotting
+from tensegrity.scenes.walls import WallArrays
 from tensegrity.unit_names import in_units
 
 if TYPE_CHECKING:
@@ -44,10 +45,9 @@ def forces(scene: Any, u: Array, factor: float = 1.0) -> tuple[Array, Array]:
     """
     listed = scene.listed(u)
     x = scene.positions + factor * u
-    walls = [scene.walls[k] for k in listed.wall_contacts[:, 1]]
-    sites = x[listed.wall_contacts[:, 0]]
-    feet = [p - w.height(p) * w.normal for p, w in zip(sites, walls, strict=True)]
-    touching = np.stack([sites, np.reshape(feet, sites.shape)], axis=1)
+    number, wall = listed.wall_contacts.T
+    feet = WallArrays(scene.walls, scene.dim).feet(x[number], wall)
+    touching = np.stack([x[number], feet], axis=1)
     tension = np.concatenate([listed.bond_tension(u), -listed.wall_load(u)])
     return np.concatenate([x[listed.bonds], touching]), tension
 
@@ -79,6 +79,7 @@ class Picture:
         **style: Any,
     ) -> None:
         from matplotlib.collections import EllipseCollection, LineCollection
+        from matplotlib.colors import to_rgba_array
 
         self.ax: Axes = plotting.axes(ax)
         self._axes, towards = _axes(scene.dim, view)
@@ -112,6 +113,7 @@ class Picture:
         )
         self.sites.set_offsets(self._unit * places[self._order])
         self.lines = LineCollection([], capstyle="round", zorder=3)
+        self._colours = to_rgba_array(["C0", "C3"])  # of forces: tension, compression
         self.ax.add_collection(self.sites)
         self.ax.add_collection(self.lines)
         self.ax.set(aspect="equal", xlabel=f"x [{unit}]" if unit else "x")
@@ -209,7 +211,7 @@ class Picture:
         lines = self._unit * self._seen(ends)
         self.lines.set_segments(list(lines[order]))
         self.lines.set(linewidths=plotting.widths(size[order], widest, self._widest))
-        self.lines.set_color(["C3" if f < 0 else "C0" for f in tension[order]])
+        self.lines.set_color(self._colours[(tension[order] < 0).astype(int)])
 
 
 def _axes(dim: int, view: tuple[float, float] | None) -> tuple[Array, Array]:

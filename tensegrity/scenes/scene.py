@@ -17,12 +17,11 @@ from tensegrity.readonly import FixedDict
 from tensegrity.scenes.dynamics import HasDynamics, dynamics
 from tensegrity.scenes.force import place_counts
 from tensegrity.scenes.forcing import checked_forcing
-from tensegrity.scenes.on_site import on_site
 from tensegrity.typing import Motion
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
-    from typing import Any
+    from typing import Any, Self
 
     from numpy.typing import ArrayLike
 
@@ -103,7 +102,8 @@ class Scene(HasDynamics):
 
     A scene has `sites` of `dim` coordinates each, their `mass` (sites,), the indices of the sites
     that are `held`, constant `loads` [N], the `shape` of u, and in `springs` one potential for each
-    bond.  The quantities that a run derives from these are in `tensegrity.scenes.dynamics`.
+    bond; of one that changes with time, functions of a state take that at t = 0.  The quantities
+    that a run derives from these are in `tensegrity.scenes.dynamics`.
 
     Scenes are immutable, and equal if their contents are equal.
 
@@ -113,8 +113,6 @@ class Scene(HasDynamics):
         Prescribed motions of sites, and forces that depend on time.
     damping : Damping or None
         Dashpots.
-    tune : dict of str to expression, or callable t -> Potential
-        Arguments of the springs that depend on time, or the spring as a function of time [s].
     """
 
     __str__ = concise
@@ -122,7 +120,6 @@ class Scene(HasDynamics):
     damping: Damping | None = None
     _forces: tuple[Force, ...] = ()
     _arguments_of_sites: tuple[str, ...] = ()
-    tune: Any = FixedDict()
     sites: int
     dim: int
     mass: Array
@@ -141,9 +138,18 @@ class Scene(HasDynamics):
             self, name: str, by_mass: Array, by_spring: Callable[[str], Array], by_gap: Any
         ) -> Array: ...
 
-    def _set_forcing(self, drive: Any, damping: Any, tune: Any = None, forces: Any = ()) -> None:
-        """Set the validated attributes `drive`, `damping`, `tune` and `_forces`."""
-        self.__dict__.update(checked_forcing(self, drive, damping, tune, forces))
+    def __new__(cls, *_: Any, **given: Any) -> Self:
+        if "tune" in given:
+            raise TensegrityError("tune is no argument: give springs `.over_time(name=expression)`")
+        return super().__new__(cls)
+
+    def _set_forcing(self, drive: Any, damping: Any, forces: Any = ()) -> None:
+        """Set the validated attributes `drive`, `damping` and `_forces`."""
+        self.__dict__.update(checked_forcing(self, drive, damping, forces))
+        of = dynamics(self)
+        acting = of.acting  # refuses forces on places that do not exist
+        if of.springs.changing and not acting.splits:
+            raise TensegrityError("springs that change exclude forces but of time and dashpots")
 
     def check(self, state: State) -> None:
         """Refuse a state that this scene cannot have.
@@ -199,7 +205,7 @@ class Scene(HasDynamics):
         total = forces.scattered_forces(of.contact_bonds, tension, along)[: self.sites].reshape(
             u.shape
         )
-        total = total + self.loads - on_site(self, 1, u)
+        total = total + self.loads - of.acting.stored(1, u)
         total[list(self.held)] = 0
         return total
 
@@ -224,7 +230,7 @@ class Scene(HasDynamics):
         tangent = forces.tangent(of.contact_bonds, r, along, tension, stiffness, u)
         free = np.ones(u.shape, dtype=bool)
         free[list(self.held)] = False
-        ground = on_site(self, 2, u) * free
+        ground = of.acting.stored(2, u) * free
         free = np.append(free.ravel(), np.zeros(tangent.shape[0] - u.size, dtype=bool))
         both = free[tangent.row] & free[tangent.col]
         entries = tangent.data[both], (tangent.row[both], tangent.col[both])
@@ -275,6 +281,19 @@ def refuse_other(state: object, shape: tuple[int, ...], words: str) -> None:
         raise TensegrityError(f"state is {type(state).__name__}, not a State")
     if state.u.shape != shape:
         raise TensegrityError(f"state has shape {state.u.shape}, the {words}")
+
+
+def momenta(scene: Any, v: Array) -> Array:
+    """Total momenta of rows of velocities, (rows,) or (rows, dim); with a `PairLaw` of its free
+    coordinates."""
+    if scene.mass.ndim == 1:
+        return np.einsum("s,ts...->t...", scene.mass, v)
+    law = scene.springs[0]
+    free = np.array(law.free)
+    if not free.any():
+        names = ", ".join(law.coordinates)
+        raise TensegrityError(f"no momentum: no coordinate of the pair law ({names}) is free")
+    return np.einsum("sd,tsd->td", scene.mass[:, free], v[..., free])
 
 
 def velocities(given: Mapping[int, Any] | None) -> Iterable[tuple[int, Any]]:

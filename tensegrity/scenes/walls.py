@@ -161,6 +161,10 @@ class WallArrays:
         """Signed distances from the planes [m], > 0 on the side of the normal."""
         return np.einsum("...d,...d", x - self._point[numbers], self._normal[numbers])
 
+    def feet(self, x: Array, numbers: Indices) -> Array:
+        """The nearest points of the planes [m], (..., n, dim)."""
+        return x - self.height(x, numbers)[..., None] * self._normal[numbers]
+
     def _beyond(self, x: Array, numbers: Indices) -> Array:
         away = (x - self._point[numbers])[..., None, :]
         return np.abs(np.einsum("...d,...d", away, self._along[numbers])) - self._sides[numbers]

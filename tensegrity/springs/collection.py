@@ -18,6 +18,7 @@ from tensegrity.engine.energies import Energies, Search, SearchPoints
 from tensegrity.errors import StabilityError, TensegrityError
 from tensegrity.readonly import Repeated, fixed
 from tensegrity.springs.potential import Potential
+from tensegrity.springs.varied import OverTime
 from tensegrity.typing import Array, Flags, Indices
 
 ORDERS = ("energy", "tension", "stiffness")
@@ -47,9 +48,9 @@ class Springs:
     Attributes
     ----------
     kinds : tuple
-        Keys of the distinct springs, comparable between scenes.
+        Keys of the distinct springs, comparable between scenes: each spring and a class of lengths.
     different : tuple of Potential
-        The distinct springs.
+        The distinct springs; of those that change with time, what they are at t = 0.
     group : ndarray of int, `shape`
         Index in `different` of each bond's spring.
     """
@@ -69,11 +70,17 @@ class Springs:
         equal = np.array([numbers.setdefault(key, len(numbers)) for key in keys], dtype=same.dtype)
         group = equal[same]
         self.kinds = tuple(numbers)
-        self.different = tuple(spring for spring, _ in numbers)
+        self.different = tuple(spring.at(0.0) for spring, _ in numbers)
         self.group = fixed(group if shape is None else group.reshape(shape))
 
     def __len__(self) -> int:
         return len(self.different)
+
+    @cached_property
+    def changing(self) -> tuple[OverTime, ...]:
+        """The laws of springs that change with time."""
+        laws = dict.fromkeys(spring.law for spring, _ in self.kinds)
+        return tuple(law for law in laws if isinstance(law, OverTime))
 
     @cached_property
     def table(self) -> tuple[Any, Any, Any]:
@@ -137,6 +144,11 @@ class Springs:
         return fixed(
             np.array([spring.computable_domain for spring in self.different]).reshape(-1, 2)
         )
+
+    @property
+    def noted_domain(self) -> Any:
+        """Lowest and highest value of what a run notes the ranges of: of the elongations [m]."""
+        return self.computable_domain
 
     @cached_property
     def force_model(self) -> str:

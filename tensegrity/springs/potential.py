@@ -10,7 +10,6 @@ import math
 import os
 from collections.abc import Mapping
 from copy import copy
-from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -27,6 +26,7 @@ from tensegrity.printing import concise, number_text
 from tensegrity.readonly import fixed
 from tensegrity.springs.kinks import kinks
 from tensegrity.springs.spline import KINDS, SplineLaw, from_table
+from tensegrity.springs.varied import OverTime, varied
 from tensegrity.springs.written import written
 from tensegrity.typing import Length, Mass
 
@@ -41,7 +41,6 @@ if TYPE_CHECKING:
 
 
 ORDERS = ("energy", "tension", "stiffness", "slope of the stiffness")
-VARIED = ("prestrain", "k_cross", "k_base", "k_bar", "preload")  # arguments of a prism that may
 
 
 class Potential:
@@ -95,7 +94,7 @@ class Potential:
 
     def _set(
         self,
-        law: Law,
+        law: Any,
         values: ArrayLike,
         length: float | None,
         domain: tuple[float, float],
@@ -189,21 +188,36 @@ class Potential:
         TensegrityError
             The spring has no such argument, or the value is not admissible.
         """
-        if not isinstance(values, Mapping):
-            raise TensegrityError(f"values {check.shown(values)} must be a dict of numbers")
-        known = VARIED if self._made_of else self._varied or tuple(self.parameters)
-        unknown = [name for name in values if name not in known]
-        if unknown:
-            raise TensegrityError(
-                f"{unknown[0]!r} is not an argument of {check.shown(self)} that may change: "
-                f"{', '.join(known) or 'there are none'}"
-            )
-        if self._made_of:
-            prism, preload = self._made_of
-            given = dict(values)
-            preload = given.pop("preload", preload)
-            return replace(prism, **given).potential(preload)
-        return self._with(self.parameters | dict(values))
+        return varied(self, values)
+
+    def over_time(self, **arguments: sp.Expr | float) -> Potential:
+        """The same spring with arguments that change with time, for chains and networks.
+
+        Parameters
+        ----------
+        **arguments
+            Expressions of `t` [s] of arguments that `varied` takes, such as a prism's prestrain.
+
+        Returns
+        -------
+        Potential
+            Which has an energy at an instant only, `at(t)`.  Its change does work at the rate
+            dV/dt at fixed elongation, from the shape at t = 0.  Each bond may have its own.
+
+        Raises
+        ------
+        TensegrityError
+            No such argument, another symbol than t, or a value at t = 0 that is not admissible.
+        """
+        law, made = OverTime(self, arguments), Potential.__new__(Potential)
+        made._set(law, (), law.start.length, law.start.domain)
+        made._origin = repr(law)
+        return made
+
+    def at(self, t: float) -> Potential:
+        """The spring at time t [s]; itself, unless it changes `over_time`."""
+        t, at = check.number("t", t, unit="s"), getattr(self.law, "at", None)
+        return at(t) if at else self
 
     def _with(self, parameters: dict[str, float]) -> Potential:
         other = copy(self)
@@ -216,9 +230,7 @@ class Potential:
     def _shift_from(self, other: Potential) -> float:
         """Elongation [m] of this spring where that of `other`, from which it was varied, is 0:
         prisms and contacts are measured from an equilibrium that depends on their arguments."""
-        if self._made_of:
-            return float(other.length or 0.0) - float(self.length or 0.0)
-        return 0.0
+        return float(other.length or 0.0) - float(self.length or 0.0) if self._made_of else 0.0
 
     @property
     def length(self) -> float | None:
@@ -377,16 +389,11 @@ class Potential:
         Parameters
         ----------
         path : str or path
-            Of the file, which is written under another name and renamed.  The name without its
-            ending begins the names in it: `spring.c` defines
-
-            - ``double spring_energy(double r)``, V [J], ``spring_tension``, dV/dr [N],
-              tension > 0, and ``spring_stiffness``, d2V/dr2 [N/m], of an elongation r [m],
-              extension > 0;
-            - ``spring_lowest`` and ``spring_highest``: only between these are they defined.
-
-            Values agree with those in Python to round-off, of elastic prisms to 1e-14 of the inner
-            unknowns.  With ``-DDRIVER`` it is a program that prints them at its arguments.
+            The name without its ending begins the names in the file: `spring.c` defines, of an
+            elongation r [m] between ``spring_lowest`` and ``spring_highest``, extension > 0, the
+            functions ``double spring_energy(double r)`` [J], ``spring_tension`` [N] and
+            ``spring_stiffness`` [N/m], equal to those in Python to round-off, of elastic prisms to
+            1e-14 of the inner unknowns.  With ``-DDRIVER`` it is a program that prints them.
 
         Returns
         -------
@@ -397,9 +404,7 @@ class Potential:
         TensegrityError
             If `path` names no file, or the file cannot be written.
         EquilibriumError
-            A prism with elastic members whose inner unknowns few iterations do not find: they are
-            far too stiff.  With others the file holds for all elongations that runs can follow,
-            `computable_domain`.
+            A prism with elastic members whose inner unknowns few iterations do not find.
         """
         from tensegrity.springs.export import to_c
 
@@ -412,9 +417,7 @@ class Potential:
         return LockingError(f"elongation {r:.6g} m is {way} {bound:.6g} m, where {self.ends[side]}")
 
     def __eq__(self, other: object) -> bool:
-        if not isinstance(other, Potential):
-            return NotImplemented
-        return self._key() == other._key()
+        return self._key() == other._key() if isinstance(other, Potential) else NotImplemented
 
     def __hash__(self) -> int:
         if "_hash" not in self.__dict__:
@@ -432,9 +435,7 @@ class Potential:
     def __repr__(self) -> str:
         if self._origin:
             return self._origin
-        values = ", ".join(
-            f"{name!r}: {number_text(value)}" for name, value in self.parameters.items()
-        )
+        values = ", ".join(f"{x!r}: {number_text(y)}" for x, y in self.parameters.items())
         length = "" if self._length is None else f", length={number_text(self._length)}"
         domain = ", ".join(map(number_text, self._domain))
         energy = f"{self.expression}, {self.law.elongation}"

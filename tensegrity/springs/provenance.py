@@ -47,14 +47,6 @@ def provenance(potential: Potential) -> tuple[str, Any]:
     return potential._origin, potential._made_of
 
 
-def argument(potential: Potential, name: str) -> float:
-    """The value of a parameter, or of an argument of the prism or the preload, by name."""
-    if potential._made_of:
-        prism, preload = potential._made_of
-        return float(preload if name == "preload" else getattr(prism, name))
-    return potential.parameters[name]
-
-
 def range_error(potential: Potential, r: float) -> LockingError:
     """The error for an elongation [m] at or beyond an end of either domain of a potential."""
     return potential._range_error(r)

@@ -24,7 +24,7 @@ from operator import itemgetter
 import numpy as np
 
 from tensegrity.branches.continuation import Settings
-from tensegrity.branches.many import ManyProblem
+from tensegrity.branches.steppers import ManyProblem
 from tensegrity.minimum import least_part
 from tensegrity.structures.equations import Loading, SmoothPiece
 from tensegrity.structures.members import Members

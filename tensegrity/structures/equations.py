@@ -15,11 +15,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tensegrity.typing import Array, Flags, Indices
+
 if TYPE_CHECKING:
     from tensegrity.structures.members import Members
-    from tensegrity.typing import Array, Flags, Indices
 
-    Plates = tuple[Array, tuple[int, ...], tuple[int, ...]]
+Plates = tuple[Array, tuple[int, ...], tuple[int, ...]]
 
 ROUND_OFF = 1e-3  # weight of stiffness times length in the scale of residuals
 BACK = -0.01  # control at which a path that has reversed ends

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -21,9 +21,7 @@ from tensegrity.structures.path import controlled, nodal
 from tensegrity.structures.structure import Structure
 from tensegrity.structures.structure_path import StructurePath
 from tensegrity.structures.supports import Supports
-
-if TYPE_CHECKING:
-    from tensegrity.typing import Array, Flags
+from tensegrity.typing import Array, Flags
 
 
 @dataclass(frozen=True, repr=False)

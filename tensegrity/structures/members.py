@@ -185,7 +185,7 @@ class Members:
         nodes, dim = self.shape
         ones = np.ones((len(self.ends), dim, dim))
         first, second = self.ends.T
-        all_of = forces.assembled(first, second, ones, nodes)
+        all_of = forces.assembled(first, second, forces.of_both_ends(ones), nodes)
         return all_of.data.reshape(4, -1)[:, :1], *all_of.coords
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -15,13 +15,10 @@ from tensegrity import check
 from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.minimum import least_part
 from tensegrity.structures.active_set import outgoing, selected, strains_at
-from tensegrity.structures.equations import Loading, SmoothPiece
+from tensegrity.structures.equations import Loading, Plates, SmoothPiece
 from tensegrity.structures.problem import StructureProblem, critical_strings
 from tensegrity.structures.supports import NEGLIGIBLE, Supports
-
-if TYPE_CHECKING:
-    from tensegrity.structures.equations import Plates
-    from tensegrity.typing import Array
+from tensegrity.typing import Array
 
 NEUTRAL = 1e-10  # eigenvalues below this fraction of the stiffness are zero
 

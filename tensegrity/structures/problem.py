@@ -11,13 +11,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from tensegrity.branches.continuation import ContinuationError, Located, Part, Settings
-from tensegrity.branches.many import ManyProblem
 from tensegrity.branches.problem import Joined, Problem
+from tensegrity.branches.steppers import ManyProblem
 from tensegrity.errors import EquilibriumError
 from tensegrity.springs.kinks import TAUT
 from tensegrity.structures.active_set import (
@@ -29,9 +29,7 @@ from tensegrity.structures.active_set import (
 )
 from tensegrity.structures.equations import Loading, SmoothPiece
 from tensegrity.structures.structure_path import StructurePath
-
-if TYPE_CHECKING:
-    from tensegrity.typing import Array, Flags, Indices
+from tensegrity.typing import Array, Flags, Indices
 
 SETTINGS = Settings(tolerance=1e-8, largest=0.05, points=4000)
 FIRST_ROWS = 300  # rows of a piece before the first check whether the path leaves it

@@ -1,4 +1,4 @@
-"""States of self-stress and mechanisms of a shape, by singular values of the equilibrium matrix.
+"""States of self-stress and mechanisms of a shape, by singular values; the softest modes.
 
 With force densities q (tension over length) the nodes are in equilibrium where A q = 0; A contains
 differences of coordinates and no stiffness (Pellegrino & Calladine 1986).  A measured shape has no
@@ -9,18 +9,22 @@ a state by force densities, or by the prestrains of strings.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tensegrity import check
+from tensegrity import check, plotting
 from tensegrity.engine import forces
 from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.printing import Lines, Printed, span
 from tensegrity.structures.supports import orthonormal, rigid_motions
 from tensegrity.typing import Array, Flags, Indices
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 
 ZERO = 1e-11  # singular values below this fraction of the largest are round-off
 LEAST = 1e-9  # force density, over the mean one, below which a member is unstressed
@@ -214,7 +218,7 @@ def nearest_form(positions: Array, ends: Indices) -> Array:
     x, size = positions, np.linalg.norm(start)
     for _ in range(STEPS):
         matrix = equilibrium_matrix(x, ends)
-        blocks = q[:, None, None] * np.eye(dim)
+        blocks = forces.of_both_ends(q[:, None, None] * np.eye(dim))
         slope = forces.assembled(ends[:, 0], ends[:, 1], blocks, len(x)).toarray()  # of A(x) q in x
         # a change of q orthogonal to q compensates all but this component of the residual
         out = np.linalg.svd(matrix)[0][:, members - 1 :]
@@ -290,3 +294,76 @@ def of_prestrain(structure: Any, prestrain: Any) -> Array:
             "self-stress: choose others"
         )
     return np.asarray(np.linalg.solve(part, wanted) @ stress.states)
+
+
+SHOWN = 0.15  # of the size of the structure: the largest displacement in a picture
+
+
+@dataclass(frozen=True, repr=False)
+class StructureModes(Printed):
+    """The softest modes of a structure, without rigid motions.
+
+    Attributes
+    ----------
+    eigenvalues : ndarray, (count,)
+        Of the tangent stiffness [N/m], the lowest first; one below 0 is an instability, and 0
+        where it is round-off.
+    frequencies : ndarray, (count,)
+        Angular frequencies of small motions [rad/s], the lowest first; below 0 the rate [1/s]
+        at which an unstable motion grows.
+    shapes : ndarray, (count, nodes, dim)
+        Motions that belong to the frequencies, the largest displacement of a node being 1.
+    structure : Structure
+    total : int
+        Number of all modes that the supports leave, of which these are the first.
+    """
+
+    eigenvalues: Array
+    frequencies: Array
+    shapes: Array
+    structure: Any = field(repr=False)
+    total: int
+
+    def __len__(self) -> int:
+        return len(self.frequencies)
+
+    def _lines(self) -> Lines:
+        yield f"modes 1 to {len(self)} of {self.total}, without rigid motions"
+        rows = zip(self.frequencies, self.eigenvalues, self.shapes, strict=True)
+        for number, (frequency, stiffness, shape) in enumerate(rows, 1):
+            node = int(np.argmax(np.sum(shape**2, axis=-1)))
+            yield (
+                f"  {number}: {frequency:.6g} rad/s, stiffness {stiffness:.6g} N/m, "
+                f"node {node} moves most"
+            )
+
+    def plot(self, ax: Axes | None = None, number: int = 0) -> Axes:
+        """Draw a mode: the structure, and in grey where its nodes and members move to.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            As of `Structure.plot`.
+        number : int, optional
+            Of the mode, from 0.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        TensegrityError
+            `ax` is not a Matplotlib axes, or there is no such mode.
+        """
+        number = check.whole("number", number, least=0, below=len(self))
+        of = self.structure
+        drawn = of.plot(ax)
+        size = float(np.ptp(of.positions, axis=0).max())
+        factor = plotting.metres(size)[0]
+        moved = factor * (of.positions + SHOWN * size * self.shapes[number])
+        for ends in of.ends:
+            drawn.plot(*moved[ends].T, "-", color="0.6", lw=1.0)
+        frequency = self.frequencies[number]
+        drawn.set_title(f"mode {number + 1} of {self.total}: {frequency:.6g} rad/s", fontsize=10)
+        return drawn

@@ -1,4 +1,4 @@
-"""A structure of bars and strings: description, prestress, stiffness and modes.
+"""A structure of bars and strings: description, prestress, stiffness, modes, and its scene.
 
 Masses are lumped at the nodes; members are massless and straight, and their tension is
 proportional to their elongation.  Source: the talk, part III, "Elastic problem", for members;
@@ -15,22 +15,27 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensegrity import check, plotting
+from tensegrity import plotting
 from tensegrity.checked import checked
+from tensegrity.engine.law import Law
 from tensegrity.errors import EquilibriumError, TensegrityError
-from tensegrity.printing import Lines, Printed, listed, span
+from tensegrity.once import once
+from tensegrity.printing import Lines, Printed, call, listed, span
 from tensegrity.scenes.network import Network
+from tensegrity.springs.kinks import TAUT
+from tensegrity.springs.potential import Potential
 from tensegrity.structures import statics
 from tensegrity.structures.framework import Framework
 from tensegrity.structures.members import (
+    Members,
     equilibrium_positions,
     member_ends,
     refuse_duplicates,
     rigid_plates,
 )
-from tensegrity.structures.modes import StructureModes
+from tensegrity.structures.statics import StructureModes
 from tensegrity.structures.supports import Freedom, Supports
-from tensegrity.typing import Array, Count
+from tensegrity.typing import Array, Count, Length, Stiffness
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -38,6 +43,80 @@ if TYPE_CHECKING:
     from tensegrity.scenes.force import Force
     from tensegrity.scenes.forcing import Damping, Drive
     from tensegrity.structures.problem import StructureProblem
+
+
+SMALLEST = 1e-100  # elongation above which a string has tension [m]
+
+
+@checked
+class _Member(Potential):
+    tension_only = False
+
+    def __init__(self, stiffness: Stiffness, length: Length) -> None:
+        values = [stiffness, TAUT * length] if self.tension_only else [stiffness]
+        self._set(_law(self.tension_only), values, length, (-math.inf, math.inf))
+        self.kinks = ((0.0, stiffness, 1.0, 1.0),) if self.tension_only else ()
+        self._origin = call(type(self).__name__, stiffness=stiffness, length=length)
+
+
+class StringSpring(_Member):
+    """A string with tension(r) = stiffness max(r, 0), stiffness > 0 [N/m].
+
+    The elongation r [m] is measured from the natural length > 0 [m].  Down to -`TAUT` times this
+    length the stiffness is that of a taut string, as in `tensegrity.structures.members`.
+    """
+
+    tension_only = True
+
+
+class BarSpring(_Member):
+    """A bar with tension(r) = stiffness r; r [m] is measured from the natural length > 0 [m]."""
+
+
+@once
+def _law(tension_only: bool) -> Law:
+    import sympy as sp
+
+    from derivations import member
+
+    r, positive_part, margin = sp.symbols("r positive_part margin", real=True)
+    stretched = member.energy(member.natural + r)
+    if not tension_only:
+        return Law(stretched, r, (member.stiffness,))
+    has_tension, taut = sp.Heaviside(r - SMALLEST), sp.Heaviside(r + margin)
+    tension, known = sp.diff(stretched, r).subs(r, positive_part), (member.stiffness, margin)
+    return Law(
+        has_tension * stretched, r, known, tension, ((positive_part, has_tension * r, taut),)
+    )
+
+
+def network(positions: Array, members: Members, mass: Array, **given: Any) -> Network:
+    """The network of a structure; see `Structure.network`.
+
+    Parameters
+    ----------
+    positions : ndarray, (nodes, dim)
+        Positions of the nodes [m].
+    members : Members
+    mass : ndarray, (nodes,)
+        Masses [kg].
+    **given
+        Further arguments of `Network`.
+
+    Returns
+    -------
+    Network
+    """
+    # lengths equal up to round-off have one spring
+    lengths = [float(f"{x:.3g}") for x in members.natural]
+    springs = [
+        (StringSpring if string else BarSpring)(k, length)
+        for string, k, length in zip(
+            members.tension_only.tolist(), members.stiffness.tolist(), lengths, strict=True
+        )
+    ]
+    return Network(positions, members.ends, springs, lengths=members.natural, mass=mass, **given)
+
 
 KEPT = 4  # supports of a structure whose permitted motions are kept
 SOFT = 1e-12  # eigenvalues below this fraction of the largest stiffness are round-off
@@ -233,10 +312,9 @@ class Structure(Printed, Framework):
         values = freedom.lowest(tangent, np.ones(self.positions.size), 1)[0]
         return bool(values[0] > SOFT * self.stiffnesses.max())
 
+    @checked
     def freedom(self, supports: Supports | None) -> Freedom:
         """The motions that supports and platforms permit."""
-        if supports is not None:
-            check.kind("supports", supports, Supports)
         return self._freedom(supports)
 
     @cached_property
@@ -319,8 +397,6 @@ class Structure(Printed, Framework):
             raise TensegrityError(
                 f"{len(self.platforms)} platforms: a structure with rigid plates has statics only"
             )
-        from tensegrity.structures.dynamics import network
-
         given = {"held": held, "drive": drive, "damping": damping, "forces": forces}
         return network(self.positions, self.members, self.mass, **given)
 

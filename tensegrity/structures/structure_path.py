@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from tensegrity.branches.table import Table
 from tensegrity.printing import Lines, listed, span
+from tensegrity.typing import Array, Flags
 from tensegrity.unit_names import in_units
-
-if TYPE_CHECKING:
-    from typing import Any
-
-    from tensegrity.typing import Array, Flags
 
 
 class StructurePath(Table):

@@ -65,7 +65,7 @@ class CondensedPotential(Potential):
         raise NotImplementedError
 
     @property
-    def law(self) -> Any:  # type: ignore[override]
+    def law(self) -> Any:
         """The law of the compiled loop."""
         if self._in_loop[0] is None:
             raise EquilibriumError(

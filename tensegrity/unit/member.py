@@ -57,6 +57,14 @@ class Member:
     ------
     TensegrityError
         A value outside its bounds, or no real expression.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from tensegrity import Member
+    >>> w, h = sp.symbols("w h", positive=True)
+    >>> Member(sp.sqrt(w**2 + h**2), k=50.0, count=2).length
+    sqrt(h**2 + w**2)
     """
 
     length: Any

@@ -84,9 +84,9 @@ class UnitLaw:
         energy, tension, stiffness, slope = (v(z, given) for v in values)
         return r, p, (energy - p[4] + p[2] * r, tension + p[2], stiffness, slope)
 
-    def by_parameters(self) -> tuple[Any, Any, Any, Any]:
-        """Symbols r and p, and derivatives of energy and tension by p at constant elongation, those
-        of the unknowns by implicit differentiation."""
+    def by_parameters(self, elongation: Any, parameters: Any) -> Any:
+        """Derivatives of energy and tension by the parameters at constant elongation, those of the
+        unknowns by implicit differentiation."""
         import casadi as ca
 
         r, p, z, given = self.guess()
@@ -97,7 +97,8 @@ class UnitLaw:
         zero = ca.SX.zeros(p.numel() - before - count)
         by_energy, by_tension = slopes(z, given)
         energy = ca.vertcat(0, 0, r, 0, -1, by_energy, zero)
-        return r, p, energy, ca.vertcat(0, 0, 1, 0, 0, by_tension, zero)
+        tension = ca.vertcat(0, 0, 1, 0, 0, by_tension, zero)
+        return ca.Function("slopes", [r, p], [energy, tension])(elongation, parameters)
 
 
 @once
@@ -310,7 +311,17 @@ class UnitPotential(CondensedPotential):
 
 
 def unit_potential(unit: Any, preload: float, at: Any) -> UnitPotential:
-    """See `Unit.potential`."""
+    """The potential of a unit.
+
+    Parameters
+    ----------
+    unit, preload, at
+        See `Unit.potential`.
+
+    Returns
+    -------
+    UnitPotential
+    """
     about = unit if at is None else unit.about(at)
     state = None if at is None else {str(q): float(x) for q, x in about.rest.items()}
     return UnitPotential(about, check.number("preload", preload, unit="N"), unit, state)

@@ -12,7 +12,6 @@ Source: the talk, part III, "Tensegrity metamaterials".
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Annotated, Any
 
 import numpy as np
@@ -20,6 +19,7 @@ from numpy.typing import ArrayLike
 
 from tensegrity import check
 from tensegrity.checked import checked
+from tensegrity.engine.programs import derived, run
 from tensegrity.errors import TensegrityError
 from tensegrity.once import once
 from tensegrity.root import root
@@ -73,7 +73,7 @@ def sech2(
             f"V''' = {slope:g} N/m^2 not 0"
         )
     with np.errstate(over="ignore"):  # cosh overflows far from the peak, where the wave is 0
-        return _function("sech2")(stiffness, slope, speed_ratio, x)
+        return _value("sech2", stiffness, slope, speed_ratio, x)
 
 
 @checked
@@ -85,7 +85,7 @@ def tent(spring: Potential, x: ArrayLike) -> Array:
     x, stroke = check.numbers("x", x, "sites"), -spring.domain[0]
     if math.isinf(stroke):
         raise TensegrityError("no tent: the spring has no locking stroke (its domain is open)")
-    return _function("tent")(stroke, np.clip(x, -1, 1))
+    return _value("tent", stroke, np.clip(x, -1, 1))
 
 
 @once
@@ -94,25 +94,30 @@ def forms() -> dict[str, tuple[Any, tuple[Any, ...]]]:
     slope, c/cs and x; "tent" as a function of the locking stroke and x."""
     import sympy as sp
 
-    from derivations import waves as derived
+    from derivations import waves
 
     ratio = sp.Symbol("ratio")
-    gamma_squared = derived.gamma_squared().subs(derived.speed, ratio * derived.acoustic_speed)
-    sech2 = (derived.sech_strain() * derived.spacing).subs(derived.spacing, 1)
-    sech2 = sech2.subs(derived.gamma, sp.sqrt(sp.simplify(gamma_squared)))
-    tent = (derived.tent() * derived.spacing).subs(derived.spacing, 1)
+    gamma_squared = waves.gamma_squared().subs(waves.speed, ratio * waves.acoustic_speed)
+    sech2 = (waves.sech_strain() * waves.spacing).subs(waves.spacing, 1)
+    sech2 = sech2.subs(waves.gamma, sp.sqrt(sp.simplify(gamma_squared)))
+    tent = (waves.tent() * waves.spacing).subs(waves.spacing, 1)
     return {
-        "sech2": (sech2, (derived.stiffness, derived.slope, ratio, derived.position)),
-        "tent": (tent, (derived.stroke, derived.position)),
+        "sech2": (sech2, (waves.stiffness, waves.slope, ratio, waves.position)),
+        "tent": (tent, (waves.stroke, waves.position)),
     }
 
 
-@once
-def _function(name: str) -> Callable[..., Array]:
-    import sympy as sp
+def _value(name: str, *values: Any) -> Array:
+    value: Array = run(derived(_exponential, name), np, values)[0]
+    return value
+
+
+def _exponential(name: str) -> tuple[list[Any], tuple[Any, ...]]:
+    """One of `forms` in exponentials, and its symbols."""
+    from sympy import exp
 
     form, symbols = forms()[name]
-    return sp.lambdify(symbols, form, modules="numpy")
+    return [form.rewrite(exp)], symbols
 
 
 def decay_rate(gain: float) -> float:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 SINE_RISE = [(-1) ** n / math.factorial(2 * n + 3) for n in range(8, -1, -1)]  # (1 - sin y/y)/y^2
 
@@ -78,9 +79,10 @@ class Grid:
     def matrix(self, symbol):
         """Matrix of an even convolution on grid values, (N + 1, N + 1)."""
         n = self.points
-        kernel = np.fft.irfft(symbol, 2 * n)  # of the whole period
-        i = np.arange(n + 1)
-        matrix = kernel[np.abs(i[:, None] - i)] + kernel[(i[:, None] + i) % (2 * n)]
+        kernel = np.resize(np.fft.irfft(symbol, 2 * n), 2 * n + 1)  # of the whole period
+        around = np.concatenate([kernel[n:0:-1], kernel[: n + 1]])
+        difference, total = (sliding_window_view(x, n + 1) for x in (around, kernel))  # of places
+        matrix = difference[::-1] + total
         matrix[:, [0, -1]] /= 2
         return matrix
 

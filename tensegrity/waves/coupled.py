@@ -2,7 +2,8 @@
 
 A column is a line of equal sites and equal bonds in a `Network`; the differences r(x - c t) of the
 coordinates of neighbours solve m c^2 r = K T(r), where T is the gradient of the energy of a bond
-and K the convolution of `travelling`.  In the eigenvectors of the stiffness at rest the linear law
+and K the convolution of `travelling`; coordinates of other inertias m_k are multiplied by
+sqrt(m_k/m).  In the eigenvectors of the stiffness at rest the linear law
 is diagonal, and the equation is that of a chain in each component.  A wave faster than all sounds
 radiates nothing; long waves have the profile of Korteweg and de Vries in the fastest component,
 from which Newton's method goes on to shorter ones.
@@ -23,6 +24,7 @@ from typing import Any
 import numpy as np
 
 from tensegrity.errors import TensegrityError
+from tensegrity.scenes.acting import per_coordinate
 from tensegrity.scenes.network import Network
 from tensegrity.waves.cosines import Grid
 from tensegrity.waves.family import FIRST_POINTS, half_length, refined
@@ -53,12 +55,17 @@ class CoupledLaw:
         Eigenvectors of the stiffness at rest as columns, that of the fastest sound first.
     secant : float
         Its stiffness [N/m].
+    root : ndarray, (components,)
+        Square roots of the inertias over the first: the stiffness is that of the coordinates times
+        these.
     rest, lag : ndarray, (components, 1)
     """
 
     def __init__(self, unit: Network, reference: float = 1.0) -> None:
         self.potential, self.reference = unit, reference
         self._bonds: dict[int, Any] = {}
+        mass = per_coordinate(unit, unit.mass)[0]
+        self.root = np.sqrt(mass / mass[0])  # of the inertias, by which coordinates are multiplied
         (self._stiffness,) = self._tangents(np.zeros((1, unit.dim)))
         values, vectors = np.linalg.eigh(self._stiffness)
         self.basis, self.secant = vectors[:, ::-1], float(values[-1])
@@ -75,12 +82,12 @@ class CoupledLaw:
         """Second derivative of the tension of the fastest component [N/m^2]."""
         along, apart = self.basis[:, 0], self.potential.positions[1]
         step = DIFFERENCE * float(np.linalg.norm(apart))
-        ends = self._tangents(np.outer([step, -step], along))
+        ends = self._tangents(np.outer([step, -step], along / self.root))
         return float(along @ (ends[0] - ends[1]) @ along / (2 * step))
 
     def physical(self, rho: Any) -> Any:
         """Differences [m], (N + 1, components), of scaled components (components, N + 1)."""
-        return self.reference * (self.basis @ rho).T
+        return self.reference * (self.basis @ rho).T / self.root
 
     def tension(self, rho: Any) -> Any:
         return self.rest * rho + self.beyond(rho)
@@ -89,7 +96,8 @@ class CoupledLaw:
         """Scaled tension without its linear part, (components, N + 1)."""
         r = self.physical(rho)
         of, u = self._placed(r)
-        return self.basis.T @ (-of.forces(u)[1::2] - r @ self._stiffness).T / self.force
+        scaled = -of.forces(u)[1::2] / self.root - (r * self.root) @ self._stiffness
+        return self.basis.T @ scaled.T / self.force
 
     def slope(self, rho: Any) -> Any:
         """Its derivatives, (components, components, N + 1)."""
@@ -120,7 +128,7 @@ class CoupledLaw:
         whole = of.stiffness(u).tobsr((2 * dim, 2 * dim))
         blocks = np.zeros((len(r), 2 * dim, 2 * dim))
         blocks[whole.indices] = whole.data
-        return blocks[:, dim:, dim:]
+        return blocks[:, dim:, dim:] / np.outer(self.root, self.root)
 
 
 def unit_of(column: Network) -> Network:
@@ -147,7 +155,7 @@ def unit_of(column: Network) -> Network:
     size = np.abs(apart).max()
     different = {
         "separations": np.abs(apart - apart[0]).max() / size,
-        "masses": np.ptp(column.mass) / column.mass[0],
+        "masses": np.max(np.ptp(column.mass, axis=0) / column.mass[0]),
         "springs": float(any(s != column.springs[0] for s in column.springs)),
         "lengths": np.ptp(column.lengths) / size,
     }
@@ -164,7 +172,7 @@ def unit_of(column: Network) -> Network:
 def same(unit: Network, other: Network) -> bool:
     """Whether two units from `unit_of` are equal."""
     near = np.abs(unit.positions - other.positions).max() <= EQUAL * np.abs(unit.positions).max()
-    equal = unit.springs[0] == other.springs[0] and unit.mass[0] == other.mass[0]
+    equal = unit.springs[0] == other.springs[0] and np.array_equal(unit.mass, other.mass)
     return bool(near and equal and np.array_equal(unit.lengths, other.lengths))
 
 

@@ -1,4 +1,4 @@
-"""Speed, energy and width along a family of solitary waves: `along`.
+"""Speed, energy and width along a family of solitary waves, `along`, and its `largest_speed`.
 
 Waves of a family are ordered by the size of their amplitude; speed and energy increase along it,
 except near a threshold.
@@ -10,23 +10,27 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity import check
 from tensegrity.branches.table import Table
+from tensegrity.checked import checked
 from tensegrity.errors import TensegrityError
 from tensegrity.printing import printed
 from tensegrity.root import root
 from tensegrity.springs.potential import Potential
-from tensegrity.typing import Array, Flags
+from tensegrity.typing import Array, Flags, Mass
+from tensegrity.waves.by_target import sign_and_number
+from tensegrity.waves.family import STROKE, Family
 from tensegrity.waves.nonlinear_part import nonlinear_part
 from tensegrity.waves.solitary import SolitaryWave, solitary_wave
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
 
 FAR, FARTHER = 8.0, 1.5  # end of an unbounded family over the scale, and its first amplitude
 WITHOUT_SCALE = 4.0  # m: its end where all waves are similar
@@ -263,3 +267,46 @@ def _table(waves: tuple[SolitaryWave, ...]) -> FamilyCurve:
     names = [name for name in COLUMNS if name != "width"]
     columns = {name: np.array([getattr(wave, name) for wave in waves]) for name in names}
     return FamilyCurve(width=np.array([wave.width() for wave in waves]), waves=waves, **columns)
+
+
+@checked
+def largest_speed(
+    potential: Potential,
+    mass: Mass = 1.0,
+    family: str | None = None,
+    closest: Annotated[float, f">= {1 - STROKE}", "<= 0.1"] = 1e-3,
+) -> float:
+    """The limiting speed of a family of waves.
+
+    Parameters
+    ----------
+    potential, mass, family
+        As in `solitary_wave`.
+    closest : float, optional
+        Fraction of the stroke that remains at the peak of the largest computed wave; 0.0005 to 0.1.
+
+    Returns
+    -------
+    float
+        [sites/s]: for a spring that locks, the limit as the peak approaches locking; for one that
+        softens, the speed of a front; for a domain that ends at a finite force, the speed of the
+        wave whose peak is at that end.
+
+    Raises
+    ------
+    TensegrityError
+        No such wave exists, or the speeds are unbounded.
+
+    Notes
+    -----
+    Near locking the force is proportional to the inverse square root of the remaining stroke; the
+    speed is extrapolated in that root, to a relative error of about 1e-5, which a second value of
+    `closest` estimates.
+    """
+    sign, number = sign_and_number(potential, family, None)
+    side = Family(potential, sign, number or 0)
+    if math.isfinite(side.rising_part.ceiling):
+        return math.sqrt((side.rest + side.rising_part.ceiling) / mass)
+    if math.isinf(side.end):
+        raise TensegrityError("no largest speed: the spring does not lock (its domain is open)")
+    return math.sqrt(side.stiffness_at_end(closest) / mass)

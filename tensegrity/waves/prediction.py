@@ -292,7 +292,7 @@ def predict(potential: Potential, mass: Mass = 1.0) -> Prediction:
     Notes
     -----
     No wave is computed, with one exception: the largest speed of a family that ends at a wall of
-    finite energy is the limit of computed waves (`tensegrity.waves.limit.largest_speed`).
+    finite energy is the limit of computed waves (`tensegrity.waves.by_target.largest_speed`).
 
     Examples
     --------

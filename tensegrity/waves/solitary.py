@@ -26,8 +26,7 @@ from tensegrity.scenes.scene import State
 from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array, Fraction, Mass
 from tensegrity.unit_names import in_units
-from tensegrity.waves.by_speed import by_speed
-from tensegrity.waves.by_target import near, sign_and_number, stiffness_above
+from tensegrity.waves.by_target import by_speed, near, sign_and_number, stiffness_above
 from tensegrity.waves.cosines import Series
 from tensegrity.waves.coupled import CoupledLaw, coupled_profile, same, unit_of
 from tensegrity.waves.family import Family, refined
@@ -166,7 +165,7 @@ class TravellingWave(Printed):
             if not same(self.potential, unit_of(chain)):
                 raise TensegrityError("the units of the column differ from those of the wave")
             return
-        if any(s is not self.potential and s != self.potential for s in chain.springs[near]):
+        if any(s.at(0.0) != self.potential for s in chain.springs[near]):
             raise TensegrityError(f"the springs around {at:g} differ from that of the wave")
         if np.any(np.abs(chain.mass[near] / self.mass - 1) > 1e-15):
             raise TensegrityError(
@@ -360,8 +359,6 @@ def solitary_wave(
     >>> solitary_wave(column, speed_ratio=1.1).elongation(0.0).round(5)
     array([0.18162, 0.046  ])
     """
-    if not isinstance(potential, Network):
-        check.kind("potential", potential, Potential)
     given = {
         "speed": speed, "speed_ratio": speed_ratio, "excess": excess, "amplitude": amplitude,
         "energy": energy,
@@ -374,6 +371,7 @@ def solitary_wave(
     ((name, value),) = targets.items()
     if isinstance(potential, Network):
         return _of_line(potential, mass, family, name, value)
+    check.kind("potential", potential, Potential)
     label, sound = f"{name} {value:g}", potential.sound_speed(mass)
     sign, number = sign_and_number(potential, family, value if name == "amplitude" else None)
     side = Family(potential, sign, number or 0)
@@ -410,12 +408,13 @@ def _of_line(line, mass, family, name, value):
             "a wave of a line of units is given by its speed, speed_ratio or excess alone"
         )
     law = CoupledLaw(unit_of(line))
-    mass = float(law.potential.mass[0])
+    mass = float(law.potential.mass.flat[0])
     sound = math.sqrt(law.secant / mass)
     above = stiffness_above(name, value, sound, mass, law.secant)
     profile, residual = coupled_profile(law, above / law.secant)
     stiffness, gain, _, energy, _, shape = _characteristics(profile, residual)
-    shape, peak = Series(shape.grid, law.basis @ shape.rates), law.physical(profile.rho)[0, 0]
+    shape = Series(shape.grid, law.basis @ shape.rates / law.root[:, None])
+    peak = law.physical(profile.rho)[0, 0]
     wave = _wave(law, mass, sound, stiffness, gain, float(peak), energy, residual, shape)
     return replace(wave, momentum=float(wave.momentum[0]))
 

@@ -17,18 +17,22 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity import check, plotting
+from tensegrity.checked import checked
 from tensegrity.errors import EquilibriumError, TensegrityError
+from tensegrity.lattices.bands import bands
 from tensegrity.lattices.bloch import singular_frequencies
+from tensegrity.lattices.pair_lattice import PairLattice
 from tensegrity.minimum import lowest, round_off
 from tensegrity.printing import Lines, Printed
+from tensegrity.scenes.acting import per_coordinate
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.ensemble import Ensemble
 from tensegrity.scenes.forcing import driven_entries
-from tensegrity.scenes.network import Network
+from tensegrity.scenes.pair_dynamics import is_pair_law
 from tensegrity.scenes.picture import Picture
 from tensegrity.scenes.scene import SMALLEST_MASS, Scene, State
 from tensegrity.springs.potential import Potential
-from tensegrity.typing import Array
+from tensegrity.typing import Array, Count
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -94,7 +98,7 @@ class Modes(Printed):
         number = check.whole("number", number, least=0, below=len(self))
         words = f"mode {number + 1} of {self.total}: {self.frequencies[number]:.6g} rad/s"
         shape = self.shapes[number]
-        if isinstance(self.scene, Network):
+        if shape.ndim > 1:
             picture = Picture(self.scene, ax)
             picture.arrows(shape)
             picture.ax.set_title(words, fontsize=10)
@@ -106,7 +110,8 @@ class Modes(Printed):
         return drawn
 
 
-def modes(scene: Scene, about: State | None = None, count: int = 10) -> Modes:
+@checked
+def modes(scene: Scene, about: State | None = None, count: Count = 10) -> Modes:
     """The normal modes of lowest frequency of a scene.
 
     Parameters
@@ -144,10 +149,8 @@ def modes(scene: Scene, about: State | None = None, count: int = 10) -> Modes:
     """
     if isinstance(scene, Ensemble):
         raise TensegrityError("scene is an Ensemble: give one of its scenes")
-    check.kind("scene", scene, Scene)
     if not all(one.stores for one in dynamics(scene).further_forces):
         raise TensegrityError("modes: not for scenes with forces other than those of springs")
-    count = check.whole("count", count, least=1)
     u = scene.at_rest().u if about is None else _equilibrium(scene, about)
     listed = dynamics(scene).listed(u).scene
     stiffness = listed.stiffness(u)
@@ -157,7 +160,7 @@ def modes(scene: Scene, about: State | None = None, count: int = 10) -> Modes:
     moves.reshape(-1)[driven_entries(scene, True)[0]] = False
     free = np.flatnonzero(moves.ravel())
     count = min(count, free.size)
-    mass = np.repeat(scene.mass, moves.size // scene.sites)[free]
+    mass = per_coordinate(scene, scene.mass).ravel()[free]
     of = stiffness[free][:, free], mass
     squares, vectors = lowest(*of, np.zeros((free.size, 0)), count, BOUND)
     if squares.min(initial=0.0) < 0:
@@ -173,7 +176,6 @@ def modes(scene: Scene, about: State | None = None, count: int = 10) -> Modes:
 
 
 def _equilibrium(scene: Scene, about: State) -> Array:
-    check.kind("about", about, State)
     scene.check(about)
     fastest = float(np.max(np.abs(about.v), initial=0.0))
     if fastest:
@@ -208,9 +210,11 @@ def dispersion(
     ----------
     springs : Potential or sequence of Potential
         Springs of one cell, measured from their equilibrium: spring j joins masses j and j + 1,
-        and the last spring joins the last mass to the first one of the next cell.
+        and the last spring joins the last mass to the first one of the next cell.  A `PairLaw`, or
+        several, may take their place.
     masses : float or sequence of float
-        Masses of one cell [kg], > 0: one for each spring, or one for all.
+        Masses of one cell [kg], > 0: one for each spring, or one for all; of pair laws the
+        inertias of one site, (dim,), or of all, (sites, dim).
     wavenumbers : array_like, (wavenumbers,)
         Phase difference between adjacent cells [rad].
     ground : Potential or sequence of Potential, optional
@@ -219,7 +223,8 @@ def dispersion(
     Returns
     -------
     ndarray, (wavenumbers, branches)
-        [rad/s], ascending in each row, with one branch for each mass of a cell.
+        [rad/s], ascending in each row, with one branch for each mass of a cell.  Of pair laws they
+        are below 0 where a wave is unstable, see `bands`.
 
     Raises
     ------
@@ -238,6 +243,8 @@ def dispersion(
     array([[0.    , 1.7321],
            [1.    , 1.4142]])
     """
+    if is_pair_law(springs):
+        return _of_pairs(_cell("springs", springs), masses, wavenumbers, ground)
     stiffness = _stiffnesses("springs", springs)
     held = np.zeros(1) if ground is None else _stiffnesses("ground", ground)
     m = np.array(
@@ -261,6 +268,20 @@ def dispersion(
         stiffness, m = np.append(stiffness, held), np.append(m, np.inf)
     roots = np.sqrt(stiffness)[:, None, None]
     return singular_frequencies(ends, next_cell, roots, m, q[:, None])[:, -count:]
+
+
+def _of_pairs(laws: Sequence[Any], masses: Any, wavenumbers: ArrayLike, ground: Any) -> Array:
+    """Frequencies of a row of pair laws."""
+    if ground is not None:
+        raise TensegrityError("ground must not be given with a pair law, which has `site`")
+    count = len(laws)
+    bonds = [(j, (j + 1) % count, int(j == count - 1), law) for j, law in enumerate(laws)]
+    places = np.arange(count, dtype=float)[:, None]
+    lattice = PairLattice([[float(count)]], places, bonds, masses)
+    q = check.floats("wavenumbers", wavenumbers)
+    if q.ndim != 1:
+        raise TensegrityError(f"wavenumbers have shape {q.shape}, must be (wavenumbers,)")
+    return bands(lattice, q[:, None]).frequencies
 
 
 def _stiffnesses(name: str, given: Any) -> Array:

@@ -16,7 +16,7 @@ from benchmarks._timing import table
 from tensegrity import METHODS, Chain, Prism, Record, simulate
 from tensegrity.engine.compiled import loop_of_law
 from tensegrity.engine.law import Change
-from tensegrity.springs.tuned import Tuned
+from tensegrity.springs.over_time import Series
 
 STEPS, DT, ROUNDS = 200, 0.05, 3
 SITES = (40, 200, 1000)
@@ -28,8 +28,8 @@ def scene(sites):
 
     t, middle = sp.Symbol("t"), STEPS * DT / 2
     prestrain = 0.02 + 0.015 * (1 + sp.tanh((t - middle) / 5))
-    spring = Prism(1.0, 0.8, float(prestrain.subs(t, 0)), 1.0).potential()
-    chain = Chain(spring, sites, tune={"prestrain": prestrain})
+    spring = Prism(1.0, 0.8, 0.02, 1.0).potential().over_time(prestrain=prestrain)
+    chain = Chain(spring, sites)
     return chain, chain.at_rest({0: 0.05})
 
 
@@ -37,7 +37,7 @@ class InPython:
     """Stage by stage in NumPy."""
 
     def __init__(self, chain, state):
-        self._springs = Tuned(chain.springs[0], chain.tune, STEPS * DT)
+        self._springs = Series(chain.springs[0], STEPS * DT)
         law = self._springs.law
         self._law, self._change = loop_of_law(law), loop_of_law(Change(law))
         self._weights, self._state = 1 / chain.mass, state
@@ -58,7 +58,7 @@ class InPython:
                     p = self._springs.at(at)[0]
                     tension = self._law.evaluate(1, p, r)
                     v += kick * DT * self._weights * np.diff(tension, prepend=0.0, append=0.0)
-                    numbers = np.concatenate([p, self._springs.rates(at)[0]])
+                    numbers = self._springs.numbers(at)[0][0]
                     work += kick * DT * np.sum(self._change.evaluate(0, numbers, r))
                 u += drift * DT * v
                 now += drift * DT

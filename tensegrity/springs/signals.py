@@ -3,8 +3,8 @@ they are finite and continuous over a run."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -206,7 +206,8 @@ def _functions(expression: Any, names: tuple[str, ...] = (), by: str | None = No
             expression = sp.diff(expression, symbols[by])
         rate = sp.diff(expression, symbols["t"]).replace(sp.DiracDelta, lambda *_: sp.Integer(0))
         made = (expression, rate)
-        functions = [sp.lambdify([*symbols.values()], x, "numpy", cse=True) for x in made]
+        modules = [{"erf": np.vectorize(math.erf, otypes=[float])}, "numpy"]
+        functions = [sp.lambdify([*symbols.values()], x, modules, cse=True) for x in made]
         with np.errstate(all="ignore"):
             for one in functions:
                 values = one(np.array([0.3, 0.7]), *np.linspace(0.4, 0.6, len(names)))
@@ -214,28 +215,6 @@ def _functions(expression: Any, names: tuple[str, ...] = (), by: str | None = No
     except Exception as error:  # SymPy's printers and NumPy raise many types here
         raise TensegrityError(f"expression {expression} cannot be translated: {error}") from error
     return functions
-
-
-def signals_of_force(force: Any, x: float = 0.0, rate: float = 0.0) -> list[list[Expression]]:
-    """The components of a force as functions of time in each of its places.
-
-    Parameters
-    ----------
-    force : AppliedForce
-    x, rate : float, optional
-        Displacements or elongations [m], and velocities [m/s].
-
-    Returns
-    -------
-    list of list of Expression
-    """
-    law, signals = force.law, []
-    state = {s: rate if s in law.rates else x for s in law.state}
-    components = [one.xreplace(state) for one in law.expressions]
-    for values in force.values.T.tolist():
-        of = dict(zip(map(str, law.parameters), values, strict=True))
-        signals.append([expression_of("force", one, of) for one in components])
-    return signals
 
 
 def check_signals(signals: Sequence[Any], t_end: float) -> None:
@@ -252,44 +231,6 @@ def largest_frequency(signals: Sequence[Any], t_end: float) -> float:
     """Largest estimate of an angular frequency among the signals [rad/s]: the maximum rate over
     half the range of the values, which is exact for a sine plus a constant."""
     return max((_frequency(signal, t_end) for signal in signals), default=0.0)
-
-
-def time_signals(scene: Any) -> list[Any]:
-    """All functions of time that drive or tune a scene, or the scenes of an ensemble."""
-    signals: list[Any] = []
-    for one in getattr(scene, "scenes", (scene,)):
-        signals += () if callable(one.tune) else one.tune.values()
-        for drive in one.drive.values():
-            signals += [signal for signal in drive.signals if signal is not None]
-    return signals
-
-
-def frequency_of_drives(scene: Any, state: Any, t_end: float) -> float:
-    """Largest estimate of an angular frequency of drives, of springs and forces that change.
-
-    Parameters
-    ----------
-    scene : Scene
-    state : State
-        With displacements and velocities like those of which the forces depend.
-    t_end : float
-        [s]
-
-    Returns
-    -------
-    float
-        [rad/s]
-    """
-    largest = largest_frequency(time_signals(scene), t_end)
-    x, rate = (float(np.max(np.abs(values))) or 1.0 for values in (state.u, state.v))
-    for one in getattr(scene, "scenes", (scene,)):
-        for force in one._forces:
-            if force.law.varies:
-                each = signals_of_force(force._applied(one), x, rate)
-                signals = {s.key: s for place in each for s in place}.values()
-                with suppress(TensegrityError):  # infinite at these displacements
-                    largest = max(largest, largest_frequency([*signals], t_end))
-    return largest
 
 
 def _frequency(signal: Any, t_end: float) -> float:

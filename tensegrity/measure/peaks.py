@@ -1,4 +1,4 @@
-"""Peaks of records with noise, by least squares, with their errors.
+"""Peaks of profiles; peaks of records with noise, by least squares, with their errors.
 
 Model: each row of a record is a smooth signal plus independent noise of one standard deviation, or
 a multiple of the quantum of a converter.  A row deviates from the polynomial through its neighbours
@@ -28,6 +28,52 @@ FLAT = 3  # equal rows at the top that are a plateau
 SHARP = 8.0  # quanta or three deviations of the noise, by which a record falls beside a plateau
 CERTAIN = 6.0  # standard deviations of the smoothed noise, from which a peak is one
 FITS = ((6, 12, 0.5), (6, 12, 0.2), (4, 8, 0.4), (2, 5, 0.7))  # degree, rows, fraction of height
+DISTINCT = 0.25  # of its height, by which a peak stands above what surrounds it
+RIPPLE = 1e-6  # of a peak: an elongation that increases by less counts as decreasing
+
+
+def peak_bonds(r: Array, fraction: float, least: float = 0.0) -> list[int]:
+    """Bonds of the distinct peaks of |elongation| above a fraction of the largest.
+
+    Parameters
+    ----------
+    r : ndarray, (bonds,)
+        [m].
+    fraction : float
+        Of the largest |r|.
+    least : float, optional
+        Smallest |r| of a peak [m]; below it is round-off.
+
+    Returns
+    -------
+    list of int
+        Bonds, in ascending order.
+    """
+    from scipy.signal import find_peaks
+
+    height = max(fraction * float(np.abs(r).max(initial=0.0)), least)
+    if not height > 0:
+        return []
+    bonds = []
+    for sign in (-1, 1):
+        padded = np.concatenate([[0.0], np.maximum(sign * r, 0.0), [0.0]])
+        places, facts = find_peaks(padded, height=height, prominence=0)
+        distinct = facts["prominences"] >= DISTINCT * facts["peak_heights"]
+        bonds += (places[distinct] - 1).tolist()
+    return sorted(bonds)
+
+
+def sites_around(r: Array, peak: int) -> tuple[int, int]:
+    """First and last site of the pulse with a peak at a bond."""
+    size = np.sign(r[peak]) * r
+    ripple, ends = RIPPLE * size[peak], []
+    for step in (-1, 1):
+        bond = peak
+        while 0 <= bond + step < len(r) and 0 < size[bond + step] <= size[bond] + ripple:
+            bond += step
+        ends.append(bond)
+    low, high = ends
+    return low + (low > 0), high + (high == len(r) - 1)
 
 
 def noise_of(t: Array, force: Array) -> float:

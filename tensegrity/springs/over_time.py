@@ -1,34 +1,35 @@
-"""Springs that change with time, in the form of the compiled loop.
+"""Springs that change with time: their arguments are functions of it; in the form of the compiled
+loop.
 
-If the arguments of a spring are functions of time, the parameters of its law are represented by
-Chebyshev series in the arguments, over the range of these in a run; the series stay short however
-fast the change is, and the rates follow by the chain rule.  If the spring itself is a function of
-time, the series are in time.  A prism, and a contact under a preload, is measured from an
-equilibrium that depends on the arguments: elongations refer to that at t = 0, and the law is
-shifted accordingly.  The series are verified against the springs between their nodes.
+The parameters of the law are represented by Chebyshev series in the arguments, over the range of
+these in a run; the series stay short however fast the change is, and the rates follow by the chain
+rule.  A prism, and a contact under a preload, is measured from an equilibrium that depends on the
+arguments: elongations refer to that at t = 0, and the law is shifted accordingly.  The series are
+verified against the springs between their nodes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from tensegrity import check
 from tensegrity.engine.compiled import evaluated, loop_of_law
-from tensegrity.engine.law import Law
+from tensegrity.engine.law import Change, Law
 from tensegrity.errors import LockingError, ResolutionError, TensegrityError
-from tensegrity.springs.potential import Potential
-from tensegrity.typing import Array
+from tensegrity.springs.varied import OverTime
+from tensegrity.typing import Array, Indices
+
+if TYPE_CHECKING:
+    from tensegrity.springs.collection import Springs
+    from tensegrity.springs.potential import Potential
 
 SIZES = (5, 9, 17, 33, 65)  # nodes of the series in each argument
-LONG = (*SIZES, 129, 257, 513)  # nodes of the series in time
-PER_NODE = 4  # times per node at which a series in time is compared with the springs
-TEST_POINTS = np.array([-0.99, -0.437, 0.211, 0.683, 0.97])  # the same for series in arguments
+TEST_POINTS = np.array([-0.99, -0.437, 0.211, 0.683, 0.97])  # of the ranges, between the nodes
 MOST_NODES = 1100  # largest number of nodes in all arguments
 WIDER = 1e-3  # extension of an argument's range on either side, over the range
 CONSTANT = 1e-14  # relative change of a parameter that is round-off
@@ -81,15 +82,13 @@ def finite_ends(ends: Array) -> Array:
     return np.where(np.abs(ends) < 0.9 * NO_END, ends, np.copysign(np.inf, ends))
 
 
-class Tuned:
-    """A spring that changes with time.
+class Series:
+    """The parameters of a spring's law, and the ends of its domain, as functions of time.
 
     Parameters
     ----------
     spring : Potential
-        The spring at t = 0.
-    tune : callable t -> Potential, or dict of str to callable (t, order) -> ndarray
-        The spring as a function of time, or its arguments as functions of time.
+        Which may change.
     t_end : float
         End of the run [s].
 
@@ -113,12 +112,13 @@ class Tuned:
     until: float = np.inf
     reason: TensegrityError | None = None
 
-    def __init__(self, spring: Potential, tune: Any, t_end: float) -> None:
-        self._given, self._tune, self._t_end = spring, tune, t_end
-        self._signals = {"time": _clock} if callable(tune) else dict(tune)
-        self._first = self._spring(self._arguments(np.array([0.0]), 0)[0])
-        box = self._argument_ranges()
-        self.law, self.series, self._low, self._half = self._fit(*box)
+    def __init__(self, spring: Potential, t_end: float) -> None:
+        self._given, self._first, self._t_end = spring, spring.at(0.0), t_end
+        self._signals = spring.law.signals if isinstance(spring.law, OverTime) else {}
+        if self._signals:
+            self.law, self.series, self._low, self._half = self._fit(*self._argument_ranges())
+        else:
+            self.law, self.series = self._tabulated([spring])
         flat = np.abs(self.series.reshape(-1, self.series.shape[-1]))
         self._moves = flat[1:].max(axis=0, initial=0.0) > 0  # the other series are constant
         self._all = _with_rates(self.series[..., self._moves])
@@ -128,46 +128,15 @@ class Tuned:
         """Indices of the parameters that change."""
         return tuple(np.flatnonzero(self._moves[:-2]).tolist())
 
-    def energies(self, t: Array, r: Array) -> Array:
-        """Energies at elongations r (t.size, bonds) [m], each row at an instant; of its shape."""
-        loop, r = loop_of_law(self.law), np.ascontiguousarray(r)
-        out, parameters = np.empty_like(r), np.ascontiguousarray(self.at(t))
-        for p, row, energies in zip(parameters, r, out, strict=True):
-            loop.evaluator.values(0, r.shape[-1], *(x.ctypes.data for x in (p, row, energies)))
-        return out
-
-    def evaluate(self, order: int, p: Array, r: Array) -> Array:
-        """A derivative of the energy.
-
-        Parameters
-        ----------
-        order : int
-            1 for the tension [N], 2 for the stiffness [N/m].
-        p : ndarray, (parameters, n)
-            Parameters of the law at each elongation.
-        r : ndarray, (n,)
-            Elongations [m].
-
-        Returns
-        -------
-        ndarray, (n,)
-        """
-        return evaluated(self.law, order, p, r)
-
     def _arguments(self, t: Array, order: int) -> Array:
         """Arguments at times t, or their rates for order 1; (t.size, arguments)."""
         return np.stack([np.asarray(f(t, order)) for f in self._signals.values()], axis=-1)
 
     def _spring(self, arguments: Array) -> Potential:
-        if callable(self._tune):
-            t = float(arguments[0])
-            return spring_at(self._tune, min(max(t, 0.0), self._t_end))
-        return self._given.varied(dict(zip(self._signals, arguments.tolist(), strict=True)))
+        return self._first.varied(dict(zip(self._signals, arguments.tolist(), strict=True)))
 
     def _argument_ranges(self) -> tuple[Array, Array]:
         """Lowest and highest arguments, up to the time at which the spring ceases to exist."""
-        if callable(self._tune):
-            return np.zeros(1), np.full(1, self._t_end)
         while True:
             end = min(self._t_end, self.until)
             t = np.linspace(0, end, SAMPLES)
@@ -200,7 +169,7 @@ class Tuned:
         width = high - low
         wider = WIDER * width + 1e-12 * np.abs(high)
         rooms = [wider, 0 * wider]  # the spring may not exist beyond the range of an argument
-        for room in rooms[1:] if callable(self._tune) else rooms:
+        for room in rooms:
             middle, half = (low + high) / 2, width / 2 + room
             half = np.where(half > 0, half, 1.0)
             moves = width > 1e-12 * np.maximum(np.abs(low), np.abs(high))
@@ -215,7 +184,7 @@ class Tuned:
 
     def _fitted(self, middle: Array, half: Array, moves: Any) -> tuple[Any, Array]:
         worst = np.inf
-        for size in LONG if callable(self._tune) else SIZES:
+        for size in SIZES:
             sizes = [size if one else 1 for one in moves]
             if np.prod(sizes) > MOST_NODES:
                 break
@@ -235,10 +204,9 @@ class Tuned:
             series = np.ascontiguousarray(series)
             flat = series.reshape(-1, series.shape[-1])  # a view
             flat[1:, np.abs(flat[1:]).max(axis=0, initial=0.0) <= CONSTANT * np.abs(flat[0])] = 0.0
-            error = max(
-                self._misfit(law, series, middle, half, np.where(moves, place, 0.0))
-                for place in self._test_points(size)
-            )
+            places = np.where(moves, TEST_POINTS[:, None], 0.0)
+            tested = zip(places, _value(series, places)[:, :-2], strict=True)
+            error = max(self._misfit(law, middle + half * x, p) for x, p in tested)
             if error <= GOOD:
                 return law, series
             if error < worst:
@@ -257,7 +225,7 @@ class Tuned:
         if len(laws) > 1:  # elastic prisms: some need more iterations than others
             law = max(laws, key=lambda one: getattr(one, "steps", 0))
         if len(laws) > 1 and not all(hasattr(one, "steps") for one in laws):
-            raise TensegrityError("the springs of a function of time must all have the same law")
+            raise TensegrityError("a spring over time must keep its law")
         shifts = np.array([one._shift_from(self._first) for one in springs])
         for spring, shift in zip(springs, shifts, strict=True):
             if spring.length != self._first.length and not shift:
@@ -271,17 +239,10 @@ class Tuned:
             law, rows = Shifted(law), np.column_stack([rows, shifts])
         return law, np.column_stack([rows, np.clip(ends, -NO_END, NO_END)])
 
-    def _test_points(self, size: int) -> Array:
-        """Points in [-1, 1] at which a series of `size` nodes is compared with the springs."""
-        if not callable(self._tune):
-            return TEST_POINTS
-        count = PER_NODE * size
-        return 2 * (np.arange(count) + 0.5) / count - 1
-
-    def _misfit(self, law: Any, series: Array, middle: Array, half: Array, x: Array) -> float:
-        """Largest error of the tension at arguments x between the nodes, over its largest value."""
-        spring = self._spring(middle + half * x)
-        p = np.ascontiguousarray(_value(series, x[None])[0, :-2])
+    def _misfit(self, law: Any, arguments: Array, p: Array) -> float:
+        """Largest error of the tension of parameters p between the nodes, over its largest
+        value."""
+        spring = self._spring(arguments)
         shift = spring._shift_from(self._first)
         places = [abs(x[0]) for x in spring.kinks if np.isfinite(x[0])]
         size = max(places, default=0.0) or 1.0
@@ -290,61 +251,116 @@ class Tuned:
         ]
         r = np.concatenate([reach[0] * FRACTIONS, reach[1] * FRACTIONS])
         right = spring.tension(r)
-        wrong = np.abs(evaluated(law, 1, p, np.ascontiguousarray(r - shift)) - right)
+        wrong = np.abs(evaluated(law, 1, np.ascontiguousarray(p), r - shift) - right)
         worst = float(np.max(wrong) / np.max(np.abs(right)))
         return worst if np.isfinite(worst) else np.inf
 
     def _values(self, t: Array) -> tuple[Array, Array]:
         """Parameters and ends of the domain, and their rates; (t.size, parameters + 2) each."""
-        x = np.clip((self._arguments(t, 0) - self._low) / self._half, -1.0, 1.0)
-        parts = np.split(_value(self._all, x), 1 + x.shape[1], axis=1)
         count = len(self._moves)
         values = np.tile(self.series.reshape(-1, count)[0], (len(t), 1))
         rates = np.zeros_like(values)
-        values[:, self._moves] = parts[0]
-        each = self._arguments(t, 1) / self._half
-        rates[:, self._moves] = sum(one * each[:, [k]] for k, one in enumerate(parts[1:]))
+        if self._moves.any():
+            x = np.clip((self._arguments(t, 0) - self._low) / self._half, -1.0, 1.0)
+            parts = np.split(_value(self._all, x), 1 + x.shape[1], axis=1)
+            values[:, self._moves] = parts[0]
+            each = self._arguments(t, 1) / self._half
+            rates[:, self._moves] = sum(one * each[:, [k]] for k, one in enumerate(parts[1:]))
         return values, rates
 
     def at(self, t: Array) -> Array:
         """Parameters of the law at times t [s]; (t.size, parameters)."""
         return self._values(t)[0][:, :-2]
 
-    def rates(self, t: Array) -> Array:
-        """Rates of the parameters at times t [s], per second; (t.size, parameters)."""
-        return self._values(t)[1][:, :-2]
-
     def domain(self, t: Array) -> Array:
         """Lowest and highest elongation [m] at times t [s]; (t.size, 2)."""
         return finite_ends(self._values(t)[0][:, -2:])
 
     def numbers(self, t: Array) -> tuple[Array, Array]:
-        """Arrays of the compiled loop at times t [s]: parameters followed by their rates,
-        (t.size, 2 parameters), and `domain`."""
+        """Parameters at times t [s], followed by their rates per second, (t.size, 2 parameters),
+        and `domain`."""
         values, rates = self._values(t)
         together = np.concatenate([values[:, :-2], rates[:, :-2]], axis=1)
         return together, finite_ends(values[:, -2:])
 
-    def spring(self, t: float) -> Potential:
-        """The spring at time t [s], measured from its own equilibrium."""
-        return self._spring(self._arguments(np.array([t]), 0)[0])
-
     def range_error(self, t: float, r: float) -> LockingError:
         """The error for an elongation r [m] at or beyond an end of the domain at time t [s]."""
-        spring = self.spring(t)
+        spring = self._given.at(t)
         return spring._range_error(r + spring._shift_from(self._first))
 
 
-def spring_at(tune: Callable[[float], Potential], t: float) -> Potential:
-    """The spring that a function of time returns at time t [s]."""
-    spring = tune(t)
-    check.kind(f"tune({t:g})", spring, Potential)
-    return spring
+class TimedSprings:
+    """The springs of a scene, of which some change with time, in the form of the compiled loop.
 
+    Parameters
+    ----------
+    springs : Springs
+    t_end : float
+        End of the run [s].
 
-def _clock(t: Array, order: int) -> Array:
-    """Time as an argument, and its rate for order 1."""
-    return np.ones(t.shape) if order else t
+    Attributes
+    ----------
+    series : list of Series
+        One for each different spring, of whatever length its bonds are.
+    number : ndarray of int, (springs,)
+        The series of each of `springs`.
+    group : ndarray of int, (bonds,)
+        The series of each bond.
+    laws : tuple of Change
+    law : ndarray of int, (series,)
+        Index into `laws`.
+    columns : ndarray of int, (series, most parameters)
+        Where `numbers` has the parameters of the law, and their rates; of those that are constant
+        and equal, in one place.
+    until, reason
+        As of `Series`, of the first spring that ceases to exist.
+    """
+
+    def __init__(self, springs: Springs, t_end: float) -> None:
+        place: dict[Potential, int] = {}
+        number = [place.setdefault(spring, len(place)) for spring, _ in springs.kinds]
+        self.number = np.array(number)
+        self.group, self.series = self.number[springs.group], [Series(x, t_end) for x in place]
+        moving: dict[Any, set[int]] = {}
+        for one in self.series:
+            moving.setdefault(one.law, set()).update(one.moving)
+        self.laws = tuple(Change(law, tuple(sorted(those))) for law, those in moving.items())
+        self.law = np.array([[*moving].index(one.law) for one in self.series])
+        self._width = max(len(law.parameters) for law in self.laws)
+        self.columns = self._columns()
+        ending = min(self.series, key=lambda one: one.until)
+        self.until, self.reason = ending.until, ending.reason
+
+    def _columns(self) -> Indices:
+        row, known = self.numbers(np.zeros(1))[0].reshape(len(self.series), -1), dict[Any, int]()
+        columns = np.arange(row.size).reshape(row.shape)
+        for k, one in enumerate(self.series):
+            count = len(one.law.parameters)
+            for j, value in enumerate(row[k].tolist()):
+                if j >= 2 * count or j % count not in one.moving:
+                    columns[k, j] = known.setdefault(value, columns[k, j])
+        return columns
+
+    def numbers(self, t: Array) -> tuple[Array, Array]:
+        """Numbers of all series at times t [s], (t.size, numbers), and the ends of their domains
+        [m], (t.size, 2 series)."""
+        rows = np.zeros((len(t), len(self.series), self._width))
+        ends = np.zeros((len(t), len(self.series), 2))
+        for k, one in enumerate(self.series):
+            numbers, ends[:, k] = one.numbers(t)
+            rows[:, k, : numbers.shape[1]] = numbers
+        return rows.reshape(len(t), -1), ends.reshape(len(t), -1)
+
+    def energies(self, t: Array, r: Array) -> Array:
+        """Energies at elongations r (t.size, bonds) [m], each row at an instant; of its shape."""
+        out = np.empty_like(r)
+        for k, one in enumerate(self.series):
+            bonds, loop = self.group == k, loop_of_law(one.law)
+            mine, energies = np.ascontiguousarray(r[:, bonds]), np.empty((len(t), bonds.sum()))
+            for p, row, to in zip(np.ascontiguousarray(one.at(t)), mine, energies, strict=True):
+                loop.evaluator.values(0, len(row), *(x.ctypes.data for x in (p, row, to)))
+            out[:, bonds] = energies
+        return out
 
 
 def _with_rates(series: Array) -> Array:
