@@ -232,6 +232,7 @@ CALLS = [  # where other arguments are needed, or several in one call
     (ts.Member, {"length": WIDTH, "k": 1.0, "count": 2, "natural": 0.5, "string": True}),
     (ts.Unit, CROSS),
     (UNIT.formula, {"name": "axial stiffness"}),
+    (UNIT.potential, {"preload": 0.1, "at": {"w": 1.0, "h": 0.75}}),
     (UNIT.problem, {"min_height": 0.4, "max_load": 1.0, "max_height": 0.8}),
     (ts.equilibrium_path, {"prism": UNIT, "min_height": 0.4, "max_load": 1.0, "max_height": 0.8}),
     (UNIT.axial_stiffness, {"at": {"w": 1.0, "h": 0.75}}),
