@@ -21,7 +21,7 @@ STEPS = {  # files for each kind of steps
 }
 
 
-def c_text(laws, own=None, dim=0, steps="", forces=(), helpers=()):
+def c_text(laws, own=None, dim=0, steps="", helpers=()):
     """C source of a loop over bonds of the given laws, numbered in their order.
 
     Parameters
@@ -36,8 +36,6 @@ def c_text(laws, own=None, dim=0, steps="", forces=(), helpers=()):
         once for each kind of run, and `<loop>.c`, of the loop "line" or "net".
     steps : str, optional
         The kind of steps, a key of `STEPS`, besides those of `steps.c`.
-    forces : sequence of ForceLaw, optional
-        Forces of time, displacement and velocity, which steps of the kind "nystrom" then take.
     helpers : sequence of (casadi.Function, str), optional
         Further functions, and the C by which they are called.
 
@@ -66,11 +64,9 @@ def c_text(laws, own=None, dim=0, steps="", forces=(), helpers=()):
             parts += [*_defined(flags), f"{loop}_law.c", *(f"#undef {x}" for x in flags)]
     lists = {"RUNS": runs, "LAWS": zip(range(len(laws)))}
     flags = {"CHANGES": changes}
-    rows, functions_of_forces, before = _forces(forces)
-    parts += [f"{loop}.c", *before, "steps.c", *STEPS[steps]]
-    hooks = [*scalars, *helpers, *functions_of_forces]
+    parts += [f"{loop}.c", "steps.c", *STEPS[steps]]
     more = ("tangent",) * (steps == "implicit")
-    return whole(laws, own, hooks, dim, packed, lists | rows, flags, parts, more)
+    return whole(laws, own, [*scalars, *helpers], dim, packed, lists, flags, parts, more)
 
 
 def stepper_text(dim, steps, forces=()):
@@ -78,8 +74,10 @@ def stepper_text(dim, steps, forces=()):
 
     Parameters
     ----------
-    dim, steps, forces
+    dim, steps
         As of `c_text`.
+    forces : sequence of ForceLaw, optional
+        Forces of time, displacement and velocity, which steps of the kind "nystrom" then take.
 
     Returns
     -------

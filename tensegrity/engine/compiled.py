@@ -35,7 +35,7 @@ class Compiled:
     extended : bool, optional
         Compile the same text with long double, as a reference for tests.
     forces : tuple of ForceLaw, optional
-        Forces of time, displacement and velocity.
+        Forces of time, displacement and velocity, in steps of the kind "nystrom".
     """
 
     def __init__(self, laws, own=None, dim=0, batch=1, extended=False, forces=()):
@@ -80,8 +80,7 @@ class Compiled:
         """The library for a kind of steps; separate, as each takes long to compile."""
         if steps not in self._made:
             given = self.laws, self.own, self.dim, steps
-            key = named("loop", *given, *(one.name for one in self.forces))
-            text = cached(key, lambda: c_text(*given, self.forces))
+            text = cached(named("loop", *given), lambda: c_text(*given))
             self._made[steps] = library(text, [*self._flags, *self._sizes])
         return self._made[steps]
 
