@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 import sympy as sp
 
 from derivations import ledger
-from derivations.argument import NAMES, SOURCES, derivation
-from derivations.typeset import mathml
+from derivations.argument import NAMES, SOURCES, Step, derivation
+from derivations.typeset import latex, mathml
 
 STYLE = """
 body { font: 1.05rem/1.5 Georgia, 'DejaVu Serif', serif; max-width: 60rem; margin: 2rem auto;
@@ -63,10 +63,43 @@ def prose(text: str) -> str:
 def _argument(name):
     module = derivation(name)
     parts = [f"<p>{prose(' '.join(p.split()))}</p>" for p in module.__doc__.split("\n\n")]
-    for step in module.argument():
+    return "\n".join([*parts, typeset(module.argument())])
+
+
+def typeset(steps: Iterable[Step]) -> str:
+    """Steps of an argument as HTML."""
+    parts = []
+    for step in steps:
         parts.append(f"<p>{prose(step.text)}</p>")
         parts += [mathml(formula) for formula in step.formulas]
     return "\n".join(parts)
+
+
+def tex(steps: Iterable[Step]) -> str:
+    """Steps of an argument as text of LaTeX, each formula displayed."""
+    parts = []
+    for step in steps:
+        parts.append(re.sub(r"([_^&%#$])", r"\\\1", step.text))
+        parts += [rf"\[ {latex(formula)} \]" for formula in step.formulas]
+    return "\n".join([*parts, ""])
+
+
+def tex_of(name: str) -> str:
+    """A derivation, or the formula of an entry of the ledger, as text of LaTeX.
+
+    Raises
+    ------
+    ValueError
+        If neither has this name.
+    """
+    if name in NAMES:
+        return tex(derivation(name).argument())
+    entry = next((one for one in ledger.entries() if one.name == name and one.derive), None)
+    if entry is None:
+        raise ValueError(f"{name!r} is neither a derivation nor a formula of the ledger")
+    form = ledger.derived(entry)
+    left = f"{latex(entry.left)} = " if isinstance(entry.left, sp.Basic) else ""
+    return f"{left}{latex(form if isinstance(form, sp.Basic) else entry.printed)}\n"
 
 
 def _equation(left, right):
@@ -188,7 +221,16 @@ def page(
     names: Sequence[str] = NAMES, progress: Callable[[Iterable[Any]], Iterable[Any]] = iter
 ) -> str:
     """The page of some derivations, as text; arguments as for `sections`."""
-    parts = sections(names, progress)
+    return whole(
+        sections(names, progress),
+        "Tensegrity prisms and granular chains as nonlinear-wave media: every formula of the two "
+        "sources, derived from energies and geometry by program, and compared with its printed "
+        "form.",
+    )
+
+
+def whole(parts: Sequence[Section], introduction: str) -> str:
+    """A page of HTML of some sections."""
     contents = "".join(f'<li><a href="#{s.key}">{escape(s.title)}</a></li>' for s in parts)
     return "\n".join(
         [
@@ -196,9 +238,7 @@ def page(
             '<meta name="viewport" content="width=device-width, initial-scale=1">',
             '<link rel="icon" href="data:,">',
             f"<title>Derivations</title><style>{STYLE}</style></head><body>",
-            "<h1>Derivations</h1><p>Tensegrity prisms and granular chains as nonlinear-wave media: "
-            "every formula of the two sources, derived from energies and geometry by program, and "
-            "compared with its printed form.</p>",
+            f"<h1>Derivations</h1><p>{introduction}</p>",
             f"<nav><h2>Contents</h2><ol>{contents}</ol></nav>",
             *(f'<section id="{s.key}"><h2>{escape(s.title)}</h2>{s.body}</section>' for s in parts),
             "</body></html>\n",

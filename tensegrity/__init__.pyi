@@ -65,7 +65,8 @@ from .springs.power_law import PowerLaw
 from .structures.equilibrium import control_path, equilibrium
 from .structures.structure import Structure
 from .structures.supports import held, plates
-from .unit.unit import Member, Unit
+from .unit.member import Member
+from .unit.unit import Unit
 from .waves.asymptotics import sech2, tent
 from .waves.prediction import predict
 from .waves.solitary import SolitaryWave, solitary_wave

@@ -324,6 +324,17 @@ def test_sines_and_cosines_in_registers_are_those_of_many_digits():
         assert np.abs(Potential(of, r).energy(x) - values).max() < 1.2e-16
 
 
+def test_parameters_have_derivatives_of_a_displacement_alone():
+    def found(ks):
+        chain = Chain(rotating(ks=ks), 8, mass=(1.0, INERTIA))
+        start = chain.at_rest({0: (0.1, 0.0)})
+        return gradient(objective.displacement(2, axis=1), chain, start, 5.0, dt=0.05)
+
+    slope = (found(KS + 1e-5).value - found(KS - 1e-5).value) / 2e-5
+    assert abs(slope) > 1
+    assert found(KS).by("Ks").sum() == pytest.approx(slope, rel=1e-7)
+
+
 def wrong():
     k = sp.Symbol("k")
     spring = (U - u) ** 2 / 2 + (A - a) ** 2 / 2
@@ -367,6 +378,8 @@ def wrong():
     yield "joins site 0 to itself", lambda: PairLattice([[1.0]], [[0.0]], [(0, 0, 0, pair)])
     yield "not a PairLaw", lambda: PairLattice([[1.0]], [[0.0]], [(0, 0, 1, plain)])
     yield "site of bond 0", lambda: PairLattice([[1.0]], [[0.0]], [(0, 1, 1, pair)])
+    row = Chain(ROTATING, 30, mass=(1.0, INERTIA))
+    yield "coordinate a of a column", lambda: solitary_wave(row, speed_ratio=1.1)
     unit = kresling_unit()
     yield "each must be one of f, h", lambda: unit.pair(["x"])
     yield "each must be one of f, h", lambda: unit.pair([H, H])

@@ -8,6 +8,7 @@ import pytest
 import sympy as sp
 from units import arch, class_two, d_bar, icosahedron, kresling, prism, x_module
 
+from derivations.__main__ import main
 from tensegrity import Member, Prism, TensegrityError, Unit
 
 W0, H0, P, K, KC, KV, KB = sp.symbols("w_0 h_0 p k k_c k_v k_b", positive=True)
@@ -148,3 +149,44 @@ def test_formulas_that_are_not_there_are_refused(words, call):
     with pytest.raises(TensegrityError) as error:
         call(x_module())
     assert words in str(error.value)
+
+
+OWN = """
+import sympy as sp
+from tensegrity import Member, Unit
+
+w, h, k, s, p, w0, h0 = sp.symbols("w h k s p w_0 h_0", positive=True)
+cables, posts = Member(w, k, 2), Member(h, 2 * k, 2)
+bars = Member(sp.sqrt(w**2 + h**2), s, 2)
+cross = Unit([w], h, [cables, posts, bars], rest={w: w0, h: h0}, prestrain={cables: p})
+"""
+
+
+def test_command_makes_a_page_and_latex_of_units_in_a_file(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "own.py").write_text(OWN)
+    assert main(["unit", "own.py"]) == 0
+    page = (tmp_path / "unit.html").read_text()
+    assert "The unit cross" in page
+    assert page.count("<math") >= 15
+    assert "The units cross" in capsys.readouterr().out
+    assert main(["unit", "own.py", "--latex"]) == 0
+    text = capsys.readouterr().out
+    assert r"{T}_{0} = \frac{k p w_{0}}{p + 1}" in text
+    assert "For rigid members, s without bound" in text
+    assert r"\infty" not in text
+
+
+def test_derivations_and_entries_of_the_ledger_are_printed_as_latex(capsys):
+    assert main(["member", "--latex"]) == 0
+    text = capsys.readouterr().out
+    assert r"\[ \frac{k \left(l - l_{N}\right)^{2}}{2} \]" in text
+    assert r"l\_N" in text
+    assert main(["talk.hooke_cross", "--latex"]) == 0
+    assert capsys.readouterr().out.lstrip().startswith(r"x_{1} = \frac{k_{1}")
+
+
+@pytest.mark.parametrize("given", [["unit"], ["member", "own.py"], ["nothing", "--latex"]])
+def test_command_refuses_what_it_does_not_know(given):
+    with pytest.raises(SystemExit):
+        main(given)

@@ -475,6 +475,8 @@ def units() -> ts.Unit:
     assert_type(unit.axial_stiffness(), float)
     assert_type(unit.equilibria({"w": (0.5, 2.0)})[0].energy, float)
     assert_type(unit.formula("axial stiffness").c("stiffness"), str)
+    assert_type(unit.argument(), list[Any])
+    ts.Chain(unit.potential(preload=0.01), 3)
     path = ts.equilibrium_path(unit, min_height=0.4)
     assert_type(path.load, Array)
     assert_type(path.stable_load, Flags)

@@ -342,7 +342,7 @@ def law_function(law, wanted):
     import casadi as ca
 
     r, p, (_, tension, stiffness, _) = _differentiated(law, wanted).forms()
-    slopes = ca.gradient(tension, p) if law.parameters else ca.SX(0, 1)
+    _, slopes = _slopes(law, r, p, tension)
     forms = ca.cse(ca.vertcat(tension, stiffness, slopes[list(wanted)]))
     values, divisors = _without_divisions(ca.Function("law", [r, p], [forms]), r, p)
     q, inner = [x for x, _ in divisors], ca.vertcat(*(symbol for _, symbol in divisors))
@@ -411,7 +411,9 @@ def _rest(product, factor):
 
 @once
 def depends_on(law):
-    """Numbers of the parameters that the tension of a law depends on."""
+    """Numbers of the parameters of which a law's tension, or gradient by both ends, is a function."""
+    if geometry.own((law,)):
+        return frozenset(range(len(law.parameters)))
     return _occurring(getattr(law, "general", None) or law)
 
 
@@ -429,11 +431,20 @@ def _differentiated(law, wanted):
     return law if general is None or {*wanted} <= _occurring(law) else general
 
 
+def _slopes(law, r, p, form):
+    """Derivatives of energy and tension by the parameters, the law's own or those of a form."""
+    import casadi as ca
+
+    if hasattr(law, "by_parameters"):
+        return law.by_parameters(r, p)
+    return [ca.gradient(form, p) if law.parameters else ca.SX(0, 1)] * 2
+
+
 @once
 def energy_function(law, wanted):
     """CasADi function (r, p) -> energy, tension, derivatives of the energy in p[wanted]."""
     import casadi as ca
 
     r, p, (energy, tension, _, _) = _differentiated(law, wanted).forms()
-    slopes = ca.gradient(energy, p) if law.parameters else ca.SX(0, 1)
+    slopes, _ = _slopes(law, r, p, energy)
     return ca.Function("stored", [r, p], [ca.vertcat(energy, tension, slopes[list(wanted)])])

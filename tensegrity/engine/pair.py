@@ -119,7 +119,7 @@ def _functions(law: PairForms) -> dict[str, Any]:
             form = ca.if_else(settled, form, math.nan)
         for symbol, value in ((moved, follow @ turn), (z, inner), (turn, ends @ y),
                               (x, _ends_of(law, a, b))):  # fmt: skip
-            form = ca.substitute(form, symbol, value)
+            form = ca.substitute(form, symbol, ca.densify(value))
         return ca.cse(ca.densify(form))
 
     return {

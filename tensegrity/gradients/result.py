@@ -28,6 +28,7 @@ from tensegrity.springs.polynomial import Polynomial
 from tensegrity.springs.power_law import PowerLaw
 from tensegrity.springs.pressed import Pressed
 from tensegrity.typing import Array
+from tensegrity.unit.potential import UnitPotential
 from tensegrity.unit_names import unit_text
 
 if TYPE_CHECKING:
@@ -43,6 +44,7 @@ PRISM = ("prestrain", "height", "k_cross")
 POWER = ("stiffness", "preload", "exponent")
 UNITS = {"mass": "kg", "height": "m", "k_cross": "N/m", "preload": "N", "diameter": "m",
          "modulus": "Pa"}  # fmt: skip
+OWN = Pressed, UnitPotential  # springs that give derivatives of their law's parameters
 RIGID = rigid_law(), rigid_law(any_sides=True)  # of triangular prisms, and of any number of sides
 
 
@@ -229,7 +231,7 @@ def refuse(spring: Potential) -> None:
             f"exponent {spring.exponent:g} of {spring!r} is below 1: its stiffness has no bound "
             "where the contact opens, and no derivative exists there"
         )
-    if not isinstance(spring.law, (Law, PairForms)):
+    if not isinstance(spring.law, (Law, PairForms)) and not hasattr(spring.law, "by_parameters"):
         raise TensegrityError(
             f"{spring!r} has no parameters with respect to which to differentiate"
         )
@@ -242,7 +244,7 @@ def names(spring: Potential) -> tuple[str, ...]:
     if isinstance(spring, PowerLaw):
         loaded = spring.values[1] > 0 or spring.exponent == 1
         return POWER if loaded else (POWER[0], POWER[2])
-    if isinstance(spring, Pressed):
+    if isinstance(spring, OWN):
         return tuple(spring.parameters)[:-1]
     return tuple(spring.parameters)
 
@@ -266,7 +268,7 @@ def slopes(table: Springs, name: str) -> Array:
     alike: dict[Any, list[int]] = {}
     for k, spring in enumerate(springs):
         if name in names(spring):
-            alike.setdefault((spring.law, isinstance(spring, (PowerLaw, Pressed))), []).append(k)
+            alike.setdefault((spring.law, isinstance(spring, (PowerLaw, *OWN))), []).append(k)
     for (law, _), mine in alike.items():
         one: Any = springs[mine[0]]
         values = np.array([springs[k].values for k in mine])
@@ -274,7 +276,7 @@ def slopes(table: Springs, name: str) -> Array:
             rows = _of_prisms(values, name, law == RIGID[1])
         elif isinstance(one, PowerLaw):
             rows = _of_power_laws(values, name)
-        elif isinstance(one, Pressed):
+        elif isinstance(one, OWN):
             rows = np.array([springs[k].slopes(name) for k in mine])
         else:
             rows = np.eye(values.shape[1])[list(one.parameters).index(name)]

@@ -82,6 +82,10 @@ class PairLattice(PeriodicBonds):
         weights = inertias(mass, (len(places), dim))
         super().__init__(places, rows, ends, offsets, blocks, weights)
 
+    def __repr__(self) -> str:
+        sites, dim = self.mass.shape
+        return f"PairLattice({sites} sites of {dim} coordinates a cell, {len(self.ends)} bonds)"
+
 
 def _joined(bonds: Any, sites: int, d: int) -> tuple[Any, Any, list[PairLaw]]:
     """Ends and offsets of bonds, and their laws."""

@@ -136,6 +136,14 @@ class PairLaw(Potential):
         """Refused: there is one speed for each free coordinate, see `dispersion`."""
         raise TensegrityError("a pair law has no sound speed of its own: see `dispersion`")
 
+    def over_time(self, **arguments: Any) -> Potential:
+        """Refused: pair laws do not change with time."""
+        raise TensegrityError("a pair law does not change with time")
+
+    def to_c(self, path: Any) -> Any:
+        """Refused: only laws of one elongation are written as C."""
+        raise TensegrityError("a pair law is no function of one elongation, as files of C hold")
+
     @property
     def coordinates(self) -> tuple[str, ...]:
         """Names of the coordinates of a site, those of `first`."""

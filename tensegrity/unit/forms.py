@@ -287,8 +287,8 @@ def mixed(unit: Described, controls: tuple[Any, ...], half_turns: bool = False) 
 
 
 @once
-def numbers(unit: Described, taut: tuple[bool, ...] | None = None) -> Any:
-    """Parameters of `mixed`, (parameters,): the constants, then of the members tension at rest,
+def exact_numbers(unit: Described, taut: tuple[bool, ...] | None = None) -> list[Any]:
+    """Parameters of `mixed`, of type mpf: the constants, then of the members tension at rest,
     spring constant (of stiff ones compliance), whether they act, and number.
 
     Parameters
@@ -297,13 +297,20 @@ def numbers(unit: Described, taut: tuple[bool, ...] | None = None) -> Any:
     taut : tuple of bool, (members,), optional
         Which members act; by default all.
     """
-    import numpy as np
+    import mpmath
 
     of, rest = changes(unit), at_rest.at_rest(unit)
-    found = [float(x) for x in at_rest.values(unit, [*of.values, *(m.count for m in unit.members)])]
+    found = at_rest.values(unit, [*of.values, *(m.count for m in unit.members)])
     constants, count = found[: len(of.values)], found[len(of.values) :]
-    tensions = [float(x) for x in rest.tensions]
-    each = zip(is_stiff(unit), rest.stiffness, strict=True)
-    ease = [float(1 / k if stiff else k) for stiff, k in each]
-    active = [1.0] * len(count) if taut is None else [float(x) for x in taut]
-    return np.array([*constants, *tensions, *ease, *active, *count])
+    with mpmath.workdps(at_rest.DIGITS):
+        each = zip(is_stiff(unit), rest.stiffness, strict=True)
+        ease = [1 / k if stiff else k for stiff, k in each]
+        active = [mpmath.mpf(one) for one in (taut or (True,) * len(count))]
+    return [*constants, *rest.tensions, *ease, *active, *count]
+
+
+def numbers(unit: Described, taut: tuple[bool, ...] | None = None) -> Any:
+    """Parameters of `mixed`, as `exact_numbers`, (parameters,)."""
+    import numpy as np
+
+    return np.array([float(x) for x in exact_numbers(unit, taut)])

@@ -173,6 +173,44 @@ def _form(unit: Described, name: str) -> Any:
     return length * sp.factor(sp.together(1 - density / state.k[k]))
 
 
+def argument(unit: Described) -> list[Any]:
+    """See `Unit.argument`."""
+    import sympy as sp
+
+    from derivations.argument import Step
+
+    members, energy = unit.members, unit.energy
+    length, natural, tension = (sp.IndexedBase(x) for x in ("L", "N", "T"))
+    pulls = [m.count * tension[k] * m.length for k, m in enumerate(members)]
+    forces = [sum((sp.diff(x, q) for x in pulls), sp.diff(energy, q)) for q in unit.coordinates]
+    elastic = [(k, m) for k, m in enumerate(members) if m.k is not sp.oo]
+    stored = [m.count * m.k * (length[k] - natural[k]) ** 2 / 2 for k, m in elastic]
+    given = {
+        "The lengths of the members are": [(length[k], m.length) for k, m in enumerate(members)],
+        "The energy is": [(sp.Symbol("U"), sum(stored, energy))],
+        "Without load the forces on the coordinates vanish,": [(x, 0) for x in forces],
+        "at rest, where": [*unit.rest.items()],
+        "The tensions of the self-stress are": _by_member(unit, tension, "tension"),
+        "and the natural lengths": _by_member(unit, natural, "natural_length"),
+    }
+    made = formula(unit, STIFFNESS)
+    stiffness = f"The stiffness of {unit.control}, the others in equilibrium, is"
+    given[stiffness] = [(sp.Symbol("K"), made.expression), *made.where.items()]
+    steps = [
+        Step(words, *(sp.Eq(a, b, evaluate=False) for a, b in pairs))
+        for words, pairs in given.items() if pairs
+    ]  # fmt: skip
+    for k in dict.fromkeys(m.k for m in members if m.k.is_Symbol):
+        limit = sp.limit(made.whole, k, sp.oo) if not made.where else sp.oo
+        if limit.is_finite is not False:
+            steps.append(Step(f"For rigid members, {k} without bound, it becomes", limit))
+    return steps
+
+
+def _by_member(unit: Described, symbol: Any, what: str) -> list[tuple[Any, Any]]:
+    return [(symbol[k], formula(unit, f"{what}_{k}").whole) for k in range(len(unit.members))]
+
+
 class _State:
     """A unit at rest in symbols: parameters stay, floats are rational."""
 

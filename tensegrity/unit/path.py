@@ -91,7 +91,7 @@ class UnitProblem(Problem):
     def __init__(
         self, unit: Described, direction: int, until: Mapping[str, float], before: Any = None
     ) -> None:
-        made, taut = _problem(unit), (True,) * len(unit.members)
+        made, taut = equations(unit), (True,) * len(unit.members)
         self.__dict__.update(made.__dict__)
         until = {name: x for name, x in until.items() if math.isfinite(x)}
         self.__dict__.update(
@@ -258,7 +258,7 @@ def functions(unit: Described) -> Functions:
     def make() -> dict[str, Any]:
         import casadi as ca
 
-        of, x = mixed(unit, (unit.control,)), ca.SX.sym("x", len(_problem(unit).unknowns))
+        of, x = mixed(unit, (unit.control,)), ca.SX.sym("x", len(equations(unit).unknowns))
         z = ca.vertcat(of.z, of.h)
         matrix, gradient = ca.hessian(of.energy, z)
         forms = {"gradient": gradient, "tangent": ca.vec(matrix), "tensions": of.tensions}
@@ -272,11 +272,18 @@ def functions(unit: Described) -> Functions:
 
 
 @once
-def _problem(unit: Described) -> Problem:
-    """The problem of a unit, whose expressions are compiled once."""
+def equations(unit: Described, half_turns: bool = False) -> Problem:
+    """The problem of a unit, whose expressions are compiled once, as a plain `Problem`.
+
+    Parameters
+    ----------
+    unit : Unit
+    half_turns : bool, optional
+        See `forms.mixed`.
+    """
     import casadi as ca
 
-    of, q, stiff = mixed(unit, (unit.control,)), unit.coordinates, sum(is_stiff(unit))
+    of, q, stiff = mixed(unit, (unit.control,), half_turns), unit.coordinates, sum(is_stiff(unit))
     names = [f"change of {x}" for x in unit.inner]
     names += [f"change of tension_{k}" for k, one in enumerate(of.stiff) if one]
     z = [*ca.vertsplit(of.z), of.h] if of.z.numel() else [of.h]

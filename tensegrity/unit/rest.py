@@ -57,7 +57,7 @@ def values(unit: Described, expressions: Sequence[Any]) -> list[Any]:
         names = ", ".join(sorted(map(str, free)))
         raise TensegrityError(f"no value for the symbol {names}: parameters must have one")
     with mpmath.workdps(DIGITS):
-        at = [mpmath.mpmathify(sp.N(x, DIGITS + 5)) for x in given.values()]
+        at = [number(x) for x in given.values()]
         try:
             found = [mpmath.mpmathify(x) for x in _function(forms, tuple(given))(*at)]
         except (ZeroDivisionError, OverflowError, ValueError, TypeError, NameError) as error:
@@ -75,6 +75,15 @@ def as_rational(value: Any) -> Any:
     import sympy as sp
 
     return sp.Rational(sp.Float(value, DIGITS + 5))
+
+
+def number(value: Any) -> Any:
+    """A number of SymPy as an mpf."""
+    import mpmath
+    import sympy as sp
+
+    with mpmath.workdps(DIGITS):
+        return mpmath.mpmathify(sp.N(value, DIGITS + 5))
 
 
 @once

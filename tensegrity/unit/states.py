@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
     from tensegrity.typing import Array
 
+NOTHING: dict[Any, Any] = {}
 STARTS = 400  # for each coordinate
 ITERATIONS = 60
 LONGEST = 0.1  # step, over the width of the box
@@ -34,7 +35,7 @@ SAME = 1e-7  # distance over the width of the box, below which states are one
 
 def equilibria(unit: Described, given: Mapping[Any, Any] | None) -> tuple[Event, ...]:
     """See `Unit.equilibria`."""
-    low, high = np.array(_box(unit, given or {})).T
+    low, high = np.array(box_of(unit, given or {})).T
     start = np.array([float(x) for x in at_rest.values(unit, unit.coordinates)])
     dim, free, p = len(start), len(unit.inner), numbers(unit)
     width, of = high - low, functions(unit)
@@ -94,8 +95,27 @@ def _spread(count: int, dim: int) -> Array:
     return np.asarray((0.5 + np.arange(1, count + 1)[:, None] * steps) % 1.0)
 
 
-def _box(unit: Described, given: Mapping[Any, Any]) -> list[tuple[float, float]]:
-    """Lowest and highest value of each coordinate."""
+def box_of(
+    unit: Described, given: Mapping[Any, Any] = NOTHING, reach: float = 2.0
+) -> list[tuple[float, float]]:
+    """Lowest and highest value of each coordinate.
+
+    Parameters
+    ----------
+    unit, given
+        See `Unit.equilibria`.
+    reach : float, optional
+        Largest value over that at rest.
+
+    Returns
+    -------
+    list of (float, float)
+
+    Raises
+    ------
+    TensegrityError
+        `given` is not as described.
+    """
     wanted = {str(name): x for name, x in given.items()}
     unknown = wanted.keys() - {str(q) for q in unit.coordinates}
     if unknown:
@@ -115,9 +135,9 @@ def _box(unit: Described, given: Mapping[Any, Any]) -> list[tuple[float, float]]
             inside = 0 < at < math.pi
             box.append((0.0, math.pi) if inside else (at - math.pi, at + math.pi))
         elif q.is_positive or (at > 0 and _is_even(unit, q)):
-            box.append((0.0, 2 * size))
+            box.append((0.0, reach * size))
         else:
-            box.append((-2 * size, 2 * size))
+            box.append((-reach * size, reach * size))
     return box
 
 

@@ -10,9 +10,8 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-from numbers import Integral
 from typing import TYPE_CHECKING, Annotated, Any
 
 from tensegrity import check
@@ -20,78 +19,14 @@ from tensegrity.checked import checked
 from tensegrity.errors import TensegrityError
 from tensegrity.readonly import fixed
 from tensegrity.unit import rest as at_rest
+from tensegrity.unit.member import Member, by_symbol, expression, expressions, mapping
 from tensegrity.unit.pair import HasPair
 
 if TYPE_CHECKING:
     from tensegrity.branches.table import Event
     from tensegrity.unit.formula import Formula
     from tensegrity.unit.path import UnitProblem
-
-MOST = 100_000  # operations of an expression that is taken
-
-
-def expression(name: str, value: Any) -> Any:
-    """A number or a SymPy expression as an expression, not nan."""
-    import sympy as sp
-
-    if not isinstance(value, sp.Expr):
-        number = check.number(name, value, finite=False)
-        value = sp.Integer(int(value)) if isinstance(value, Integral) else sp.sympify(number)
-    unreal = value.has(sp.nan, sp.zoo, sp.I, -sp.oo) or value.is_real is False
-    if unreal and value is not sp.oo:
-        raise TensegrityError(f"{name} {check.shown(value)} must be real")
-    if value.is_commutative is False or value.count_ops() > MOST:
-        raise TensegrityError(f"{name} {check.shown(value)} must have at most {MOST} operations")
-    return value
-
-
-def _number(name: str, value: Any, **bounds: Any) -> Any:
-    """An expression; where it is a number, within bounds."""
-    value = expression(name, value)
-    if value.is_number:
-        check.number(name, float(value), **bounds)
-    return value
-
-
-@dataclass(frozen=True)
-class Member:
-    """Equal members of a unit: springs, bars, strings.
-
-    Parameters
-    ----------
-    length : sympy.Expr
-        Length of one of them [m], of the coordinates of the unit.
-    k : float or sympy.Expr
-        Spring constant of one of them [N/m], > 0; inf is rigid.
-    count : int or sympy.Expr, optional
-        Their number, >= 1.
-    natural : float or sympy.Expr, optional
-        Natural length [m]; by default that which the unit's prestrain and equilibrium demand.
-    string : bool, optional
-        Whether they carry tension only.
-
-    Raises
-    ------
-    TensegrityError
-        A value outside its bounds, or no real expression.
-    """
-
-    length: Any
-    k: Any
-    count: Any = 1
-    natural: Any = None
-    string: bool = False
-
-    def __post_init__(self) -> None:
-        given: dict[str, Any] = self.__dict__
-        given["length"] = expression("length", self.length)
-        given["k"] = _number("k", self.k, above=0, finite=False, unit="N/m")
-        given["count"] = _number("count", self.count, least=1)
-        if self.natural is not None:
-            given["natural"] = _number("natural", self.natural, unit="m")
-        given["string"] = check.truth("string", self.string)
-        if not self.length.free_symbols:
-            raise TensegrityError(f"length {self.length} contains no coordinate")
+    from tensegrity.unit.potential import UnitPotential
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,12 +102,12 @@ class Unit(HasPair):
             check.kind("member", one, Member)
         given |= {"inner": inner, "members": members}
         given["energy"] = expression("energy", self.energy)
-        given["events"] = fixed(_expressions("events", self.events))
+        given["events"] = fixed(expressions("events", self.events))
         self._check_coordinates()
         symbols = {str(x): x for x in self._symbols}
         for name in ("parameters", "rest"):
-            given[name] = fixed(_by_symbol(name, given[name], symbols, self.coordinates))
-        prestrain = _mapping("prestrain", self.prestrain)
+            given[name] = fixed(by_symbol(name, given[name], symbols, self.coordinates))
+        prestrain = mapping("prestrain", self.prestrain)
         for one in prestrain:
             if one not in members:
                 raise TensegrityError(f"prestrain of {check.shown(one)}, which is not a member")
@@ -269,7 +204,7 @@ class Unit(HasPair):
             It is no equilibrium, or lacks a coordinate.
         """
         given = getattr(state, "at", state)
-        known = {str(name): x for name, x in _mapping("at", given).items()}
+        known = {str(name): x for name, x in mapping("at", given).items()}
         missing = [str(q) for q in self.coordinates if str(q) not in known]
         if missing:
             raise TensegrityError(f"at {check.shown(given)} lacks the coordinate {missing[0]}")
@@ -308,7 +243,7 @@ class Unit(HasPair):
         """
         from tensegrity.unit.states import equilibria
 
-        return equilibria(self, None if box is None else _mapping("box", box))
+        return equilibria(self, None if box is None else mapping("box", box))
 
     def formula(self, name: str) -> Formula:
         """A closed form in the symbols of the unit, those with values included.
@@ -347,6 +282,13 @@ class Unit(HasPair):
 
         return formula(self, check.kind("name", name, str))
 
+    def argument(self) -> list[Any]:
+        """Compatibility, equilibrium, self-stress, stiffness and its limits, each a sentence with
+        formulas: `python -m derivations unit FILE` makes a page of them."""
+        from tensegrity.unit.formula import argument
+
+        return argument(self)
+
     @checked
     def problem(
         self,
@@ -381,6 +323,33 @@ class Unit(HasPair):
 
         return unit_problem(self, min_height, max_load, max_height)
 
+    def potential(self, preload: float = 0.0, at: Any = None) -> UnitPotential:
+        """Potential of the controlled coordinate, for use as a spring of a chain.
+
+        Parameters
+        ----------
+        preload : float, optional
+            Load at rest [N], compression > 0.
+        at : Event or dict, optional
+            An unloaded state of `equilibria`, or its coordinates, in place of the rest.
+
+        Returns
+        -------
+        UnitPotential
+            V(0) = V'(0) = 0.  `gradient(..).by(name)` has derivatives by the parameters of the unit
+            that have a symbol, without preload.
+
+        Raises
+        ------
+        EquilibriumError
+            No equilibrium before the first limit point carries the preload.
+        TensegrityError
+            A symbol has no value, or the inner coordinates have a motion without stiffness.
+        """
+        from tensegrity.unit.potential import unit_potential
+
+        return unit_potential(self, preload, at)
+
     @property
     def _digest(self) -> str:
         import sympy as sp
@@ -404,47 +373,3 @@ class Unit(HasPair):
         given = {f.name: getattr(self, f.name) for f in fields(self)}
         shown = [f"{name}={value!r}" for name, value in given.items() if value]
         return f"Unit({', '.join(shown)})"
-
-
-def _mapping(name: str, value: Any) -> Mapping[Any, Any]:
-    if value is None:
-        return {}
-    if not isinstance(value, Mapping):
-        raise TensegrityError(f"{name} {check.shown(value)} must be a dict")
-    return value
-
-
-def _expressions(name: str, given: Any) -> dict[str, Any]:
-    """Expressions by their names."""
-    found = {}
-    for key, value in _mapping(name, given).items():
-        check.kind(f"name in {name}", key, str)
-        found[key] = expression(f"{name} {key}", value)
-    return found
-
-
-def _by_symbol(
-    name: str, given: Any, symbols: Mapping[str, Any], coordinates: Sequence[Any]
-) -> dict[Any, Any]:
-    """Values of coordinates, or of what else has a name in a unit, by the symbol."""
-    import sympy as sp
-
-    found, at_rest = {}, name == "rest"
-    for key, value in _mapping(name, given).items():
-        symbol = symbols.get(str(key))
-        if (
-            symbol is None
-            or (symbol in coordinates) != at_rest
-            or not isinstance(key, (str, sp.Symbol))
-        ):
-            kind = "coordinate" if at_rest else "parameter"
-            raise TensegrityError(f"{name}: {check.shown(key)} is no {kind} of the unit")
-        found[symbol] = expression(f"{name} {key}", value)
-        if found[symbol].is_infinite or (not at_rest and not found[symbol].is_number):
-            raise TensegrityError(f"{name} {key} {check.shown(value)} must be a finite number")
-        if found[symbol].free_symbols & {*coordinates}:
-            raise TensegrityError(f"{name} {key} {check.shown(value)} contains a coordinate")
-    missing = [str(q) for q in coordinates if at_rest and q not in found]
-    if missing:
-        raise TensegrityError(f"rest lacks the coordinate {', '.join(missing)}")
-    return found

@@ -152,6 +152,12 @@ def unit_of(column: Network) -> Network:
     line = np.column_stack([np.arange(n - 1), np.arange(1, n)])
     if n < 2 or not np.array_equal(column.bonds, line):
         raise TensegrityError("a column must have its bonds from each site to the next")
+    fixed = [x for x, free in zip(*_coordinates(column), strict=True) if not free]
+    if fixed:
+        raise TensegrityError(
+            f"coordinate {fixed[0]} of a column with a wave of permanent form must be free: its "
+            "energy must depend on differences alone"
+        )
     size = np.abs(apart).max()
     different = {
         "separations": np.abs(apart - apart[0]).max() / size,
@@ -167,6 +173,12 @@ def unit_of(column: Network) -> Network:
             )
     return Network([0 * apart[0], apart[0]], [[0, 1]], column.springs[0],
                    lengths=column.lengths[0], mass=column.mass[0])  # fmt: skip
+
+
+def _coordinates(column: Network) -> tuple[Any, Any]:
+    """Names of coordinates, and which of them are free."""
+    law: Any = column.springs[0]
+    return (law.coordinates, law.free) if column.mass.ndim > 1 else ((), ())
 
 
 def same(unit: Network, other: Network) -> bool:
