@@ -236,15 +236,11 @@ class StabilityGuard:
 
     def allows(self, elongation_range):
         """Whether elongations are within the domains, and the step is stable there."""
-        if self._admissible is not None and _are_within(elongation_range, self._admissible):
-            return True
-        if self.is_known(elongation_range):
-            return True
-        if not self.is_inside(elongation_range):
+        if not self.is_inside(elongation_range):  # what a priori bounds admit may end beyond
             return False
         if self._admissible is None:
             self._admissible = np.zeros(self.domains.shape)
-        if _are_within(elongation_range, self._admissible):
+        if _are_within(elongation_range, self._admissible) or self.is_known(elongation_range):
             return True
         if self._stiffness is None:
             if self._adopts_a_priori():
