@@ -3,6 +3,7 @@
 import re
 import subprocess
 import sys
+from functools import cache
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -23,7 +24,30 @@ VOID = {"meta", "link", "br", "img", "hr"}
 
 
 @pytest.fixture(scope="module")
-def page(tmp_path_factory):
+def once():
+    """Entries are checked once, for the command and for the page, which calls the same function."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(ledger, "check", cache(ledger.check))
+        yield
+
+
+def test_check_confirms_each_entry_and_then_lists_what_needs_a_reading(capfd, once):
+    entries = ledger.entries()
+    assert main(["--check"]) == 0
+    out, err = capfd.readouterr()
+    listed, summary = out.split("\nslip:", 1)
+    listed = [line.split() for line in listed.splitlines() if line]
+    assert [name for name, *_ in listed] == [entry.name for entry in entries]
+    assert not [name for name, verdict, *_ in listed if verdict == "DISAGREES"]
+    for entry in entries:
+        needs = entry.verdict in (ledger.Verdict.SLIP, ledger.Verdict.CONVENTION)
+        assert (f"  {entry.name}: " in summary) == needs
+    assert f"{len(entries)} decided, 0 disagree" in summary
+    assert err == ""  # no progress bar where there is no terminal
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory, once):
     path = tmp_path_factory.mktemp("page") / "all.html"
     assert main(["--output", str(path)]) == 0
     return path

@@ -50,7 +50,7 @@ def test_a_drag_that_decays_between_instants_is_seen():
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_neither_tolerance_nor_estimate_is_missed_by_random_scenes(kind):
-    for seed in range(6):
+    for seed in range(3):
         error, estimate, tol, rounded = tried(kind, seed)
         assert error <= tol + rounded, seed
         assert error <= 1.5 * estimate + rounded, seed

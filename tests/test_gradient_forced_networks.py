@@ -30,7 +30,7 @@ VS, US = sp.symbols("v_x v_y v_z"), sp.symbols("u_x u_y u_z")
 BONDS = [(0, 1), (1, 2), (0, 2), (2, 3), (1, 3)]
 STRUTS = [0, 2, 3]
 SPRING = Potential(K * R**2 / 2 + R**3 / 10, R, {"k": 1.2})
-DT, STEPS = 0.1, 20
+DT, STEPS = 0.1, 8
 GIVEN = {
     "mass": np.array([1, 1.3, 0.7, 1.1]),
     "c": np.array([0.1, 0.2, 0.3, 0.4]),

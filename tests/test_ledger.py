@@ -71,20 +71,6 @@ def test_needless_convention_is_noticed():
     assert not ledger.check(entry).confirmed
 
 
-def test_check_confirms_each_entry_and_then_lists_what_needs_a_reading(capfd):
-    assert main(["--check"]) == 0
-    out, err = capfd.readouterr()
-    listed, summary = out.split("\nslip:", 1)
-    listed = [line.split() for line in listed.splitlines() if line]
-    assert [name for name, *_ in listed] == list(ENTRIES)
-    assert not [name for name, verdict, *_ in listed if verdict == "DISAGREES"]
-    for entry in ENTRIES.values():
-        needs = entry.verdict in (ledger.Verdict.SLIP, ledger.Verdict.CONVENTION)
-        assert (f"  {entry.name}: " in summary) == needs
-    assert f"{len(ENTRIES)} decided, 0 disagree" in summary
-    assert err == ""  # no progress bar where there is no terminal
-
-
 def test_check_that_writes_is_refused():
     with pytest.raises(SystemExit):
         main(["--check", "prism"])

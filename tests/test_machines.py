@@ -211,7 +211,7 @@ def large():
 
 
 @pytest.mark.skipif((os.cpu_count() or 1) < 2, reason="one processor is one thread")
-@pytest.mark.parametrize("method", ["verlet", "rkn6"])
+@pytest.mark.parametrize("method", [pytest.param("verlet", marks=pytest.mark.slow), "rkn6"])
 @pytest.mark.parametrize("make", [uniform, mixed, large])
 def test_threads_give_the_bits_of_one(make, method, monkeypatch):
     """So close to the limit that what is wrong at a cut travels a site a stage without fading."""

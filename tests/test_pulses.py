@@ -2,6 +2,7 @@
 
 import math
 from importlib import import_module
+from itertools import cycle
 
 import numpy as np
 import pytest
@@ -82,8 +83,7 @@ def coupling(kappa, kappa_2, direction):
 # one wave
 
 
-@pytest.mark.parametrize("direction", [1, -1])
-@pytest.mark.parametrize("name", WAVES)
+@pytest.mark.parametrize(("name", "direction"), [*zip(WAVES, cycle([1, -1]))])
 def test_an_exact_wave_is_found_where_it_was_launched_and_after_a_run(name, direction):
     spring, given = WAVES[name]
     wave = solitary_wave(spring, 2.0, **given)

@@ -126,12 +126,9 @@ def same(run, whole):
     assert (run.method, run.complete) == (whole.method, whole.complete)
 
 
-DEAR = [("midpoint", 0.1), ("midpoint", 0.7), ("elastic", 0.7), ("guide", 0.7)]
-
-
 @pytest.mark.parametrize(("name", "at"), [
-    pytest.param(*one, marks=[pytest.mark.slow] * (one in DEAR))
-    for one in itertools.product(CASES, (0.1, 0.7))
+    pytest.param(*one, marks=[pytest.mark.slow] * (one[0] == "midpoint" or (k + k // 2) % 2))
+    for k, one in enumerate(itertools.product(CASES, (0.1, 0.7)))
 ])  # fmt: skip
 def test_an_interrupted_run_goes_on_to_the_same_bits(tmp_path, name, at):
     """Whatever parts it was done in: interrupted after the first, or the second."""
@@ -394,7 +391,7 @@ def test_any_damage_to_the_rows_is_refused_or_harmless(tmp_path):
     path = tmp_path / "run.npy"
     whole = simulate(scene, state, 1.0, dt=0.1, record=Record(path=path, checkpoint=0, every=1))
     kept, rng = path.read_bytes(), np.random.default_rng(4)
-    damage = [(place, byte) for place in range(140) for byte in b"\0\xff([{'\n9"]
+    damage = [(n, int(byte)) for n in range(140) for byte in rng.choice(list(b"\0\xff([{'\n9"), 2)]
     damage += [(place, 255) for place in rng.integers(len(kept), size=40).tolist()]
     for place, byte in damage:
         path.write_bytes(kept[:place] + bytes([byte]) + kept[place + 1 :])

@@ -162,10 +162,9 @@ def test_minima_next_to_each_state_are_the_next_state_of_the_path(prestrain, kin
     for row in range(path.events[0].row - 1, len(path) - 1):
         further = path.shortening[row + 1] - path.shortening[row]
         wanted, _ = energy(path.positions[row + 1])
-        for amplitude in (1e-4, 3e-3):
-            start = path.positions[row] + further * energy.force
-            found, _ = energy.relaxed(start, amplitude, rng)
-            assert -1e-11 < found - wanted < 1e-8
+        start = path.positions[row] + further * energy.force
+        found, _ = energy.relaxed(start, (1e-4, 3e-3)[row % 2], rng)
+        assert -1e-11 < found - wanted < 1e-8
 
 
 @pytest.mark.parametrize(
@@ -183,7 +182,7 @@ def test_a_structure_snaps_only_where_no_minimum_beyond_comes_near(prestrain, ki
     energy, rng, last = Energy(path, **given), np.random.default_rng(0), path.positions[-1]
     for beyond in (1e-4, 1e-6):
         away = []
-        for amplitude in (1e-3, 1e-2, 1e-2, 3e-2, 3e-2):
+        for amplitude in (1e-3, 1e-2, 3e-2):
             _, x = energy.relaxed(last + beyond * energy.force, amplitude, rng)
             if energy.softest(x) > 0:
                 away.append(np.abs(x - last).max())
@@ -267,5 +266,5 @@ def test_an_apex_on_a_ring_of_bars_gives_way_sideways_and_snaps_on_three(bars):
         apexes = [energy.relaxed(beyond, 0.03, rng)[1][-1] for _ in range(6)]
         assert min(np.linalg.norm(x - beyond[-1]) for x in apexes) > 0.1
         return
-    lowest = min(energy.relaxed(path.positions[-1], 1.0, rng)[0] for _ in range(12))
+    lowest = min(energy.relaxed(path.positions[-1], 1.0, rng)[0] for _ in range(5))
     assert energy(path.positions[-1])[0] == pytest.approx(lowest, abs=1e-9)

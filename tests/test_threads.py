@@ -74,7 +74,7 @@ def eager():
 
 
 @pytest.mark.parametrize(
-    ("work", "given"), [(numbers, [*prisms(24)]), (scene, [0.01, 0.02, 0.03, 0.04])]
+    ("work", "given"), [(numbers, [*prisms(10)]), (scene, [0.01, 0.02, 0.03, 0.04])]
 )
 def test_threads_get_the_same_bits_as_one_alone(work, given):
     alone = [*map(work, given)]

@@ -411,8 +411,7 @@ def _rest(product, factor):
 
 @once
 def depends_on(law):
-    """Numbers of the parameters that the tension of a law, or its gradient by both ends, depends
-    on."""
+    """Numbers of the parameters in the tension of a law, or in its gradient by both ends."""
     if geometry.own((law,)):
         return frozenset(range(len(law.parameters)))
     return _occurring(getattr(law, "general", None) or law)

@@ -42,7 +42,7 @@ except ImportError:  # without locks, entries in use are protected by their age 
     fcntl = None  # type: ignore[assignment]
 
 SOURCES = ("derivations", "tensegrity.engine", "tensegrity.springs", "tensegrity.branches",
-           "tensegrity.prisms")  # fmt: skip
+           "tensegrity.unit", "tensegrity.prisms")  # fmt: skip
 ALGEBRA = ("sympy", "mpmath", "casadi")
 MACHINE = ("('compiler'", "('intrinsics'")  # keys of values that hold for one machine only
 SHIPPED = Path(__file__).with_name("derived.gz")

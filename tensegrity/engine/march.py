@@ -90,8 +90,18 @@ def compiled() -> Any:
 
 
 def requests(wanted: Sequence[Wanted], sites: int, walls: int) -> Any:
-    """The structures `wanted` of `march.c`, where sites and the walls after them have so many
-    entries of u."""
+    """The structures `wanted` of `march.c`.
+
+    Parameters
+    ----------
+    wanted : sequence of Wanted
+    sites, walls : int
+        Entries of u of all sites, and of the walls after them.
+
+    Returns
+    -------
+    ctypes.Structure, or an array of them
+    """
     each = [_request(one, sites, walls) for one in wanted]
     return each[0] if len(each) == 1 else (_WANTED * len(each))(*each)
 

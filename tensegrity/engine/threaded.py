@@ -208,7 +208,17 @@ class ThreadedChain(Threaded):
             piece.loop.set_step(dt)
 
     def go(self, done, end, wanted=()):
-        """Advance and store states; see `Bound.go`."""
+        """Advance and store states.
+
+        Parameters
+        ----------
+        done, end, wanted
+            As of `Bound.go`.
+
+        Returns
+        -------
+        int
+        """
         for piece in self._parts:
             piece.loop.forget()
         return super().go(done, end, wanted)

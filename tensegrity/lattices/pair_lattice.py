@@ -71,11 +71,11 @@ class PairLattice(PeriodicBonds):
                 raise TensegrityError(
                     f"pair law of bond {number} has {law.law.dim} coordinates, that of bond 0 {dim}"
                 )
-        share = 1 / np.maximum(np.bincount(ends.ravel(), minlength=len(places)), 1)
+        fraction = 1 / np.maximum(np.bincount(ends.ravel(), minlength=len(places)), 1)
         rest = np.zeros((2, 1, dim))
         blocks = np.concatenate(
             [
-                law.shared(*share[pair].tolist()).tangent(*rest)
+                law.shared(*fraction[pair].tolist()).tangent(*rest)
                 for law, pair in zip(laws, ends, strict=True)
             ]
         )

@@ -1,9 +1,7 @@
 """Quantities that a run derives from a scene: a table of its springs, its bonds in the form of the
 compiled loop, bounds on its stiffness and frequencies, and descriptions of its bonds for messages.
 
-A scene is data.  `dynamics(scene)` computes these quantities once per thread, and caches them for
-the lifetime of the scene, together with prepared loops and ranges from earlier runs.  Threads share
-none of them.
+They are computed once per thread, and kept with prepared loops for the lifetime of the scene.
 """
 
 from __future__ import annotations
@@ -87,14 +85,12 @@ class Dynamics:
     Attributes
     ----------
     scene : Scene
-    sites, dim : int
-        Number of sites, and of coordinates of each site.
+    sites, dim, wall_count : int
+        Numbers of sites, of coordinates of each site, and of walls.
     shape : tuple of int
         Shape of the displacements of a state.
     batch : tuple of int
         Last axis of `shape` for an ensemble, (scenes,), otherwise ().
-    wall_count : int
-        Number of walls.
     zero_length_elongation : float or ndarray, (springs,)
         Elongation [m] at which the two ends of a bond of each distinct spring coincide, -inf if
         they cannot.
@@ -249,8 +245,17 @@ class Dynamics:
         return aligned_copy(u, odd), aligned_copy(v, odd)
 
     def bind(self, u: Array, v: Array, method: Method, dt: float) -> Any:
-        """The compiled loop that advances the `arrays` u [m] and v [m/s] of a state in place by
-        steps dt [s]; see `tensegrity.engine.kernel.bind`."""
+        """The compiled loop that advances the `arrays` of a state in place.
+
+        Parameters
+        ----------
+        u, v, method, dt
+            As of `tensegrity.engine.kernel.bind`; `u` in m, `v` in m/s.
+
+        Returns
+        -------
+        Bound
+        """
         return kernel.bind(u, v, self.loop_bonds, method, dt)
 
     def listed(self, u: Array) -> Dynamics:
@@ -409,8 +414,6 @@ class Dynamics:
         group = np.broadcast_to(group.reshape(*group.shape, *[1] * (r.ndim - group.ndim)), r.shape)
         ranges = by_spring(group.ravel(), len(self.springs), r.ravel(), r.ravel())
         return np.stack([np.minimum(ranges[:, 0], 0), np.maximum(ranges[:, 1], 0)], axis=1)
-
-    # descriptions of places for messages
 
     def where_extreme(self, spring: int, u: Array, side: int) -> str:
         """Describe the contact in which a spring has its extreme elongation.

@@ -269,8 +269,21 @@ def time_signals(scene: Any) -> list[Any]:
 
 
 def frequency_of_drives(scene: Any, state: Any, t_end: float) -> float:
-    """Largest estimate of an angular frequency of drives, of springs and forces that change
-    [rad/s], these at displacements and velocities like those of a state."""
+    """Largest estimate of an angular frequency of drives, of springs and forces that change.
+
+    Parameters
+    ----------
+    scene : Scene
+    state : State
+        Forces are estimated at displacements and velocities like these.
+    t_end : float
+        [s]
+
+    Returns
+    -------
+    float
+        [rad/s]
+    """
     largest = largest_frequency(time_signals(scene), t_end)
     x, rate = (float(np.max(np.abs(values))) or 1.0 for values in (state.u, state.v))
     for one in getattr(scene, "scenes", (scene,)):
@@ -293,8 +306,14 @@ def _components(scene: Any, prescribed: bool) -> Iterator[tuple[int, int, int, A
 
 
 def start_driven_sites(scene: Any, u: Array, v: Array) -> None:
-    """Set the displacements u [m] and velocities v [m/s] of driven sites, (sites[, dim]), to those
-    of their drives at t = 0, in place."""
+    """Set driven sites to the displacements and velocities of their drives at t = 0, in place.
+
+    Parameters
+    ----------
+    scene : Scene
+    u, v : ndarray, (sites[, dim])
+        [m], [m/s].
+    """
     for _, _, entry, signal in _components(scene, True):
         u.reshape(-1)[entry], v.reshape(-1)[entry] = (signal(np.array(0.0), k) for k in (0, 1))
 

@@ -95,8 +95,8 @@ def pair_laws(springs: Repeated, scene: Any) -> Repeated:
             f"bond {number} joins sites {first[number]} and {second[number]}: of a pair law the "
             "first must have the lower number"
         )
-    share = 1 / np.maximum(np.bincount(scene.bonds.ravel(), minlength=scene.sites), 1)
-    given = zip(springs, share[first].tolist(), share[second].tolist(), strict=True)
+    fraction = 1 / np.maximum(np.bincount(scene.bonds.ravel(), minlength=scene.sites), 1)
+    given = zip(springs, fraction[first].tolist(), fraction[second].tolist(), strict=True)
     return Repeated.of([one.shared(*parts) for one, *parts in given])
 
 

@@ -17,7 +17,6 @@ import numpy as np
 from tensegrity import check
 from tensegrity.engine.law import is_piecewise
 from tensegrity.engine.pair import PairForms
-from tensegrity.engine.shape import Constant
 from tensegrity.errors import TensegrityError
 from tensegrity.printing import number_text
 from tensegrity.readonly import fixed
@@ -32,7 +31,6 @@ if TYPE_CHECKING:
 MOST = 3  # coordinates of a site
 POINTS = {1: 129, 2: 33, 3: 13, 4: 7, 5: 5, 6: 4}  # of a box each way, by its dimensions
 BALANCED = 1e-9  # gradient at rest over the largest second derivative, per unit of a coordinate
-SHARES = tuple(Constant(f"share of the {end} site", real=True) for end in ("first", "second"))
 TRIALS, AROUND = 4, 0.1  # places at which energies are compared, and their distance from rest
 DIGITS, FREE = 40, 1e-30  # of their values, and relative differences that are round-off
 ENDS = ("the energy is not a number",) * 2
@@ -106,7 +104,7 @@ class PairLaw(Potential):
             )
         unknown = {*first, *second, *self._inner}
         shapes, symbols, values, numbers = valued([energy, site], unknown, parameters)
-        (bond, of_site), shares = shapes, ()
+        (bond, of_site), parts = shapes, ()
         if {*second} & of_site.free_symbols:
             raise TensegrityError(f"site {site} must be written in the symbols {first} of `first`")
         for name, one in (("energy", bond), ("site", of_site)):
@@ -121,14 +119,14 @@ class PairLaw(Potential):
         free = _shift_free(shapes, dict.fromkeys(unknown, 0.0) | at | known, ends)
         whole = bond
         if not of_site.is_zero:
-            shares = SHARES
-            whole = bond + SHARES[0] * of_site
-            whole += SHARES[1] * of_site.xreplace(dict(zip(first, second, strict=True)))
+            parts = _fractions()
+            whole = bond + parts[0] * of_site
+            whole += parts[1] * of_site.xreplace(dict(zip(first, second, strict=True)))
         whole, moved, places = _from_rest(whole, at)
-        law: Any = PairForms(whole, first, second, (*symbols, *moved, *shares), free, self._inner)
-        values = [*values, *places, *(1.0 for _ in shares)]
+        law: Any = PairForms(whole, first, second, (*symbols, *moved, *parts), free, self._inner)
+        values = [*values, *places, *(1.0 for _ in parts)]
         self._set(law, values, None, (-math.inf, math.inf), ENDS)
-        self._numbers = (*numbers, *places, *(1 for _ in shares))
+        self._numbers = (*numbers, *places, *(1 for _ in parts))
         self._written = energy, first, second, site, rest or {}
         _refuse_unbalanced(self)
 
@@ -166,7 +164,7 @@ class PairLaw(Potential):
         -------
         PairLaw
         """
-        if self.law.parameters[-2:] != SHARES:
+        if self.law.parameters[-2:] != _fractions():
             return self
         made = copy(self)
         made.__dict__.pop("_hash", None)
@@ -332,10 +330,21 @@ def _rest(rest: Any, coordinates: tuple[Any, ...]) -> dict[Any, float]:
     return {names[name]: value for name, value in given.items() if value}
 
 
+def _constant(name: str) -> Any:
+    from tensegrity.engine.shape import Constant  # imports SymPy
+
+    return Constant(name, real=True)
+
+
+def _fractions() -> tuple[Any, Any]:
+    """Symbols for the fractions of the energies of its two sites that a bond has."""
+    return _constant("fraction of the first site"), _constant("fraction of the second site")
+
+
 def _from_rest(energy: Any, at: dict[Any, float]) -> tuple[Any, tuple[Any, ...], list[float]]:
     """An energy in the changes of the coordinates from rest, with symbols for what they are there,
     and their values."""
-    places = {x: Constant(f"rest of {x}", real=True) for x in at}
+    places = {x: _constant(f"rest of {x}") for x in at}
     moved = energy.xreplace({x: x + place for x, place in places.items()})
     return moved, tuple(places.values()), list(at.values())
 
