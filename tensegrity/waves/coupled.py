@@ -17,7 +17,7 @@ wave excites what moves with it.  Only at isolated speeds could the amplitude of
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -26,7 +26,7 @@ import numpy as np
 from tensegrity.errors import TensegrityError
 from tensegrity.scenes.acting import per_coordinate
 from tensegrity.scenes.network import Network
-from tensegrity.waves.cosines import Grid
+from tensegrity.waves.cosines import Grid, Series, cosine_sum
 from tensegrity.waves.family import FIRST_POINTS, half_length, refined
 from tensegrity.waves.travelling import NoWaveError, Profile, newton, speed_is
 
@@ -37,6 +37,50 @@ ROUGHLY = 1e-6  # last Newton step on the way
 LEAST = 1e-4  # of the first wave, if its profile is not near that of long waves before
 REMAINS = 0.9  # of the peak, where it would grow
 SHORTER = 5  # roots of the factor
+AROUND, ALIKE = 0.1, 1e-12  # from rest, where energies are compared when ends are exchanged
+
+
+@dataclass(frozen=True)
+class PairSeries(Series):
+    """Of free coordinates the coefficients of du/dx, of the last one those of its value at sites,
+    which is its elongation and displacement; the rate is the derivative of either by x."""
+
+    turning: int
+
+    def elongation(self, x: Any) -> Any:
+        """Differences of free coordinates about x, value of the other; (..., dim)."""
+        return self._sum(self._elongations, x)
+
+    def rate(self, x: Any) -> Any:
+        """Derivatives of all coordinates by x."""
+        found: Any = self._sum(self.rates, x)
+        k, inside = self.grid.wave_numbers, np.abs(x) <= self.grid.half_length
+        slope = -cosine_sum(self.rates[self.turning] * k, k, np.where(inside, x, 0.0), np.sin)
+        found[..., self.turning] = np.where(inside, slope, 0.0)
+        return found
+
+    def displacement(self, x: Any) -> Any:
+        """Coordinates, of free ones 0 far ahead."""
+        found: Any = Series(self.grid, self.rates).displacement(x)
+        found[..., self.turning] = self._sum(self.rates[self.turning], np.asarray(x))
+        return found
+
+    def on_grid(self) -> Any:
+        """Elongations and rates at the points of the grid."""
+        rates = self.grid.values(self.rates)
+        rates[self.turning] = self.rate(self.grid.x)[:, self.turning]
+        return self.grid.values(self._elongations), rates
+
+    @property
+    def shift(self) -> Any:
+        """Displacement of free coordinates far behind, and 0."""
+        return np.where(np.arange(len(self.rates)) == self.turning, 0.0, super().shift)
+
+    @cached_property
+    def _elongations(self) -> Any:
+        whole = np.ones((len(self.rates), 1)) * self.grid.box
+        whole[self.turning] = 1.0
+        return self.rates * whole
 
 
 class CoupledLaw:
@@ -152,17 +196,14 @@ def unit_of(column: Network) -> Network:
     line = np.column_stack([np.arange(n - 1), np.arange(1, n)])
     if n < 2 or not np.array_equal(column.bonds, line):
         raise TensegrityError("a column must have its bonds from each site to the next")
-    fixed = [x for x, free in zip(*_coordinates(column), strict=True) if not free]
-    if fixed:
-        raise TensegrityError(
-            f"coordinate {fixed[0]} of a column with a wave of permanent form must be free: its "
-            "energy must depend on differences alone"
-        )
+    springs: Any = column.springs
+    if column.mass.ndim > 1:  # inner sites share their energy
+        springs = [law.shared(1.0, 1.0) for law in springs]
     size = np.abs(apart).max()
     different = {
         "separations": np.abs(apart - apart[0]).max() / size,
         "masses": np.max(np.ptp(column.mass, axis=0) / column.mass[0]),
-        "springs": float(any(s != column.springs[0] for s in column.springs)),
+        "springs": float(any(s != springs[0] for s in springs)),
         "lengths": np.ptp(column.lengths) / size,
     }
     for name, value in different.items():
@@ -175,10 +216,31 @@ def unit_of(column: Network) -> Network:
                    lengths=column.lengths[0], mass=column.mass[0])  # fmt: skip
 
 
-def _coordinates(column: Network) -> tuple[Any, Any]:
-    """Names of coordinates, and which of them are free."""
-    law: Any = column.springs[0]
-    return (law.coordinates, law.free) if column.mass.ndim > 1 else ((), ())
+def turns(unit: Network) -> bool:
+    """Whether a unit from `unit_of` has a coordinate that is not free."""
+    law: Any = unit.springs[0]
+    return unit.mass.ndim > 1 and not all(law.free)
+
+
+def refuse_unsuited(unit: Network) -> None:
+    """Refuse laws with coordinates that are not free of which waves are not computed."""
+    law: Any = unit.springs[0]
+    other = [x for x, free in zip(law.coordinates, law.free, strict=True) if not free]
+    if len(other) > 1 or len(other) == len(law.free):
+        raise TensegrityError(
+            f"coordinates {', '.join(other)} of a column with a wave of permanent form are not "
+            f"free: {'one may be' if len(other) > 1 else 'another one must be'}"
+        )
+    turn = law.coordinates.index(other[0])
+    ends = AROUND * np.random.default_rng(0).standard_normal((2, 8, law.law.dim))
+    back = ends.copy()
+    back[0][:, turn], back[1][:, turn] = ends[1][:, turn], ends[0][:, turn]
+    one, two = (law.evaluate("pair", *x)[0][:, 0] for x in (ends, back))
+    if np.any(np.abs(one - two) > ALIKE * np.abs(one).max()):
+        raise TensegrityError(
+            f"the energy of a bond must not change when the values of coordinate {other[0]} at its "
+            "ends are exchanged, as the wave is even"
+        )
 
 
 def same(unit: Network, other: Network) -> bool:

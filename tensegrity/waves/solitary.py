@@ -28,9 +28,10 @@ from tensegrity.typing import Array, Fraction, Mass
 from tensegrity.unit_names import in_units
 from tensegrity.waves.by_target import by_speed, near, sign_and_number, stiffness_above
 from tensegrity.waves.cosines import Series
-from tensegrity.waves.coupled import CoupledLaw, coupled_profile, same, unit_of
+from tensegrity.waves.coupled import CoupledLaw, coupled_profile, same, turns, unit_of
 from tensegrity.waves.family import Family, refined
 from tensegrity.waves.multidomain import Integrals, may_cross_kink, multidomain_wave
+from tensegrity.waves.pair_waves import Tail, pair_wave
 from tensegrity.waves.travelling import NoWaveError
 
 if TYPE_CHECKING:
@@ -56,6 +57,7 @@ class TravellingWave(Printed):
     momentum: float
     residual: float
     _shape: Series | Integrals = field(repr=False)
+    tail: Tail | None = field(default=None, kw_only=True)
 
     if TYPE_CHECKING:
         _on_x: Array
@@ -186,7 +188,7 @@ class TravellingWave(Printed):
             "energy": f"{self.energy:.6g} J",
             "momentum": f"{self.momentum:.6g} kg m/s",
             "residual": f"{self.residual:.1e}",
-        }
+        } | ({"tail": f"{self.tail.amplitude:.2g}"} if self.tail else {})
 
     def _lines(self) -> Lines:
         first, *others = (f"{name} {value}" for name, value in self._texts().items())
@@ -248,6 +250,8 @@ class SolitaryWave(TravellingWave):
     residual : float
         Largest |m c^2 r - K V'(r)| over the largest |V'(r)|, on a grid 4 times finer than that of
         the solution; K is the convolution of `travelling`.
+    tail : Tail or None
+        The wave train on both sides of a wave of units that turn; None where there is none.
     """
 
     @cached_property
@@ -259,10 +263,6 @@ class SolitaryWave(TravellingWave):
     def _on_x(self):
         half = self._halves[0].T
         return np.concatenate([half[:0:-1], half])
-
-    def _first(self, x):
-        """Elongation along the first coordinate over its peak."""
-        return float(np.ravel(self.elongation(x))[0]) / self.amplitude
 
     @cached_property
     def _by_speed(self):
@@ -283,7 +283,8 @@ class SolitaryWave(TravellingWave):
             raise TensegrityError(f"level {level:g} must be at least {LEAST_LEVEL:g}")
         first = len(self.x) // 2 + below[0]
         places = self.x[first - 1], self.x[first]
-        return 2 * root(lambda x: self._first(x) - level, *places, 1e-13)
+        peak = self.amplitude  # along the first coordinate
+        return 2 * root(lambda x: np.ravel(self.elongation(x))[0] / peak - level, *places, 1e-13)
 
     @checked
     def reach(self, tail: Fraction = 1e-12) -> float:
@@ -324,7 +325,7 @@ def solitary_wave(
         that stiffens in both directions carries the other family too, above a threshold.  A
         spring that stiffens, softens and stiffens again has several families of one sign (see
         `predict`): "rarefaction 2" is the second.  Without a number, the family is the one that
-        contains the speed or amplitude, and for an energy the first.  A line of units has one.
+        contains the speed or amplitude, and for an energy the first.  A line has one of a sign.
 
     Returns
     -------
@@ -403,11 +404,14 @@ def solitary_wave(
 
 def _of_line(line, mass, family, name, value):
     """The wave of a line of units with a given speed."""
+    unit = unit_of(line)
+    if turns(unit) and mass == 1.0:
+        return SolitaryWave(**pair_wave(unit, family, name, value))
     if mass != 1.0 or family is not None or name in ("amplitude", "energy"):
         raise TensegrityError(
             "a wave of a line of units is given by its speed, speed_ratio or excess alone"
         )
-    law = CoupledLaw(unit_of(line))
+    law = CoupledLaw(unit)
     mass = float(law.potential.mass.flat[0])
     sound = math.sqrt(law.secant / mass)
     above = stiffness_above(name, value, sound, mass, law.secant)
