@@ -116,7 +116,7 @@ class Chain(Scene):
         def __new__(cls, spring=None, *given, **forcing):
             if cls is Chain and is_pair_law(spring):
                 return _of_pairs(spring, *given, **forcing)
-            return super().__new__(cls)
+            return super().__new__(cls, **forcing)
 
     def _springs(self, spring: Potential | Sequence[Potential]) -> tuple[Potential, ...]:
         if isinstance(spring, Potential):
