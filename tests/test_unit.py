@@ -73,6 +73,17 @@ def test_self_stress_and_natural_lengths_are_those_of_the_closed_forms():
     assert struts[0] / 2 == pytest.approx(-1.5 * strings / math.sqrt(1.5), rel=1e-15)
 
 
+@pytest.mark.parametrize("radius", [sp.Rational(1, 10**6), 1, 100])
+@pytest.mark.parametrize("k", [1, 10**7])
+def test_states_do_not_depend_on_units_of_length_and_force(radius, k):
+    """Lengths beside angles: entries of the matrix differ by the square of a length."""
+    found = kresling(k, k, radius=radius).equilibria()
+    expected = [(1.8, True), (1.4124506921525, False), (0.76573115864789, True)]
+    assert [(s.h / float(radius), s.stable) for s in found] == [
+        (pytest.approx(height, rel=1e-12), stable) for height, stable in expected
+    ]
+
+
 def test_kresling_has_a_second_state_and_a_barrier_in_closed_form():
     for k, energy, height in ((1, 0.048453711417975, 1.4124506921525),
                               (0.5, 0.029843990619245, 1.4486385199655)):  # fmt: skip

@@ -19,15 +19,15 @@ def x_module(k_bar=50, w0=1, h0=LOW, p=TENTH, k=(1, 2)):
     )  # fmt: skip
 
 
-def kresling(k_valley=1, k_mountain=1, n=6, height=HIGH, twist=TURN):
-    """Creases of two kinds between two polygons of circumradius 1."""
+def kresling(k_valley=1, k_mountain=1, n=6, height=HIGH, twist=TURN, radius=1):
+    """Creases of two kinds between two polygons; the height is that over their circumradius."""
     h, f = sp.symbols("h f")
 
     def crease(sign):
-        return sp.sqrt(h**2 + 4 * sp.sin((f + sign * sp.pi / n) / 2) ** 2)
+        return sp.sqrt(h**2 + 4 * radius**2 * sp.sin((f + sign * sp.pi / n) / 2) ** 2)
 
     members = [Member(crease(-1), k_mountain, n), Member(crease(1), k_valley, n)]
-    return Unit([f], h, members, rest={h: height, f: twist})
+    return Unit([f], h, members, rest={h: radius * height, f: twist})
 
 
 def prism(base=1, height=TALL, p=TENTH, k_base=20, k_bar=20, n=3, k_cross=1):

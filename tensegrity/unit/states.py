@@ -29,6 +29,7 @@ NOTHING: dict[Any, Any] = {}
 STARTS = 400  # for each coordinate
 ITERATIONS = 60
 LONGEST = 0.1  # step, over the width of the box
+BALANCED = 5  # passes that scale a matrix
 SETTLED = 1e-12  # last step over the width of the box
 SAME = 1e-7  # distance over the width of the box, below which states are one
 
@@ -48,7 +49,7 @@ def equilibria(unit: Described, given: Mapping[Any, Any] | None) -> tuple[Event,
         gradient, matrix = of("gradient", z, each), of("tangent", z, each).reshape(-1, size, size)
         good = np.isfinite(gradient).all(axis=1) & np.isfinite(matrix).all(axis=(1, 2))
         z, gradient, matrix = z[good], gradient[good], matrix[good]
-        move = (np.linalg.pinv(matrix, rcond=1e-14) @ gradient[..., None])[..., 0]
+        move = _newton(matrix, gradient)
         longest = np.abs(move[:, places] / width).max(axis=1)
         z = z - move * np.minimum(1, LONGEST / np.maximum(longest, 1e-300))[:, None]
         z = z[(np.abs(z[:, places] + start - (low + high) / 2) <= 2 * width).all(axis=1)]
@@ -56,7 +57,7 @@ def equilibria(unit: Described, given: Mapping[Any, Any] | None) -> tuple[Event,
             break
     each = _taut(unit, of("tensions", z, p), p)
     gradient, matrix = of("gradient", z, each), of("tangent", z, each).reshape(-1, size, size)
-    move = (np.linalg.pinv(matrix, rcond=1e-14) @ gradient[..., None])[..., 0]
+    move = _newton(matrix, gradient)
     at = z[:, places] + start
     inside = (at > low + SAME * width) & (at <= high)
     found = (np.abs(move[:, places]) <= SETTLED * width).all(axis=1) & inside.all(axis=1)
@@ -86,6 +87,17 @@ def _taut(unit: Described, tensions: Array, p: Array) -> Array:
         if member.string:
             each[:, active + k] = tensions[:, k] >= -1e-12 * scale
     return each
+
+
+def _newton(matrix: Array, gradient: Array) -> Array:
+    """Newton steps (n, m), with the matrices' rows and columns scaled to the same largest element,
+    so that neither the units of lengths nor those of forces decide what is singular."""
+    d = np.ones_like(gradient)
+    for _ in range(BALANCED):
+        largest = np.abs(matrix * d[:, :, None] * d[:, None]).max(axis=2)
+        d /= np.sqrt(np.where(largest > 0, largest, 1.0))
+    inverse = np.linalg.pinv(matrix * d[:, :, None] * d[:, None], rcond=1e-14)
+    return np.asarray(d * (inverse @ (d * gradient)[..., None])[..., 0])
 
 
 def _spread(count: int, dim: int) -> Array:
