@@ -36,7 +36,9 @@ def scenes() -> None:
     steel, metal = Bead(4.76e-3, materials["steel"], mass=0.45e-3), materials["steel"]
     striker = Striker(steel, speed=0.5)
     rigid = Prism(1.0, 0.7, 0.1, 1.0)
-    springs: list[Potential] = [PowerLaw(1.0, n, 0.01) for n in (1.5, 1.37, 0.5, 1.0, 2.0, 2.5, 3.0)]
+    springs: list[Potential] = [
+        PowerLaw(1.0, n, 0.01) for n in (1.5, 1.37, 0.5, 1.0, 2.0, 2.5, 3.0)
+    ]
     springs += [rigid.potential(), Prism(1.0, 0.7, 0.1, 1.0, sides=4).potential()]
     elastic = [Prism(1.0, 0.7, 0.1, 1.0, 20.0, 100.0), Prism(1.0, 0.5, 0.4, 1.0, k_base=5.0),
                Prism(1.0, 0.5, 0.4, 1.0, k_bar=20.0)]  # fmt: skip
