@@ -24,8 +24,8 @@ from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.readonly import fixed
 from tensegrity.springs.kinks import TAUT
 from tensegrity.structures import statics
-from tensegrity.structures.framework import Framework
-from tensegrity.structures.members import Members, positive_for_each
+from tensegrity.structures.framework import Framework, positive_for_each
+from tensegrity.structures.members import Members
 from tensegrity.structures.statics import SelfStress
 from tensegrity.structures.supports import orthonormal
 from tensegrity.typing import Array, Flags, Indices
@@ -171,7 +171,8 @@ class Cell(Framework):
         self.offsets = np.concatenate([offsets for _, offsets in given])
         pairs = [ends for ends, _ in given]
         refuse_repeated(np.concatenate(pairs), self.offsets, len(pairs[0]))
-        self._set_members(pairs, k_bar, k_string, mass, natural_lengths, self.span)
+        stiff = {"bar": (k_bar, None), "string": (k_string, None)}
+        self._set_members(pairs, stiff, mass, natural_lengths, self.span)
         bars = len(pairs[0])
         self.buckling = (
             None if buckling is None else positive_for_each("buckling", buckling, bars, "N")

@@ -40,7 +40,7 @@ from tensegrity.springs.potential import Potential
 from tensegrity.springs.power_law import PowerLaw
 from tensegrity.springs.provenance import potential_of_law, provenance
 from tensegrity.springs.spline import SplineLaw
-from tensegrity.structures.structure import BarSpring, StringSpring
+from tensegrity.structures.member_springs import BarSpring, StringSpring
 
 FORMAT = "tensegrity 1"
 

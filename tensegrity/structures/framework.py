@@ -17,9 +17,11 @@ from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.readonly import ReadOnly, fixed
 from tensegrity.structures import statics
-from tensegrity.structures.members import NO_LENGTH, Members, positive_for_each
+from tensegrity.structures.members import NO_LENGTH, Members
 from tensegrity.structures.statics import SelfStress
 from tensegrity.typing import Array, Flags, Indices
+
+PLAIN = {"bar": 100.0, "string": 1.0}  # spring constants where none are given [N/m]
 
 
 class Framework(ReadOnly):
@@ -29,6 +31,7 @@ class Framework(ReadOnly):
     ends: Indices
     is_string: Flags
     stiffnesses: Array
+    keeps_EA: Flags
     natural_lengths: Array
     mass: Array
     shift: Array | float  # from the second end of each member to its image [m]
@@ -43,13 +46,13 @@ class Framework(ReadOnly):
     def _set_members(
         self,
         pairs: Sequence[Indices],
-        k_bar: ArrayLike,
-        k_string: ArrayLike,
+        stiff: Mapping[str, tuple[ArrayLike | None, ArrayLike | None]],
         mass: ArrayLike,
         natural_lengths: ArrayLike | None,
         size: float,
     ) -> None:
-        """Set the members and masses, checked; `pairs` are the ends of bars and of strings."""
+        """Set the members and masses, checked; `pairs` are the ends of bars and of strings, and
+        `stiff` has for each of the two k and EA, one of which is given."""
         self.ends = np.concatenate(pairs)
         self.is_string = np.arange(len(self.ends)) >= len(pairs[0])
         if not len(self.ends):
@@ -57,12 +60,9 @@ class Framework(ReadOnly):
         alone = sorted(set(range(self.nodes)) - set(self.ends.ravel().tolist()))
         if alone:
             raise TensegrityError(f"node {alone[0]} is in no member")
-        self.stiffnesses = np.concatenate(
-            [
-                positive_for_each("k_bar", k_bar, len(pairs[0]), "N/m"),
-                positive_for_each("k_string", k_string, len(pairs[1]), "N/m"),
-            ]
-        )
+        numbers = [
+            _stiffness(*given, len(ends)) for given, ends in zip(stiff.items(), pairs, strict=True)
+        ]
         self.mass = positive_for_each("mass", mass, self.nodes, "kg")
         lengths = natural = self.lengths
         long_enough = lengths > 1e-12 * size
@@ -80,6 +80,27 @@ class Framework(ReadOnly):
                 f"{lengths[bad[0]]:g} m, must be above 0 and finite: {hint}"
             )
         self.natural_lengths = natural
+        self.keeps_EA = np.concatenate([of for of, _ in numbers])
+        values = np.concatenate([of for _, of in numbers])
+        over = np.where(self.keeps_EA, natural, 1.0)
+        self.stiffnesses = values / over
+        self.EA = np.where(self.keeps_EA, values, self.stiffnesses * natural)
+        bad = np.flatnonzero(~((self.stiffnesses > 0) & (self.stiffnesses < np.inf)))
+        if bad.size:
+            raise TensegrityError(
+                f"{self.name_of(int(bad[0]))} has EA {values[bad[0]]:g} N over natural length "
+                f"{natural[bad[0]]:g} m, which must be finite and above 0"
+            )
+
+    def _stiff_unless(self, other: Mapping[str, Any]) -> dict[str, Array]:
+        """The arguments that gave the stiffnesses, without those that `other` replaces."""
+        kinds, given = {"bar": slice(self.bars), "string": slice(self.bars, None)}, {}
+        for name, some in kinds.items():
+            if not {f"k_{name}", f"EA_{name}"} & {*other}:
+                kept = self.keeps_EA[some].any()
+                which = f"EA_{name}" if kept else f"k_{name}"
+                given[which] = (self.EA if kept else self.stiffnesses)[some]
+        return given
 
     def at(self, positions: ArrayLike, **other: Any) -> Self:
         """A copy at other positions, with other arguments replaced by name."""
@@ -180,15 +201,118 @@ class Framework(ReadOnly):
         else:
             q = statics.of_prestrain(self, prestrain)
         statics.refuse_pushing(self, q)
-        natural = self.lengths * (1 - q / self.stiffnesses)
-        bad = np.flatnonzero(~((natural > 0) | (self.lengths == 0)))
+        kept = self.keeps_EA
+        least = np.where(kept, -self.EA, -np.inf)
+        strain = np.divide(q * self.lengths, self.EA, where=kept, out=np.zeros_like(q))
+        with np.errstate(divide="ignore"):
+            natural = self.lengths * np.where(kept, 1 / (1 + strain), 1 - q / self.stiffnesses)
+        bad = np.flatnonzero(~((natural > 0) & (q * self.lengths > least) | (self.lengths == 0)))
         if bad.size:
+            number = int(bad[0])
+            bound = f"below its stiffness {self.stiffnesses[number]:g} N/m"
+            if kept[number]:
+                bound = f"above -EA over its length, {-self.EA[number] / self.lengths[number]:g} N/m"
             raise TensegrityError(
-                f"force density {q[bad[0]]:.6g} N/m of {self.name_of(int(bad[0]))} must be below "
-                f"its stiffness {self.stiffnesses[bad[0]]:g} N/m"
+                f"force density {q[number]:.6g} N/m of {self.name_of(number)} must be {bound}"
             )
         return self.at(self.positions, natural_lengths=natural)
 
     def member_number(self, member: object) -> int:
         """The number of a member, checked to be one."""
         return check.whole("member", member, least=0, below=len(self.ends))
+
+
+def rigid_plates(given: Any, nodes: int) -> tuple[tuple[int, ...], ...]:
+    """The nodes of each rigid plate, checked that none is on two."""
+    try:
+        groups = tuple(tuple(group) for group in given)
+    except TypeError:
+        raise TensegrityError(f"platforms {check.shown(given)} must list nodes of each") from None
+    if () in groups:
+        raise TensegrityError(f"platform {groups.index(())} has 0 nodes, must have at least 1")
+    numbers = [check.whole("node of a platform", n, least=0) for group in groups for n in group]
+    for number in numbers:
+        if number >= nodes or numbers.count(number) > 1:
+            raise TensegrityError(
+                f"node {number} of a platform must be below {nodes} and on one platform only"
+            )
+    return groups
+
+
+def member_ends(name: str, given: Any, nodes: int) -> Indices:
+    """The nodes of each bar or string as an array, checked to exist and to differ.
+
+    Parameters
+    ----------
+    name : str
+        "bar" or "string", for messages.
+    given : sequence of (int, int)
+    nodes : int
+        Number of nodes.
+
+    Returns
+    -------
+    ndarray of int, (members, 2)
+
+    Raises
+    ------
+    TensegrityError
+        If an entry is no pair of two different nodes.
+    """
+    try:
+        listed = [tuple(pair) for pair in given]
+    except TypeError:
+        raise TensegrityError(f"{name}s {check.shown(given)} must be pairs of nodes") from None
+    for pair in listed:
+        if len(pair) != 2:
+            raise TensegrityError(f"{name} {check.shown(pair)} must join two nodes")
+        for node in pair:
+            if check.whole(f"node of a {name}", node, least=0) >= nodes:
+                raise TensegrityError(f"node {node} of a {name} must be below {nodes}")
+        if pair[0] == pair[1]:
+            raise TensegrityError(f"{name} joins node {pair[0]} to itself: its length is 0 m")
+    return np.array(listed, dtype=np.int64).reshape(-1, 2)
+
+
+def positive_for_each(
+    name: str, given: ArrayLike, count: int, unit: str, zero: bool = False
+) -> Array:
+    """Positive numbers, one per item, from one number for all or an array.
+
+    Parameters
+    ----------
+    name, unit : str
+        Quantity and unit, for messages.
+    given : array_like, () or (count,)
+    count : int
+    zero : bool, optional
+        Whether 0 is allowed.
+
+    Returns
+    -------
+    ndarray, (count,)
+
+    Raises
+    ------
+    TensegrityError
+        If a number is not finite and positive, or the shape does not fit.
+    """
+    values = check.floats(name, given)
+    if values.shape not in ((), (count,)):
+        raise TensegrityError(f"{name} has shape {values.shape}, must be one or ({count},)")
+    bad = np.flatnonzero(~((values >= 0 if zero else values > 0) & np.isfinite(values)))
+    if bad.size:
+        worst = values.ravel()[bad[0]]
+        bound = "at least" if zero else "above"
+        raise TensegrityError(f"{name} {worst:g} {unit} must be finite and {bound} 0")
+    return np.broadcast_to(values, (count,)).copy()
+
+
+def _stiffness(kind: str, given: tuple[Any, Any], count: int) -> tuple[Flags, Array]:
+    """Whether EA is given, and EA [N] or else spring constants [N/m], of bars or strings."""
+    k, axial = given
+    if k is not None and axial is not None:
+        raise TensegrityError(f"k_{kind} and EA_{kind} are both given: give one of them")
+    name, unit = ("EA", "N") if k is None and axial is not None else ("k", "N/m")
+    value = axial if name == "EA" else PLAIN[kind] if k is None else k
+    return np.full(count, name == "EA"), positive_for_each(f"{name}_{kind}", value, count, unit)

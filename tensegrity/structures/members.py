@@ -15,11 +15,9 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from tensegrity import check
 from tensegrity.engine import forces
-from tensegrity.errors import EquilibriumError, TensegrityError
+from tensegrity.errors import EquilibriumError
 from tensegrity.minimum import DENSE, ROUND_OFF, STEPS, downhill, refuse_unbalanced
 from tensegrity.minimum import settle as minimised
 from tensegrity.springs.kinks import TAUT
@@ -352,99 +350,3 @@ def equilibrium_positions(
         x, f = minimised(of, x)
         refuse_unbalanced(of, x, f)
     return x
-
-
-def rigid_plates(given: Any, nodes: int) -> tuple[tuple[int, ...], ...]:
-    """The nodes of each rigid plate, checked that none is on two."""
-    try:
-        groups = tuple(tuple(group) for group in given)
-    except TypeError:
-        raise TensegrityError(f"platforms {check.shown(given)} must list nodes of each") from None
-    if () in groups:
-        raise TensegrityError(f"platform {groups.index(())} has 0 nodes, must have at least 1")
-    numbers = [check.whole("node of a platform", n, least=0) for group in groups for n in group]
-    for number in numbers:
-        if number >= nodes or numbers.count(number) > 1:
-            raise TensegrityError(
-                f"node {number} of a platform must be below {nodes} and on one platform only"
-            )
-    return groups
-
-
-def member_ends(name: str, given: Any, nodes: int) -> Indices:
-    """The nodes of each bar or string as an array, checked to exist and to differ.
-
-    Parameters
-    ----------
-    name : str
-        "bar" or "string", for messages.
-    given : sequence of (int, int)
-    nodes : int
-        Number of nodes.
-
-    Returns
-    -------
-    ndarray of int, (members, 2)
-
-    Raises
-    ------
-    TensegrityError
-        If an entry is no pair of two different nodes.
-    """
-    try:
-        listed = [tuple(pair) for pair in given]
-    except TypeError:
-        raise TensegrityError(f"{name}s {check.shown(given)} must be pairs of nodes") from None
-    for pair in listed:
-        if len(pair) != 2:
-            raise TensegrityError(f"{name} {check.shown(pair)} must join two nodes")
-        for node in pair:
-            if check.whole(f"node of a {name}", node, least=0) >= nodes:
-                raise TensegrityError(f"node {node} of a {name} must be below {nodes}")
-        if pair[0] == pair[1]:
-            raise TensegrityError(f"{name} joins node {pair[0]} to itself: its length is 0 m")
-    return np.array(listed, dtype=np.int64).reshape(-1, 2)
-
-
-def refuse_duplicates(ends: Indices, bars: int) -> None:
-    """Refuse two members between the same nodes; the first `bars` members are bars."""
-    first: dict[tuple[int, int], int] = {}
-    for number, (i, j) in enumerate(np.sort(ends, axis=1).tolist()):
-        if (i, j) in first:
-            words = [f"{'bar' if m < bars else 'string'} {m}" for m in (first[i, j], number)]
-            raise TensegrityError(f"{words[0]} and {words[1]} both join nodes {i} and {j}")
-        first[i, j] = number
-
-
-def positive_for_each(
-    name: str, given: ArrayLike, count: int, unit: str, zero: bool = False
-) -> Array:
-    """Positive numbers, one per item, from one number for all or an array.
-
-    Parameters
-    ----------
-    name, unit : str
-        Quantity and unit, for messages.
-    given : array_like, () or (count,)
-    count : int
-    zero : bool, optional
-        Whether 0 is allowed.
-
-    Returns
-    -------
-    ndarray, (count,)
-
-    Raises
-    ------
-    TensegrityError
-        If a number is not finite and positive, or the shape does not fit.
-    """
-    values = check.floats(name, given)
-    if values.shape not in ((), (count,)):
-        raise TensegrityError(f"{name} has shape {values.shape}, must be one or ({count},)")
-    bad = np.flatnonzero(~((values >= 0 if zero else values > 0) & np.isfinite(values)))
-    if bad.size:
-        worst = values.ravel()[bad[0]]
-        bound = "at least" if zero else "above"
-        raise TensegrityError(f"{name} {worst:g} {unit} must be finite and {bound} 0")
-    return np.broadcast_to(values, (count,)).copy()

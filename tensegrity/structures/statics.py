@@ -286,7 +286,11 @@ def of_prestrain(structure: Any, prestrain: Any) -> Array:
     values = np.array(
         [check.number(f"prestrain of string {m}", x, above=-1) for m, x in prestrain.items()]
     )
-    wanted = structure.stiffnesses[numbers] * values / (1 + values)
+    wanted = np.where(
+        structure.keeps_EA[numbers],
+        structure.EA[numbers] * values / structure.lengths[numbers],
+        structure.stiffnesses[numbers] * values / (1 + values),
+    )
     part = stress.states[:, numbers].T
     if np.linalg.cond(part) > 1e10:
         raise TensegrityError(

@@ -17,105 +17,23 @@ from numpy.typing import ArrayLike
 
 from tensegrity import plotting
 from tensegrity.checked import checked
-from tensegrity.engine.law import Law
 from tensegrity.errors import EquilibriumError, TensegrityError
-from tensegrity.once import once
-from tensegrity.printing import Lines, Printed, call, listed, span
-from tensegrity.scenes.network import Network
-from tensegrity.springs.kinks import TAUT
-from tensegrity.springs.potential import Potential
+from tensegrity.printing import Lines, Printed, listed, span
 from tensegrity.structures import statics
-from tensegrity.structures.framework import Framework
-from tensegrity.structures.members import (
-    Members,
-    equilibrium_positions,
-    member_ends,
-    refuse_duplicates,
-    rigid_plates,
-)
+from tensegrity.structures.framework import Framework, member_ends, rigid_plates
+from tensegrity.structures.member_springs import network
+from tensegrity.structures.members import equilibrium_positions
 from tensegrity.structures.statics import StructureModes
 from tensegrity.structures.supports import Freedom, Supports
-from tensegrity.typing import Array, Count, Length, Stiffness
+from tensegrity.typing import Array, Count
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from tensegrity.scenes.force import Force
     from tensegrity.scenes.forcing import Damping, Drive
+    from tensegrity.scenes.network import Network
     from tensegrity.structures.problem import StructureProblem
-
-
-SMALLEST = 1e-100  # elongation above which a string has tension [m]
-
-
-@checked
-class _Member(Potential):
-    tension_only = False
-
-    def __init__(self, stiffness: Stiffness, length: Length) -> None:
-        values = [stiffness, TAUT * length] if self.tension_only else [stiffness]
-        self._set(_law(self.tension_only), values, length, (-math.inf, math.inf))
-        self.kinks = ((0.0, stiffness, 1.0, 1.0),) if self.tension_only else ()
-        self._origin = call(type(self).__name__, stiffness=stiffness, length=length)
-
-
-class StringSpring(_Member):
-    """A string with tension(r) = stiffness max(r, 0), stiffness > 0 [N/m].
-
-    The elongation r [m] is measured from the natural length > 0 [m].  Down to -`TAUT` times this
-    length the stiffness is that of a taut string, as in `tensegrity.structures.members`.
-    """
-
-    tension_only = True
-
-
-class BarSpring(_Member):
-    """A bar with tension(r) = stiffness r; r [m] is measured from the natural length > 0 [m]."""
-
-
-@once
-def _law(tension_only: bool) -> Law:
-    import sympy as sp
-
-    from derivations import member
-
-    r, positive_part, margin = sp.symbols("r positive_part margin", real=True)
-    stretched = member.energy(member.natural + r)
-    if not tension_only:
-        return Law(stretched, r, (member.stiffness,))
-    has_tension, taut = sp.Heaviside(r - SMALLEST), sp.Heaviside(r + margin)
-    tension, known = sp.diff(stretched, r).subs(r, positive_part), (member.stiffness, margin)
-    return Law(
-        has_tension * stretched, r, known, tension, ((positive_part, has_tension * r, taut),)
-    )
-
-
-def network(positions: Array, members: Members, mass: Array, **given: Any) -> Network:
-    """The network of a structure; see `Structure.network`.
-
-    Parameters
-    ----------
-    positions : ndarray, (nodes, dim)
-        Positions of the nodes [m].
-    members : Members
-    mass : ndarray, (nodes,)
-        Masses [kg].
-    **given
-        Further arguments of `Network`.
-
-    Returns
-    -------
-    Network
-    """
-    # lengths equal up to round-off have one spring
-    lengths = [float(f"{x:.3g}") for x in members.natural]
-    springs = [
-        (StringSpring if string else BarSpring)(k, length)
-        for string, k, length in zip(
-            members.tension_only.tolist(), members.stiffness.tolist(), lengths, strict=True
-        )
-    ]
-    return Network(positions, members.ends, springs, lengths=members.natural, mass=mass, **given)
 
 
 KEPT = 4  # supports of a structure whose permitted motions are kept
@@ -131,8 +49,8 @@ class Structure(Printed, Framework):
         Positions of the nodes [m]; dim is 2 or 3.
     bars, strings : sequence of (int, int)
         The two nodes that each member joins.  Arrays over members hold bars first, then strings.
-    k_bar, k_string : float or array_like, (bars,) or (strings,)
-        Spring constants, EA over natural length [N/m], > 0.
+    k_bar, k_string : float or array_like, (bars,) or (strings,), optional
+        Spring constants, EA over natural length [N/m], > 0; by default 100 and 1.
     mass : float or array_like, (nodes,), optional
         Mass of each node [kg], > 0.
     natural_lengths : array_like, (members,), optional
@@ -140,11 +58,18 @@ class Structure(Printed, Framework):
     platforms : sequence of sequences of int, optional
         The nodes on each rigid plate inside the structure.  Platforms are smooth and guided along
         the last axis, so that their nodes move along it together.  They exist in statics only.
+    EA_bar, EA_string : float or array_like, (bars,) or (strings,), optional
+        Axial stiffnesses [N], > 0, instead of k_bar, k_string.  Where EA is given, it stays as it
+        is when natural lengths change, as of a cable on a winch.
 
     Attributes
     ----------
     positions, natural_lengths, stiffnesses, mass : ndarray
         As given, (nodes, dim), (members,), (members,) and (nodes,).
+    EA : ndarray, (members,)
+        Stiffnesses times natural lengths [N].
+    keeps_EA : ndarray of bool, (members,)
+        Whose EA was given.
     ends : ndarray of int, (members, 2)
         The two nodes of each member.
     is_string : ndarray of bool, (members,)
@@ -153,8 +78,8 @@ class Structure(Printed, Framework):
     Raises
     ------
     TensegrityError
-        If a member has no length or is given twice, a node is in no member, or a number is
-        outside its bounds.
+        If a member has no length, a node is in no member, both k and EA of bars or strings are
+        given, or a number is outside its bounds.
 
     Notes
     -----
@@ -191,21 +116,24 @@ class Structure(Printed, Framework):
         positions: ArrayLike,
         bars: Sequence[tuple[int, int]] = (),
         strings: Sequence[tuple[int, int]] = (),
-        k_bar: ArrayLike = 100.0,
-        k_string: ArrayLike = 1.0,
+        k_bar: ArrayLike | None = None,
+        k_string: ArrayLike | None = None,
         mass: ArrayLike = 1.0,
         natural_lengths: ArrayLike | None = None,
         platforms: Sequence[Sequence[int]] = (),
+        *,
+        EA_bar: ArrayLike | None = None,
+        EA_string: ArrayLike | None = None,
     ) -> None:
         self._set_positions(positions)
         nodes = self.nodes
         pairs = [
             member_ends(name, ends, nodes) for name, ends in (("bar", bars), ("string", strings))
         ]
-        refuse_duplicates(np.concatenate(pairs), len(pairs[0]))
         self.platforms = rigid_plates(platforms, nodes)
         size = float(np.ptp(self.positions, axis=0).max())
-        self._set_members(pairs, k_bar, k_string, mass, natural_lengths, size)
+        stiff = {"bar": (k_bar, EA_bar), "string": (k_string, EA_string)}
+        self._set_members(pairs, stiff, mass, natural_lengths, size)
 
     # the shape alone
 
@@ -232,18 +160,16 @@ class Structure(Printed, Framework):
     # structures made from this one
 
     def at(self, positions: ArrayLike, **other: Any) -> Structure:
-        """A copy of the structure at other positions, with other arguments replaced by name; the
-        spring constants stay as they are where natural lengths change."""
+        """A copy of the structure at other positions, with other arguments replaced by name; where
+        natural lengths change, EA stays as it is if it was given, and else the spring constant."""
         own: dict[str, Any] = {
             "bars": self.ends[: self.bars],
             "strings": self.ends[self.bars :],
-            "k_bar": self.stiffnesses[: self.bars],
-            "k_string": self.stiffnesses[self.bars :],
             "mass": self.mass,
             "natural_lengths": self.natural_lengths,
             "platforms": self.platforms,
         }
-        return Structure(positions, **(own | other))
+        return Structure(positions, **(own | self._stiff_unless(other) | other))
 
     def relaxed(self) -> Structure:
         """The structure at the equilibrium of its natural lengths, by minimising the energy.
