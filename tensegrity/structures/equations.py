@@ -1,14 +1,15 @@
-"""The equilibrium equations of a structure with a fixed set of taut strings.
+"""The equilibrium equations of a structure between kinks: of a fixed set of taut strings.
 
 The unknowns are the motions that the supports permit, without rigid ones, followed by the load
 and the conjugate shortening, or by a control from 0 to 1 along which natural lengths change.
 Slack strings carry no force; taut ones obey their linear law also in compression, and the branch
-ends where the length of a string contradicts its state.
+ends where the length of a string contradicts its state.  It is the same with bars that buckle and
+with kinks of laws: each member keeps the smooth law of one side of its kinks.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
 from typing import TYPE_CHECKING
@@ -50,6 +51,8 @@ class Loading:
         Load [N] at which the path ends, and shortening [m] (or control) in either sense.
     dead : ndarray, (nodes, dim)
         Constant loads [N].
+    kept : ndarray of bool, (members,)
+        Members that keep EA as their natural lengths change; the others keep k.
     """
 
     members: Members
@@ -60,6 +63,7 @@ class Loading:
     plate: Plates | None
     limits: tuple[float, float]
     dead: Array
+    kept: Flags
 
     @property
     def free(self) -> int:
@@ -170,10 +174,22 @@ class Loading:
     def _volumes(self, separations: Array, normal: Array, products: Array) -> Array:
         return np.einsum("ij,ij->i", separations, normal) / (products * self.span)
 
+    def natural(self, control: Array | float) -> Array:
+        """Natural lengths of the members [m], (..., members)."""
+        return np.asarray(self.members.natural + control * self.change)
+
+    def members_at(self, control: float) -> Members:
+        """The members at a value of the control."""
+        members, natural = self.members, self.natural(control)
+        longer = np.where(self.kept, natural / members.natural, 1.0)
+        least = None if members.least is None else members.least * longer
+        stiffness = members.stiffness / longer
+        return replace(members, natural=natural, stiffness=stiffness, least=least)
+
     @cached_property
-    def strings(self) -> Indices:
-        """Numbers of the strings."""
-        return np.flatnonzero(self.members.tension_only)
+    def whole(self) -> Flags:
+        """Which kinks members are above when no string is slack; (kinks,)."""
+        return np.asarray(self.members.kinks.kind == 0)
 
     @cached_property
     def between(self) -> tuple[Array, Array]:
@@ -229,7 +245,7 @@ class Loading:
     @cached_property
     def roots(self) -> tuple[str, ...]:
         """Names of the event functions of all pieces."""
-        names = [f"string {s}" for s in self.strings.tolist()]
+        names = [f"kink {k}" for k in range(len(self.members.kinks.member))]
         names += [f"contact {a} {b}" for a, b in self.pairs.tolist()]
         names += self.at_plates[0]
         last = "shortening" if self.pattern is not None else "control"
@@ -249,21 +265,31 @@ class SmoothPiece:
     Parameters
     ----------
     loading : Loading
-    taut : ndarray of bool, (members,)
-        Which members are taut; bars always are.
+    above : ndarray of bool, (kinks,)
+        Which kinks the members are above: taut strings are above their natural length.
     critical : ndarray of int
-        Strings at their natural length where the piece starts.
-    strains : ndarray, (members,)
-        Strains there, which for these strings are round-off.
+        Kinks at which members are where the piece starts.
+    strains : ndarray, (kinks,)
+        Strains beyond the kinks there, which for these are round-off.
     """
 
-    def __init__(self, loading: Loading, taut: Flags, critical: Indices, strains: Array) -> None:
-        self.loading, self.taut = loading, taut
-        self.stiffness = np.where(taut, loading.members.stiffness, 0.0)
-        self.strings = loading.strings
-        self.offset = np.zeros(len(taut))
+    def __init__(self, loading: Loading, above: Flags, critical: Indices, strains: Array) -> None:
+        self.loading, self.above, self.leaving = loading, above, critical
+        members, kinks = loading.members, loading.members.kinks
+        self.kinks = kinks
+        below = kinks.member[~above & (kinks.kind < 2)]
+        part = np.ones(len(members.natural))
+        part[below] = np.broadcast_to(members.plateau, part.shape)[below]
+        self.stiffness = part * members.stiffness
+        self.constant: Array | None = None
+        if members.least is not None:  # of buckled bars [N]
+            givers, self.constant = kinks.member[~above & (kinks.kind == 1)], np.zeros(len(part))
+            self.constant[givers] = ((1 - part) * members.stiffness * members.least)[givers]
+        if members.laws:
+            self.ends_of_laws = members.laws.between(kinks, above)
+            self.loose = np.isin(members.laws.member, kinks.member[~above & (kinks.kind == 0)])
+        self.offset = np.zeros(len(above))
         self.offset[critical] = strains[critical]
-        self.leaving = np.searchsorted(self.strings, critical)
         loaded = loading.pattern is not None
         names = [f"w{i}" for i in range(loading.free - loaded)]
         self.unknowns = (*names, *(("load", "shortening") if loaded else ("control",)))
@@ -277,7 +303,33 @@ class SmoothPiece:
         loading = self.loading
         if loading.pattern is not None:
             return loading.members.natural
-        return np.asarray(loading.members.natural + u[..., -1:] * loading.change)
+        return loading.natural(u[..., -1:])
+
+    def pulls(self, u: Array, lengths: Array) -> tuple[Array, Array]:
+        """Tensions [N] and stiffnesses [N/m] of the members at lengths [m], (..., members) each."""
+        loading, natural, stiffness = self.loading, self.natural(u), self.stiffness
+        if loading.kept.any():
+            stiffness = stiffness * np.where(loading.kept, loading.members.natural / natural, 1.0)
+        tensions = stiffness * (lengths - natural)
+        if self.constant is not None:
+            tensions = tensions + self.constant
+        if laws := loading.members.laws:
+            values = laws.values(lengths - natural, *self.ends_of_laws)[1:]
+            tensions, stiffness = tensions.copy(), np.broadcast_to(stiffness, lengths.shape).copy()
+            for of, value in zip((tensions, stiffness), values, strict=True):
+                of[..., laws.member] = np.where(self.loose, 0.0, value)
+        return tensions, stiffness
+
+    def winding(self, u: Array) -> Array:
+        """Energy gained by each member per natural length that is wound up, at unknowns u (m,)
+        and constant length [N], (members,): T, and T + T^2/(2 EA) where EA is kept."""
+        lengths, loading = self.separations(u)[1], self.loading
+        tensions, kept = self.pulls(u, lengths)[0], loading.kept
+        if not kept.any():
+            return tensions
+        members = loading.members_at(u[-1])
+        density = members.stored(lengths) / members.natural
+        return np.where(kept, tensions * lengths / members.natural - density, tensions)
 
     def separations(self, u: Array) -> tuple[Array, Array]:
         """Separations (..., members, dim) and lengths (..., members) of the ends of members [m] at
@@ -289,16 +341,26 @@ class SmoothPiece:
 
     def tensions(self, u: Array) -> Array:
         """Tensions of the members [N], (..., members)."""
-        return np.asarray(self.stiffness * (self.separations(u)[1] - self.natural(u)))
+        return self.pulls(u, self.separations(u)[1])[0]
 
     def strains(self, u: Array) -> Array:
-        """Strains of the members, length over natural length minus 1, (members,)."""
-        return self.separations(u)[1] / self.natural(u) - 1
+        """Strains of members beyond their kinks, length over natural length minus 1, less the
+        strain at the kink, (kinks,)."""
+        return self._strains(u, self.separations(u)[1])
+
+    def _strains(self, u: Array, lengths: Array) -> Array:
+        member, natural = self.kinks.member, self.natural(u)
+        places = self.kinks.place / self._over(natural)[member]
+        return np.asarray((lengths / natural - 1)[member] - places)
+
+    def _over(self, natural: Array) -> Array:
+        """Lengths over which kinks are strains [m]: members that keep EA keep those strains."""
+        return np.where(self.loading.kept, self.loading.members.natural, natural)
 
     def residual(self, u: Array) -> Array:
         """Unbalanced forces on the motions over their scale, (m - 1,)."""
         d, lengths = self.separations(u)
-        tensions = self.stiffness * (lengths - self.natural(u))
+        tensions = self.pulls(u, lengths)[0]
         force = (tensions / lengths)[:, None] * d
         gain = self.loading.gain.reshape(force.size, -1)
         return self._scaled_residual(
@@ -321,18 +383,23 @@ class SmoothPiece:
         """Unbalanced forces on the motions over their scale, and the Jacobian of this residual."""
         loading = self.loading
         d, lengths = self.separations(u)
-        tensions = self.stiffness * (lengths - self.natural(u))
-        along, stiff = self._tangent(d, lengths, tensions)
+        tensions, stiffness = self.pulls(u, lengths)
+        along, stiff = self._tangent(d, lengths, tensions, stiffness)
         along, moves = along[:, loading.moves], loading.moves
         g, size = self._scaled_residual(u, tensions @ along, lengths, tensions)
         jacobian = stiff[moves]
         if loading.pattern is None:
-            jacobian[:, -1] = (-self.stiffness * loading.change) @ along
+            change = loading.change
+            if loading.kept.any():  # dT/dl0 = -EA l/l0^2
+                change = change * np.where(loading.kept, lengths / self.natural(u), 1.0)
+            jacobian[:, -1] = (-stiffness * change) @ along
         else:
             jacobian[:, -2] = -loading.unit
         return g, jacobian / size
 
-    def _tangent(self, d: Array, lengths: Array, tensions: Array) -> tuple[Array, Array]:
+    def _tangent(
+        self, d: Array, lengths: Array, tensions: Array, stiffness: Array
+    ) -> tuple[Array, Array]:
         """Elongation of each member with each unknown, (..., members, m), and the tangent stiffness
         over all unknowns, (..., m, m) [N/m]: the sum of k e^T e + q (g^T g - e^T e) over members,
         with the gains g of their separations, e = n g and the force densities q.
@@ -342,14 +409,14 @@ class SmoothPiece:
         along = (d[..., None, :] @ gain)[..., 0, :] / lengths[..., None]
         density = tensions / lengths
         spread = np.repeat(density, d.shape[-1], axis=-1)
-        pulled = (along * (self.stiffness - density)[..., None]).swapaxes(-1, -2)
+        pulled = (along * (stiffness - density)[..., None]).swapaxes(-1, -2)
         return along, pulled @ along + (flat.T * spread[..., None, :]) @ flat
 
     def tangent(self, u: Array) -> Array:
         """Tangent stiffness over the motions of the basis at unknowns u (..., m) [N/m],
         (..., free, free)."""
         d, lengths = self.separations(u)
-        whole = self._tangent(d, lengths, self.stiffness * (lengths - self.natural(u)))[1]
+        whole = self._tangent(d, lengths, *self.pulls(u, lengths))[1]
         moves = self.loading.moves
         return np.asarray(whole[..., moves[:, None], moves])
 
@@ -357,21 +424,22 @@ class SmoothPiece:
         """Event functions, each of which vanishes at its events, (roots,)."""
         loading = self.loading
         d, lengths = self.separations(u)
-        strains = lengths / self.natural(u) - 1
+        strains = self._strains(u, lengths)
         _, start, rows = loading.at_plates
         plates = start + rows @ u
-        parts = [(strains - self.offset)[self.strings], loading.volumes(u, d, lengths), plates]
+        parts = [strains - self.offset, loading.volumes(u, d, lengths), plates]
         most, farthest = loading.limits
         ends = [(u[-2] - most) / loading.force] if np.isfinite(most) else []
         ends += [(u[-1] / farthest) ** 2 - 1] if np.isfinite(farthest) else []
         return np.concatenate([*parts, ends, [u[-1] - BACK] if loading.pattern is None else []])
 
     def strain_gradient(self, u: Array, number: int) -> Array:
-        """Gradient of the strain of a string, by its place in `strings`, (m,)."""
-        loading, member = self.loading, self.strings[number]
+        """Gradient of the strain beyond a kink, (m,)."""
+        loading, member = self.loading, self.kinks.member[number]
         d, lengths = self.separations(u)
         natural = self.natural(u)[member]
         row = (d[member] / lengths[member]) @ loading.gain[member] / natural
         if loading.pattern is None:
-            row[-1] = -lengths[member] * loading.change[member] / natural**2
+            beyond = lengths[member] - self.kinks.place[number] * (not loading.kept[member])
+            row[-1] = -beyond * loading.change[member] / natural**2
         return np.asarray(row)

@@ -7,6 +7,7 @@ cell, at a constant shift.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Any, Self
 
@@ -14,9 +15,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity import check
-from tensegrity.errors import TensegrityError
-from tensegrity.readonly import ReadOnly, fixed
-from tensegrity.structures import statics
+from tensegrity.errors import EquilibriumError, TensegrityError
+from tensegrity.readonly import FixedDict, ReadOnly, fixed
+from tensegrity.springs.potential import Potential
+from tensegrity.structures import laws, statics
 from tensegrity.structures.members import NO_LENGTH, Members
 from tensegrity.structures.statics import SelfStress
 from tensegrity.typing import Array, Flags, Indices
@@ -35,6 +37,9 @@ class Framework(ReadOnly):
     natural_lengths: Array
     mass: Array
     shift: Array | float  # from the second end of each member to its image [m]
+    buckling: Array | None
+    plateau: float
+    law: Mapping[int, Potential]
     _may_coincide = False  # whether springs of natural length 0 join nodes at one place
 
     def _set_positions(self, positions: ArrayLike) -> None:
@@ -50,6 +55,9 @@ class Framework(ReadOnly):
         mass: ArrayLike,
         natural_lengths: ArrayLike | None,
         size: float,
+        law: Any = None,
+        buckling: ArrayLike | None = None,
+        plateau: float = 0.0,
     ) -> None:
         """Set the members and masses, checked; `pairs` are the ends of bars and of strings, and
         `stiff` has for each of the two k and EA, one of which is given."""
@@ -80,23 +88,36 @@ class Framework(ReadOnly):
                 f"{lengths[bad[0]]:g} m, must be above 0 and finite: {hint}"
             )
         self.natural_lengths = natural
-        self.keeps_EA = np.concatenate([of for of, _ in numbers])
+        self.law = FixedDict(laws.laws_of({} if law is None else law, self.is_string, self.name_of))
+        keeps = np.concatenate([of for of, _ in numbers])
+        keeps[[*self.law]] = False
+        self.keeps_EA = keeps
         values = np.concatenate([of for _, of in numbers])
-        over = np.where(self.keeps_EA, natural, 1.0)
-        self.stiffnesses = values / over
-        self.EA = np.where(self.keeps_EA, values, self.stiffnesses * natural)
+        stiffnesses = values / np.where(keeps, natural, 1.0)
+        if self.law:
+            of = laws.Laws(self.law, natural, self.is_string)
+            laws.checked(of, self.name_of).refuse_beyond(lengths - natural, self.name_of)
+            stiffnesses[of.member] = of.stiffness
+        self.stiffnesses = stiffnesses
+        self.EA = np.where(keeps, values, stiffnesses * natural)
         bad = np.flatnonzero(~((self.stiffnesses > 0) & (self.stiffnesses < np.inf)))
         if bad.size:
             raise TensegrityError(
                 f"{self.name_of(int(bad[0]))} has EA {values[bad[0]]:g} N over natural length "
                 f"{natural[bad[0]]:g} m, which must be finite and above 0"
             )
+        if buckling is not None:
+            buckling = positive_for_each("buckling", buckling, self.bars, "N")
+            for member in [m for m in self.law if m < self.bars]:
+                raise TensegrityError(f"bar {member} has a law and a buckling load: give one")
+        self.buckling, self.plateau = buckling, plateau
 
     def _stiff_unless(self, other: Mapping[str, Any]) -> dict[str, Array]:
         """The arguments that gave the stiffnesses, without those that `other` replaces."""
         kinds, given = {"bar": slice(self.bars), "string": slice(self.bars, None)}, {}
         for name, some in kinds.items():
-            if not {f"k_{name}", f"EA_{name}"} & {*other}:
+            replaced = name == "string" and isinstance(other.get("law"), Potential)
+            if not replaced and not {f"k_{name}", f"EA_{name}"} & {*other}:
                 kept = self.keeps_EA[some].any()
                 which = f"EA_{name}" if kept else f"k_{name}"
                 given[which] = (self.EA if kept else self.stiffnesses)[some]
@@ -143,7 +164,16 @@ class Framework(ReadOnly):
     def members(self) -> Members:
         """The members as arrays, which compute forces and energy."""
         own = self.ends, self.stiffnesses, self.natural_lengths, self.is_string
-        return Members(self.positions.shape, *own, self.shift)
+        members = Members(self.positions.shape, *own, self.shift)
+        if self.law:
+            of = laws.Laws(self.law, self.natural_lengths, self.is_string)
+            members = replace(members, laws=of)
+        if self.buckling is None:
+            return members
+        least = np.zeros(len(self.ends))
+        least[: self.bars] = -self.buckling / self.stiffnesses[: self.bars]
+        plateau = np.where(self.is_string, 0.0, self.plateau)
+        return replace(members, least=least, plateau=plateau)
 
     @cached_property
     def lengths(self) -> Array:
@@ -165,7 +195,12 @@ class Framework(ReadOnly):
     def slack(self) -> Flags:
         """Which members are slack strings, (members,): strings shorter than their natural length
         by more than 1e-10 of it."""
-        return ~self.members.taut(self.lengths)
+        return ~self.members.taut(self.lengths) & self.is_string
+
+    @property
+    def buckled(self) -> Flags:
+        """Which bars are buckled, (members,), by more than 1e-10 of their natural length."""
+        return ~self.members.taut(self.lengths) & ~self.is_string
 
     def prestressed(
         self,
@@ -192,10 +227,15 @@ class Framework(ReadOnly):
             If not exactly one of the two is given, or a value is outside its bounds.
         EquilibriumError
             If the shape has no self-stress, the force densities are not in equilibrium, or a
-            string would be compressed.
+            string would be compressed, or a bar would buckle.
         """
         if (force_densities is None) == (prestrain is None):
             raise TensegrityError("give force_densities or prestrain, one of them")
+        for member in self.law:
+            raise TensegrityError(
+                f"{self.name_of(member)} has a law: give natural_lengths, prestress finds those of "
+                "linear members only"
+            )
         if prestrain is None:
             q = statics.checked(self, force_densities)
         else:
@@ -211,11 +251,20 @@ class Framework(ReadOnly):
             number = int(bad[0])
             bound = f"below its stiffness {self.stiffnesses[number]:g} N/m"
             if kept[number]:
-                bound = f"above -EA over its length, {-self.EA[number] / self.lengths[number]:g} N/m"
+                bound = (
+                    f"above -EA over its length, {-self.EA[number] / self.lengths[number]:g} N/m"
+                )
             raise TensegrityError(
                 f"force density {q[number]:.6g} N/m of {self.name_of(number)} must be {bound}"
             )
-        return self.at(self.positions, natural_lengths=natural)
+        made = self.at(self.positions, natural_lengths=natural)
+        for n in np.flatnonzero(made.buckled):
+            load = 0.0 if made.buckling is None else made.buckling[n]
+            raise EquilibriumError(
+                f"bar {n} would carry {-q[n] * made.lengths[n]:.6g} N, must be below its "
+                f"buckling load {load:.6g} N"
+            )
+        return made
 
     def member_number(self, member: object) -> int:
         """The number of a member, checked to be one."""

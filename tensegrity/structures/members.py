@@ -21,6 +21,7 @@ from tensegrity.errors import EquilibriumError
 from tensegrity.minimum import DENSE, ROUND_OFF, STEPS, downhill, refuse_unbalanced
 from tensegrity.minimum import settle as minimised
 from tensegrity.springs.kinks import TAUT
+from tensegrity.structures.laws import Kinks, Laws
 from tensegrity.structures.supports import Freedom
 from tensegrity.typing import Array, Flags, Indices
 
@@ -53,6 +54,8 @@ class Members:
         -load/stiffness bars buckle.
     plateau : ndarray, (members,), or 0
         Stiffness beyond, over that before; 0 for strings.
+    laws : Laws, optional
+        Of the members whose tension is not proportional to their elongation.
     """
 
     shape: tuple[int, ...]
@@ -63,6 +66,7 @@ class Members:
     shift: Array | float = 0.0
     least: Array | None = None
     plateau: Array | float = 0.0
+    laws: Laws | None = None
 
     def separations(self, positions: Array) -> tuple[Array, Array]:
         """Vectors (members, dim) from first to second ends, and their lengths."""
@@ -102,24 +106,55 @@ class Members:
 
     def tensions(self, positions: Array) -> Array:
         """Tensions [N], (members,); 0 for slack strings."""
-        return self.stiffness * self.elongations(self.separations(positions)[1])
+        return self.pulls(self.separations(positions)[1])
+
+    def pulls(self, lengths: Array) -> Array:
+        """Tensions [N] at lengths [m], (members,) each."""
+        tensions: Array = self.stiffness * self.elongations(lengths)
+        if self.laws:
+            tensions[self.laws.member] = self._of_laws(lengths)[1]
+        return tensions
+
+    def _of_laws(self, lengths: Array) -> tuple[Array, Array, Array]:
+        """Energies, tensions and stiffnesses of the members with laws: 0 for slack strings, but
+        for the stiffness, which is that of taut ones."""
+        laws: Any = self.laws
+        elongations = lengths - self.natural
+        energy, tension, stiffness = laws.values(elongations, *laws.domain)
+        loose = (self.tension_only & (elongations <= 0))[laws.member]
+        return np.where(loose, 0.0, energy), np.where(loose, 0.0, tension), stiffness
+
+    @cached_property
+    def kinks(self) -> Kinks:
+        """Where the stiffness of a member jumps."""
+        return Kinks.of(self.tension_only, self.least, self.laws)
+
+    @property
+    def linear(self) -> bool:
+        """Whether tensions are proportional to elongations, but for slack strings."""
+        return self.least is None and self.laws is None
 
     def energy(self, positions: Array) -> float:
         """Elastic energy of all members [J]."""
-        lengths = self.separations(positions)[1]
+        return float(np.sum(self.stored(self.separations(positions)[1])))
+
+    def stored(self, lengths: Array) -> Array:
+        """Elastic energies at lengths [m], (members,) each [J]."""
         if self.least is None:
-            return float(0.5 * np.sum(self.stiffness * self.elongations(lengths) ** 2))
-        elongations = lengths - self.natural
-        past = np.minimum(elongations - self.least, 0.0)
-        before = 0.5 * (elongations - past) ** 2
-        return float(
-            np.sum(self.stiffness * (before + self.least * past + 0.5 * self.plateau * past**2))
-        )
+            each = 0.5 * (self.stiffness * self.elongations(lengths) ** 2)
+        else:
+            elongations = lengths - self.natural
+            past = np.minimum(elongations - self.least, 0.0)
+            before = 0.5 * (elongations - past) ** 2
+            each = self.stiffness * (before + self.least * past + 0.5 * self.plateau * past**2)
+        if self.laws:
+            each[self.laws.member] = self._of_laws(lengths)[0]
+        return np.asarray(each)
 
     def gradient(self, positions: Array) -> Array:
         """Gradient of the energy in the positions [N], (nodes, dim): minus the nodal forces."""
         d, lengths = self.separations(positions)
-        force = (self.stiffness * self.elongations(lengths) / lengths)[:, None] * d
+        force = (self.pulls(lengths) / lengths)[:, None] * d
         first, second = self.ends.T
         result: Array = -forces.scattered(first, second, force, len(positions))
         return result
@@ -145,10 +180,13 @@ class Members:
         """
         d, lengths = self.separations(positions)
         if tensions is None:
-            taut, tensions = self.taut(lengths, within), self.stiffness * self.elongations(lengths)
+            taut, tensions = self.taut(lengths, within), self.pulls(lengths)
         else:
             taut = ~self.tension_only | (tensions > 0)
         stiffness = np.where(taut, 1.0, self.plateau) * self.stiffness
+        if self.laws:
+            mine = self.laws.member
+            stiffness[mine] = np.where(taut[mine], self._of_laws(lengths)[2], 0.0)
         return np.asarray(forces.tangents(d / lengths[:, None], stiffness, tensions / lengths))
 
     def tangent(self, positions: Array, within: float = TAUT, tensions: Array | None = None) -> Any:
@@ -343,7 +381,7 @@ def equilibrium_positions(
     try:
         refuse_unbalanced(of, x, f)
     except EquilibriumError:
-        if not loads.any():
+        if not (loads.any() and members.linear):
             raise
         with suppress(EquilibriumError):
             return _StiffMembers.settled(of)

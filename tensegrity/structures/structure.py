@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from functools import cached_property, lru_cache, partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,6 +19,7 @@ from tensegrity import plotting
 from tensegrity.checked import checked
 from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.printing import Lines, Printed, listed, span
+from tensegrity.springs.potential import Potential
 from tensegrity.structures import statics
 from tensegrity.structures.framework import Framework, member_ends, rigid_plates
 from tensegrity.structures.member_springs import network
@@ -61,6 +62,14 @@ class Structure(Printed, Framework):
     EA_bar, EA_string : float or array_like, (bars,) or (strings,), optional
         Axial stiffnesses [N], > 0, instead of k_bar, k_string.  Where EA is given, it stays as it
         is when natural lengths change, as of a cable on a winch.
+    buckling : float or array_like, (bars,), optional
+        Loads at which bars buckle [N], > 0; by default none does.
+    plateau : float, optional
+        Stiffness of a bar after buckling over that before, >= 0 and < 1.
+    law : Potential or dict of int to Potential, optional
+        Energy as a function of the elongation from the natural length: one for all strings, or
+        {member: Potential}; strings remain slack below their natural length.  The stiffness of
+        such a member is that at its natural length, and stands for it in scales.
 
     Attributes
     ----------
@@ -111,6 +120,7 @@ class Structure(Printed, Framework):
 
     shift = 0.0
 
+    @checked
     def __init__(
         self,
         positions: ArrayLike,
@@ -124,6 +134,9 @@ class Structure(Printed, Framework):
         *,
         EA_bar: ArrayLike | None = None,
         EA_string: ArrayLike | None = None,
+        buckling: ArrayLike | None = None,
+        plateau: Annotated[float, ">= 0", "< 1"] = 0.0,
+        law: Potential | Mapping[int, Potential] | None = None,
     ) -> None:
         self._set_positions(positions)
         nodes = self.nodes
@@ -133,7 +146,10 @@ class Structure(Printed, Framework):
         self.platforms = rigid_plates(platforms, nodes)
         size = float(np.ptp(self.positions, axis=0).max())
         stiff = {"bar": (k_bar, EA_bar), "string": (k_string, EA_string)}
-        self._set_members(pairs, stiff, mass, natural_lengths, size)
+        if isinstance(law, Potential) and (k_string is not None or EA_string is not None):
+            raise TensegrityError("law of all strings and k_string or EA_string: give one of them")
+        given = stiff, mass, natural_lengths, size, law
+        self._set_members(pairs, *given, buckling, plateau)
 
     # the shape alone
 
@@ -168,6 +184,9 @@ class Structure(Printed, Framework):
             "mass": self.mass,
             "natural_lengths": self.natural_lengths,
             "platforms": self.platforms,
+            "law": self.law,
+            "buckling": self.buckling,
+            "plateau": self.plateau,
         }
         return Structure(positions, **(own | self._stiff_unless(other) | other))
 
@@ -296,11 +315,13 @@ class Structure(Printed, Framework):
         drive: Mapping[int, Drive] | None = None,
         damping: Damping | None = None,
         forces: Sequence[Force] = (),
+        natural_lengths: Mapping[int, Any] | None = None,
     ) -> Network:
         """The structure as a network for `simulate`.
 
-        Strings carry tension only, bars tension and compression.  Members have no thickness and
-        pass through each other.  Displacements are measured from the positions.
+        Strings carry tension only, bars tension and compression, up to their buckling load if they
+        have one.  Members have no thickness and pass through each other.  Displacements are
+        measured from the positions.
 
         Parameters
         ----------
@@ -308,6 +329,11 @@ class Structure(Printed, Framework):
             Nodes that are fixed.
         drive, damping, forces : optional
             As of `Network`.
+        natural_lengths : dict, optional
+            {member: SymPy expression of t} [m]: natural lengths that change, each in its own way.
+            The member keeps EA if that was given, and else k.  The run records the work done on
+            what hangs outside the drum, at the rate -(T + T^2/(2 EA)) or, where k is kept, -T times
+            that of the natural length.
 
         Returns
         -------
@@ -316,15 +342,16 @@ class Structure(Printed, Framework):
         Raises
         ------
         TensegrityError
-            If there are platforms, which a network cannot have, or an argument is refused by
-            `Network`.
+            If there are platforms, which a network cannot have, a natural length is not above 0
+            at the start or that of a member with a law or a buckling load, or an argument is
+            refused by `Network`.  `simulate` refuses natural lengths that reach 0 within the run.
         """
         if self.platforms:
             raise TensegrityError(
                 f"{len(self.platforms)} platforms: a structure with rigid plates has statics only"
             )
         given = {"held": held, "drive": drive, "damping": damping, "forces": forces}
-        return network(self.positions, self.members, self.mass, **given)
+        return network(self, natural_lengths, **given)
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Bars thick, taut strings in the colours of their tension, slack strings dashed and red.
@@ -362,6 +389,8 @@ class Structure(Printed, Framework):
                 yield f"  {name}: {words}"
         if self.slack.any():
             yield f"  slack: strings {listed(np.flatnonzero(self.slack))}"
+        if self.buckled.any():
+            yield f"  buckled: bars {listed(np.flatnonzero(self.buckled))}"
 
     def __repr__(self) -> str:
         return (
