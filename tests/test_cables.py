@@ -83,8 +83,12 @@ def test_cross_strings_drawn_in_with_axial_stiffness_meet_the_structure_that_is_
 )
 def test_a_band_beside_a_cable_shares_the_pull(natural, length, tensions):
     ends = held([0]) + held([1], axes=[1])
-    s = Structure([(0, 0), (1.3, 0)], strings=[(0, 1), (1, 0)], EA_string=[40.0, 600.0],
-                  natural_lengths=[1.0, natural])  # fmt: skip
+    s = Structure(
+        [(0, 0), (1.3, 0)],
+        strings=[(0, 1), (1, 0)],
+        EA_string=[40.0, 600.0],
+        natural_lengths=[1.0, natural],
+    )
     state = equilibrium(s, {1: (30.0, 0)}, ends)
     assert state.positions[1, 0] == pytest.approx(length, rel=1e-12)
     assert state.tensions == pytest.approx(tensions, rel=1e-12, abs=1e-12)

@@ -40,19 +40,35 @@ def truss(rise=0.3, **given):
 @pytest.mark.parametrize(
     ("buckling", "plateau", "at", "load", "samples"),
     [
-        (1.0, 0.0, 0.036904224697204835, 0.5088742293588254,
-         {0.06: 0.4667459049506483, 0.18: 0.23829044123686127, 0.45: -0.2966809058604892}),
-        (0.4, 0.05, 0.014231291438562887, 0.21981560510094764,
-         {0.06: 0.21384859861304606, 0.18: 0.1344629899981923, 0.45: -0.1614585404893581}),
-        (2.0, 0.0, 0.07945799954576022, 0.8614664034219534,
-         {0.06: 0.729703094635994, 0.18: 0.47658088247372254, 0.45: -0.5933618117209783}),
+        (
+            1.0,
+            0.0,
+            0.036904224697204835,
+            0.5088742293588254,
+            {0.06: 0.4667459049506483, 0.18: 0.23829044123686127, 0.45: -0.2966809058604892},
+        ),
+        (
+            0.4,
+            0.05,
+            0.014231291438562887,
+            0.21981560510094764,
+            {0.06: 0.21384859861304606, 0.18: 0.1344629899981923, 0.45: -0.1614585404893581},
+        ),
+        (
+            2.0,
+            0.0,
+            0.07945799954576022,
+            0.8614664034219534,
+            {0.06: 0.729703094635994, 0.18: 0.47658088247372254, 0.45: -0.5933618117209783},
+        ),
     ],
-)  # fmt: skip
+)
 def test_a_shallow_truss_gives_way_where_its_bars_buckle(buckling, plateau, at, load, samples):
     s = truss(buckling=buckling, plateau=plateau)
     guided = ENDS + held([2], axes=[0])
-    path = equilibrium_path(s, supports=guided, loads={2: (0, -1)}, max_shortening=0.5,
-                            at={"shortening": [*samples]})  # fmt: skip
+    path = equilibrium_path(
+        s, supports=guided, loads={2: (0, -1)}, max_shortening=0.5, at={"shortening": [*samples]}
+    )
     event = next(e for e in path.events if e.kind == "buckling")
     assert (event.shortening, event.load) == pytest.approx((at, load), rel=1e-11)
     assert event.note == "bars 0, 1 buckled"
@@ -71,21 +87,34 @@ def test_a_shallow_truss_gives_way_where_its_bars_buckle(buckling, plateau, at, 
 
 def test_one_bar_of_a_free_truss_buckles_alone():
     """The branch of least energy; the other bar is unloaded, and the node moves sideways."""
-    path = equilibrium_path(truss(buckling=1.0), supports=ENDS, loads={2: (0, -1)},
-                            max_shortening=0.2)  # fmt: skip
+    path = equilibrium_path(
+        truss(buckling=1.0), supports=ENDS, loads={2: (0, -1)}, max_shortening=0.2
+    )
     assert [(e.kind, e.note) for e in path.events] == [("buckling", "bar 0 buckled")]
     assert abs(path.positions[-1][2, 0]) > 1e-6
-    both = equilibrium_path(truss(buckling=1.0), supports=ENDS, loads={2: (0, -1)},
-                            max_shortening=0.2, branch="symmetric")  # fmt: skip
+    both = equilibrium_path(
+        truss(buckling=1.0),
+        supports=ENDS,
+        loads={2: (0, -1)},
+        max_shortening=0.2,
+        branch="symmetric",
+    )
     assert [e.note for e in both.events] == ["bars 0, 1 buckled"]
 
 
 def test_a_buckled_bar_that_is_wound_up_by_axial_stiffness_keeps_its_load():
     """Lengthened between two walls with a string beside it."""
     line = held([0, 2]) + held([1], axes=[1])
-    s = Structure([(0, 0), (1, 0), (1.8, 0)], bars=[(0, 1)], strings=[(0, 1), (1, 2)],
-                  EA_bar=30.0, k_string=[2.0, 1.0], buckling=0.5, plateau=0.2,
-                  natural_lengths=[1.0, 1.0, 0.9])  # fmt: skip
+    s = Structure(
+        [(0, 0), (1, 0), (1.8, 0)],
+        bars=[(0, 1)],
+        strings=[(0, 1), (1, 2)],
+        EA_bar=30.0,
+        k_string=[2.0, 1.0],
+        buckling=0.5,
+        plateau=0.2,
+        natural_lengths=[1.0, 1.0, 0.9],
+    )
     path = control_path(s.at(equilibrium(s, None, line).positions), {0: 1.3}, line)
     (event,) = [e for e in path.events if e.kind == "buckling"]
     assert event.at["tension 0"] == pytest.approx(-0.5, rel=1e-10)
@@ -97,8 +126,10 @@ def test_a_buckled_bar_that_is_wound_up_by_axial_stiffness_keeps_its_load():
 
     x = brentq(left, 1.0, 1.3, xtol=1e-14)
     assert path.positions[-1][1, 0] == pytest.approx(x, rel=1e-11)
-    members = [s.at(p, natural_lengths=[n, 1.0, 0.9]).members for p, n in (
-        (path.positions[0], 1.0), (path.positions[-1], 1.3))]  # fmt: skip
+    members = [
+        s.at(p, natural_lengths=[n, 1.0, 0.9]).members
+        for p, n in ((path.positions[0], 1.0), (path.positions[-1], 1.3))
+    ]
     stored = [m.energy(p) for m, p in zip(members, path.positions[[0, -1]], strict=True)]
     assert path.work[-1] == pytest.approx(stored[1] - stored[0], rel=1e-11)
 
@@ -122,8 +153,13 @@ def test_a_path_passes_the_kinks_of_a_law_and_ends_with_it():
     assert -hung.positions[2, 1] == pytest.approx(0.2183091891457699, rel=1e-12)
     assert hung.tensions == pytest.approx(70.32815047706917, rel=1e-12)
     s = vee(MULTILINEAR, 0.0 + 1e-3)
-    path = equilibrium_path(s, supports=ENDS + held([2], axes=[0]), loads={2: (0, -1.0)},
-                            max_load=200.0, at={"load": [30.0]})  # fmt: skip
+    path = equilibrium_path(
+        s,
+        supports=ENDS + held([2], axes=[0]),
+        loads={2: (0, -1.0)},
+        max_load=200.0,
+        at={"load": [30.0]},
+    )
     sags = [-e.at["shortening"] - 1e-3 for e in path.events if e.kind == "kink"]
     kinks = POINTS[1:3, 0]
     assert -np.array(sags) == pytest.approx(np.sqrt((1 + kinks) ** 2 - 1), rel=1e-10)
@@ -140,8 +176,9 @@ def laws():
     frame = {"bars": [(0, 1), (1, 2), (2, 0)], "strings": [(3, 0), (3, 1), (3, 2)]}
     lengths = {"natural_lengths": [1, 0.95, 0.95, 0.6, 0.45, 0.45]}
     nodes = [(0, 0), (1, 0), (0.5, 0.8), (0.6, 0.3)]
-    wide = Potential.from_table(*np.vstack([-POINTS[:0:-1], POINTS]).T, kind="linear",
-                                extrapolate=True)  # fmt: skip
+    wide = Potential.from_table(
+        *np.vstack([-POINTS[:0:-1], POINTS]).T, kind="linear", extrapolate=True
+    )
     soft = sp.Rational(1, 2) * 10 * R**2 + 3 * R**4
     for given in (
         {"law": TISSUE},
@@ -197,9 +234,10 @@ def test_a_linear_law_is_a_spring_constant_in_any_frame(rng):
     one, other = (equilibrium(x, load, corners) for x in (plain, law))
     np.testing.assert_allclose(one.positions, other.positions, atol=1e-13)
     np.testing.assert_allclose(
-        one.structure.modes(2, corners).frequencies, other.structure.modes(2, corners).frequencies,
+        one.structure.modes(2, corners).frequencies,
+        other.structure.modes(2, corners).frequencies,
         rtol=1e-12,
-    )  # fmt: skip
+    )
     paths = [
         equilibrium_path(x.structure, supports=corners, loads={3: (0, 0, 1.0)}, max_load=0.5)
         for x in (equilibrium(plain, None, corners), equilibrium(law, None, corners))
@@ -231,8 +269,9 @@ def test_laws_and_loads_that_cannot_be_are_refused():
     ):
         with pytest.raises(TensegrityError, match=words):
             make()
-    frame = Structure([(0, 0), (1, 0), (0.5, 0.8)], bars=[(0, 1), (1, 2), (2, 0), (0, 1)],
-                      buckling=0.05)  # fmt: skip
+    frame = Structure(
+        [(0, 0), (1, 0), (0.5, 0.8)], bars=[(0, 1), (1, 2), (2, 0), (0, 1)], buckling=0.05
+    )
     state = frame.self_stress().states[0]
     with pytest.raises(EquilibriumError, match="must be below its buckling load 0\\.05 N"):
         frame.prestressed(state)

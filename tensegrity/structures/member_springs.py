@@ -188,9 +188,12 @@ def _law_of_wound(tension_only: bool, keeps_axial: bool) -> Law:
     if not tension_only:
         has_tension = taut = sp.Integer(1)
     return Law(
-        has_tension * stretched.subs(r, longer), r, known, tension.subs(r, positive_part),
+        has_tension * stretched.subs(r, longer),
+        r,
+        known,
+        tension.subs(r, positive_part),
         ((positive_part, has_tension * longer, taut),),
-    )  # fmt: skip
+    )
 
 
 @once

@@ -1,7 +1,7 @@
 """A structure of bars and strings: description, prestress, stiffness, modes, and its scene.
 
 Masses are lumped at the nodes; members are massless and straight, and their tension is
-proportional to their elongation.  Source: the talk, part III, "Elastic problem", for members;
+proportional to their elongation, unless bars buckle or a member has a law.  Source: the talk, part III, "Elastic problem", for members;
 Pellegrino & Calladine 1986 for self-stress and mechanisms.
 """
 
