@@ -28,7 +28,8 @@ import numpy as np
 from tensegrity.branches.continuation import Settings
 from tensegrity.branches.steppers import ManyProblem
 from tensegrity.minimum import least_part
-from tensegrity.structures.equations import Loading, SmoothPiece
+from tensegrity.structures.equations import SmoothPiece
+from tensegrity.structures.loading import Loading
 from tensegrity.structures.members import Members
 from tensegrity.structures.supports import NEGLIGIBLE
 from tensegrity.typing import Array, Flags, Indices

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any, Self
 
 import numpy as np
@@ -20,6 +21,7 @@ from tensegrity.readonly import FixedDict, ReadOnly, fixed
 from tensegrity.springs.potential import Potential
 from tensegrity.structures import laws, statics
 from tensegrity.structures.members import NO_LENGTH, Members
+from tensegrity.structures.segments import Segments
 from tensegrity.structures.statics import SelfStress
 from tensegrity.typing import Array, Flags, Indices
 
@@ -31,6 +33,8 @@ class Framework(ReadOnly):
 
     positions: Array
     ends: Indices
+    segments: Indices  # ends of the segments, of which cables over nodes have several
+    cables: tuple[tuple[int, ...], ...]
     is_string: Flags
     stiffnesses: Array
     keeps_EA: Flags
@@ -58,20 +62,32 @@ class Framework(ReadOnly):
         law: Any = None,
         buckling: ArrayLike | None = None,
         plateau: float = 0.0,
+        cables: Sequence[tuple[int, ...]] = (),
     ) -> None:
         """Set the members and masses, checked; `pairs` are the ends of bars and of strings, and
         `stiff` has for each of the two k and EA, one of which is given."""
+        self.cables = tuple(cables)
+        pairs = [
+            pairs[0],
+            np.array(
+                [*pairs[1].tolist(), *((c[0], c[-1]) for c in cables)], dtype=np.int64
+            ).reshape(-1, 2),
+        ]
         self.ends = np.concatenate(pairs)
         self.is_string = np.arange(len(self.ends)) >= len(pairs[0])
         if not len(self.ends):
             raise TensegrityError("0 bars and strings, must be at least 1")
-        alone = sorted(set(range(self.nodes)) - set(self.ends.ravel().tolist()))
+        of_cables = [pair for c in cables for pair in pairwise(c)]
+        direct = self.ends[: len(self.ends) - len(cables)]
+        self.segments = np.concatenate([direct, np.array(of_cables, dtype=np.int64).reshape(-1, 2)])
+        alone = sorted(set(range(self.nodes)) - set(self.segments.ravel().tolist()))
         if alone:
             raise TensegrityError(f"node {alone[0]} is in no member")
         numbers = [
             _stiffness(*given, len(ends)) for given, ends in zip(stiff.items(), pairs, strict=True)
         ]
         self.mass = positive_for_each("mass", mass, self.nodes, "kg")
+        self._refuse_no_length(size)
         lengths = natural = self.lengths
         long_enough = lengths > 1e-12 * size
         if natural_lengths is not None:
@@ -112,6 +128,10 @@ class Framework(ReadOnly):
                 raise TensegrityError(f"bar {member} has a law and a buckling load: give one")
         self.buckling, self.plateau = buckling, plateau
 
+    def _refuse_no_length(self, size: float) -> None:
+        """Refuse segments without length of cables over nodes."""
+        self.cable_segments.refuse_together(self._segment_lengths(), self.segments, 1e-12 * size)
+
     def _stiff_unless(self, other: Mapping[str, Any]) -> dict[str, Array]:
         """The arguments that gave the stiffnesses, without those that `other` replaces."""
         kinds, given = {"bar": slice(self.bars), "string": slice(self.bars, None)}, {}
@@ -133,12 +153,16 @@ class Framework(ReadOnly):
 
     def self_stress(self) -> SelfStress:
         """States of self-stress of the shape; they do not depend on the stiffnesses."""
-        return statics.self_stress(self.positions, self.ends, self.is_string, self.shift)
+        matrix = statics.equilibrium_matrix(
+            self.positions, self.segments, self.shift, self.cable_segments
+        )
+        return statics.null_states(matrix, self.is_string)
 
     def name_of(self, member: int) -> str:
         """The name of a member in messages, such as "string 4"."""
-        bars = self.bars
-        return f"string {member}" if member >= bars else f"bar {member}"
+        cable = member >= len(self.ends) - len(self.cables)
+        kind = "cable" if cable else "string" if member >= self.bars else "bar"
+        return f"{kind} {member}"
 
     @property
     def nodes(self) -> int:
@@ -157,14 +181,15 @@ class Framework(ReadOnly):
 
     @property
     def strings(self) -> int:
-        """Number of strings."""
-        return int(np.sum(self.is_string))
+        """Number of strings, without cables."""
+        return int(np.sum(self.is_string)) - len(self.cables)
 
     @cached_property
     def members(self) -> Members:
         """The members as arrays, which compute forces and energy."""
-        own = self.ends, self.stiffnesses, self.natural_lengths, self.is_string
-        members = Members(self.positions.shape, *own, self.shift)
+        own = self.segments, self.stiffnesses, self.natural_lengths, self.is_string
+        shape, of = self.positions.shape, self.cable_segments
+        members = Members(shape, *own, self.shift, segments=of)
         if self.law:
             of = laws.Laws(self.law, self.natural_lengths, self.is_string)
             members = replace(members, laws=of)
@@ -178,8 +203,21 @@ class Framework(ReadOnly):
     @cached_property
     def lengths(self) -> Array:
         """Lengths of the members at the positions [m], (members,)."""
-        d = self.positions[self.ends[:, 1]] - self.positions[self.ends[:, 0]] + self.shift
-        return fixed(np.sqrt(np.einsum("ij,ij->i", d, d)))
+        return fixed(self.cable_segments.over(self._segment_lengths()))
+
+    def _segment_lengths(self) -> Array:
+        first, second = self.segments.T
+        d = self.positions[second] - self.positions[first] + self.shift
+        return np.asarray(np.sqrt(np.einsum("ij,ij->i", d, d)))
+
+    @cached_property
+    def cable_segments(self) -> Segments:
+        """Which member each segment belongs to."""
+        counts = [len(c) - 1 for c in self.cables]
+        if max(counts, default=1) == 1:
+            return Segments()
+        direct = len(self.ends) - len(counts)
+        return Segments(np.repeat(np.arange(len(self.ends)), [1] * direct + counts))
 
     @cached_property
     def tensions(self) -> Array:
@@ -188,7 +226,7 @@ class Framework(ReadOnly):
 
     @property
     def densities(self) -> Array:
-        """Force densities, tension over length [N/m], (members,)."""
+        """Force densities, tension over (whole) length [N/m], (members,)."""
         return self.tensions / np.maximum(self.lengths, NO_LENGTH)
 
     @property

@@ -235,6 +235,11 @@ def network(structure: Any, natural_lengths: Any, **given: Any) -> Network:
         raise TensegrityError(
             f"natural_lengths {check.shown(changing)} must be a dict {{member: expression of t}}"
         )
+    for member in structure.cable_segments.cables:
+        raise TensegrityError(
+            f"cable {member} runs over nodes: such cables have statics only, bonds of a network "
+            "join two sites"
+        )
     springs = [spring_of(structure, member) for member in range(len(structure.ends))]
     for key, expression in changing.items():
         member = structure.member_number(key)

@@ -22,6 +22,7 @@ from tensegrity.minimum import DENSE, ROUND_OFF, STEPS, downhill, refuse_unbalan
 from tensegrity.minimum import settle as minimised
 from tensegrity.springs.kinks import TAUT
 from tensegrity.structures.laws import Kinks, Laws
+from tensegrity.structures.segments import WHOLE, Segments
 from tensegrity.structures.supports import Freedom
 from tensegrity.typing import Array, Flags, Indices
 
@@ -31,6 +32,7 @@ QUICK = (
     400  # steps that are tried first where strings are slack: they stay on the side of the start
 )
 SOFTER = 3.0  # largest stiffness times natural length, over the loads, of softer members
+TOGETHER = 1e-6  # of the size of the structure: length of a cable's segment that counts as 0
 STEP, FARTHEST = 0.2, 100.0  # largest step and largest size, over the structure's own size
 
 
@@ -42,12 +44,13 @@ class Members:
     ----------
     shape : tuple of int
         (nodes, dim).
-    ends : ndarray of int, (members, 2)
+    ends : ndarray of int, (segments, 2)
+        One segment for each member, unless `segments` says otherwise.
     stiffness, natural : ndarray, (members,)
         Spring constants [N/m] and natural lengths [m].
     tension_only : ndarray of bool, (members,)
         Which members are strings.
-    shift : ndarray, (members, dim), or 0
+    shift : ndarray, (segments, dim), or 0
         From each second end to its image that the member is joined to [m], in lattices.
     least : ndarray, (members,), or None
         Elongations at which members give way [m], where bars do: at 0 strings slacken, at
@@ -56,6 +59,8 @@ class Members:
         Stiffness beyond, over that before; 0 for strings.
     laws : Laws, optional
         Of the members whose tension is not proportional to their elongation.
+    segments : Segments, optional
+        Where cables run over nodes; lengths and tensions are those of whole members.
     """
 
     shape: tuple[int, ...]
@@ -67,9 +72,10 @@ class Members:
     least: Array | None = None
     plateau: Array | float = 0.0
     laws: Laws | None = None
+    segments: Segments = WHOLE
 
     def separations(self, positions: Array) -> tuple[Array, Array]:
-        """Vectors (members, dim) from first to second ends, and their lengths."""
+        """Vectors (segments, dim) from first to second ends, and their lengths."""
         first, second = positions.take(self.ends.T, axis=0)
         d = second - first + self.shift
         return d, np.maximum(np.sqrt(np.einsum("ij,ij->i", d, d)), NO_LENGTH)
@@ -106,7 +112,7 @@ class Members:
 
     def tensions(self, positions: Array) -> Array:
         """Tensions [N], (members,); 0 for slack strings."""
-        return self.pulls(self.separations(positions)[1])
+        return self.pulls(self.segments.over(self.separations(positions)[1]))
 
     def pulls(self, lengths: Array) -> Array:
         """Tensions [N] at lengths [m], (members,) each."""
@@ -132,11 +138,11 @@ class Members:
     @property
     def linear(self) -> bool:
         """Whether tensions are proportional to elongations, but for slack strings."""
-        return self.least is None and self.laws is None
+        return self.least is None and self.laws is None and not len(self.segments.cables)
 
     def energy(self, positions: Array) -> float:
         """Elastic energy of all members [J]."""
-        return float(np.sum(self.stored(self.separations(positions)[1])))
+        return float(np.sum(self.stored(self.segments.over(self.separations(positions)[1]))))
 
     def stored(self, lengths: Array) -> Array:
         """Elastic energies at lengths [m], (members,) each [J]."""
@@ -154,7 +160,7 @@ class Members:
     def gradient(self, positions: Array) -> Array:
         """Gradient of the energy in the positions [N], (nodes, dim): minus the nodal forces."""
         d, lengths = self.separations(positions)
-        force = (self.pulls(lengths) / lengths)[:, None] * d
+        force = (self.segments.each(self.pulls(self.segments.over(lengths))) / lengths)[:, None] * d
         first, second = self.ends.T
         result: Array = -forces.scattered(first, second, force, len(positions))
         return result
@@ -162,7 +168,8 @@ class Members:
     def blocks(
         self, positions: Array, within: float = TAUT, tensions: Array | None = None
     ) -> Array:
-        """Tangent stiffness of each member; see `tangent`.
+        """Tangent stiffness of each segment, of cables over nodes by their tension alone; see
+        `tangent`.
 
         Parameters
         ----------
@@ -175,10 +182,22 @@ class Members:
 
         Returns
         -------
-        ndarray, (members, dim, dim)
+        ndarray, (segments, dim, dim)
             [N/m]
         """
         d, lengths = self.separations(positions)
+        stiffness, tensions = self._stiffness_and_pulls(
+            self.segments.over(lengths), within, tensions
+        )
+        density = self.segments.each(tensions) / lengths
+        return np.asarray(
+            forces.tangents(d / lengths[:, None], self.segments.alone(stiffness), density)
+        )
+
+    def _stiffness_and_pulls(
+        self, lengths: Array, within: float, tensions: Array | None
+    ) -> tuple[Array, Array]:
+        """Stiffnesses [N/m] and tensions [N] of members, (members,) each; as of `blocks`."""
         if tensions is None:
             taut, tensions = self.taut(lengths, within), self.pulls(lengths)
         else:
@@ -187,7 +206,7 @@ class Members:
         if self.laws:
             mine = self.laws.member
             stiffness[mine] = np.where(taut[mine], self._of_laws(lengths)[2], 0.0)
-        return np.asarray(forces.tangents(d / lengths[:, None], stiffness, tensions / lengths))
+        return stiffness, tensions
 
     def tangent(self, positions: Array, within: float = TAUT, tensions: Array | None = None) -> Any:
         """Hessian of the energy.
@@ -208,11 +227,20 @@ class Members:
         """
         (sign, row, column), size = self._entries, positions.size
         values = (sign * self.blocks(positions, within, tensions).ravel()).ravel()
+        whole: Any
         if size <= DENSE:
-            return np.bincount(row * size + column, values, size**2).reshape(size, size)
-        from scipy.sparse import coo_array
+            whole = np.bincount(row * size + column, values, size**2).reshape(size, size)
+        else:
+            from scipy.sparse import coo_array
 
-        return coo_array((values, (row, column)), shape=(size, size)).tocsr()
+            whole = coo_array((values, (row, column)), shape=(size, size)).tocsr()
+        if len(self.segments.cables):
+            d, lengths = self.separations(positions)
+            along, whole_lengths = d / lengths[:, None], self.segments.over(lengths)
+            stiffness, _ = self._stiffness_and_pulls(whole_lengths, within, tensions)
+            more = self.segments.lengthwise(along, self.ends, stiffness, size)
+            return whole + (more.toarray() if size <= DENSE else more)
+        return whole
 
     @cached_property
     def _entries(self) -> tuple[Array, Indices, Indices]:
@@ -288,6 +316,8 @@ class _LoadedMembers:
         return step
 
     def refuse(self, x: Array, f: Array) -> None:
+        lengths = self.members.separations(x)[1]
+        self.members.segments.refuse_together(lengths, self.members.ends, TOGETHER * self.span)
         if np.ptp(x, axis=0).max() > FARTHEST * self.span:
             raise EquilibriumError(
                 "no equilibrium: under these loads the structure grows beyond "

@@ -16,8 +16,9 @@ from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.minimum import least_part
 from tensegrity.printing import listed
 from tensegrity.structures.active_set import outgoing, selected, strains_at
-from tensegrity.structures.equations import Loading, Plates, SmoothPiece
+from tensegrity.structures.equations import SmoothPiece
 from tensegrity.structures.laws import KINDS
+from tensegrity.structures.loading import Loading, Plates
 from tensegrity.structures.problem import StructureProblem, critical_kinks
 from tensegrity.structures.supports import NEGLIGIBLE, Supports
 from tensegrity.typing import Array

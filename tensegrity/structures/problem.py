@@ -27,8 +27,9 @@ from tensegrity.structures.active_set import (
     stable_branch_beyond,
     strains_at,
 )
-from tensegrity.structures.equations import Loading, SmoothPiece
+from tensegrity.structures.equations import SmoothPiece
 from tensegrity.structures.laws import KINDS
+from tensegrity.structures.loading import Loading
 from tensegrity.structures.structure_path import StructurePath
 from tensegrity.typing import Array, Flags, Indices
 
@@ -395,7 +396,7 @@ class StructureProblem(Problem):
         loading = self.loading
         if loading.members.linear and not loading.kept.any():
             return np.asarray(np.sum(tensions**2 / (2 * loading.members.stiffness), axis=1))
-        rows = zip(data, self.piece.separations(data)[1], strict=True)
+        rows = zip(data, self.piece.lengths(data), strict=True)
         return np.array([loading.members_at(u[-1]).stored(x).sum() for u, x in rows])
 
     def rows(self, part: Part) -> dict[str, Array]:

@@ -1,7 +1,8 @@
 """A structure of bars and strings: description, prestress, stiffness, modes, and its scene.
 
 Masses are lumped at the nodes; members are massless and straight, and their tension is
-proportional to their elongation, unless bars buckle or a member has a law.  Source: the talk, part III, "Elastic problem", for members;
+proportional to their elongation, unless bars buckle or a member has a law.  Source: the talk,
+part III, "Elastic problem", for members;
 Pellegrino & Calladine 1986 for self-stress and mechanisms.
 """
 
@@ -24,6 +25,7 @@ from tensegrity.structures import statics
 from tensegrity.structures.framework import Framework, member_ends, rigid_plates
 from tensegrity.structures.member_springs import network
 from tensegrity.structures.members import equilibrium_positions
+from tensegrity.structures.segments import paths
 from tensegrity.structures.statics import StructureModes
 from tensegrity.structures.supports import Freedom, Supports
 from tensegrity.typing import Array, Count
@@ -70,6 +72,10 @@ class Structure(Printed, Framework):
         Energy as a function of the elongation from the natural length: one for all strings, or
         {member: Potential}; strings remain slack below their natural length.  The stiffness of
         such a member is that at its natural length, and stands for it in scales.
+    cables : sequence of sequences of int, optional
+        The nodes along each cable, over which it runs without friction: one tension, from the sum
+        of the lengths of its segments.  Cables are strings that are numbered after the others, and
+        k_string, EA_string and natural lengths have them in this order.
 
     Attributes
     ----------
@@ -137,6 +143,7 @@ class Structure(Printed, Framework):
         buckling: ArrayLike | None = None,
         plateau: Annotated[float, ">= 0", "< 1"] = 0.0,
         law: Potential | Mapping[int, Potential] | None = None,
+        cables: Sequence[Sequence[int]] = (),
     ) -> None:
         self._set_positions(positions)
         nodes = self.nodes
@@ -149,14 +156,14 @@ class Structure(Printed, Framework):
         if isinstance(law, Potential) and (k_string is not None or EA_string is not None):
             raise TensegrityError("law of all strings and k_string or EA_string: give one of them")
         given = stiff, mass, natural_lengths, size, law
-        self._set_members(pairs, *given, buckling, plateau)
+        self._set_members(pairs, *given, buckling, plateau, paths(cables, nodes))
 
     # the shape alone
 
     def mechanisms(self) -> Array:
         """Inextensional mechanisms, (count, nodes, dim): orthonormal infinitesimal motions that
         change no length, without rigid motions."""
-        return statics.mechanisms(self.positions, self.ends)
+        return statics.mechanisms(self.positions, self.segments, self.cable_segments)
 
     def nearest_form(self) -> Structure:
         """The structure at the nearest positions that admit a state of self-stress.
@@ -171,6 +178,8 @@ class Structure(Printed, Framework):
         """
         if len(self.self_stress().states):
             return self
+        if len(self.cable_segments.cables):
+            raise TensegrityError("cables run over nodes: the nearest form is found without them")
         return self.at(statics.nearest_form(self.positions, self.ends), natural_lengths=None)
 
     # structures made from this one
@@ -180,7 +189,8 @@ class Structure(Printed, Framework):
         natural lengths change, EA stays as it is if it was given, and else the spring constant."""
         own: dict[str, Any] = {
             "bars": self.ends[: self.bars],
-            "strings": self.ends[self.bars :],
+            "strings": self.ends[self.bars : self.bars + self.strings],
+            "cables": self.cables,
             "mass": self.mass,
             "natural_lengths": self.natural_lengths,
             "platforms": self.platforms,
@@ -273,7 +283,8 @@ class Structure(Printed, Framework):
         from scipy.sparse import coo_matrix
         from scipy.sparse.csgraph import connected_components
 
-        joined = coo_matrix((np.ones(len(self.ends)), self.ends.T), shape=(self.nodes,) * 2)
+        pairs = self.segments
+        joined = coo_matrix((np.ones(len(pairs)), pairs.T), shape=(self.nodes,) * 2)
         count, label = connected_components(joined, directed=False)
         return tuple(np.flatnonzero(label == k) for k in range(count))
 
@@ -371,8 +382,9 @@ class Structure(Printed, Framework):
             `ax` is not a Matplotlib axes, or not of the dimension of the structure.
         """
         drawn: Axes = plotting.axes(ax, in_space=self.dim == 3)
-        members = self.ends, self.is_string, self.slack, self.tensions
-        plotting.members(drawn, self.positions, *members)
+        each = self.cable_segments.each
+        members = each(self.is_string), each(self.slack), each(self.tensions)
+        plotting.members(drawn, self.positions, self.segments, *members)
         return drawn
 
     _size = (4.0, 3.2)
@@ -393,7 +405,9 @@ class Structure(Printed, Framework):
             yield f"  buckled: bars {listed(np.flatnonzero(self.buckled))}"
 
     def __repr__(self) -> str:
+        count = len(self.cables)
+        cables = f"{count} cable{'s' * (count > 1)}, " if count else ""
         return (
             f"Structure({self.nodes} nodes in {self.dim} dimensions, {self.bars} bars, "
-            f"{self.strings} strings, {int(self.slack.sum())} of them slack)"
+            f"{self.strings} strings, {cables}{int(self.slack.sum())} of them slack)"
         )
