@@ -16,7 +16,7 @@ from tensegrity import (
     simulate,
 )
 from tensegrity.springs.kinks import UNKNOWN
-from tensegrity.structures.structure import BarSpring, StringSpring
+from tensegrity.structures.member_springs import BarSpring, StringSpring
 
 r, k, a = sp.symbols("r k a", real=True)
 HALF = sp.Rational(5, 2)
