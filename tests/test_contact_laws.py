@@ -291,7 +291,9 @@ def test_gaps_count_from_the_touch():
     np.testing.assert_allclose(row.overlaps(row.at_rest().u), [S, -1e-6, -3e-6], atol=1e-20)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [
+    pytest.param(kind, marks=[pytest.mark.slow] * (kind == "old DMT")) for kind in KINDS
+])  # fmt: skip
 def test_guides_and_packs_of_all_kinds_rest(kind):
     law = law_of(kind, S)
     guide = y_guide(4, 5, bead=BEAD, law=law, end=STEEL, gravity=9.81)

@@ -60,8 +60,10 @@ SCENES = {
 }
 
 
-@pytest.mark.parametrize("method", ["verlet", "rkn6", "rk4"])
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize(("name", "method"), [
+    pytest.param(name, method, marks=[pytest.mark.slow] * (method == "verlet rk4".split()[k % 2]))
+    for k, name in enumerate(SCENES) for method in ("verlet", "rkn6", "rk4")
+])  # fmt: skip
 def test_loop_is_that_of_numpy_to_the_growth_of_round_off(name, method):
     """Whoever owns the parameters: two orders of summation differ by eps a step."""
     scene, steps, dt = SCENES[name](), 113, 1e-6 if name == "fork" else 0.1
