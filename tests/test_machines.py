@@ -173,7 +173,7 @@ def graded():
 
 
 @pytest.mark.parametrize(("flag", "make"), [
-    pytest.param(flag, make, marks=[pytest.mark.slow] * (make is elastic and flag is not WITHOUT[-1]))
+    pytest.param(flag, make, marks=[pytest.mark.slow] * (make is elastic and flag != WITHOUT[-1]))
     for flag in WITHOUT[1:] for make in (changing, elastic, graded)
 ])  # fmt: skip
 def test_processors_agree(flag, make, monkeypatch):

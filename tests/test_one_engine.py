@@ -61,7 +61,7 @@ SCENES = {
 
 
 @pytest.mark.parametrize(("name", "method"), [
-    pytest.param(name, method, marks=[pytest.mark.slow] * (method == "verlet rk4".split()[k % 2]))
+    pytest.param(name, method, marks=[pytest.mark.slow] * (method == ["verlet", "rk4"][k % 2]))
     for k, name in enumerate(SCENES) for method in ("verlet", "rkn6", "rk4")
 ])  # fmt: skip
 def test_loop_is_that_of_numpy_to_the_growth_of_round_off(name, method):

@@ -210,8 +210,8 @@ def test_noise_is_estimated_and_smoothed():
     assert np.mean(noises[::2]) == pytest.approx(0.01, rel=0.03)
     assert np.std(noises[::2]) < 0.0007  # 0.01/sqrt(2 * 200) of independent numbers, and no more
     assert np.mean(noises[1::2]) == pytest.approx(0.01, rel=0.03)
-    for spring, is_smooth in ((raw, False), (spring, True)):
-        wrong = spring.stiffness(0.9 * r) - 2 / np.cosh(1.8 * r) ** 2
+    for one, is_smooth in ((raw, False), (smoothed[0], True)):
+        wrong = one.stiffness(0.9 * r) - 2 / np.cosh(1.8 * r) ** 2
         assert (np.abs(wrong).max() < 0.3) == is_smooth
 
 

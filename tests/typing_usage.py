@@ -1,8 +1,7 @@
 """How the public names are called, for the type checker: checked by `make lint`, never run.
 
-What they return stands in `interface.txt`; here are types that depend on the arguments, or are parts.
-
-Lines with `type: ignore` are mistakes; the checker complains of each that it would let pass.
+What they return stands in `interface.txt`; here are types of parts, or by the arguments.  Lines
+with `type: ignore` are mistakes; the checker complains of each that it would let pass.
 """
 
 from __future__ import annotations
