@@ -144,7 +144,10 @@ def test_a_chain_written_as_a_network_is_the_same_loop(scene, method):
     np.testing.assert_allclose(two.energy, one.energy, rtol=1e-13)
 
 
-@pytest.mark.parametrize("method", ["verlet", "rkn6", "rk4", "midpoint"])
+@pytest.mark.parametrize(
+    "method",
+    ["rkn6", "midpoint", *(pytest.param(x, marks=pytest.mark.slow) for x in ("verlet", "rk4"))],
+)
 def test_bonds_in_any_order_on_a_line_pull_as_in_a_chain(method):
     """The bonds backwards, every other one from right to left: the general loop."""
     chain = tapered(30)
