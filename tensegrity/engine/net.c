@@ -79,6 +79,17 @@ static void rouse(const scene *c, integer t)
         __atomic_store_n(c->active + 1 + c->beside[k], *c->active + 1, __ATOMIC_RELAXED);
 }
 
+/* From forces in rows of n numbers to those after which each entry has the mass 1/w of its own:
+   with L D L' the mass matrix of bonds with mass, the product with D L'^-1 D^-1 L^-1. */
+static void couple(const scene *c, real *restrict of, const integer n)
+{
+    for (integer k = 0; k < c->couplings; k++) {
+        real *to = of + c->coupled[2 * k] * n;
+        const real *from = of + c->coupled[2 * k + 1] * n;
+        AXES(q) to[q] -= c->coupling[k * DIM + q] * from[q];
+    }
+}
+
 #ifndef STEPPER
 /* Add the forces of the contacts of a tile to its sites, and to others of higher numbers; returns
    whether any of them is not 0. */
@@ -149,9 +160,13 @@ real stage(const scene *c, real a, real b)
     const real *u = c->pieces > 1 ? common(c, 0) : c->u;
     real *next = c->pieces > 1 ? common(c, 1) : c->u;
     real *restrict pull = rows(c), largest = 0;
+    if (c->couplings) { /* all forces first: none rests, and there is one thread */
+        for (integer t = 0; t < c->tiles; t++) contacts(c, u, t, pull);
+        couple(c, pull, ROW);
+    }
     for (integer t = c->before; t < c->reach; t++) {
         if (rests(c, t)) continue;
-        const int felt = t < c->last_tile && contacts(c, u, t, pull);
+        const int felt = !c->couplings && t < c->last_tile && contacts(c, u, t, pull);
         if (t >= c->tile && t < c->last_tile) {
             const real speed = move_tile(c, t, a, b, pull, u, next);
             if (c->active && (felt || speed > 0)) rouse(c, t);

@@ -16,7 +16,6 @@ from tensegrity.engine.force_law import largest_decay
 from tensegrity.engine.methods import Nystrom, Splitting
 from tensegrity.errors import LockingError, StabilityError, TensegrityError
 from tensegrity.runs.motion import Motion, MotionState
-from tensegrity.scenes.acting import per_coordinate
 from tensegrity.scenes.forcing import check_start, forcing_of
 from tensegrity.springs.over_time import TimedSprings
 from tensegrity.typing import Array
@@ -244,8 +243,7 @@ class ForcedMotion(Motion):
         if self.timed is None:
             return dyn.energies(u, v)
         stored = self.timed.energies(t, dyn.elongations(u))
-        mass = per_coordinate(scene, scene.mass)
-        motion = (mass * v**2 / 2 - scene.loads * u).reshape(len(u), -1)
+        motion = (dyn.kinetic(v) - scene.loads * u).reshape(len(u), -1)
         return np.sum(motion, axis=1) + np.sum(stored, axis=-1)
 
     def between(self, step: int, part: float, u: Array, v: Array, impulse: Any, sums: Any) -> None:

@@ -192,6 +192,25 @@ class Dynamics:
         w[list(self.scene.held)] = 0
         return fixed(w)
 
+    @property
+    def diagonal_mass(self) -> Array:
+        """Diagonal of the mass matrix [kg], (sites,)."""
+        return self.scene.mass
+
+    @property
+    def row_mass(self) -> Array:
+        """Sums of its rows [kg], (sites,): at each site, and half of each bond there."""
+        return self.scene.mass
+
+    def momenta(self, v: Array) -> Array:
+        """Momentum of each coordinate [kg m/s] at velocities (..., *shape of the scene) [m/s]."""
+        return per_coordinate(self.scene, self.scene.mass) * v
+
+    def kinetic(self, v: Array) -> Array:
+        """Kinetic energy of each coordinate [J] at velocities (..., *shape of the scene) [m/s]; of
+        one on a bond with mass it may be below 0, the sum is not."""
+        return 0.5 * per_coordinate(self.scene, self.scene.mass) * v**2
+
     @cached_property
     def is_driven(self) -> bool:
         """Whether forces depend on time or velocity, or motion is prescribed."""
@@ -305,9 +324,8 @@ class Dynamics:
         if energies is not None:
             return energies
         scene, rows = self.scene, (len(u), -1)
-        mass = per_coordinate(scene, scene.mass)
         with np.errstate(over="ignore"):  # overflow gives inf, which `checked` refuses
-            kinetic = 0.5 * np.sum((mass * v**2).reshape(rows), axis=-1)
+            kinetic = np.sum(self.kinetic(v).reshape(rows), axis=-1)
         some = max(IN_CACHE // max(len(scene.springs), 1), 1)
         parts = [np.sum(self.evaluate("energy", u[k : k + some]), axis=-1)
                  for k in range(0, len(u), some)]  # fmt: skip

@@ -10,10 +10,12 @@ from typing import Any, Self
 
 import numpy as np
 
+from tensegrity.engine import inertia
 from tensegrity.engine.bonds import Bonds, Contacts
 from tensegrity.readonly import fixed
 from tensegrity.scenes.clearance import neighbour_counts
 from tensegrity.scenes.dynamics import Dynamics, dynamics, varied
+from tensegrity.scenes.forcing import driven_entries
 from tensegrity.scenes.near_pairs import blocks
 from tensegrity.scenes.neighbour_list import contacts_with
 from tensegrity.scenes.scene import State
@@ -60,7 +62,67 @@ class NetworkDynamics(Dynamics):
             normals=normals,
             crowding=self.neighbour_counts,
         )
-        return Bonds(*springs.table, springs.group, self.inverse_mass, contacts, springs.kinks)
+        weights, coupling = self._inverse
+        return Bonds(
+            *springs.table, springs.group, weights, contacts, springs.kinks, coupling
+        )
+
+    # bonds with mass
+
+    @cached_property
+    def mass_matrix(self) -> Any:
+        """Mass matrix of one direction [kg], (sites, sites), of bonds with mass; else None."""
+        scene = self.scene
+        if scene.bond_mass is None:
+            return None
+        bonds = scene.bonds[: len(scene.bond_mass)]  # others form
+        return inertia.mass_matrix(scene.mass, bonds, scene.bond_mass)
+
+    @cached_property
+    def _inverse(self) -> tuple[Array, Any]:
+        """Inverse masses, and the operations on forces before these; see `inertia.inverse`."""
+        if self.mass_matrix is None:
+            return super().inverse_mass, None
+        free = np.ones(self.shape, dtype=bool)
+        free[list(self.scene.held)] = False
+        free.reshape(-1)[driven_entries(self.scene, True)[0]] = False
+        weights, operations = inertia.inverse(self.mass_matrix, free)
+        weights[list(self.scene.held)] = 0
+        return fixed(weights), operations
+
+    @cached_property
+    def inverse_mass(self) -> Array:
+        """1/m [1/kg], 0 for a held site, (sites,); a bound of it for bonds with mass."""
+        weights, operations = self._inverse
+        if operations is None:
+            return weights
+        w = operations.mobility.copy()
+        w[list(self.scene.held)] = 0
+        return fixed(w)
+
+    @cached_property
+    def diagonal_mass(self) -> Array:  # type: ignore[override]
+        return self.scene.mass if self.mass_matrix is None else self.mass_matrix.diagonal()
+
+    @cached_property
+    def row_mass(self) -> Array:  # type: ignore[override]
+        return self.scene.mass if self.mass_matrix is None else self.mass_matrix.sum(axis=1)
+
+    def momenta(self, v: Array) -> Array:
+        if self.mass_matrix is None:
+            return super().momenta(v)
+        sites_first = np.moveaxis(v, -2, 0)
+        each = self.mass_matrix @ sites_first.reshape(self.sites, -1)
+        return np.moveaxis(each.reshape(sites_first.shape), 0, -2)
+
+    def kinetic(self, v: Array) -> Array:
+        return super().kinetic(v) if self.mass_matrix is None else 0.5 * v * self.momenta(v)
+
+    def _of_bonds(self, u: Array, v: Array) -> Array:
+        if self.mass_matrix is None:
+            return super()._of_bonds(u, v)
+        kinetic = np.sum(self.kinetic(v).reshape(len(v), -1), axis=-1)
+        return super()._of_bonds(u, np.zeros_like(v)) + kinetic
 
     @cached_property
     def loop_bonds(self) -> Bonds:
@@ -68,7 +130,7 @@ class NetworkDynamics(Dynamics):
         scene, bonds, count = self.scene, self.contact_bonds, np.arange(len(self.scene.bonds))
         row = [count, count + 1]
         if (
-            self.dim == 1 and scene.mass.ndim == 1
+            self.dim == 1 and scene.mass.ndim == 1 and scene.bond_mass is None
             and self.sites == len(count) + 1 and scene.radius is None
             and np.array_equal(scene.bonds.T, row) and not scene.walls and not scene.loads.any()
             and np.all(np.diff(scene.positions[:, 0]) > 0) and not scene._gaps.any()
@@ -147,7 +209,10 @@ class NetworkDynamics(Dynamics):
     @property
     def unchanged(self) -> dict[str, Any]:
         """Cached quantities that do not depend on springs, by name."""
-        return {"neighbour_counts": self.neighbour_counts}
+        kept = {"neighbour_counts": self.neighbour_counts}
+        if self.mass_matrix is not None:
+            kept |= {"mass_matrix": self.mass_matrix, "_inverse": self._inverse}
+        return kept
 
     # the engine's view
 
