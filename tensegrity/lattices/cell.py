@@ -157,10 +157,13 @@ class Cell(Framework):
         strings: Sequence[Any] = (),
         k_bar: ArrayLike = 100.0,
         k_string: ArrayLike = 1.0,
-        mass: ArrayLike = 1.0,
+        mass: ArrayLike | None = None,
         natural_lengths: ArrayLike | None = None,
         buckling: ArrayLike | None = None,
         plateau: Annotated[float, ">= 0", "< 1"] = 0.0,
+        *,
+        bar_mass: ArrayLike | None = None,
+        string_mass: ArrayLike | None = None,
     ) -> None:
         self._set_positions(positions)
         self.vectors = independent_vectors(vectors, self.dim)
@@ -171,7 +174,8 @@ class Cell(Framework):
         self.offsets = np.concatenate([offsets for _, offsets in given])
         pairs = [ends for ends, _ in given]
         refuse_repeated(np.concatenate(pairs), self.offsets, len(pairs[0]))
-        self._set_members(pairs, k_bar, k_string, mass, natural_lengths, self.span)
+        self._set_members(pairs, k_bar, k_string, natural_lengths, self.span)
+        self._set_masses(mass, bar_mass, string_mass)
         bars = len(pairs[0])
         self.buckling = (
             None if buckling is None else positive_for_each("buckling", buckling, bars, "N")
@@ -238,10 +242,10 @@ class Cell(Framework):
             "strings": members[self.bars :],
             "k_bar": self.stiffnesses[: self.bars],
             "k_string": self.stiffnesses[self.bars :],
-            "mass": self.mass,
             "natural_lengths": self.natural_lengths,
             "buckling": self.buckling,
             "plateau": self.plateau,
+            **self._own_masses(),
         }
         return type(self)(positions, self.vectors if vectors is None else vectors, **(own | other))
 
@@ -379,8 +383,8 @@ class Cell(Framework):
             A stiffness, mass or length is too large or small to compute with.
         EquilibriumError
         """
-        for name, unit in (("stiffnesses", "N/m"), ("mass", "kg"), ("lengths", "m"),
-                           ("natural_lengths", "m")):  # fmt: skip
+        for name, unit in (("stiffnesses", "N/m"), ("mass", "kg"), ("member_mass", "kg"),
+                           ("lengths", "m"), ("natural_lengths", "m")):  # fmt: skip
             values = getattr(self, name)
             wrong = values[~((values > 1 / LARGEST) & (values < LARGEST)) & (values != 0)]
             if wrong.size:

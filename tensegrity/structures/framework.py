@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity import check
+from tensegrity.engine import inertia
 from tensegrity.errors import TensegrityError
 from tensegrity.readonly import ReadOnly, fixed
 from tensegrity.structures import statics
@@ -31,6 +32,7 @@ class Framework(ReadOnly):
     stiffnesses: Array
     natural_lengths: Array
     mass: Array
+    member_mass: Array
     shift: Array | float  # from the second end of each member to its image [m]
     _may_coincide = False  # whether springs of natural length 0 join nodes at one place
 
@@ -45,11 +47,10 @@ class Framework(ReadOnly):
         pairs: Sequence[Indices],
         k_bar: ArrayLike,
         k_string: ArrayLike,
-        mass: ArrayLike,
         natural_lengths: ArrayLike | None,
         size: float,
     ) -> None:
-        """Set the members and masses, checked; `pairs` are the ends of bars and of strings."""
+        """Set the members, checked; `pairs` are the ends of bars and of strings."""
         self.ends = np.concatenate(pairs)
         self.is_string = np.arange(len(self.ends)) >= len(pairs[0])
         if not len(self.ends):
@@ -63,7 +64,6 @@ class Framework(ReadOnly):
                 positive_for_each("k_string", k_string, len(pairs[1]), "N/m"),
             ]
         )
-        self.mass = positive_for_each("mass", mass, self.nodes, "kg")
         lengths = natural = self.lengths
         long_enough = lengths > 1e-12 * size
         if natural_lengths is not None:
@@ -80,6 +80,69 @@ class Framework(ReadOnly):
                 f"{lengths[bad[0]]:g} m, must be above 0 and finite: {hint}"
             )
         self.natural_lengths = natural
+
+    def _set_masses(self, mass: Any, bar_mass: Any, string_mass: Any) -> None:
+        """Set the masses of nodes and members, checked."""
+        each = [
+            positive_for_each(name, 0.0 if given is None else given, count, "kg", zero=True)
+            for name, given, count in (
+                ("bar_mass", bar_mass, self.bars), ("string_mass", string_mass, self.strings)
+            )
+        ]  # fmt: skip
+        self.member_mass = np.concatenate(each)
+        if mass is None:
+            mass = 0.0 if self.has_heavy_members else 1.0
+        self.mass = positive_for_each("mass", mass, self.nodes, "kg", zero=self.has_heavy_members)
+        bare = np.flatnonzero(self.weighing_mass == 0)
+        if bare.size:
+            raise TensegrityError(
+                f"node {bare[0]} has mass 0 kg, as the members there have none, must be above 0: "
+                "give mass= of the nodes too, or bar_mass= and string_mass= of all members"
+            )
+
+    @property
+    def has_heavy_members(self) -> bool:
+        """Whether some member has mass.  If none has, masses are lumped at the nodes."""
+        return bool(self.member_mass.any())
+
+    @cached_property
+    def weighing_mass(self) -> Array:
+        """Mass of each node with half of each of its members', on which gravity acts [kg],
+        (nodes,): the row sums of the mass matrix."""
+        total = self.mass.copy()
+        np.add.at(total, self.ends, self.member_mass[:, None] / 2)
+        return fixed(total)
+
+    def mass_matrix(self) -> Any:
+        """Consistent mass matrix [kg], a SciPy sparse array (nodes dim, nodes dim).
+
+        It is exact for straight uniform members, and does not depend on the positions; of a lattice
+        that of motions which are the same in all cells.
+        """
+        from scipy.sparse import eye_array, kron
+
+        one = inertia.mass_matrix(self.mass, self.ends, self.member_mass)
+        return kron(one, eye_array(self.dim), format="csr")
+
+    @property
+    def _inertia(self) -> Any:
+        """The mass matrix, or its diagonal where no member has mass, (nodes dim,)."""
+        return self.mass_matrix() if self.has_heavy_members else np.repeat(self.mass, self.dim)
+
+    def _own_masses(self) -> dict[str, Any]:
+        """The masses as arguments."""
+        heavy, bars = self.has_heavy_members, self.bars
+        of = {"bar_mass": self.member_mass[:bars], "string_mass": self.member_mass[bars:]}
+        return {"mass": self.mass} | (of if heavy else {})
+
+    def _masses_line(self) -> str:
+        """What a print says of the masses."""
+        nodes = f"{self.mass.sum():.6g} kg at the nodes"
+        if not self.has_heavy_members:
+            return f"  mass: {nodes}, members have none: a bar turns as two point masses"
+        each = [self.member_mass[~self.is_string], self.member_mass[self.is_string]]
+        bars, strings = (f"{x.sum():.6g} kg" for x in each)
+        return f"  mass: {nodes}, {bars} along bars, {strings} along strings"
 
     def at(self, positions: ArrayLike, **other: Any) -> Self:
         """A copy at other positions, with other arguments replaced by name."""

@@ -1,7 +1,8 @@
 """A structure of bars and strings: description, prestress, stiffness, modes, and its scene.
 
-Masses are lumped at the nodes; members are massless and straight, and their tension is
-proportional to their elongation.  Source: the talk, part III, "Elastic problem", for members;
+Members are straight, and their tension is proportional to their elongation.  Their mass, if they
+have any, is distributed uniformly along them, with a consistent mass matrix (`engine.inertia`);
+without it all masses are lumped at the nodes.  Source: the talk, part III, "Elastic problem", for members;
 Pellegrino & Calladine 1986 for self-stress and mechanisms.
 """
 
@@ -90,7 +91,9 @@ def _law(tension_only: bool) -> Law:
     )
 
 
-def network(positions: Array, members: Members, mass: Array, **given: Any) -> Network:
+def network(
+    positions: Array, members: Members, mass: Array, member_mass: Array, **given: Any
+) -> Network:
     """The network of a structure; see `Structure.network`.
 
     Parameters
@@ -98,8 +101,8 @@ def network(positions: Array, members: Members, mass: Array, **given: Any) -> Ne
     positions : ndarray, (nodes, dim)
         Positions of the nodes [m].
     members : Members
-    mass : ndarray, (nodes,)
-        Masses [kg].
+    mass, member_mass : ndarray, (nodes,) and (members,)
+        Masses at the nodes, and of the members [kg].
     **given
         Further arguments of `Network`.
 
@@ -115,7 +118,8 @@ def network(positions: Array, members: Members, mass: Array, **given: Any) -> Ne
             members.tension_only.tolist(), members.stiffness.tolist(), lengths, strict=True
         )
     ]
-    return Network(positions, members.ends, springs, lengths=members.natural, mass=mass, **given)
+    given |= {"mass": mass} | ({"bond_mass": member_mass} if member_mass.any() else {})
+    return Network(positions, members.ends, springs, lengths=members.natural, **given)
 
 
 KEPT = 4  # supports of a structure whose permitted motions are kept
@@ -134,17 +138,19 @@ class Structure(Printed, Framework):
     k_bar, k_string : float or array_like, (bars,) or (strings,)
         Spring constants, EA over natural length [N/m], > 0.
     mass : float or array_like, (nodes,), optional
-        Mass of each node [kg], > 0.
+        Mass at each node [kg], > 0; by default 1.  Where members have mass >= 0, and by default 0.
     natural_lengths : array_like, (members,), optional
         Unstressed lengths [m]; by default the lengths at the positions.
     platforms : sequence of sequences of int, optional
         The nodes on each rigid plate inside the structure.  Platforms are smooth and guided along
         the last axis, so that their nodes move along it together.  They exist in statics only.
+    bar_mass, string_mass : float or array_like, (bars,) or (strings,), optional
+        Mass of each bar and string [kg], >= 0, uniform along it; by default 0.
 
     Attributes
     ----------
-    positions, natural_lengths, stiffnesses, mass : ndarray
-        As given, (nodes, dim), (members,), (members,) and (nodes,).
+    positions, natural_lengths, stiffnesses, mass, member_mass : ndarray
+        As given, (nodes, dim), (members,), (members,), (nodes,) and (members,).
     ends : ndarray of int, (members, 2)
         The two nodes of each member.
     is_string : ndarray of bool, (members,)
@@ -153,11 +159,17 @@ class Structure(Printed, Framework):
     Raises
     ------
     TensegrityError
-        If a member has no length or is given twice, a node is in no member, or a number is
-        outside its bounds.
+        If a member has no length or is given twice, a node is in no member or without mass, or a
+        number is outside its bounds.
 
     Notes
     -----
+    With the mass of a bar lumped at its ends, half at each, the bar moves as the real one along any
+    direction, but turns about its centre with three times its inertia, m l^2/4 for m l^2/12: the
+    frequencies of structures come out too low, by up to a factor of 1/sqrt(3).  With `bar_mass` both
+    are exact.  A bar's own axial frequency is then sqrt(12 k/m) for sqrt(4 k/m), so that steps
+    limited by bars are shorter by sqrt(3).
+
     The stiffness of a string jumps at its natural length.  In `slack`, `stiffness`, `modes`,
     `is_stable` and the modes of the `network` a string counts as taut down to 1e-10 below its
     natural length, with the stiffness that it has when lengthened.  The result therefore does not
@@ -193,9 +205,12 @@ class Structure(Printed, Framework):
         strings: Sequence[tuple[int, int]] = (),
         k_bar: ArrayLike = 100.0,
         k_string: ArrayLike = 1.0,
-        mass: ArrayLike = 1.0,
+        mass: ArrayLike | None = None,
         natural_lengths: ArrayLike | None = None,
         platforms: Sequence[Sequence[int]] = (),
+        *,
+        bar_mass: ArrayLike | None = None,
+        string_mass: ArrayLike | None = None,
     ) -> None:
         self._set_positions(positions)
         nodes = self.nodes
@@ -205,7 +220,8 @@ class Structure(Printed, Framework):
         refuse_duplicates(np.concatenate(pairs), len(pairs[0]))
         self.platforms = rigid_plates(platforms, nodes)
         size = float(np.ptp(self.positions, axis=0).max())
-        self._set_members(pairs, k_bar, k_string, mass, natural_lengths, size)
+        self._set_members(pairs, k_bar, k_string, natural_lengths, size)
+        self._set_masses(mass, bar_mass, string_mass)
 
     # the shape alone
 
@@ -239,9 +255,9 @@ class Structure(Printed, Framework):
             "strings": self.ends[self.bars :],
             "k_bar": self.stiffnesses[: self.bars],
             "k_string": self.stiffnesses[self.bars :],
-            "mass": self.mass,
             "natural_lengths": self.natural_lengths,
             "platforms": self.platforms,
+            **self._own_masses(),
         }
         return Structure(positions, **(own | other))
 
@@ -290,12 +306,12 @@ class Structure(Printed, Framework):
         StructureModes
         """
         freedom = self.freedom(supports)
-        tangent, mass = self.members.tangent(self.positions), np.repeat(self.mass, self.dim)
+        tangent, mass = self.members.tangent(self.positions), self._inertia
         squares, vectors = freedom.lowest(tangent, mass, count)
-        if (mass == mass[0]).all():
+        if mass.ndim == 1 and (mass == mass[0]).all():
             values = squares * mass[0]
         else:
-            values = freedom.lowest(tangent, np.ones(len(mass)), count)[0]
+            values = freedom.lowest(tangent, np.ones(self.positions.size), count)[0]
         shapes = vectors.T.reshape(-1, *self.positions.shape)
         largest = np.sqrt(np.einsum("kni,kni->kn", shapes, shapes).max(axis=1))
         frequencies = np.sign(squares) * np.sqrt(np.abs(squares))
@@ -373,8 +389,8 @@ class Structure(Printed, Framework):
     ) -> Network:
         """The structure as a network for `simulate`.
 
-        Strings carry tension only, bars tension and compression.  Members have no thickness and
-        pass through each other.  Displacements are measured from the positions.
+        Strings carry tension only, bars tension and compression.  Their masses are those of
+        `bar_mass` and `string_mass`; members have no thickness and pass through each other.  Displacements are measured from the positions.
 
         Parameters
         ----------
@@ -398,7 +414,7 @@ class Structure(Printed, Framework):
                 f"{len(self.platforms)} platforms: a structure with rigid plates has statics only"
             )
         given = {"held": held, "drive": drive, "damping": damping, "forces": forces}
-        return network(self.positions, self.members, self.mass, **given)
+        return network(self.positions, self.members, self.mass, self.member_mass, **given)
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Bars thick, taut strings in the colours of their tension, slack strings dashed and red.
@@ -434,6 +450,7 @@ class Structure(Printed, Framework):
                 lengths, tensions = self.lengths[chosen], self.tensions[chosen]
                 words = f"lengths {span(lengths, 'm')}, tensions {span(tensions, 'N')}"
                 yield f"  {name}: {words}"
+        yield self._masses_line()
         if self.slack.any():
             yield f"  slack: strings {listed(np.flatnonzero(self.slack))}"
 
