@@ -72,6 +72,38 @@ class RowOperations:
         return rows
 
 
+@dataclass(frozen=True, eq=False)
+class Ties:
+    """Mass of members between coordinates whose motion is prescribed, and others.
+
+    Attributes
+    ----------
+    free : ndarray of int, (ties, 2)
+        The number of a prescribed coordinate among these, and the index of a free one.
+    mass : ndarray, (ties,)
+        Entries of the mass matrix [kg].
+    among : scipy.sparse.csr_array, (prescribed, prescribed)
+        Those between prescribed coordinates, without its diagonal [kg].
+    """
+
+    free: Indices
+    mass: Array
+    among: Any
+
+    @classmethod
+    def of(cls, matrix: Any, moved: Indices, still: Indices, dim: int) -> Ties:
+        """Those of a mass matrix of one direction, of `moved` coordinates beside some at rest."""
+        from scipy.sparse import eye_array, kron, tril, triu
+
+        whole = kron(matrix, eye_array(dim), format="csr")
+        rows = whole[moved].tocoo()
+        free = ~np.isin(rows.col, np.concatenate([moved, still]))
+        square = whole[moved][:, moved]
+        among = (tril(square, -1) + triu(square, 1)).tocsr()
+        ends = np.stack([rows.row[free], rows.col[free]], axis=1)
+        return cls(ends.astype(np.int64), rows.data[free], among)
+
+
 def inverse(matrix: Any, free: Flags) -> tuple[Array, RowOperations]:
     """The inverse of the mass matrix of what is free to move.
 

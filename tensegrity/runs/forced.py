@@ -32,6 +32,12 @@ class ForcedMotion(Motion):
         scene, method = problem.scene, problem.method
         dyn = problem.dynamics
         as_forces = bool(getattr(method, "rates", ())) and not dyn.springs.changing
+        heavy = scene.bond_mass is not None
+        if heavy and not as_forces and (scene.drive or scene.damping or scene._forces):
+            raise TensegrityError(
+                f"method {method.name!r}: bonds with mass besides drives, dashpots or forces need "
+                "rk4 or rk8, which take no springs that change"
+            )
         if dyn.needs_rates and not as_forces:
             raise TensegrityError(
                 f"method {method.name!r} admits no forces but those of springs, drives, dashpots "
@@ -167,6 +173,10 @@ class ForcedMotion(Motion):
         if len(moved):
             rows_u[:, moved], rows_v[:, moved] = forcing.motion(t, 0), forcing.motion(t, 1)
             sums[:, 0] += (rows_v[:, moved] ** 2 - self._first_v**2) @ forcing.prescribed_mass / 2
+            if forcing.ties is not None:
+                now, first = (np.sum(v * (v @ forcing.ties.among), axis=-1)
+                              for v in (rows_v[:, moved], np.atleast_2d(self._first_v)))  # fmt: skip
+                sums[:, 0] += (now - first) / 2
         if len(forced):
             sums[:, 0] += np.sum(forcing.force(t, 0) * rows_u[:, forced], axis=1)
             sums[:, 0] -= self._first_force

@@ -78,6 +78,11 @@ class NetworkDynamics(Dynamics):
         bonds = scene.bonds[: len(scene.bond_mass)]  # others form
         return inertia.mass_matrix(scene.mass, bonds, scene.bond_mass)
 
+    @property
+    def needs_rates(self) -> bool:
+        heavy = self.mass_matrix is not None and self.is_driven and not self.springs.changing
+        return super().needs_rates or heavy
+
     @cached_property
     def _inverse(self) -> tuple[Array, Any]:
         """Inverse masses, and the operations on forces before these; see `inertia.inverse`."""
