@@ -46,6 +46,8 @@ class Bonds:
         The kinks of each different spring, `Potential.kinks`; NaN after its last one.
     coupling : RowOperations, optional
         Of bonds with mass: accelerations are `inverse_mass` times the forces after these.
+    heavy : tuple of int
+        The bonds with mass.
     """
 
     laws: tuple
@@ -56,6 +58,7 @@ class Bonds:
     contacts: Contacts | None = None
     kinks: np.ndarray | None = None
     coupling: RowOperations | None = None
+    heavy: tuple = ()
 
     @property
     def dim(self):

@@ -243,7 +243,7 @@ static real add_lacking(const scene *c, const forcing *d, real dt, integer stage
             real *to = d->together;
             EACH(c->rows * DIM) to[i] = 0;
             AXES(j) to[ends[0] + j] += pull * along[j], to[ends[1] + j] -= pull * along[j];
-            couple(c, to, DIM);
+            COUPLE(c, to, DIM)
             for (integer i = 0; i < c->rows * DIM; i++) {
                 const real change = c->w[i] * to[i];
                 c->v[i] += change, c->u[i] += (1 - at) * dt * change;
@@ -308,7 +308,7 @@ static void add_forces(const scene *c, forcing *d, const real *u, const real *v,
     FORCES(APPLY)
 #ifdef DIM
     if (d->together) {
-        couple(c, to, DIM);
+        COUPLE(c, to, DIM)
         EACH(c->rows * DIM) a[i] += c->w[i] * to[i];
     }
     for (integer k = 0; k < d->ties; k++)

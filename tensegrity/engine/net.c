@@ -79,17 +79,6 @@ static void rouse(const scene *c, integer t)
         __atomic_store_n(c->active + 1 + c->beside[k], *c->active + 1, __ATOMIC_RELAXED);
 }
 
-/* From forces in rows of n numbers to those after which each entry has the mass 1/w of its own:
-   with L D L' the mass matrix of bonds with mass, the product with D L'^-1 D^-1 L^-1. */
-static void couple(const scene *c, real *restrict of, const integer n)
-{
-    for (integer k = 0; k < c->couplings; k++) {
-        real *to = of + c->coupled[2 * k] * n;
-        const real *from = of + c->coupled[2 * k + 1] * n;
-        AXES(q) to[q] -= c->coupling[k * DIM + q] * from[q];
-    }
-}
-
 #ifndef STEPPER
 /* Add the forces of the contacts of a tile to its sites, and to others of higher numbers; returns
    whether any of them is not 0. */
@@ -162,7 +151,7 @@ real stage(const scene *c, real a, real b)
     real *restrict pull = rows(c), largest = 0;
     if (c->couplings) { /* all forces first: none rests, and there is one thread */
         for (integer t = 0; t < c->tiles; t++) contacts(c, u, t, pull);
-        couple(c, pull, ROW);
+        COUPLE(c, pull, ROW)
     }
     for (integer t = c->before; t < c->reach; t++) {
         if (rests(c, t)) continue;

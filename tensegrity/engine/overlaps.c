@@ -249,7 +249,7 @@ static const real *spread(const scene *c, integer from, integer to, const real *
     real *x = c->spread;
     EACH(n) x[i] = 0;
     AXES(k) x[from + k] += pull[k], x[to + k] -= pull[k];
-    couple(c, x, DIM);
+    COUPLE(c, x, DIM)
     EACH(n) x[i] *= c->w[i];
     return x;
 }

@@ -268,13 +268,16 @@ def _of_scene(task: _Task, scene: Any, state: Any) -> list[Gradient]:
     p += back.totals.p
     g += back.totals.g
     w += back.totals.w.reshape(*w.shape, -1).sum(axis=-1)
-    u, v, mass = back.u.copy(), back.v.copy(), m - w * of.inverse_mass**2
+    heavy = layout.bonds.coupling is not None  # then w is minus the derivatives by M
+    of_bonds = back.totals.bond_mass if heavy else None
+    u, v, mass = back.u.copy(), back.v.copy(), m - (w if heavy else w * of.inverse_mass**2)
     for array in (u, v, mass):
         array[:, list(scene.held)] = 0
     return [
         Gradient(
             value, run, fixed(u[k]), fixed(v[k]), fixed(mass[k]),
-            _by_name(layout, p[k], forced.named(k) if forced else {}, of_forces),
+            _by_name(layout, p[k], forced.named(k) if forced else {}, of_forces,
+                     None if of_bonds is None else of_bonds[k]),
             fixed(g[k]), back.reversal, digits(value, u[k], v[k], back.largest), scene, names,
         )
         for k, value in enumerate(values)
@@ -316,6 +319,8 @@ def _prepared(task: _Task, scene: Any, traces: Any) -> tuple[Any, Any, Any, Layo
     None, and the layout."""
     of = dynamics(scene)
     stored = any(trace.kind == "energy" for trace in traces)
+    if scene.bond_mass is not None:
+        _refuse_heavy(of, traces)
     if not of.is_driven:
         names, numbers = _requested(scene, task.wanted, stored, {})
         return names, {}, None, Layout(of.loop_bonds, numbers)
@@ -324,6 +329,20 @@ def _prepared(task: _Task, scene: Any, traces: Any) -> tuple[Any, Any, Any, Layo
     names, numbers = _requested(scene, task.wanted, stored, of_forces)
     forced = ForcedBackward(scene, numbers, task.method, *_steps(task))
     return names, of_forces, forced, forced.layout
+
+
+def _refuse_heavy(of: Any, traces: Any) -> None:
+    """Refuse what has no gradient with bonds with mass."""
+    if of.is_driven:
+        raise TensegrityError(
+            "bonds with mass have no gradient beside drives, dashpots or further forces"
+        )
+    for trace in traces:
+        if trace.kind in ("velocity", "energy"):
+            raise TensegrityError(
+                f"{trace.kind} of sites on bonds with mass has no gradient: take displacements or "
+                "loads"
+            )
 
 
 def _requested(
@@ -338,6 +357,8 @@ def _requested(
     of_springs = {name: None for spring in table.different for name in result.names(spring)}
     of_beads = dict.fromkeys(dynamics(scene).arguments)
     known = of_springs | of_beads | dict.fromkeys(of_forces)
+    if scene.bond_mass is not None:
+        known["bond_mass"] = None
     names = result.usual(known, laws) if wanted is None else _checked(wanted, known, laws)
     moved = {*names, *(("stiffness", "preload") if of_beads.keys() & names else ())}
     slopes = [result.slopes(table, name) for name in moved & of_springs.keys()]
@@ -379,7 +400,9 @@ def _window(one: Objective, steps: int, dt: float) -> tuple[int, int]:
     return first, last
 
 
-def _by_name(layout: Layout, p: Array, forced: Any, of_forces: Any) -> Any:
+def _by_name(
+    layout: Layout, p: Array, forced: Any, of_forces: Any, by_bond_mass: Array | None
+) -> Any:
     """Derivatives by name of a parameter, (bonds,), from those by index in each law and those by
     the parameters of forces, on sites (sites,)."""
     law = layout.bonds.law_of_bond
@@ -390,4 +413,6 @@ def _by_name(layout: Layout, p: Array, forced: Any, of_forces: Any) -> Any:
             column[law == number] = p[row, law == number]
     for name in of_forces:
         totals[name] = totals[name] + forced[name] if name in totals else forced[name]
+    if by_bond_mass is not None:
+        totals["bond_mass"] = by_bond_mass
     return fixed(totals)

@@ -63,9 +63,9 @@ class NetworkDynamics(Dynamics):
             crowding=self.neighbour_counts,
         )
         weights, coupling = self._inverse
-        return Bonds(
-            *springs.table, springs.group, weights, contacts, springs.kinks, coupling
-        )
+        heavy = () if coupling is None else tuple(np.flatnonzero(scene.bond_mass).tolist())
+        own = springs.group, weights, contacts, springs.kinks, coupling
+        return Bonds(*springs.table, *own, heavy)
 
     # bonds with mass
 
