@@ -110,18 +110,19 @@ def inverse(matrix: Any, free: Flags) -> tuple[Array, RowOperations]:
     Parameters
     ----------
     matrix : scipy.sparse.csr_array, (nodes, nodes)
-        As of `mass_matrix`.
+        As of `mass_matrix`; nodes without mass are not free.
     free : ndarray of bool, (nodes, dim)
         Which coordinates follow forces; the motion of others is prescribed.
 
     Returns
     -------
     weights : ndarray, (nodes, dim)
-        By which to multiply after the operations [1/kg]; of others 1 over the diagonal.
+        By which to multiply after the operations [1/kg]; of others 1 over the diagonal, or 0.
     operations : RowOperations
     """
     diagonal = matrix.diagonal()
-    weights, mobility = np.repeat(1 / diagonal[:, None], free.shape[1], axis=1), 1 / diagonal
+    mobility = np.divide(1, diagonal, out=np.zeros(len(diagonal)), where=diagonal > 0)
+    weights = np.repeat(mobility[:, None], free.shape[1], axis=1)
     targets, sources, factors = [], [], []
     patterns, number = np.unique(free, axis=1, return_inverse=True)
     for k, pattern in enumerate(patterns.T):
@@ -137,8 +138,8 @@ def inverse(matrix: Any, free: Flags) -> tuple[Array, RowOperations]:
             targets.append(nodes[order[half.row[turn]]])
             sources.append(nodes[order[half.col[turn]]])
             factors.append(half.data[turn, None] * axes)
-    operations = map(np.concatenate, (targets, sources, factors))
-    return weights, RowOperations(*operations, mobility)
+    target, source, factor = map(np.concatenate, (targets, sources, factors))
+    return weights, RowOperations(target, source, factor, mobility)
 
 
 def _factored(matrix: Any) -> tuple[Any, Any, Array, Indices]:

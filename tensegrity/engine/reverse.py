@@ -97,7 +97,8 @@ class Layout:
             return fields | {"couplings": 0, "heavies": 0}
         ends = np.stack([end[heavy] for end in self.ends], axis=1) * self.dim
         return coupling(self.bonds) | {
-            "couplings": len(of.target), "heavies": len(heavy), "heavy": integers(ends), "hb": by_heavy,
+            "couplings": len(of.target), "heavies": len(heavy), "heavy": integers(ends),
+            "hb": by_heavy,
         }  # fmt: skip
 
     def laws_at(self, r, members):

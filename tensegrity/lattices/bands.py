@@ -226,8 +226,9 @@ def bloch_matrix(lattice: Cell | PeriodicBonds, weighted: bool = True) -> BlochM
 
 def _member_mass(lattice: Cell | PeriodicBonds) -> Array | None:
     """Masses of the members [kg], if some have mass."""
-    heavy = isinstance(lattice, Cell) and lattice.has_heavy_members
-    return lattice.member_mass if heavy else None
+    if isinstance(lattice, Cell) and lattice.has_heavy_members:
+        return lattice.member_mass
+    return None
 
 
 def _blocks(lattice: Cell | PeriodicBonds) -> Array:

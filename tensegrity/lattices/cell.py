@@ -176,6 +176,7 @@ class Cell(Framework):
         refuse_repeated(np.concatenate(pairs), self.offsets, len(pairs[0]))
         self._set_members(pairs, k_bar, k_string, natural_lengths, self.span)
         self._set_masses(mass, bar_mass, string_mass)
+        self.refuse_massless(range(self.nodes))
         bars = len(pairs[0])
         self.buckling = (
             None if buckling is None else positive_for_each("buckling", buckling, bars, "N")
@@ -245,7 +246,7 @@ class Cell(Framework):
             "natural_lengths": self.natural_lengths,
             "buckling": self.buckling,
             "plateau": self.plateau,
-            **self._own_masses(),
+            **self._masses(),
         }
         return type(self)(positions, self.vectors if vectors is None else vectors, **(own | other))
 

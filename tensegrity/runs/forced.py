@@ -61,7 +61,7 @@ class ForcedMotion(Motion):
         self._damped_out: StabilityError | None = None
         self._limit_damping(problem, dt)
         begin, forced, self._first_force = np.zeros(1), self.forcing.forced, 0.0
-        self._first_v = self.forcing.motion(begin, 1)[0] if len(self.forcing.moved) else 0.0
+        self._first_v: Any = self.forcing.motion(begin, 1)[0] if len(self.forcing.moved) else 0.0
         if len(forced):  # sum of prescribed forces times displacements [J]
             pulls = self.forcing.force(begin, 0)[0] * problem.state.u.reshape(-1)[forced]
             self._first_force = float(np.sum(pulls))
@@ -174,9 +174,8 @@ class ForcedMotion(Motion):
             rows_u[:, moved], rows_v[:, moved] = forcing.motion(t, 0), forcing.motion(t, 1)
             sums[:, 0] += (rows_v[:, moved] ** 2 - self._first_v**2) @ forcing.prescribed_mass / 2
             if forcing.ties is not None:
-                now, first = (np.sum(v * (v @ forcing.ties.among), axis=-1)
-                              for v in (rows_v[:, moved], np.atleast_2d(self._first_v)))  # fmt: skip
-                sums[:, 0] += (now - first) / 2
+                for v, sign in ((rows_v[:, moved], 1), (self._first_v[None], -1)):
+                    sums[:, 0] += sign * np.sum(v * (v @ forcing.ties.among), axis=1) / 2
         if len(forced):
             sums[:, 0] += np.sum(forcing.force(t, 0) * rows_u[:, forced], axis=1)
             sums[:, 0] -= self._first_force

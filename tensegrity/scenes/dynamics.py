@@ -21,7 +21,8 @@ from tensegrity.engine.native import aligned_copy
 from tensegrity.engine.openings import is_treated
 from tensegrity.errors import TensegrityError
 from tensegrity.readonly import ReadOnly, Repeated, fixed, same_content
-from tensegrity.scenes.acting import Acting, per_coordinate
+from tensegrity.scenes.acting import Acting
+from tensegrity.scenes.inertia import Inertia
 from tensegrity.springs.collection import Springs
 
 if TYPE_CHECKING:
@@ -77,7 +78,7 @@ class HasDynamics(ReadOnly):
         raise NotImplementedError
 
 
-class Dynamics:
+class Dynamics(Inertia):
     """Quantities derived from a scene for its runs; see `dynamics`.
 
     Bonds join neighbours on a line, unless a subclass has their geometry.
@@ -186,32 +187,6 @@ class Dynamics:
         return Springs(self.scene.springs, lengths=self.spring_lengths)
 
     @cached_property
-    def inverse_mass(self) -> Array:
-        """1/m [1/kg], 0 for a held site; (sites,)."""
-        w = 1 / self.scene.mass
-        w[list(self.scene.held)] = 0
-        return fixed(w)
-
-    @property
-    def diagonal_mass(self) -> Array:
-        """Diagonal of the mass matrix [kg], (sites,)."""
-        return self.scene.mass
-
-    @property
-    def row_mass(self) -> Array:
-        """Sums of its rows [kg], (sites,): at each site, and half of each bond there."""
-        return self.scene.mass
-
-    def momenta(self, v: Array) -> Array:
-        """Momentum of each coordinate [kg m/s] at velocities (..., *shape of the scene) [m/s]."""
-        return per_coordinate(self.scene, self.scene.mass) * v
-
-    def kinetic(self, v: Array) -> Array:
-        """Kinetic energy of each coordinate [J] at velocities (..., *shape of the scene) [m/s]; of
-        one on a bond with mass it may be below 0, the sum is not."""
-        return 0.5 * per_coordinate(self.scene, self.scene.mass) * v**2
-
-    @cached_property
     def is_driven(self) -> bool:
         """Whether forces depend on time or velocity, or motion is prescribed."""
         scene = self.scene
@@ -225,7 +200,8 @@ class Dynamics:
     @property
     def needs_rates(self) -> bool:
         """Whether there are forces that a Runge-Kutta method takes only."""
-        return not self.acting.splits
+        heavy = self.scene.bond_mass is not None and self.is_driven and not self.springs.changing
+        return heavy or not self.acting.splits
 
     @property
     def further_forces(self) -> tuple[Any, ...]:

@@ -257,6 +257,13 @@ def refuse_driven(scene: Any, what: str) -> None:
             f"{what}: not for scenes that are driven or damped, or have springs that change, "
             "further forces or springs to the ground"
         )
+    refuse_heavy_bonds(scene, what)
+
+
+def refuse_heavy_bonds(scene: Any, what: str) -> None:
+    """Refuse a network whose bonds have mass, where masses must be those of sites."""
+    if scene.bond_mass is not None:
+        raise TensegrityError(f"{what}: not for networks whose bonds have mass")
 
 
 def time_signals(scene: Any) -> list[Any]:
@@ -399,7 +406,7 @@ def forcing_of(scene: Any, t_end: float, timed: Any = None, as_forces: bool = Fa
     )
 
 
-def _ties(dyn: Any, motions: Any, moved: Array, held: Array) -> Ties | None:
+def _ties(dyn: Any, motions: Any, moved: Any, held: Any) -> Ties | None:
     """Mass of bonds between driven sites and others; refuses motions whose velocity may jump."""
     if dyn.loop_bonds.coupling is None or not len(moved):
         return None

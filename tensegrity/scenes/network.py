@@ -168,7 +168,8 @@ class Network(Scene):
         pairs = checked_bonds(bonds, self.sites)
         of_ends = is_pair_law(spring)
         if bond_mass is not None:
-            self.mass, of_bonds = masses(mass, bond_mass, pairs, self.sites)
+            moving = np.setdiff1d(np.arange(self.sites), held_sites(held, self.sites))
+            self.mass, of_bonds = masses(mass, bond_mass, pairs, self.sites, moving)
             self.__dict__.update(bond_mass=fixed(of_bonds))
         else:
             mass = 1.0 if mass is None else mass

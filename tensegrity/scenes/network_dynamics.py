@@ -10,12 +10,10 @@ from typing import Any, Self
 
 import numpy as np
 
-from tensegrity.engine import inertia
 from tensegrity.engine.bonds import Bonds, Contacts
 from tensegrity.readonly import fixed
 from tensegrity.scenes.clearance import neighbour_counts
 from tensegrity.scenes.dynamics import Dynamics, dynamics, varied
-from tensegrity.scenes.forcing import driven_entries
 from tensegrity.scenes.near_pairs import blocks
 from tensegrity.scenes.neighbour_list import contacts_with
 from tensegrity.scenes.scene import State
@@ -62,72 +60,10 @@ class NetworkDynamics(Dynamics):
             normals=normals,
             crowding=self.neighbour_counts,
         )
-        weights, coupling = self._inverse
+        weights, coupling = self.inverse
         heavy = () if coupling is None else tuple(np.flatnonzero(scene.bond_mass).tolist())
-        own = springs.group, weights, contacts, springs.kinks, coupling
-        return Bonds(*springs.table, *own, heavy)
-
-    # bonds with mass
-
-    @cached_property
-    def mass_matrix(self) -> Any:
-        """Mass matrix of one direction [kg], (sites, sites), of bonds with mass; else None."""
-        scene = self.scene
-        if scene.bond_mass is None:
-            return None
-        bonds = scene.bonds[: len(scene.bond_mass)]  # others form
-        return inertia.mass_matrix(scene.mass, bonds, scene.bond_mass)
-
-    @property
-    def needs_rates(self) -> bool:
-        heavy = self.mass_matrix is not None and self.is_driven and not self.springs.changing
-        return super().needs_rates or heavy
-
-    @cached_property
-    def _inverse(self) -> tuple[Array, Any]:
-        """Inverse masses, and the operations on forces before these; see `inertia.inverse`."""
-        if self.mass_matrix is None:
-            return super().inverse_mass, None
-        free = np.ones(self.shape, dtype=bool)
-        free[list(self.scene.held)] = False
-        free.reshape(-1)[driven_entries(self.scene, True)[0]] = False
-        weights, operations = inertia.inverse(self.mass_matrix, free)
-        weights[list(self.scene.held)] = 0
-        return fixed(weights), operations
-
-    @cached_property
-    def inverse_mass(self) -> Array:
-        """1/m [1/kg], 0 for a held site, (sites,); a bound of it for bonds with mass."""
-        weights, operations = self._inverse
-        if operations is None:
-            return weights
-        w = operations.mobility.copy()
-        w[list(self.scene.held)] = 0
-        return fixed(w)
-
-    @cached_property
-    def diagonal_mass(self) -> Array:  # type: ignore[override]
-        return self.scene.mass if self.mass_matrix is None else self.mass_matrix.diagonal()
-
-    @cached_property
-    def row_mass(self) -> Array:  # type: ignore[override]
-        return self.scene.mass if self.mass_matrix is None else self.mass_matrix.sum(axis=1)
-
-    def momenta(self, v: Array) -> Array:
-        if self.mass_matrix is None:
-            return super().momenta(v)
-        sites_first = np.moveaxis(v, -2, 0)
-        each = self.mass_matrix @ sites_first.reshape(self.sites, -1)
-        return np.moveaxis(each.reshape(sites_first.shape), 0, -2)
-
-    def kinetic(self, v: Array) -> Array:
-        return super().kinetic(v) if self.mass_matrix is None else 0.5 * v * self.momenta(v)
-
-    def _of_bonds(self, u: Array, v: Array) -> Array:
-        if self.mass_matrix is None:
-            return super()._of_bonds(u, v)
-        kinetic = np.sum(self.kinetic(v).reshape(len(v), -1), axis=-1)
-        return super()._of_bonds(u, np.zeros_like(v)) + kinetic
+        table, kinks = springs.table, springs.kinks
+        return Bonds(*table, springs.group, weights, contacts, kinks, coupling, heavy)
 
     @cached_property
     def loop_bonds(self) -> Bonds:
@@ -214,9 +150,9 @@ class NetworkDynamics(Dynamics):
     @property
     def unchanged(self) -> dict[str, Any]:
         """Cached quantities that do not depend on springs, by name."""
-        kept = {"neighbour_counts": self.neighbour_counts}
+        kept: dict[str, Any] = {"neighbour_counts": self.neighbour_counts}
         if self.mass_matrix is not None:
-            kept |= {"mass_matrix": self.mass_matrix, "_inverse": self._inverse}
+            kept |= {"mass_matrix": self.mass_matrix, "inverse": self.inverse}
         return kept
 
     # the engine's view
@@ -240,6 +176,12 @@ class NetworkDynamics(Dynamics):
             return super().energies(u, v)
         parts = [listed.energies(u[rows], v[rows]) for rows, listed in self.listings(u)]
         return np.concatenate(parts) if parts else np.zeros(0)
+
+    def _of_bonds(self, u: Array, v: Array) -> Array:
+        if self.mass_matrix is None:
+            return super()._of_bonds(u, v)
+        kinetic = np.sum(self.kinetic(v).reshape(len(v), -1), axis=-1)
+        return super()._of_bonds(u, np.zeros_like(v)) + kinetic
 
     # bounds, and descriptions of places for messages
 

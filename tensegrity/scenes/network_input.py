@@ -148,9 +148,7 @@ def per_site(name: str, value: ArrayLike, unit: str, sites: int) -> Array:
     return per_item(name, value, unit, sites, "site", SMALLEST_MASS)
 
 
-def per_item(
-    name: str, value: ArrayLike, unit: str, count: int, of: str, least: float
-) -> Array:
+def per_item(name: str, value: ArrayLike, unit: str, count: int, of: str, least: float) -> Array:
     """Values of all sites or bonds, named by `of`, each at least `least`."""
     given = numbers(name, value)
     if given.ndim and given.shape != (count,):
@@ -165,7 +163,7 @@ def per_item(
 
 
 def masses(
-    mass: ArrayLike | None, bond_mass: ArrayLike, bonds: Indices, sites: int
+    mass: ArrayLike | None, bond_mass: ArrayLike, bonds: Indices, sites: int, moving: Indices
 ) -> tuple[Array, Array]:
     """Masses at the sites and of the bonds.
 
@@ -176,6 +174,8 @@ def masses(
     bond_mass : float or array_like (bonds,)
     bonds : ndarray of int, (bonds, 2)
     sites : int
+    moving : ndarray of int
+        Sites that are not held.
 
     Returns
     -------
@@ -185,13 +185,13 @@ def masses(
     Raises
     ------
     TensegrityError
-        A mass below 0, or a site without mass.
+        A mass below 0, or a site without mass that moves.
     """
     at_sites = per_item("mass", 0.0 if mass is None else mass, "kg", sites, "site", 0.0)
     of_bonds = per_item("bond_mass", bond_mass, "kg", len(bonds), "bond", 0.0)
     total = at_sites.copy()
     np.add.at(total, bonds, of_bonds[:, None] / 2)
-    bad = np.flatnonzero(~(total >= SMALLEST_MASS))
+    bad = moving[~(total[moving] >= SMALLEST_MASS)]
     if bad.size:
         raise TensegrityError(
             f"site {bad[0]} has mass {total[bad[0]]:g} kg with half of its bonds', must be at "

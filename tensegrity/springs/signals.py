@@ -44,7 +44,9 @@ class Expression:
         """Values, rates for order 1 and their rates for order 2, or the derivatives of these by a
         parameter; of the shape of t."""
         of, names = self.expression, tuple(self.parameters)
-        made = _functions(_rate(of), names, by)[1] if order == 2 else _functions(of, names, by)[order]
+        made = (
+            _functions(_rate(of), names, by)[1] if order == 2 else _functions(of, names, by)[order]
+        )
         with np.errstate(all="ignore"):
             values = np.broadcast_to(made(t, *self.parameters.values()), np.shape(t))
         bad = ~np.isfinite(values)

@@ -93,11 +93,15 @@ class Framework(ReadOnly):
         if mass is None:
             mass = 0.0 if self.has_heavy_members else 1.0
         self.mass = positive_for_each("mass", mass, self.nodes, "kg", zero=self.has_heavy_members)
-        bare = np.flatnonzero(self.weighing_mass == 0)
+
+    def refuse_massless(self, moving: ArrayLike) -> None:
+        """Refuse nodes without mass among those that move."""
+        moving = np.asarray(moving)
+        bare = moving[self.weighing_mass[moving] == 0]
         if bare.size:
             raise TensegrityError(
-                f"node {bare[0]} has mass 0 kg, as the members there have none, must be above 0: "
-                "give mass= of the nodes too, or bar_mass= and string_mass= of all members"
+                f"node {bare[0]} moves and has mass 0 kg, as the members there have none, must be "
+                "above 0: give mass= of the nodes too, or bar_mass= and string_mass= of all members"
             )
 
     @property
@@ -129,11 +133,19 @@ class Framework(ReadOnly):
         """The mass matrix, or its diagonal where no member has mass, (nodes dim,)."""
         return self.mass_matrix() if self.has_heavy_members else np.repeat(self.mass, self.dim)
 
-    def _own_masses(self) -> dict[str, Any]:
-        """The masses as arguments."""
-        heavy, bars = self.has_heavy_members, self.bars
-        of = {"bar_mass": self.member_mass[:bars], "string_mass": self.member_mass[bars:]}
-        return {"mass": self.mass} | (of if heavy else {})
+    def _inertia_of(self, freedom: Any) -> Any:
+        """The same, if all nodes that supports permit to move have mass."""
+        self.refuse_massless(np.unique(freedom.motions.tocoo().row) // self.dim)
+        return self._inertia
+
+    def _masses(self, of_all: str = "") -> dict[str, Any]:
+        """The masses as arguments, those of members as two or as one of another name."""
+        given, bars = {"mass": self.mass}, self.bars
+        if self.has_heavy_members and of_all:
+            given[of_all] = self.member_mass
+        elif self.has_heavy_members:
+            given |= {"bar_mass": self.member_mass[:bars], "string_mass": self.member_mass[bars:]}
+        return given
 
     def _masses_line(self) -> str:
         """What a print says of the masses."""

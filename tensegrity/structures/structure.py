@@ -1,9 +1,8 @@
 """A structure of bars and strings: description, prestress, stiffness, modes, and its scene.
 
 Members are straight, and their tension is proportional to their elongation.  Their mass, if they
-have any, is distributed uniformly along them, with a consistent mass matrix (`engine.inertia`);
-without it all masses are lumped at the nodes.  Source: the talk, part III, "Elastic problem", for members;
-Pellegrino & Calladine 1986 for self-stress and mechanisms.
+have any, is uniform along them; all other masses are lumped at the nodes.  Source: the talk, part
+III, "Elastic problem", for members; Pellegrino & Calladine 1986 for self-stress and mechanisms.
 """
 
 from __future__ import annotations
@@ -91,9 +90,7 @@ def _law(tension_only: bool) -> Law:
     )
 
 
-def network(
-    positions: Array, members: Members, mass: Array, member_mass: Array, **given: Any
-) -> Network:
+def network(positions: Array, members: Members, **given: Any) -> Network:
     """The network of a structure; see `Structure.network`.
 
     Parameters
@@ -101,8 +98,6 @@ def network(
     positions : ndarray, (nodes, dim)
         Positions of the nodes [m].
     members : Members
-    mass, member_mass : ndarray, (nodes,) and (members,)
-        Masses at the nodes, and of the members [kg].
     **given
         Further arguments of `Network`.
 
@@ -118,7 +113,6 @@ def network(
             members.tension_only.tolist(), members.stiffness.tolist(), lengths, strict=True
         )
     ]
-    given |= {"mass": mass} | ({"bond_mass": member_mass} if member_mass.any() else {})
     return Network(positions, members.ends, springs, lengths=members.natural, **given)
 
 
@@ -138,7 +132,7 @@ class Structure(Printed, Framework):
     k_bar, k_string : float or array_like, (bars,) or (strings,)
         Spring constants, EA over natural length [N/m], > 0.
     mass : float or array_like, (nodes,), optional
-        Mass at each node [kg], > 0; by default 1.  Where members have mass >= 0, and by default 0.
+        Mass at each node [kg], > 0, by default 1; where members have mass >= 0, by default 0.
     natural_lengths : array_like, (members,), optional
         Unstressed lengths [m]; by default the lengths at the positions.
     platforms : sequence of sequences of int, optional
@@ -159,16 +153,14 @@ class Structure(Printed, Framework):
     Raises
     ------
     TensegrityError
-        If a member has no length or is given twice, a node is in no member or without mass, or a
-        number is outside its bounds.
+        If a member has no length or is given twice, a node is in no member, or a number is
+        outside its bounds.
 
     Notes
     -----
-    With the mass of a bar lumped at its ends, half at each, the bar moves as the real one along any
-    direction, but turns about its centre with three times its inertia, m l^2/4 for m l^2/12: the
-    frequencies of structures come out too low, by up to a factor of 1/sqrt(3).  With `bar_mass` both
-    are exact.  A bar's own axial frequency is then sqrt(12 k/m) for sqrt(4 k/m), so that steps
-    limited by bars are shorter by sqrt(3).
+    A bar with its mass lumped at its ends turns with three times its inertia, m l^2/4 for m l^2/12;
+    frequencies are too low by up to sqrt(3).  With `bar_mass` they are exact, but steps shorter, by
+    up to sqrt(3), as the highest frequency of a bar is sqrt(12 k/m) for sqrt(4 k/m).
 
     The stiffness of a string jumps at its natural length.  In `slack`, `stiffness`, `modes`,
     `is_stable` and the modes of the `network` a string counts as taut down to 1e-10 below its
@@ -257,7 +249,7 @@ class Structure(Printed, Framework):
             "k_string": self.stiffnesses[self.bars :],
             "natural_lengths": self.natural_lengths,
             "platforms": self.platforms,
-            **self._own_masses(),
+            **self._masses(),
         }
         return Structure(positions, **(own | other))
 
@@ -306,7 +298,7 @@ class Structure(Printed, Framework):
         StructureModes
         """
         freedom = self.freedom(supports)
-        tangent, mass = self.members.tangent(self.positions), self._inertia
+        tangent, mass = self.members.tangent(self.positions), self._inertia_of(freedom)
         squares, vectors = freedom.lowest(tangent, mass, count)
         if mass.ndim == 1 and (mass == mass[0]).all():
             values = squares * mass[0]
@@ -389,8 +381,8 @@ class Structure(Printed, Framework):
     ) -> Network:
         """The structure as a network for `simulate`.
 
-        Strings carry tension only, bars tension and compression.  Their masses are those of
-        `bar_mass` and `string_mass`; members have no thickness and pass through each other.  Displacements are measured from the positions.
+        Strings carry tension only, bars tension and compression; both keep their masses.  They have
+        no thickness and pass through each other.  Displacements are measured from the positions.
 
         Parameters
         ----------
@@ -414,7 +406,7 @@ class Structure(Printed, Framework):
                 f"{len(self.platforms)} platforms: a structure with rigid plates has statics only"
             )
         given = {"held": held, "drive": drive, "damping": damping, "forces": forces}
-        return network(self.positions, self.members, self.mass, self.member_mass, **given)
+        return network(self.positions, self.members, **given, **self._masses("bond_mass"))
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Bars thick, taut strings in the colours of their tension, slack strings dashed and red.

@@ -25,6 +25,7 @@ import numpy as np
 
 from tensegrity.errors import TensegrityError
 from tensegrity.scenes.acting import per_coordinate
+from tensegrity.scenes.forcing import refuse_heavy_bonds
 from tensegrity.scenes.network import Network
 from tensegrity.waves.cosines import Grid, Series, cosine_sum
 from tensegrity.waves.family import FIRST_POINTS, half_length, refined
@@ -191,6 +192,7 @@ def unit_of(column: Network) -> Network:
     TensegrityError
         Sites, bonds or masses differ, or something else acts on them.
     """
+    refuse_heavy_bonds(column, "waves of permanent form")
     n = column.sites
     apart = np.diff(column.positions, axis=0)
     line = np.column_stack([np.arange(n - 1), np.arange(1, n)])
