@@ -262,14 +262,20 @@ def fields(forcing: Any, sums: Array, corrects: bool) -> Any:
             arrays["geometry"] = of.geometry_of(at).T
         arrays["ends"] = ends.astype(np.int64)
     numbers = {"moving": len(forcing.moved), "pulling": len(forcing.forced), "stage": 0, "step": 0}
-    numbers |= {"entries": len(forcing.mass), "degree": DEGREE, "ties": 0}
+    numbers |= {"entries": len(forcing.mass), "degree": DEGREE}
     numbers["places"] = sum(counts) if any(np.isfinite(x).any() for x in onsets) else 0
-    if forcing.bonds.coupling is not None:
-        rows = np.ones((of.rows, forcing.bonds.dim))
-        rows[: len(of.load)] = forcing.bonds.inverse_mass != 0
-        arrays |= {"unit": rows, "together": np.zeros(rows.size)}
-    if forcing.ties is not None:
-        arrays |= {"tied": forcing.ties.free, "tied_mass": forcing.ties.mass}
-        numbers["ties"] = len(forcing.ties.mass)
+    arrays |= _of_heavy_bonds(forcing)
+    numbers["ties"] = 0 if forcing.ties is None else len(forcing.ties.mass)
     arrays = {name: np.ascontiguousarray(x) for name, x in arrays.items()}
     return FORCING(**dict.fromkeys(FORCING.kinds) | arrays | numbers | {"sums": sums})
+
+
+def _of_heavy_bonds(forcing: Any) -> dict[str, Array]:
+    """Arrays for bonds with mass, if there are some."""
+    bonds, ties = forcing.bonds, forcing.ties
+    if bonds.coupling is None:
+        return {}
+    rows = np.ones((bonds.contacts.rows, bonds.dim))
+    rows[: len(bonds.inverse_mass)] = bonds.inverse_mass != 0
+    arrays = {"unit": rows, "together": np.zeros(rows.size)}
+    return arrays if ties is None else arrays | {"tied": ties.free, "tied_mass": ties.mass}

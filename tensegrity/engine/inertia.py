@@ -92,7 +92,21 @@ class Ties:
 
     @classmethod
     def of(cls, matrix: Any, moved: Indices, still: Indices, dim: int) -> Ties:
-        """Those of a mass matrix of one direction, of `moved` coordinates beside some at rest."""
+        """The ties of some coordinates.
+
+        Parameters
+        ----------
+        matrix : scipy.sparse.csr_array, (nodes, nodes)
+            As of `mass_matrix`.
+        moved, still : ndarray of int
+            Numbers of the coordinates whose motion is prescribed, and of those at rest.
+        dim : int
+            Coordinates of a node.
+
+        Returns
+        -------
+        Ties
+        """
         from scipy.sparse import eye_array, kron, tril, triu
 
         whole = kron(matrix, eye_array(dim), format="csr")

@@ -268,20 +268,23 @@ def _of_scene(task: _Task, scene: Any, state: Any) -> list[Gradient]:
     p += back.totals.p
     g += back.totals.g
     w += back.totals.w.reshape(*w.shape, -1).sum(axis=-1)
-    heavy = layout.bonds.coupling is not None  # then w is minus the derivatives by M
-    of_bonds = back.totals.bond_mass if heavy else None
-    u, v, mass = back.u.copy(), back.v.copy(), m - (w if heavy else w * of.inverse_mass**2)
+    u, v, mass = back.u.copy(), back.v.copy(), m - _by_masses(layout, w, of.inverse_mass)
     for array in (u, v, mass):
         array[:, list(scene.held)] = 0
     return [
         Gradient(
             value, run, fixed(u[k]), fixed(v[k]), fixed(mass[k]),
-            _by_name(layout, p[k], forced.named(k) if forced else {}, of_forces,
-                     None if of_bonds is None else of_bonds[k]),
+            _by_name(layout, p[k], forced.named(k) if forced else {}, of_forces, back.totals, k),
             fixed(g[k]), back.reversal, digits(value, u[k], v[k], back.largest), scene, names,
         )
         for k, value in enumerate(values)
     ]  # fmt: skip
+
+
+def _by_masses(layout: Layout, w: Array, inverse_mass: Array) -> Array:
+    """Minus the derivatives by masses at sites, from what the reverse loop sums: derivatives by
+    inverse masses, but for bonds with mass these themselves."""
+    return w * inverse_mass**2 if layout.bonds.coupling is None else w
 
 
 def _cotangents(forced: Any, by_rows: Array, samples: Any, first: int) -> OutputCotangents:
@@ -401,7 +404,7 @@ def _window(one: Objective, steps: int, dt: float) -> tuple[int, int]:
 
 
 def _by_name(
-    layout: Layout, p: Array, forced: Any, of_forces: Any, by_bond_mass: Array | None
+    layout: Layout, p: Array, forced: Any, of_forces: Any, totals_of: Any, objective: int
 ) -> Any:
     """Derivatives by name of a parameter, (bonds,), from those by index in each law and those by
     the parameters of forces, on sites (sites,)."""
@@ -413,6 +416,6 @@ def _by_name(
             column[law == number] = p[row, law == number]
     for name in of_forces:
         totals[name] = totals[name] + forced[name] if name in totals else forced[name]
-    if by_bond_mass is not None:
-        totals["bond_mass"] = by_bond_mass
+    if layout.bonds.coupling is not None:
+        totals["bond_mass"] = totals_of.bond_mass[objective]
     return fixed(totals)

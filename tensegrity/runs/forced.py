@@ -33,7 +33,7 @@ class ForcedMotion(Motion):
         dyn = problem.dynamics
         as_forces = bool(getattr(method, "rates", ())) and not dyn.springs.changing
         heavy = scene.bond_mass is not None
-        if heavy and not as_forces and (scene.drive or scene.damping or scene._forces):
+        if heavy and not as_forces and (scene.drive or scene.damping or dyn.further_forces):
             raise TensegrityError(
                 f"method {method.name!r}: bonds with mass besides drives, dashpots or forces need "
                 "rk4 or rk8, which take no springs that change"

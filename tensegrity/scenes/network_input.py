@@ -145,10 +145,10 @@ def per_site(name: str, value: ArrayLike, unit: str, sites: int) -> Array:
     TensegrityError
         Another shape, or a value below the smallest mass.
     """
-    return per_item(name, value, unit, sites, "site", SMALLEST_MASS)
+    return _per_item(name, value, unit, sites, "site", SMALLEST_MASS)
 
 
-def per_item(name: str, value: ArrayLike, unit: str, count: int, of: str, least: float) -> Array:
+def _per_item(name: str, value: ArrayLike, unit: str, count: int, of: str, least: float) -> Array:
     """Values of all sites or bonds, named by `of`, each at least `least`."""
     given = numbers(name, value)
     if given.ndim and given.shape != (count,):
@@ -187,8 +187,8 @@ def masses(
     TensegrityError
         A mass below 0, or a site without mass that moves.
     """
-    at_sites = per_item("mass", 0.0 if mass is None else mass, "kg", sites, "site", 0.0)
-    of_bonds = per_item("bond_mass", bond_mass, "kg", len(bonds), "bond", 0.0)
+    at_sites = _per_item("mass", 0.0 if mass is None else mass, "kg", sites, "site", 0.0)
+    of_bonds = _per_item("bond_mass", bond_mass, "kg", len(bonds), "bond", 0.0)
     total = at_sites.copy()
     np.add.at(total, bonds, of_bonds[:, None] / 2)
     bad = moving[~(total[moving] >= SMALLEST_MASS)]

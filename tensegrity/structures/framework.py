@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity import check
-from tensegrity.engine import inertia
+from tensegrity.engine.inertia import mass_matrix
 from tensegrity.errors import TensegrityError
 from tensegrity.readonly import ReadOnly, fixed
 from tensegrity.structures import statics
@@ -125,18 +125,18 @@ class Framework(ReadOnly):
         """
         from scipy.sparse import eye_array, kron
 
-        one = inertia.mass_matrix(self.mass, self.ends, self.member_mass)
+        one = mass_matrix(self.mass, self.ends, self.member_mass)
         return kron(one, eye_array(self.dim), format="csr")
 
     @property
-    def _inertia(self) -> Any:
+    def inertia(self) -> Any:
         """The mass matrix, or its diagonal where no member has mass, (nodes dim,)."""
         return self.mass_matrix() if self.has_heavy_members else np.repeat(self.mass, self.dim)
 
-    def _inertia_of(self, freedom: Any) -> Any:
+    def inertia_of(self, freedom: Any) -> Any:
         """The same, if all nodes that supports permit to move have mass."""
         self.refuse_massless(np.unique(freedom.motions.tocoo().row) // self.dim)
-        return self._inertia
+        return self.inertia
 
     def _masses(self, of_all: str = "") -> dict[str, Any]:
         """The masses as arguments, those of members as two or as one of another name."""
