@@ -1,44 +1,7 @@
-"""Structures whose bars have mass: published and derived numbers, and an independent integrator."""
+"""Matrices and motions of structures whose members have mass, by other means."""
 
 import numpy as np
 from scipy.integrate import solve_ivp
-
-from tensegrity import Structure
-
-# Of TsgFEM's tower, published to 11 digits: all members consistent, nodes 0 to 2 held [Hz].
-TOWER_NODES = np.array([
-    (10, 0, 0), (-5, 8.660254037844387, 0), (-5, -8.660254037844387, 0),
-    (8.660254037844387, 5, 30), (-8.660254037844387, 5, 30), (0, -10, 30),
-    (5, 8.660254037844387, 60), (-10, 0, 60), (5, -8.660254037844387, 60),
-])  # fmt: skip
-TOWER_BARS = [(0, 4), (1, 5), (2, 3), (4, 8), (5, 6), (3, 7)]
-TOWER_STRINGS = [
-    (3, 4), (4, 5), (5, 3), (6, 7), (7, 8), (8, 6),
-    (0, 3), (1, 4), (2, 5), (3, 6), (4, 7), (5, 8),
-]  # fmt: skip
-TOWER_HZ = [
-    0.010888669723670856, 0.019539454953775917, 0.03396454232465901, 0.03396454232466567,
-    0.19559331016018464, 0.1955933101601994, 0.2752722622063401, 0.2752722622063637,
-    0.2934010791770417, 0.34845697203876896, 0.3484569720387873, 0.41251363411172426,
-    3.9142912332076105, 3.914291233207611, 3.9258744719270924, 8.610031002648665,
-    8.610031002648668, 8.620964452912498,
-]  # fmt: skip
-
-
-def tower(**changed):
-    """TsgFEM's tower of two stages with its sections and masses."""
-    threes = (6, 3, 3, 6)
-    ea = np.repeat([1.8276127564266516e10, 34816243.71535878, 17408121.857679367,
-                    52996079.17587026], threes)  # fmt: skip
-    natural = np.repeat([35.68219463340943, 17.29266860849596, 17.292668608495955,
-                         30.394374737195296], threes)  # fmt: skip
-    mass = np.repeat([1245433.649539911, 62.346717284978986, 31.17335864248945,
-                      166.80405839915707], threes)  # fmt: skip
-    given = {"bar_mass": mass[:6], "string_mass": mass[6:]} | changed
-    return Structure(
-        TOWER_NODES, TOWER_BARS, TOWER_STRINGS, k_bar=(ea / natural)[:6],
-        k_string=(ea / natural)[6:], natural_lengths=natural, **given,
-    )  # fmt: skip
 
 
 def dense_mass(structure):

@@ -176,7 +176,7 @@ class Cell(Framework):
         refuse_repeated(np.concatenate(pairs), self.offsets, len(pairs[0]))
         self._set_members(pairs, k_bar, k_string, natural_lengths, self.span)
         self._set_masses(mass, bar_mass, string_mass)
-        self.refuse_massless(range(self.nodes))
+        self._refuse_massless(range(self.nodes))
         bars = len(pairs[0])
         self.buckling = (
             None if buckling is None else positive_for_each("buckling", buckling, bars, "N")

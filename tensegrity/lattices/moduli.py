@@ -260,8 +260,9 @@ def _gradients(lattice: Cell, frequency: float) -> tuple[Array, Array, Array | N
 def dense_inertia(lattice: Cell) -> Array:
     """Masses of the coordinates of the nodes [kg], (size,), or where members have mass the mass
     matrix of motions that are the same in all cells, (size, size)."""
-    mass = lattice.inertia
-    return np.asarray(mass if mass.ndim == 1 else mass.toarray())
+    if lattice.has_heavy_members:
+        return np.asarray(lattice.mass_matrix().toarray())
+    return np.repeat(lattice.mass, lattice.dim)
 
 
 def _moment(lattice: Cell, arms: Array) -> float:

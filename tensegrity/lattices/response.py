@@ -103,7 +103,7 @@ def decay(
         return _with_heavy_members((own, next_one), heavy, w, layers)
     left, sizes, right = _joined(next_one, stiff)
     found = np.empty((len(w), 2 * len(sizes)), dtype=complex)
-    for row, inertia in zip(found, np.multiply.outer(w**2, whole.inertia), strict=True):
+    for row, inertia in zip(found, np.multiply.outer(w**2, dense_inertia(whole)), strict=True):
         root = 1 / np.sqrt(1 + inertia / stiff)[:, None]
         pair = root * left * sizes, root * right
         scaled = root / np.sqrt(stiff[:, None])

@@ -94,7 +94,7 @@ class Framework(ReadOnly):
             mass = 0.0 if self.has_heavy_members else 1.0
         self.mass = positive_for_each("mass", mass, self.nodes, "kg", zero=self.has_heavy_members)
 
-    def refuse_massless(self, moving: ArrayLike) -> None:
+    def _refuse_massless(self, moving: ArrayLike) -> None:
         """Refuse nodes without mass among those that move."""
         moving = np.asarray(moving)
         bare = moving[self.weighing_mass[moving] == 0]
@@ -128,15 +128,11 @@ class Framework(ReadOnly):
         one = mass_matrix(self.mass, self.ends, self.member_mass)
         return kron(one, eye_array(self.dim), format="csr")
 
-    @property
-    def inertia(self) -> Any:
-        """The mass matrix, or its diagonal where no member has mass, (nodes dim,)."""
+    def _inertia(self, freedom: Any) -> Any:
+        """The mass matrix, or its diagonal (nodes dim,) where no member has mass; refuses nodes
+        without mass that supports permit to move."""
+        self._refuse_massless(np.unique(freedom.motions.tocoo().row) // self.dim)
         return self.mass_matrix() if self.has_heavy_members else np.repeat(self.mass, self.dim)
-
-    def inertia_of(self, freedom: Any) -> Any:
-        """The same, if all nodes that supports permit to move have mass."""
-        self.refuse_massless(np.unique(freedom.motions.tocoo().row) // self.dim)
-        return self.inertia
 
     def _masses(self, of_all: str = "") -> dict[str, Any]:
         """The masses as arguments, those of members as two or as one of another name."""
@@ -151,7 +147,8 @@ class Framework(ReadOnly):
         """What a print says of the masses."""
         nodes = f"{self.mass.sum():.6g} kg at the nodes"
         if not self.has_heavy_members:
-            return f"  mass: {nodes}, members have none: a bar turns as two point masses"
+            words = "a bar turns as two point masses, with 3 times the inertia of a rod"
+            return f"  mass: {nodes}, members have none: {words}"
         each = [self.member_mass[~self.is_string], self.member_mass[self.is_string]]
         bars, strings = (f"{x.sum():.6g} kg" for x in each)
         return f"  mass: {nodes}, {bars} along bars, {strings} along strings"

@@ -298,7 +298,7 @@ class Structure(Printed, Framework):
         StructureModes
         """
         freedom = self.freedom(supports)
-        tangent, mass = self.members.tangent(self.positions), self.inertia_of(freedom)
+        tangent, mass = self.members.tangent(self.positions), self._inertia(freedom)
         squares, vectors = freedom.lowest(tangent, mass, count)
         if mass.ndim == 1 and (mass == mass[0]).all():
             values = squares * mass[0]
