@@ -42,8 +42,9 @@ static inline real smaller(real x, real y) { return x < y ? x : y; }
 
 /* Operations of `inertia.RowOperations` on rows of `stride` numbers, of which the first `dim` count:
    from forces to those after which each entry has the mass 1/w of its own. */
-static inline void couple(real *restrict rows, integer stride, integer count,
-                          const integer *restrict at, const real *restrict factor, const int dim)
+static inline void row_operations(real *restrict rows, integer stride, integer count,
+                                  const integer *restrict at, const real *restrict factor,
+                                  const int dim)
 {
     for (integer k = 0; k < count; k++) {
         real *to = rows + at[2 * k] * stride;
@@ -51,7 +52,8 @@ static inline void couple(real *restrict rows, integer stride, integer count,
         for (int q = 0; q < dim; q++) to[q] -= factor[k * dim + q] * from[q];
     }
 }
-#define COUPLE(c, rows, stride) couple(rows, stride, (c)->couplings, (c)->coupled, (c)->coupling, DIM);
+#define COUPLE(c, rows, stride)                                                             \
+    row_operations(rows, stride, (c)->couplings, (c)->coupled, (c)->coupling, DIM);
 
 #define EACH(n) _Pragma("GCC ivdep") for (integer i = 0; i < (n); i++)
 
