@@ -246,8 +246,6 @@ class Lattice(Cell):
             (self.positions + (cells @ self.vectors)[:, None]).reshape(-1, self.dim),
             self.vectors * many[:, None],
             **self._copied(copies, len(cells)),
-            buckling=None if self.buckling is None else np.repeat(self.buckling, len(cells)),
-            plateau=self.plateau,
         )
 
     def tile(self, counts: Any) -> Structure:
@@ -264,8 +262,6 @@ class Lattice(Cell):
             Nodes and members in the order of `repeated`.  Its border is not in equilibrium:
             see `Structure.relaxed`.
         """
-        if self.buckling is not None:
-            raise TensegrityError("bars of a Structure do not buckle: tile takes no such lattice")
         for m in np.flatnonzero(self.natural_lengths == 0):
             raise TensegrityError(
                 f"{self.name_of(int(m))} has natural length 0 m, must be above 0 in a Structure: "
@@ -288,6 +284,7 @@ class Lattice(Cell):
         drive: Mapping[int, Drive] | None = None,
         damping: Damping | None = None,
         forces: Sequence[Force] = (),
+        natural_lengths: Mapping[int, Any] | None = None,
     ) -> Network:
         """A block of cells for `simulate`, in equilibrium, with its border held.
 
@@ -297,6 +294,9 @@ class Lattice(Cell):
             Number of cells along each vector.
         drive, damping, forces : optional
             As of `Network`; a driven node is not held.
+        natural_lengths : dict, optional
+            {member: expression of t}, of members numbered as those of `tile`; see
+            `Structure.network`.
 
         Returns
         -------
@@ -316,14 +316,16 @@ class Lattice(Cell):
             border |= set(pairs[out][:, 0].tolist()) | set(pairs[out][:, 1].tolist())
         moved = set(drive) if isinstance(drive, Mapping) else set()
         held = sorted(border - moved)
-        return self.tile(counts).network(held=held, drive=drive, damping=damping, forces=forces)
+        given: dict[str, Any] = {"drive": drive, "damping": damping, "forces": forces}
+        return self.tile(counts).network(held=held, natural_lengths=natural_lengths, **given)
 
     def _copied(self, copies: list[list[Any]], cells: int) -> dict[str, Any]:
         """Values given for each member and node, repeated for their copies."""
         numbers = [len(each) for each in copies]
         mass = np.repeat(self.member_mass, numbers)
         k, flat = np.repeat(self.stiffnesses, numbers), [p for each in copies for p in each]
-        bars = sum(numbers[: self.bars])
+        in_bars = numbers[: self.bars]
+        bars = sum(in_bars)
         return {
             "bars": flat[:bars],
             "strings": flat[bars:],
@@ -332,4 +334,6 @@ class Lattice(Cell):
             "natural_lengths": np.repeat(self.natural_lengths, numbers),
             "mass": np.tile(self.mass, cells),
             **({"bar_mass": mass[:bars], "string_mass": mass[bars:]} if mass.any() else {}),
+            "buckling": None if self.buckling is None else np.repeat(self.buckling, in_bars),
+            "plateau": self.plateau,
         }
