@@ -198,7 +198,8 @@ def test_waves_of_a_chain_of_bars_are_those_of_the_closed_form():
     h = 1e-5
     above, below = (bands(chain, q[:3, None] + x).frequencies for x in (h, -h))
     assert found.velocities[:3, :, 0] == pytest.approx((above - below) / (2 * h) * length, rel=1e-8)
-    assert decay(chain, exact[:3, 1]).real[:, 0] ** 2 == pytest.approx(q[:3] ** 2, rel=1e-6)
+    phases = decay(chain, exact[:3, 1])
+    assert np.abs(phases - q[:3, None]).min(axis=1) == pytest.approx(0.0, abs=1e-7)
 
 
 def test_waves_of_bars_and_strings_in_turn_are_those_of_the_quadratic():
