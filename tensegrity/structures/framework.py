@@ -17,9 +17,10 @@ from numpy.typing import ArrayLike
 
 from tensegrity import check
 from tensegrity.errors import EquilibriumError, TensegrityError
-from tensegrity.readonly import FixedDict, ReadOnly, fixed
+from tensegrity.readonly import FixedDict, fixed
 from tensegrity.springs.potential import Potential
 from tensegrity.structures import laws, statics
+from tensegrity.structures.masses import Masses, positive_for_each
 from tensegrity.structures.members import NO_LENGTH, Members
 from tensegrity.structures.segments import Segments
 from tensegrity.structures.statics import SelfStress
@@ -28,7 +29,7 @@ from tensegrity.typing import Array, Flags, Indices
 PLAIN = {"bar": 100.0, "string": 1.0}  # spring constants where none are given [N/m]
 
 
-class Framework(ReadOnly):
+class Framework(Masses):
     """Nodes joined by bars and strings; see `Structure` and `Lattice`."""
 
     positions: Array
@@ -39,7 +40,6 @@ class Framework(ReadOnly):
     stiffnesses: Array
     keeps_EA: Flags
     natural_lengths: Array
-    mass: Array
     shift: Array | float  # from the second end of each member to its image [m]
     buckling: Array | None
     plateau: float
@@ -56,7 +56,7 @@ class Framework(ReadOnly):
         self,
         pairs: Sequence[Indices],
         stiff: Mapping[str, tuple[ArrayLike | None, ArrayLike | None]],
-        mass: ArrayLike,
+        masses: Sequence[ArrayLike | None],
         natural_lengths: ArrayLike | None,
         size: float,
         law: Any = None,
@@ -64,8 +64,8 @@ class Framework(ReadOnly):
         plateau: float = 0.0,
         cables: Sequence[tuple[int, ...]] = (),
     ) -> None:
-        """Set the members and masses, checked; `pairs` are the ends of bars and of strings, and
-        `stiff` has for each of the two k and EA, one of which is given."""
+        """Set the members and masses, checked; `pairs` are the ends of bars and of strings, `stiff`
+        has for each of the two k and EA, one of which is given; `masses` those of `_set_masses`."""
         self.cables = tuple(cables)
         pairs = [
             pairs[0],
@@ -86,7 +86,7 @@ class Framework(ReadOnly):
         numbers = [
             _stiffness(*given, len(ends)) for given, ends in zip(stiff.items(), pairs, strict=True)
         ]
-        self.mass = positive_for_each("mass", mass, self.nodes, "kg")
+        self._set_masses(*masses)
         self._refuse_no_length(size)
         lengths = natural = self.lengths
         long_enough = lengths > 1e-12 * size
@@ -163,26 +163,6 @@ class Framework(ReadOnly):
         cable = member >= len(self.ends) - len(self.cables)
         kind = "cable" if cable else "string" if member >= self.bars else "bar"
         return f"{kind} {member}"
-
-    @property
-    def nodes(self) -> int:
-        """Number of nodes."""
-        return len(self.positions)
-
-    @property
-    def dim(self) -> int:
-        """Dimension of space, 2 or 3."""
-        return int(self.positions.shape[1])
-
-    @property
-    def bars(self) -> int:
-        """Number of bars."""
-        return int(np.sum(~self.is_string))
-
-    @property
-    def strings(self) -> int:
-        """Number of strings, without cables."""
-        return int(np.sum(self.is_string)) - len(self.cables)
 
     @cached_property
     def members(self) -> Members:
@@ -359,40 +339,6 @@ def member_ends(name: str, given: Any, nodes: int) -> Indices:
         if pair[0] == pair[1]:
             raise TensegrityError(f"{name} joins node {pair[0]} to itself: its length is 0 m")
     return np.array(listed, dtype=np.int64).reshape(-1, 2)
-
-
-def positive_for_each(
-    name: str, given: ArrayLike, count: int, unit: str, zero: bool = False
-) -> Array:
-    """Positive numbers, one per item, from one number for all or an array.
-
-    Parameters
-    ----------
-    name, unit : str
-        Quantity and unit, for messages.
-    given : array_like, () or (count,)
-    count : int
-    zero : bool, optional
-        Whether 0 is allowed.
-
-    Returns
-    -------
-    ndarray, (count,)
-
-    Raises
-    ------
-    TensegrityError
-        If a number is not finite and positive, or the shape does not fit.
-    """
-    values = check.floats(name, given)
-    if values.shape not in ((), (count,)):
-        raise TensegrityError(f"{name} has shape {values.shape}, must be one or ({count},)")
-    bad = np.flatnonzero(~((values >= 0 if zero else values > 0) & np.isfinite(values)))
-    if bad.size:
-        worst = values.ravel()[bad[0]]
-        bound = "at least" if zero else "above"
-        raise TensegrityError(f"{name} {worst:g} {unit} must be finite and {bound} 0")
-    return np.broadcast_to(values, (count,)).copy()
 
 
 def _stiffness(kind: str, given: tuple[Any, Any], count: int) -> tuple[Flags, Array]:
