@@ -141,10 +141,8 @@ class Framework(ReadOnly):
 
     def self_stress(self) -> SelfStress:
         """States of self-stress of the shape; they do not depend on the stiffnesses."""
-        matrix = statics.equilibrium_matrix(
-            self.positions, self.segments, self.shift, self.cable_segments
-        )
-        return statics.null_states(matrix, self.is_string)
+        own = self.segments, self.is_string, self.shift, self.cable_segments
+        return statics.self_stress(self.positions, *own)
 
     def name_of(self, member: int) -> str:
         """The name of a member in messages, such as "string 4"."""
