@@ -186,7 +186,7 @@ JUMPS = {
 }
 
 
-@pytest.mark.parametrize("exponent", [sp.Rational(3, 2), 1.5, sp.Rational(5, 2), k])
+@pytest.mark.parametrize("exponent", [1.5, sp.Rational(5, 2), k])
 def test_a_power_of_a_maximum_has_all_derivatives_beyond_its_corner(exponent):
     """0 to a power below 0 is infinite, and that times 0 no number."""
     given = {k: 1.75} if exponent is k else {}
