@@ -195,7 +195,7 @@ def residual_of(wave, column):
     return max(found)
 
 
-@pytest.mark.parametrize(("ratio", "extension"), [(1.02, 0.0446), (1.1, 0.1815), (2.0, 0.996)])
+@pytest.mark.parametrize(("ratio", "extension"), [(1.02, 0.0446), (2.0, 0.996)])
 def test_waves_of_one_handedness_solve_their_equation(ratio, extension):
     column = PRISM.column(60, "same", plates=NODES)
     wave = solitary_wave(column, speed_ratio=ratio)
