@@ -203,6 +203,8 @@ class Unit(HasPair):
         TensegrityError
             It is no equilibrium, or lacks a coordinate.
         """
+        import mpmath
+
         given = getattr(state, "at", state)
         known = {str(name): x for name, x in mapping("at", given).items()}
         missing = [str(q) for q in self.coordinates if str(q) not in known]
@@ -210,10 +212,11 @@ class Unit(HasPair):
             raise TensegrityError(f"at {check.shown(given)} lacks the coordinate {missing[0]}")
         of = at_rest.at_rest(self)
         exact = zip(self.members, of.lengths, of.tensions, of.stiffness, strict=True)
-        members = [
-            replace(m, natural=at_rest.as_rational(length - tension / k))
-            for m, length, tension, k in exact
-        ]
+        with mpmath.workdps(at_rest.DIGITS):
+            members = [
+                replace(m, natural=at_rest.as_rational(length - tension / k))
+                for m, length, tension, k in exact
+            ]
         state = {q: known[str(q)] for q in self.coordinates}
         return replace(self, members=members, rest=state, prestrain={})
 
@@ -337,7 +340,7 @@ class Unit(HasPair):
         -------
         UnitPotential
             V(0) = V'(0) = 0.  `gradient(..).by(name)` has derivatives by the parameters of the unit
-            that have a symbol, without preload.
+            that have a symbol, at constant preload, and by a preload above 0.
 
         Raises
         ------
