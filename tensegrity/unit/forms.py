@@ -128,8 +128,24 @@ class _Expansion:
                 return None
             powers[power] = powers.get(power, 0) + factor
         powers.pop(sp.S.One, None)  # what does not change
-        terms = ((power, self.constant(x)) for power, x in powers.items() if x != 0)
-        return sp.Add(*(x * power for power, x in terms))
+        squares = self._squares(powers)
+        form = sp.Add(*(self.constant(x) * power for power, x in powers.items() if x != 0))
+        return sp.collect(form, [*squares]).xreplace(squares)
+
+    def _squares(self, powers: dict[Any, Any]) -> dict[Any, Any]:
+        """Put changes of squares of coordinates, x^2 - x0^2 = u (u + 2 x0), in place of u and u^2
+        where both occur so; what they are."""
+        import sympy as sp
+
+        found = {}
+        for u, (q, rest) in zip(self.u, self.rest.items(), strict=True):
+            square = sp.Dummy(f"square of {q}", real=True)
+            for power in [x for x in powers if sp.degree(x, u) == 2]:
+                if sp.expand(powers.get(power / u, 0) - 2 * rest * powers[power]) == 0:
+                    del powers[power / u]
+                    powers[square * power / u**2] = powers.pop(power)
+                    found[square] = u * (u + 2 * self.constant(rest))
+        return found
 
     def _turned(self, turn: Any) -> Any:
         """A sine or cosine by those of changes; None if it has not whole multiples of them."""
@@ -263,6 +279,10 @@ def mixed_of(
         are algebraic, and coordinates that are lengths of stiff members follow from their tensions.
     softest : float, optional
         Smallest spring constant, for strings that are slack.
+
+    Returns
+    -------
+    Mixed
     """
     import casadi as ca
 
