@@ -19,6 +19,7 @@ from tensegrity import (
     equilibrium_path,
     gradient,
     objective,
+    resume,
     simulate,
     solitary_wave,
 )
@@ -137,13 +138,14 @@ def test_gradient_by_spring_constant_and_prestrain_keep_the_rest():
         return chain, chain.at_rest({0: 0.1})
 
     chain, start = pair()
-    for quantity in (objective.displacement(1), objective.impulse(0)):
-        found = gradient(quantity, chain, start, **given)
-        for symbol, value in values.items():
-            ends = [gradient(quantity, *pair(**{str(symbol): value + x}), **given).value
-                    for x in (-step, step)]  # fmt: skip
-            change = (ends[1] - ends[0]) / (2 * step)
-            assert found.by(str(symbol)).sum() == pytest.approx(change, rel=1e-7)
+    quantities = [objective.displacement(1), objective.impulse(0)]
+    found = gradient(quantities, chain, start, **given)
+    for symbol, value in values.items():
+        ends = [gradient(quantities, *pair(**{str(symbol): value + x}), **given)
+                for x in (-step, step)]  # fmt: skip
+        for one, low, high in zip(found, *ends, strict=True):
+            change = (high.value - low.value) / (2 * step)
+            assert one.by(str(symbol)).sum() == pytest.approx(change, rel=1e-7)
 
 
 def test_solitary_wave_of_arches_is_one_of_extension():
@@ -227,3 +229,35 @@ def test_gradients_of_a_chain_of_elastic_prisms_are_the_changes_of_its_run():
     for name, value in values.items():
         low, high = (found(**{name: value * x}).value for x in (1 - 1e-4, 1 + 1e-4))
         assert slopes.by(name).sum() == pytest.approx((high - low) / (2e-4 * value), rel=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["unit", "pair"])
+def test_interrupted_runs_of_units_go_on_from_their_files(kind, tmp_path):
+    """Files hold neither; they know the scene by its contents, whatever was asked of it before."""
+
+    def scene():
+        if kind == "unit":
+            return Chain(arch().potential(), 6)
+        return Chain(kresling().pair(sites=("h", "f")), 6, mass=(1.0, 0.5))
+
+    chain = scene()
+    assert chain == scene() == pickle.loads(pickle.dumps(chain))
+    start = chain.at_rest({0: 0.1 if kind == "unit" else (0.1, 0.0)})
+    given = {"t_end": 2.0, "dt": 0.01, "method": "rkn6"}
+    record = Record(every=10, path=tmp_path / "rows.npy", checkpoint=0)
+    simulate(chain, start, **given, record=record, observe=lambda t, *_: t > 1)
+    whole = simulate(chain, start, **given, record=Record(every=10))
+    assert np.array_equal(resume(record.path, scene()).u, whole.u)
+    with pytest.raises(TensegrityError, match="cannot be built from a file: give it as `scene`"):
+        resume(record.path)
+
+
+def test_units_are_printed_briefly_and_shown_whole():
+    unit = x_module()
+    assert repr(unit) == f"Unit(3 members, coordinates w, h, {unit.contents[:8]})"
+    lines = str(unit).splitlines()
+    assert lines[0] == "unit with h given, w in equilibrium"
+    assert "  string 0: 2 of length w, k 1, prestrain 0.1" in lines
+    assert "  rest: w = 1, h = 0.75" in lines
+    assert "k 50" in unit._repr_html_()
+    assert x_module(49).contents != unit.contents

@@ -10,7 +10,7 @@ self-stress and mechanisms; Born & Huang, Dynamical Theory of Crystal Lattices, 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Annotated, Any, Self
@@ -25,10 +25,10 @@ from tensegrity.readonly import fixed
 from tensegrity.springs.kinks import TAUT
 from tensegrity.structures import statics
 from tensegrity.structures.framework import Framework
-from tensegrity.structures.members import Members, positive_for_each
+from tensegrity.structures.members import Members
 from tensegrity.structures.statics import SelfStress
 from tensegrity.structures.supports import orthonormal
-from tensegrity.typing import Array, Flags, Indices
+from tensegrity.typing import Array, Indices
 
 DEPENDENT = 1e-10  # least singular value of the lattice vectors over the largest
 
@@ -164,39 +164,16 @@ class Cell(Framework):
     ) -> None:
         self._set_positions(positions)
         self.vectors = independent_vectors(vectors, self.dim)
-        given = [
+        listed = [
             ends_and_offsets(name, entries, self.nodes, len(self.vectors))
             for name, entries in (("bar", bars), ("string", strings))
         ]
-        self.offsets = np.concatenate([offsets for _, offsets in given])
-        pairs = [ends for ends, _ in given]
+        self.offsets = np.concatenate([offsets for _, offsets in listed])
+        pairs = [ends for ends, _ in listed]
         refuse_repeated(np.concatenate(pairs), self.offsets, len(pairs[0]))
-        self._set_members(pairs, k_bar, k_string, mass, natural_lengths, self.span)
-        bars = len(pairs[0])
-        self.buckling = (
-            None if buckling is None else positive_for_each("buckling", buckling, bars, "N")
-        )
-        self.plateau = plateau
-
-    @cached_property
-    def members(self) -> Members:
-        """The members as arrays, with the elongations at which bars buckle and strings slacken."""
-        if self.buckling is None:
-            return super().members
-        least = np.zeros(len(self.ends))
-        least[: self.bars] = -self.buckling / self.stiffnesses[: self.bars]
-        plateau = np.where(self.is_string, 0.0, self.plateau)
-        return replace(super().members, least=least, plateau=plateau)
-
-    @property
-    def buckled(self) -> Flags:
-        """Which bars are buckled, (members,), by more than 1e-10 of their natural length."""
-        return ~self.members.taut(self.lengths) & ~self.is_string
-
-    @property
-    def slack(self) -> Flags:
-        """Which members are slack strings, (members,)."""
-        return ~self.members.taut(self.lengths) & self.is_string
+        stiff = {"bar": (k_bar, None), "string": (k_string, None)}
+        given = stiff, mass, natural_lengths, self.span
+        self._set_members(pairs, *given, buckling=buckling, plateau=plateau)
 
     @property
     def span(self) -> float:
@@ -244,24 +221,6 @@ class Cell(Framework):
             "plateau": self.plateau,
         }
         return type(self)(positions, self.vectors if vectors is None else vectors, **(own | other))
-
-    def prestressed(
-        self,
-        force_densities: ArrayLike | None = None,
-        prestrain: Mapping[int, float] | None = None,
-    ) -> Self:
-        """As `Structure.prestressed`; prestress may not buckle a bar."""
-        prestressed = super().prestressed(force_densities, prestrain)
-        for n in np.flatnonzero(prestressed.buckled):
-            q, load = (
-                prestressed.stiffnesses * (1 - prestressed.natural_lengths / prestressed.lengths),
-                prestressed.buckling,
-            )
-            raise EquilibriumError(
-                f"bar {n} would carry {-q[n] * prestressed.lengths[n]:.6g} N, must be below its "
-                f"buckling load {0.0 if load is None else load[n]:.6g} N"
-            )
-        return prestressed
 
     # the shape alone
 

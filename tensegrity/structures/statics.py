@@ -19,6 +19,7 @@ from tensegrity import check, plotting
 from tensegrity.engine import forces
 from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.printing import Lines, Printed, span
+from tensegrity.structures.segments import WHOLE, Segments
 from tensegrity.structures.supports import orthonormal, rigid_motions
 from tensegrity.typing import Array, Flags, Indices
 
@@ -118,8 +119,12 @@ class SelfStress(Printed):
         return np.asarray(answer.x[:-1] @ self.states)
 
 
-def equilibrium_matrix(positions: Array, ends: Indices, shift: Array | float = 0.0) -> Array:
+def equilibrium_matrix(
+    positions: Array, ends: Indices, shift: Array | float = 0.0, segments: Segments = WHOLE
+) -> Array:
     """Equilibrium matrix A: -A q are the member forces on the nodes.
+
+    Of a cable over nodes q is its tension over its whole length.
 
     Parameters
     ----------
@@ -142,7 +147,11 @@ def equilibrium_matrix(positions: Array, ends: Indices, shift: Array | float = 0
     matrix[ends[:, 1], :, number] = d
     own = ends[:, 0] == ends[:, 1]  # both ends at one node, in different cells
     matrix[ends[own, 0], :, number[own]] = 0
-    return matrix.reshape(nodes * dim, len(ends))
+    whole = matrix.reshape(nodes * dim, len(ends))
+    if segments.owner is None:
+        return whole
+    lengths = np.sqrt(np.sum(d**2, axis=1))
+    return segments.over(whole / lengths) * segments.over(lengths)
 
 
 def self_stress(
@@ -198,12 +207,11 @@ def free_motions(matrix: Array, rigid: Array) -> Array:
     return np.asarray(np.linalg.svd(inside.T)[2][inside.shape[1] :] @ free.T)
 
 
-def mechanisms(positions: Array, ends: Indices) -> Array:
+def mechanisms(positions: Array, ends: Indices, segments: Segments = WHOLE) -> Array:
     """Inextensional mechanisms, (count, nodes, dim); see `Structure.mechanisms`."""
     nodes, dim = positions.shape
-    motions = free_motions(
-        equilibrium_matrix(positions, ends), orthonormal(rigid_motions(positions))
-    )
+    matrix = equilibrium_matrix(positions, ends, 0.0, segments)
+    motions = free_motions(matrix, orthonormal(rigid_motions(positions)))
     return motions.reshape(-1, nodes, dim)
 
 
@@ -240,7 +248,9 @@ def nearest_form(positions: Array, ends: Indices) -> Array:
 def checked(structure: Any, force_densities: Any) -> Array:
     """Force densities [N/m], (members,), checked to be a self-stress of the structure."""
     q = check.vector("force_densities", force_densities, (len(structure.ends),))
-    matrix = equilibrium_matrix(structure.positions, structure.ends, structure.shift)
+    matrix = equilibrium_matrix(
+        structure.positions, structure.segments, structure.shift, structure.cable_segments
+    )
     left = np.abs(matrix @ q).max()
     size = (np.abs(matrix) @ np.abs(q)).max()
     if left > SAME * size:
@@ -286,7 +296,11 @@ def of_prestrain(structure: Any, prestrain: Any) -> Array:
     values = np.array(
         [check.number(f"prestrain of string {m}", x, above=-1) for m, x in prestrain.items()]
     )
-    wanted = structure.stiffnesses[numbers] * values / (1 + values)
+    wanted = np.where(
+        structure.keeps_EA[numbers],
+        structure.EA[numbers] * values / structure.lengths[numbers],
+        structure.stiffnesses[numbers] * values / (1 + values),
+    )
     part = stress.states[:, numbers].T
     if np.linalg.cond(part) > 1e10:
         raise TensegrityError(
@@ -362,7 +376,7 @@ class StructureModes(Printed):
         size = float(np.ptp(of.positions, axis=0).max())
         factor = plotting.metres(size)[0]
         moved = factor * (of.positions + SHOWN * size * self.shapes[number])
-        for ends in of.ends:
+        for ends in of.segments:
             drawn.plot(*moved[ends].T, "-", color="0.6", lw=1.0)
         frequency = self.frequencies[number]
         drawn.set_title(f"mode {number + 1} of {self.total}: {frequency:.6g} rad/s", fontsize=10)

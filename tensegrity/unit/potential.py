@@ -42,8 +42,13 @@ class UnitPotential(CondensedPotential):
     unit : Unit
     preload : float
         Load at rest [N], compression > 0.
-    given : Unit
-        The unit before another state became its rest.
+    given, state : Unit, dict of str to float
+        The unit before another state became its rest, and that state.
+
+    Attributes
+    ----------
+    made_of : tuple
+        The unit as it was given, the preload, and the state or None.
 
     Notes
     -----
@@ -53,7 +58,7 @@ class UnitPotential(CondensedPotential):
 
     def __init__(self, unit: Any, preload: float, given: Any, state: Any) -> None:
         at_rest.check_inner(unit)
-        self._unit, self._preload, self._arguments = unit, preload, (given, preload, state)
+        self._unit, self._preload, self.made_of = unit, preload, (given, preload, state)
         self._p, self._scale = numbers(unit), np.array(self._problem.scale)
         start = float(at_rest.values(unit, [unit.control])[0])
         self._origin = self._described = f"{unit!r}.potential(preload={preload:g})"
@@ -90,12 +95,12 @@ class UnitPotential(CondensedPotential):
     @property
     def parameters(self) -> dict[str, float]:
         """Values of the parameters of the unit, and the preload, {name: float}."""
-        of = self._arguments[0].parameters
+        of = self.made_of[0].parameters
         return {str(x): float(value) for x, value in of.items()} | {"preload": self._preload}
 
     def varied(self, values: Mapping[str, float]) -> Potential:
         """The same unit with other values of its parameters, or of the preload."""
-        unit, preload, state = self._arguments
+        unit, preload, state = self.made_of
         known = self.parameters
         for name in check.kind("values", values, dict):
             if name not in known:
@@ -111,7 +116,7 @@ class UnitPotential(CondensedPotential):
         """By differences in multiple precision, about the same state."""
         import sympy as sp
 
-        unit, _, state = self._arguments
+        unit, _, state = self.made_of
         if name == "preload":
             return (0.0, 0.0, 1.0), np.zeros(len(self._p))
         (symbol,) = (x for x in unit.parameters if str(x) == name)
@@ -129,7 +134,7 @@ class UnitPotential(CondensedPotential):
         return float(self.length or 0.0) - float(other.length or 0.0)
 
     def _key(self) -> Hashable:
-        unit, preload, state = self._arguments
+        unit, preload, state = self.made_of
         return "unit", unit, preload, None if state is None else tuple(state.items())
 
 
