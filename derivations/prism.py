@@ -173,6 +173,16 @@ def natural_lengths(of: Polygon = TRIANGLE) -> tuple[sp.Expr, sp.Expr, sp.Expr]:
 
 
 @cache
+def reference_tensions(of: Polygon = TRIANGLE) -> tuple[sp.Expr, sp.Expr, sp.Expr]:
+    """Tensions (cross, base, bar) of single members in the self-stressed state, over k1 l."""
+    pulls = (
+        member.tension(at_reference(member.length(of), of)).subs(member.natural, natural)
+        for member, natural in zip(MEMBERS, natural_lengths(of), strict=True)
+    )
+    return tuple(sp.factor(sp.expand(pull)).subs({k_cross: 1, base: 1}) for pull in pulls)
+
+
+@cache
 def least_k_base(of: Polygon = TRIANGLE) -> sp.Expr:
     """Stiffness of the base strings [N/m] below which their natural length is not positive."""
     (value,) = sp.solve(natural_lengths(of)[1], k_base)

@@ -16,8 +16,9 @@ from tensegrity.engine import disk_cache, programs
 from tensegrity.engine.disk_cache import cache_folder, cached
 from tensegrity.engine.law import DerivedLaw, functions
 from tensegrity.prisms.closed import rigid_law
-from tensegrity.prisms.condensed import function as condensed
+from tensegrity.prisms.condensed import ElasticLaw
 from tensegrity.prisms.equations import problem
+from tensegrity.unit.law import compiled_functions
 
 ROOT = Path(__file__).parent.parent
 ALONE = "from tensegrity.engine import disk_cache; disk_cache.shipped = dict\n"
@@ -46,7 +47,7 @@ TEXTS = (
     "from tensegrity.engine.law import Change\n"
     "from tensegrity.prisms.closed import rigid_law\n"
     "from tensegrity.prisms.condensed import ElasticLaw\n"
-    "for law in (rigid_law(), rigid_law(True), ElasticLaw(False, 1)):\n"
+    "for law in (rigid_law(), rigid_law(True), ElasticLaw((False, False), 1)):\n"
     "    print(c_text((law,)), c_text((law, Change(law)), (None, None), steps='driven'))\n"
 )
 
@@ -227,9 +228,10 @@ def test_derived_laws_are_equal_by_what_they_are_made_of():
 
 def test_problems_of_prisms_are_made_once():
     """Not at each path: their functions are read and loaded with them."""
-    for kind in ((False,), (True, False), (False, True)):
+    for kind in ((False, False), (True, False), (False, True)):
+        law = ElasticLaw(kind, 0)
         assert problem(*kind) is problem(*kind)
-        assert condensed("step", *kind) is condensed("step", *kind)
+        assert compiled_functions(law) is compiled_functions(ElasticLaw(kind, 0))
 
 
 def test_a_program_gives_the_numbers_of_its_expressions():

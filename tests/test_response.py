@@ -19,9 +19,7 @@ from derivations import prism as derived
 from tensegrity import Prism, TensegrityError, equilibrium_path
 from tensegrity.branches.continuation import Settings
 from tensegrity.branches.problem import trace
-from tensegrity.prisms import condensed
 from tensegrity.prisms import problem as prism_problem
-from tensegrity.prisms.condensed import stable
 from tensegrity.prisms.equations import kind_of, numbers, problem
 
 INF = math.inf
@@ -192,14 +190,6 @@ def test_stability_is_that_of_the_plain_hessian(name, past_contact, natural, hes
             if abs(by_load) > 1e-6:
                 assert path.stable_load[i] == (by_load > 0)
             assert path.stable_height[i] == (by_height > 0)
-
-
-def test_tangent_of_the_mixed_form_is_symmetric():
-    p = numbers(Prism(1.0, 1.0, 0.1, 1.0, 5.0, 50.0))
-    z = trace(problem(False), np.zeros(4), p, direction=-1, until={"height": 0.8}).z[-1]
-    matrix = condensed.function("tangent", False)(z, p).reshape(4, 4)
-    assert np.abs(matrix - matrix.T).max() <= 1e-14 * np.abs(matrix).max()
-    assert all(stable(z[None], p, False)[k][0] for k in (0, 1))
 
 
 def test_loss_of_stability_under_load_is_the_fold():

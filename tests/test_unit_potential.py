@@ -1,6 +1,7 @@
 """Potentials of units: against paths, the prism's own potential, and differences."""
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from tensegrity import (
     equilibrium_path,
     gradient,
     objective,
+    resume,
     simulate,
     solitary_wave,
 )
@@ -160,11 +162,102 @@ def test_varied_springs_have_other_parameters():
         ARCH.varied({"k": 1.0})
 
 
-def test_derivatives_that_would_move_the_rest_are_refused():
-    with pytest.raises(TensegrityError, match="the state would move"):
-        arch().potential(preload=0.01).slopes("kappa")
-    x, h, k = sp.symbols("x h k", positive=True)
-    held = Unit([x], h, [Member(x, k, natural=2), Member(x, 1, natural=0), Member(h, 1)],
-                (h - x) ** 2, {k: 1.0}, {x: 1, h: 1})  # fmt: skip
-    with pytest.raises(TensegrityError, match="the rest of the unit moves with k"):
-        held.potential().slopes("k")
+def held(k, preload):
+    """A spring whose state at rest moves with k."""
+    x, h, s = sp.symbols("x h k", positive=True)
+    members = [Member(sp.sqrt(3 + x**2), s, natural=3), Member(x, 1, natural=sp.Rational(1, 2)),
+               Member(h, 1, natural=1)]  # fmt: skip
+    energy = (h - x) ** 2
+    at = sp.nsolve([2 * (h - x) + h - 1,
+                    k * (1 - 3 / sp.sqrt(3 + x**2)) * x + x - 0.5 - 2 * (h - x)],
+                   [x, h], [1, 1], prec=30) if k != 1 else (1, 1)  # fmt: skip
+    unit = Unit([x], h, members, energy, {s: k}, {x: at[0], h: at[1]})
+    return unit.potential(preload)
+
+
+def creased(k, R, preload):
+    """Kresling creases about their second state, which is that of a closed form."""
+    stiffness, size = sp.symbols("k R", positive=True)
+    unit = replace(kresling(stiffness, 1, radius=size), parameters={"k": k, "R": R})
+    low = np.sqrt(1.8**2 - 4 * np.cos(2 * np.pi / 9) * np.cos(np.pi / 6))
+    return unit.potential(preload, at={"h": R * low, "f": 7 * np.pi / 9})
+
+
+SPRINGS = {
+    "rest that moves": (held, {"k": 1.0, "preload": 0.0}),
+    "loaded": (held, {"k": 1.0, "preload": 0.05}),
+    "second state": (creased, {"k": 1.0, "R": 1.0, "preload": 0.0}),
+    "second state, loaded": (creased, {"k": 1.0, "R": 1.0, "preload": 0.01}),
+    "arch, loaded": (lambda kappa, preload: arch(kappa).potential(preload),
+                     {"kappa": 1e-3, "preload": 0.01}),
+    "prism": (lambda preload, **x: Prism(**x).potential(preload),
+              {"base": 1.0, "height": 0.7, "prestrain": 0.1, "k_cross": 2.0, "k_base": 8.0,
+               "k_bar": 20.0, "preload": 0.05}),
+    "prism of rigid bases": (lambda preload, **x: Prism(**x, sides=4).potential(preload),
+                             {"base": 1.2, "height": 0.7, "prestrain": 0.1, "k_cross": 2.0,
+                              "k_bar": 20.0, "preload": 0.01}),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SPRINGS)
+def test_derivatives_of_springs_are_changes_about_the_state_at_rest(name):
+    """Of energy and tension, by spring constants, geometry and preload; differences of order 4."""
+    make, values = SPRINGS[name]
+    spring, r = make(**values), 0.02
+    for one, value in values.items():
+        step = 1e-3 * (value or 0.1)
+        at = [make(**values | {one: value + k * step}) for k in (-2, -1, 1, 2)]
+        found = spring.law.by_parameters(r, spring.values)
+        for quantity, by in zip(("energy", "tension"), found, strict=True):
+            a, b, c, d = (float(getattr(x, quantity)(r)) for x in at)
+            change = (a - 8 * b + 8 * c - d) / (12 * step)
+            slope = float(np.array(by).ravel() @ spring.slopes(one))
+            assert slope == pytest.approx(change, rel=1e-8, abs=1e-10), (one, quantity)
+
+
+def test_gradients_of_a_chain_of_elastic_prisms_are_the_changes_of_its_run():
+    values = {"base": 1.0, "height": 0.7, "prestrain": 0.1, "k_base": 8.0, "preload": 0.05}
+
+    def found(**others):
+        given = values | others
+        spring = Prism(k_cross=2.0, **{k: x for k, x in given.items() if k != "preload"})
+        chain = Chain(spring.potential(given["preload"]), 4)
+        start = chain.at_rest({0: 0.05})
+        return gradient(objective.displacement(2), chain, start, t_end=3.0, dt=0.05)
+
+    slopes = found()
+    for name, value in values.items():
+        low, high = (found(**{name: value * x}).value for x in (1 - 1e-4, 1 + 1e-4))
+        assert slopes.by(name).sum() == pytest.approx((high - low) / (2e-4 * value), rel=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["unit", "pair"])
+def test_interrupted_runs_of_units_go_on_from_their_files(kind, tmp_path):
+    """Files hold neither; they know the scene by its contents, whatever was asked of it before."""
+
+    def scene():
+        if kind == "unit":
+            return Chain(arch().potential(), 6)
+        return Chain(kresling().pair(sites=("h", "f")), 6, mass=(1.0, 0.5))
+
+    chain = scene()
+    assert chain == scene() == pickle.loads(pickle.dumps(chain))
+    start = chain.at_rest({0: 0.1 if kind == "unit" else (0.1, 0.0)})
+    given = {"t_end": 2.0, "dt": 0.01, "method": "rkn6"}
+    record = Record(every=10, path=tmp_path / "rows.npy", checkpoint=0)
+    simulate(chain, start, **given, record=record, observe=lambda t, *_: t > 1)
+    whole = simulate(chain, start, **given, record=Record(every=10))
+    assert np.array_equal(resume(record.path, scene()).u, whole.u)
+    with pytest.raises(TensegrityError, match="cannot be built from a file: give it as `scene`"):
+        resume(record.path)
+
+
+def test_units_are_printed_briefly_and_shown_whole():
+    unit = x_module()
+    assert repr(unit) == f"Unit(3 members, coordinates w, h, {unit.contents[:8]})"
+    lines = str(unit).splitlines()
+    assert lines[0] == "unit with h given, w in equilibrium"
+    assert "  string 0: 2 of length w, k 1, prestrain 0.1" in lines
+    assert "  rest: w = 1, h = 0.75" in lines
+    assert "k 50" in unit._repr_html_()
+    assert x_module(49).contents != unit.contents

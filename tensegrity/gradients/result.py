@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,7 +21,6 @@ from tensegrity.engine.programs import run
 from tensegrity.errors import TensegrityError
 from tensegrity.printing import Lines, Printed, span
 from tensegrity.prisms.closed import polygon, rigid_law
-from tensegrity.prisms.condensed import ElasticPotential
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.network import Network
 from tensegrity.scenes.picture import Picture
@@ -28,7 +28,7 @@ from tensegrity.springs.polynomial import Polynomial
 from tensegrity.springs.power_law import PowerLaw
 from tensegrity.springs.pressed import Pressed
 from tensegrity.typing import Array
-from tensegrity.unit.potential import UnitPotential
+from tensegrity.unit.condensed import CondensedPotential
 from tensegrity.unit_names import unit_text
 
 if TYPE_CHECKING:
@@ -42,9 +42,9 @@ TINY = 1e-30  # step of a derivative through the complex plane
 DIGITS = -np.log10(np.finfo(float).eps)
 PRISM = ("prestrain", "height", "k_cross")
 POWER = ("stiffness", "preload", "exponent")
-UNITS = {"mass": "kg", "height": "m", "k_cross": "N/m", "preload": "N", "diameter": "m",
-         "modulus": "Pa", "bond_mass": "kg"}  # fmt: skip
-OWN = Pressed, UnitPotential  # springs that give derivatives of their law's parameters
+UNITS = {"mass": "kg", "base": "m", "height": "m", "preload": "N", "diameter": "m", "modulus": "Pa"}
+UNITS |= dict.fromkeys(("k_cross", "k_base", "k_bar"), "N/m") | {"bond_mass": "kg"}
+OWN = Pressed, CondensedPotential  # springs that give derivatives of their law's parameters
 RIGID = rigid_law(), rigid_law(any_sides=True)  # of triangular prisms, and of any number of sides
 
 
@@ -221,11 +221,6 @@ def refuse(spring: Potential) -> None:
             f"{spring!r} is a fit of another spring, of which it has no derivatives: give that "
             "spring itself"
         )
-    if isinstance(spring, ElasticPotential):
-        raise TensegrityError(
-            f"{spring!r} has elastic members: the inner equilibrium that its tension solves for is "
-            "not differentiated by its parameters; take k_base = k_bar = inf"
-        )
     if isinstance(spring, PowerLaw) and spring.exponent < 1:
         raise TensegrityError(
             f"exponent {spring.exponent:g} of {spring!r} is below 1: its stiffness has no bound "
@@ -244,7 +239,10 @@ def names(spring: Potential) -> tuple[str, ...]:
     if isinstance(spring, PowerLaw):
         loaded = spring.values[1] > 0 or spring.exponent == 1
         return POWER if loaded else (POWER[0], POWER[2])
-    if isinstance(spring, OWN):
+    if isinstance(spring, CondensedPotential):
+        known = spring.parameters.items()
+        return tuple(x for x, value in known if isfinite(value) and (value or x != "preload"))
+    if isinstance(spring, Pressed):
         return tuple(spring.parameters)[:-1]
     return tuple(spring.parameters)
 

@@ -1,12 +1,13 @@
-"""The equilibrium equations of prisms with elastic bases or bars, in CasADi.
+"""A prism as a unit, and its equilibrium equations in CasADi.
 
-The forms of `derivations.mixed` make a problem for `tensegrity.trace`.  Lengths are in units of the
-base and forces in units of k_cross times base, so that one set of functions serves all prisms.
+Base and twist are the inner coordinates, the height is the controlled one.  Lengths are in units of
+the base and forces in units of k_cross times base, so that one set of functions serves all prisms.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 from tensegrity.branches.problem import DerivedProblem, Problem
@@ -14,56 +15,91 @@ from tensegrity.engine.law import to_casadi
 from tensegrity.once import once
 from tensegrity.prisms.closed import polygon
 from tensegrity.typing import Members
+from tensegrity.unit.forms import Mixed, changes, mixed_of
+from tensegrity.unit.member import Member
+from tensegrity.unit.unit import Unit
 
 LEAST = 1e-5  # force over k_cross base that scales residuals if all members are unloaded
 TENSIONS = ("cross_tension", "base_tension", "bar_tension")
-UNKNOWNS = ("base tension", "bar tension", "half turn", "rise")
+STIFF = (False, True, True)  # whose tensions are unknowns
+UNKNOWNS = ("half turn", "base tension", "bar tension", "rise")
 
 
 @once
-def _forms(rigid_base: bool, any_sides: bool) -> Any:
-    """The forms of `derivations.mixed` as CasADi expressions of unknowns z and parameters p."""
-    import casadi as ca
-
-    from derivations import mixed as derived
-    from derivations.regular import SIDES
+def unit(any_sides: bool) -> Unit:
+    """The prism of base 1 and k_cross 1, its other numbers as symbols."""
+    from derivations import prism as derived
+    from derivations.elastic import bar_compliance, base_compliance
 
     of = polygon(any_sides)
-    z, p = ca.SX.sym("z", 4 - rigid_base), ca.SX.sym("p", 9 if any_sides else 6)
-    unknowns = (ca.SX(0), *ca.vertsplit(z)) if rigid_base else ca.vertsplit(z)
-    symbols = (*derived.UNKNOWNS, *derived.PARAMETERS, *(SIDES if any_sides else ()))
-    forms = {
-        "base": derived.base_equilibrium(of),
-        "twist": derived.twist_equilibrium(of),
-        "bar": derived.bar_compatibility(of),
-        "load": derived.load(of),
-        "energy": derived.stored_energy(of),
-    }
-    forms |= dict(
-        zip(("cross_tension", "base_tension", "bar_tension"), derived.tensions(of), strict=True)
+    stiffness = (1, 1 / base_compliance, 1 / bar_compliance)
+    cross, *others = (
+        Member(one.length(of), k, one.count(of))
+        for one, k in zip(derived.MEMBERS, stiffness, strict=True)
     )
-    forms |= dict(zip(("cross_length", "width", "bar_length"), derived.lengths(of), strict=True))
+    rest = {derived.base: 1, derived.twist: of.reference_twist}
+    rest |= {derived.height: derived.reference_height}
+    return Unit([derived.base, derived.twist], derived.height, [cross, *others], rest=rest,
+                prestrain={cross: derived.prestrain})  # fmt: skip
+
+
+def numbers_of(any_sides: bool, stiff: tuple[bool, ...] = STIFF) -> Any:
+    """Parameters of the mixed energy of a prism as a unit, and the symbols in which they are."""
+    from derivations import prism as derived
+    from derivations.elastic import bar_compliance, base_compliance
+    from derivations.regular import SIDES
+
+    of, made = polygon(any_sides), unit(any_sides)
+    values = [x.subs(made.rest) for x in changes(made).values]
+    values = [of.expanded(x) if any_sides else x for x in values]
+    ease = [1 / m.k if one else m.k for m, one in zip(made.members, stiff, strict=True)]
+    counts = [m.count for m in made.members]
+    symbols = derived.reference_height, derived.prestrain, base_compliance, bar_compliance
+    return (
+        [*values, *derived.reference_tensions(of), *ease, 1, 1, 1, *counts],
+        symbols + (SIDES if any_sides else ()),
+    )
+
+
+def _exact(any_sides: bool, base_compliance: float | None, stiff: tuple[bool, ...] = STIFF) -> Any:
+    """Symbols of `numbers`, and the parameters of the mixed energy in them."""
+    import casadi as ca
+
+    p = ca.SX.sym("p", 9 if any_sides else 6)
     given = [p[i] for i in range(p.numel()) if i not in (4, 5)]  # without the units of columns
+    given[2] = given[2] if base_compliance is None else ca.SX(base_compliance)
+    values, symbols = numbers_of(any_sides, stiff)
+    return p, ca.vertcat(*to_casadi(values, symbols)(*given))
 
-    def at(*unknowns: Any) -> dict[str, Any]:
-        values = to_casadi(list(forms.values()), symbols)(*unknowns, *given)
-        return {name: ca.SX(value) for name, value in zip(forms, values, strict=True)}
 
-    form = at(*unknowns) | {"half_turn": unknowns[2], "rise": unknowns[3]}
-    if rigid_base:  # the tension of the bases is what holds their length
-        tension = ca.SX.sym("tension")
-        held = at(tension, *unknowns[1:])
-        there = -form["base"] / ca.substitute(ca.jacobian(held["base"], tension), tension, 0)
-        form["held"] = ca.substitute(held["base_tension"], tension, there)
-    return z, p, form
+@once
+def mixed(rigid_base: bool, any_sides: bool) -> Mixed:
+    """The mixed energy of a prism in the parameters of `numbers`.
+
+    Rigid bases have their length as no unknown, and as tension what holds it.
+    """
+    import casadi as ca
+
+    made = unit(any_sides)
+    of = mixed_of(made, STIFF, (made.control,), True).at(
+        *_exact(any_sides, 0 if rigid_base else None)
+    )
+    if not rigid_base:
+        return of
+    turn, tension, bar = ca.vertsplit(of.z)
+    base, *equations = ca.vertsplit(of.equations)
+    held = -ca.substitute(base, tension, 0) / ca.jacobian(base, tension)
+    tensions = ca.substitute(of.tensions, tension, held)
+    return replace(of, z=ca.vertcat(turn, bar), equations=ca.vertcat(*equations),
+                   tensions=tensions)  # fmt: skip
 
 
 @once
 def problem(rigid_base: bool = False, any_sides: bool = False) -> Problem:
     """Equilibria of a prism as a branch in the rise h - h0.
 
-    The unknowns are the changes of the tensions of a base string (absent if the bases are rigid)
-    and of a bar, the tangent of half the change of twist, and the rise.  For rigid bars the
+    The unknowns are the tangent of half the change of twist, the changes of the tensions of a base
+    string (absent if the bases are rigid) and of a bar, and the rise.  For rigid bars the
     tension is the Lagrange multiplier of their constant length.  The parameters are h0, p0, k1/k2,
     k1/k3, and the base [m] and the force k_cross times base [N], in which columns are; then n,
     sin(pi/n) and cos(pi/n) if `any_sides`, otherwise the prism is triangular.  The events are
@@ -78,32 +114,31 @@ def _problem(rigid_base: bool, any_sides: bool) -> Problem:
 
     from derivations.prism import REFERENCE_TWIST
 
-    z, p, form = _forms(rigid_base, any_sides)
+    of = mixed(rigid_base, any_sides)
+    z, p = [*ca.vertsplit(of.z), of.h], of.p
     reference = math.pi / 2 + math.pi / p[6] if any_sides else float(REFERENCE_TWIST)
-    tensions = ca.vertcat(form["cross_tension"], form["base_tension"], form["bar_tension"])
-    force = ca.norm_2(tensions) + LEAST
-    names = ("twist", "bar") if rigid_base else ("base", "twist", "bar")
-    sizes = {"base": force, "twist": force, "bar": form["bar_length"] ** 2}
-    height = p[0] + form["rise"]
-    kinds = ("cross_tension", "held" if rigid_base else "base_tension", "bar_tension")
+    base, twist, rise = ca.vertsplit(of.changes)
+    force, height = ca.norm_2(of.tensions) + LEAST, p[0] + rise
     columns = {
         "height": height * p[4],
-        "twist": reference + 2 * ca.atan(form["half_turn"]),
-        "base": form["width"] * p[4],
-        "load": form["load"] * p[5],
+        "twist": reference + twist,
+        "base": (1 + base) * p[4],
+        "load": of.loads * p[5],
     }
-    columns |= {name: form[kind] * p[5] for name, kind in zip(TENSIONS, kinds, strict=True)}
+    tensions = dict(zip(TENSIONS, ca.vertsplit(of.tensions), strict=True))
+    columns |= {name: tension * p[5] for name, tension in tensions.items()}
+    forces = [force] * (len(z) - 2)
     return Problem(
-        dict(zip(UNKNOWNS[rigid_base:], ca.vertsplit(z), strict=True)),
-        ca.vertcat(*(form[name] for name in names)),
+        dict(zip(UNKNOWNS[:1] + UNKNOWNS[1 + rigid_base :], z, strict=True)),
+        of.equations,
         p=p,
-        size=ca.vertcat(*(sizes[name] for name in names)),
+        size=ca.vertcat(*forces, 1 + p[0]),
         events={
-            "contact": form["cross_tension"],
-            "unloaded": form["bar_tension"] if rigid_base else form["base_tension"],
+            "contact": tensions["cross_tension"],
+            "unloaded": tensions["bar_tension" if rigid_base else "base_tension"],
             "flat": height,
         },
-        folds={"fold": form["load"], "turn": form["rise"]},
+        folds={"fold": of.loads, "turn": rise},
         columns=columns,
     )
 
@@ -116,7 +151,7 @@ def kind_of(prism: Members) -> tuple[bool, bool]:
 def numbers(prism: Members) -> list[float]:
     """Parameters of `problem` for a prism, (6,) or (9,)."""
     n, angle = prism.sides, math.pi / prism.sides
-    sides = (float(n), math.sin(angle), math.cos(angle)) if kind_of(prism)[1] else ()
+    sides = (float(n), math.sin(angle), math.cos(angle)) if n != 3 else ()
     return [
         prism.height / prism.base,
         prism.prestrain,
@@ -130,44 +165,17 @@ def numbers(prism: Members) -> list[float]:
 
 @once
 def tangent(rigid_base: bool, any_sides: bool) -> Any:
-    """Symmetric tangent of the mixed (Hellinger-Reissner) energy.
-
-    The variables are base, twist, bar tension and height.  The bar tension is the multiplier of a
-    compatibility condition, to which one negative eigenvalue belongs; the base is scaled by the
-    square root of its stiffness.
-    """
+    """Second derivatives of the mixed energy by base, unless it is rigid, twist, bar tension and
+    height, as a function of the unknowns of `problem` and its parameters."""
     import casadi as ca
 
-    z, p, form = _forms(rigid_base, any_sides)
-    softness, sides = ca.sqrt(p[2]), p[6] if any_sides else 3
-    rows = [form["twist"], sides * form["bar"] / (2 * form["bar_length"]), -form["load"]]
-    columns = [(1 + form["half_turn"] ** 2) / 2, 1, 1]
-    order = [1, 0, 2]  # columns of z: bar tension, half turn, rise
-    if not rigid_base:
-        rows, columns = [softness * form["base"], *rows], [1 / softness, *columns]
-        order = [0, 2, 1, 3]
-    matrix = ca.jacobian(ca.vertcat(*rows), z)[:, order] @ ca.diag(ca.vertcat(*columns))
-    # the equations take the bar length from its tension, the energy from the coordinates
-    multiplier = matrix[-2, :]
-    coupling = multiplier.T * form["bar_tension"] / (sides * form["bar_length"])
-    coupling[-2] = 0
-    return ca.Function("tangent", [z, p], [matrix - coupling @ multiplier])
-
-
-@once
-def inner(rigid_base: bool, any_sides: bool) -> Any:
-    """A Newton step at given height, and the energy and its derivatives in the height."""
-    import casadi as ca
-
-    z, p, form = _forms(rigid_base, any_sides)
-    g = problem(rigid_base, any_sides).equations
-    v, rise = z[:-1], z[-1]
-    move = ca.solve(ca.jacobian(g, v), g)
-    rate = ca.vertcat(-ca.solve(ca.jacobian(g, v), ca.jacobian(g, rise)), 1)
-    orders = [form["energy"], -form["load"]]
-    for _ in range(2):
-        orders.append(ca.jtimes(orders[-1], z, rate))
-    return (
-        ca.Function("step", [z, p], [ca.vertcat(v - move, rise)]),
-        [ca.Function("value", [z, p], [order]) for order in orders],
-    )
+    few, made, stiff = mixed(rigid_base, any_sides), unit(any_sides), (False, False, True)
+    base, twist, rise = ca.vertsplit(few.changes)
+    held = made.inner[:rigid_base]
+    of = mixed_of(made, stiff, (made.control, *held), False)
+    of = of.at(*_exact(any_sides, 1 if rigid_base else None, stiff))
+    matrix, _ = ca.hessian(of.energy, ca.vertcat(of.z, of.h[0]))
+    inner = [twist] if rigid_base else [base, twist]
+    symbols, values = ca.vertcat(of.z, of.h), [*inner, few.z[-1], rise, *[0] * rigid_base]
+    at = ca.substitute([ca.vec(matrix)], [symbols, of.p], [ca.vertcat(*values), few.p])
+    return ca.Function("tangent", [ca.vertcat(few.z, few.h), few.p], at)

@@ -19,10 +19,11 @@ from tensegrity.engine.pair import PairForms
 from tensegrity.errors import TensegrityError
 from tensegrity.lattices.bloch import PeriodicBonds
 from tensegrity.once import once
-from tensegrity.prisms.closed import polygon
+from tensegrity.prisms.equations import numbers_of, unit
 from tensegrity.scenes.network import Network
 from tensegrity.springs.pair_law import PairLaw, pair_of_law
 from tensegrity.typing import Members
+from tensegrity.unit.forms import changes
 
 
 def plate_law(prism: Members, turn: float) -> PairLaw:
@@ -55,21 +56,26 @@ def _law(any_sides: bool, rigid_bases: bool) -> PairForms:
     """The energy of a unit, its bases in equilibrium unless they are rigid."""
     import sympy as sp
 
-    from derivations import mixed as derived
-    from derivations.elastic import base_compliance
-    from derivations.regular import SIDES
-
     first, second = sp.symbols("z_i s_i", real=True), sp.symbols("z_j s_j", real=True)
     scale, height, turn, half = sp.symbols("scale height turn half_twist", real=True)
-    known = {derived.rise: (second[0] - first[0]) / height * derived.reference_height}
-    known[derived.half_turn] = sp.tan(half * (second[1] - first[1]) / turn)
-    energy, inner = derived.energy_at_twist(polygon(any_sides)), (derived.base_tension,)
-    if rigid_bases:
-        known |= {derived.base_tension: 0, base_compliance: 0}
-        inner = ()
-    energy = scale * energy.subs(known)
-    parameters = (scale, height, turn, half, *derived.PARAMETERS, *(SIDES if any_sides else ()))
-    return PairForms(energy, first, second, parameters, (True, True), inner)
+    made, (numbers, symbols) = unit(any_sides), numbers_of(any_sides, (False, False, False))
+    of = changes(made)
+    wider, _, rise = of.unknowns
+    tangent = sp.tan(half * (second[1] - first[1]) / turn)
+    known = {rise: (second[0] - first[0]) / height * symbols[0]}
+    known |= {of.sines[1]: 2 * tangent / (1 + tangent**2)}
+    known |= {of.versines[1]: 2 * tangent**2 / (1 + tangent**2)}
+    known |= dict(zip(of.constants, numbers, strict=False)) | ({wider: 0} if rigid_bases else {})
+    energy, rest = 0, iter(numbers[len(of.constants) :])
+    tensions, stiffness = ([next(rest) for _ in made.members] for _ in range(2))
+    for member, (length, form), pull, k in zip(made.members, of.lengths, tensions, stiffness,
+                                               strict=True):  # fmt: skip
+        length, form = (x.xreplace(known) for x in (sp.sympify(length), form))
+        longer = form / (length + sp.sqrt(length**2 + form)) if length else form
+        energy += member.count * (pull * longer + k * longer**2 / 2) if longer else 0
+    parameters = (scale, height, turn, half, *symbols)
+    inner = () if rigid_bases else (wider,)
+    return PairForms(scale * energy, first, second, parameters, (True, True), inner)
 
 
 def plate_column(

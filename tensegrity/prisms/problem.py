@@ -221,8 +221,8 @@ class PrismProblem(DerivedProblem):
 class _Upright(PrismProblem):
     """States above the point where base strings and bars unload, in closed form.
 
-    These are the upright states of `derivations.mixed`, which are stable because their energy is a
-    sum of squares with positive weights.
+    These are the states of `derivations.upright`, which are stable because their energy is a sum of
+    squares with positive weights.
     """
 
     lowest: float
@@ -257,16 +257,17 @@ class _Upright(PrismProblem):
 def _upright_forms(sides: int) -> tuple[list[Any], tuple[Any, ...]]:
     """Twist, squared base and load as forms in height, k_cross and natural lengths of cross
     string and bar."""
-    from derivations import mixed, prism, regular
+    from derivations import prism, regular
+    from derivations.upright import upright_base_squared, upright_load, upright_twist
 
     symbols = (prism.height, prism.k_cross, prism.natural_cross, prism.natural_bar)
     of = regular.TRIANGLE if sides == 3 else regular.ANY
-    forms = mixed.upright_twist(of), mixed.upright_base_squared(of), mixed.upright_load(of)
+    forms = [form(of) for form in (upright_twist, upright_base_squared, upright_load)]
     if sides != 3:
         import sympy as sp
 
         angle = sp.pi / sides
         known = {regular.half_angle: angle, regular.number_of_sides: sides}
         known |= {regular.half_sine: sp.sin(angle), regular.half_cosine: sp.cos(angle)}
-        forms = tuple(form.subs(known).evalf(30) for form in forms)
-    return list(forms), symbols
+        forms = [form.subs(known).evalf(30) for form in forms]
+    return forms, symbols

@@ -10,59 +10,145 @@ not differentiated.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from functools import cached_property
+from collections.abc import Mapping, Sequence
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity import check
+from tensegrity.branches.continuation import Settings
+from tensegrity.branches.problem import trace
 from tensegrity.engine.compiled import evaluated
 from tensegrity.engine.law import deflated
 from tensegrity.errors import EquilibriumError, LockingError, RangeError
 from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array
+from tensegrity.unit.law import GUESS, SCALES, CondensedLaw, compiled_functions, condensed
 
 STALLED = 1e-10  # size below which a step that no longer shrinks is round-off
 ITERATIONS = 20
-GUESS = 23  # degree of the polynomials from which the compiled iteration starts
 STEPS = (1, 2, 4)  # admissible numbers of its iterations
 SETTLED = 1e-14  # largest change by a further iteration, over the largest unknown
 SAMPLES = 512  # elongations at which this is checked
-EXACT = ("-ffp-contract=off", "-O1")
-"""Exact cancellation: the load of a flat prism is zero; optimisation then changes no bit."""
 HALVINGS = 8  # bisections of the fraction of the domain
+
+
+REACHED = "the requested load is reached"
+SETTINGS = Settings(tolerance=1e-7, largest=0.2)
 
 
 class CondensedPotential(Potential):
     """Potential of the last unknown of some equations, the others of which hold.
 
-    Subclasses have compiled functions (`_function`) of unknowns and parameters p, "step", "guess"
-    and "value_0" to "value_3", and the law of the compiled loop (`_law`, `_packed`).
+    Subclasses have the law of the compiled loop (`_law`), words for the ends of their paths
+    (`_reason`, `_beyond`), and derivatives by their arguments (`_rates_by`).
     """
 
     _described: str  # what it is made of, in messages
-    _base: float  # unit of length of the equations [m]
-    _stiffness: float  # force over length, in which their energy is [N/m]
+    _given = "elongation"  # what is given where a path is followed, in messages
+    _base = _stiffness = 1.0  # units of the equations: length [m], energy over its square [N/m]
     _size: float  # length whose round-off the ends of the domain have [m]
     _preload: float
-    _p: Any  # parameters
+    _problem: Any  # whose path is followed
+    _p: Any  # its parameters
+    _scale: Array  # of the unknowns, (m,)
     _at_rest: Array  # unknowns at rest, (m,)
-    _scale: Any  # of the unknowns, (m,)
     _rise: Array  # values of the last unknown along the path, (rows,)
     _nodes: Array  # asinh of the unknowns over their scale there, (rows, m)
     _rates: Array  # their derivatives by the last, (rows, m - 1)
 
+    def _law(self, steps: int) -> CondensedLaw:
+        raise NotImplementedError
+
+    def _reason(self, end: str) -> str:
+        """Why the domain ends at an event or value of a column."""
+        raise NotImplementedError
+
+    def _beyond(self, path: Any) -> str:
+        """That a path ends before the preload is reached."""
+        raise NotImplementedError
+
+    def _rates_by(self, name: str) -> tuple[Sequence[float], Array]:
+        """Derivatives of 1/base, force and preload, and of the parameters, by an argument."""
+        raise NotImplementedError
+
     def _function(self, name: str) -> Any:
-        raise NotImplementedError
+        return partial(compiled_functions(self._law(0)), name)
 
-    def _law(self, steps: int) -> Any:
-        raise NotImplementedError
+    def _follow(
+        self,
+        down: Sequence[str],
+        up: Sequence[str],
+        lowest: Mapping[str, float],
+        highest: Mapping[str, float],
+    ) -> None:
+        """Follow the path from the state without load in both senses, to events `down` and `up` or
+        to values of columns, and find the state at rest."""
+        self._at_rest = start = np.zeros(len(self._scale))
+        if self._preload:
+            stop = "fold", *(x for x in down if x != "turn")
+            sense, bound = (-1, lowest) if self._preload > 0 else (1, highest)
+            until = {"load": self._preload, **bound}
+            path: Any = trace(self._problem, start, self._p, SETTINGS, sense, stop, until=until)
+            if path.end != REACHED:
+                raise EquilibriumError(f"preload {self._preload:g} N {self._beyond(path)}")
+            self._at_rest = np.asarray(path.z[-1])
+        sides = []
+        for sense, stop, until in ((-1, down, lowest), (1, up, highest)):
+            path = trace(
+                self._problem, start, self._p, SETTINGS, sense, stop, until=until or None
+            )  # fmt: skip
+            lost = [e.row for e in path.events if e.kind == "bifurcation"]
+            end = "bifurcation" if lost else path.end
+            sides.append((path[: lost[0] + 1] if lost else path, self._ended(end)))
+        (low, below), (high, above) = sides
+        self.ends = below, above
+        z = np.concatenate([low.z[:0:-1], high.z])
+        tangents = np.concatenate([-low.tangent[:0:-1], high.tangent])
+        self._rise, self._nodes = z[:, -1], np.arcsinh(z / self._scale)
+        moved = tangents[:, -1:] * np.hypot(z[:, -1:], self._scale[-1])
+        self._rates = tangents[:, :-1] / moved
 
-    def _packed(self, scales: Sequence[float], interval: Sequence[float], guess: Array) -> Array:
-        """Parameters of the law."""
-        raise NotImplementedError
+    def _ended(self, end: str) -> str:
+        known = {"bifurcation": "becomes unstable", "turn": "is lost"}
+        words = known.get(end)
+        return f"equilibrium at given {self._given} {words}" if words else self._reason(end)
+
+    def _measure(self, start: float) -> None:
+        """Length and domain, of the last coordinate without load [m]."""
+        rise, base = self._at_rest[-1], self._base
+        length = float(start + rise * base)
+        self._length = length if length > 0 else None
+        self._size = max(abs(start), abs(length), base * float(np.abs(self._rise).max()))
+        low, high = (float(x - rise) * base for x in self._rise[[0, -1]])
+        self._domain = low, high
+
+    def slopes(self, name: str) -> Array:
+        """Derivatives of the values of the law's parameters by an argument, at constant preload.
+
+        Parameters
+        ----------
+        name : str
+
+        Returns
+        -------
+        ndarray, (parameters of the law,)
+            0 for what only the guess of the unknowns depends on.
+        """
+        (by_base, by_force, by_preload), by_p = self._rates_by(name)
+        _, (_, value, stiffness, _), by = condensed(self._law(0))
+        at = self._at_rest, self._p
+        tension, stiff = (float(f(*at)) for f in (value, stiffness))
+        energy, change = (float(np.array(x).ravel() @ by_p) for x in by(*at))
+        force = self._stiffness * self._base
+        moved = (by_preload + by_force * tension) / force + change
+        rise = -moved / stiff if moved else 0.0
+        found = np.zeros(len(self.values))
+        found[: len(SCALES)] = by_base, by_force, by_preload, rise, energy + tension * rise
+        found[len(SCALES) : len(SCALES) + len(by_p)] = by_p
+        return found
 
     @property
     def law(self) -> Any:
@@ -139,8 +225,9 @@ class CondensedPotential(Potential):
     def _values_on(self, low: float, high: float, coefficients: Array) -> Array:
         (energy_at_rest,) = self._function("value_0")(self._at_rest, self._p)
         per_base, force = 1 / self._base, self._stiffness * self._base
-        scales = [per_base, force, self._preload, self._at_rest[-1], energy_at_rest]
-        return self._packed(scales, [(low + high) / 2, 2 / (high - low)], coefficients)
+        scales = per_base, force, self._preload, self._at_rest[-1], energy_at_rest
+        interval = (low + high) / 2, 2 / (high - low)
+        return np.array([*scales, *self._p, *interval, *coefficients.ravel()])
 
     def _range_error(self, r: float) -> LockingError:
         """The error for an elongation at or beyond an end of either domain."""

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from tensegrity.engine.law import to_casadi
@@ -37,7 +37,9 @@ class Changes:
         Change of each coordinate, and its sine and 1 - cosine.
     angles : tuple of bool, (coordinates,)
         Whether only sine and versine of the change occur in the lengths.
-    elongations : tuple of sympy.Expr, (members,)
+    lengths : tuple of two sympy.Expr, (members,)
+        The length at rest and the change of its square where that is a polynomial of these; else 0
+        and the change of the length.
     energy : sympy.Expr
     constants, values : tuple of sympy.Symbol, of sympy.Expr
         Symbols of numbers, and these numbers in the coordinates at rest and parameters.
@@ -47,7 +49,7 @@ class Changes:
     sines: tuple[Any, ...]
     versines: tuple[Any, ...]
     angles: tuple[bool, ...]
-    elongations: tuple[Any, ...]
+    lengths: tuple[tuple[Any, Any], ...]
     energy: Any
     constants: tuple[Any, ...]
     values: tuple[Any, ...]
@@ -57,11 +59,11 @@ class Changes:
 def changes(unit: Described) -> Changes:
     """The changes of a unit; see `Changes`."""
     of = _Expansion(unit.coordinates)
-    elongations = tuple(of.length(member.length) for member in unit.members)
+    lengths = tuple(of.length(member.length) for member in unit.members)
     energy = of.polynomial(unit.energy)
     energy = of.difference(unit.energy) if energy is None else energy
     numbers, values = tuple(of.constants.values()), tuple(of.constants)
-    return Changes(of.u, of.s, of.v, tuple(of.angles), elongations, energy, numbers, values)
+    return Changes(of.u, of.s, of.v, tuple(of.angles), lengths, energy, numbers, values)
 
 
 class _Expansion:
@@ -90,16 +92,13 @@ class _Expansion:
             return value
         return self.constants.setdefault(value, sp.Dummy(f"c{len(self.constants)}", real=True))
 
-    def length(self, length: Any) -> Any:
-        """The change of a length."""
-        import sympy as sp
-
+    def length(self, length: Any) -> tuple[Any, Any]:
+        """The change of a length; see `Changes.lengths`."""
         plain = self.polynomial(length)
         squared = self.polynomial(length**2) if plain is None else None
-        if squared is None:
-            return self.difference(length) if plain is None else plain
-        rest = self.constant(length)
-        return squared / (rest + sp.sqrt(rest**2 + squared))
+        if squared is not None:
+            return self.constant(length), squared
+        return 0, self.difference(length) if plain is None else plain
 
     def polynomial(self, expression: Any) -> Any:
         """The change of a polynomial of coordinates and sines and cosines of them; of what is none,
@@ -129,8 +128,24 @@ class _Expansion:
                 return None
             powers[power] = powers.get(power, 0) + factor
         powers.pop(sp.S.One, None)  # what does not change
-        terms = ((power, self.constant(x)) for power, x in powers.items() if x != 0)
-        return sp.Add(*(x * power for power, x in terms))
+        squares = self._squares(powers)
+        form = sp.Add(*(self.constant(x) * power for power, x in powers.items() if x != 0))
+        return sp.collect(form, [*squares]).xreplace(squares)
+
+    def _squares(self, powers: dict[Any, Any]) -> dict[Any, Any]:
+        """Put changes of squares of coordinates, x^2 - x0^2 = u (u + 2 x0), in place of u and u^2
+        where both occur so; what they are."""
+        import sympy as sp
+
+        found = {}
+        for u, (q, rest) in zip(self.u, self.rest.items(), strict=True):
+            square = sp.Dummy(f"square of {q}", real=True)
+            for power in [x for x in powers if sp.degree(x, u) == 2]:
+                if sp.expand(powers.get(power / u, 0) - 2 * rest * powers[power]) == 0:
+                    del powers[power / u]
+                    powers[square * power / u**2] = powers.pop(power)
+                    found[square] = u * (u + 2 * self.constant(rest))
+        return found
 
     def _turned(self, turn: Any) -> Any:
         """A sine or cosine by those of changes; None if it has not whole multiples of them."""
@@ -174,41 +189,45 @@ class Mixed:
     Attributes
     ----------
     z, h, p : casadi.SX
-        Unknowns: changes of the free coordinates, then of the tensions of stiff members; changes of
-        the controlled coordinates; parameters.
+        Unknowns: changes of the coordinates `free`, then of the tensions of stiff members; changes
+        of the controlled coordinates; parameters.
     energy : casadi.SX
         W.
-    sizes : casadi.SX, shape of z
-        Magnitude of the terms of each equation dW/dz.
+    equations, loads : casadi.SX
+        What vanishes, as many as unknowns: forces on the inner coordinates, then what stiff members
+        are too long; the forces on the controlled coordinates, compression > 0.
+    sizes : casadi.SX
+        Magnitude of the terms of each force on an inner coordinate.
     tensions : casadi.SX, (members,)
         Of one of each; of a slack string what has its sign, were it taut.
     changes : casadi.SX, (coordinates,)
         Of the unit's coordinates, in their order.
     stiff : tuple of bool, (members,)
+    free : tuple of int
+    eliminated : tuple of int
+        Numbers of stiff members whose tensions give coordinates, which are no unknowns.
     """
 
     z: Any
     h: Any
     p: Any
     energy: Any
+    equations: Any
+    loads: Any
     sizes: Any
     tensions: Any
     changes: Any
     stiff: tuple[bool, ...]
+    free: tuple[int, ...]
+    eliminated: tuple[int, ...]
 
-    @property
-    def equations(self) -> Any:
-        """dW/dz."""
+    def at(self, p: Any, values: Any) -> Mixed:
+        """The same in other parameters p, in which these have values."""
         import casadi as ca
 
-        return ca.gradient(self.energy, self.z)
-
-    @property
-    def loads(self) -> Any:
-        """-dW/dh, compression > 0."""
-        import casadi as ca
-
-        return -ca.gradient(self.energy, self.h)
+        names = "energy", "equations", "loads", "sizes", "tensions", "changes"
+        forms = ca.substitute([getattr(self, x) for x in names], [self.p], [values])
+        return replace(self, p=p, **dict(zip(names, forms, strict=True)))
 
 
 def is_stiff(unit: Described) -> tuple[bool, ...]:
@@ -219,7 +238,7 @@ def is_stiff(unit: Described) -> tuple[bool, ...]:
 
 
 @once
-def mixed(unit: Described, controls: tuple[Any, ...], half_turns: bool = False) -> Mixed:
+def mixed(unit: Described, controls: tuple[Any, ...], reduced: bool = False) -> Mixed:
     """The mixed energy of a unit.
 
     Parameters
@@ -227,63 +246,146 @@ def mixed(unit: Described, controls: tuple[Any, ...], half_turns: bool = False) 
     unit : Unit
     controls : tuple of sympy.Symbol
         The coordinates that are given.
-    half_turns : bool, optional
-        Whether the unknowns of angles are tangents of half their changes, so that sines and cosines
-        are algebraic.
+    reduced : bool, optional
+        See `mixed_of`.
 
     Returns
     -------
     Mixed
         Its parameters are those of `numbers`.
     """
+    soft = [float(k) for k in at_rest.at_rest(unit).stiffness if k < float("inf")]
+    return mixed_of(unit, is_stiff(unit), controls, reduced, min(soft, default=1.0))
+
+
+def mixed_of(
+    unit: Described,
+    stiff: tuple[bool, ...],
+    controls: tuple[Any, ...],
+    reduced: bool,
+    softest: float = 1.0,
+) -> Mixed:
+    """The mixed energy of a unit, the symbols of which need no values.
+
+    Parameters
+    ----------
+    unit : Unit
+    stiff : tuple of bool, (members,)
+        Whether the tension of each of the members is an unknown.
+    controls : tuple of sympy.Symbol
+        The coordinates that are given.
+    reduced : bool
+        Whether the unknowns of angles are tangents of half their changes, so that sines and cosines
+        are algebraic, and coordinates that are lengths of stiff members follow from their tensions.
+    softest : float, optional
+        Smallest spring constant, for strings that are slack.
+
+    Returns
+    -------
+    Mixed
+    """
     import casadi as ca
 
-    of, stiff, q = changes(unit), is_stiff(unit), unit.coordinates
-    free = [k for k, x in enumerate(q) if x not in controls]
-    z = ca.SX.sym("z", len(free) + sum(stiff))
-    h, moved = ca.SX.sym("h", len(controls)), ca.SX.zeros(len(q))
+    of, q = changes(unit), unit.coordinates
+    given = [q.index(x) for x in controls]
+    inner = [k for k in range(len(q)) if k not in given]
+    eliminated = _eliminated(unit, of, stiff, inner) if reduced else {}
+    free = [k for k in inner if k not in eliminated]
+    tense = [k for k, one in enumerate(stiff) if one]
+    z, h = ca.SX.sym("z", len(free) + len(tense)), ca.SX.sym("h", len(given))
     count, members = len(of.constants), len(unit.members)
     p = ca.SX.sym("p", count + 4 * members)
     start, ease, active, number = (p[count + k * members : count + (k + 1) * members]
                                    for k in range(4))  # fmt: skip
-    sines, versines = ca.SX.zeros(len(q)), ca.SX.zeros(len(q))
-    for place, k in enumerate(free):
-        turned = half_turns and of.angles[k]
-        moved[k] = 2 * ca.atan(z[place]) if turned else z[place]
-        square = 1 + z[place] ** 2
-        sines[k] = 2 * z[place] / square if turned else ca.sin(z[place])
-        versines[k] = 2 * z[place] ** 2 / square if turned else 2 * ca.sin(z[place] / 2) ** 2
-    for place, x in enumerate(controls):
-        k = q.index(x)
-        moved[k], sines[k], versines[k] = h[place], ca.sin(h[place]), 2 * ca.sin(h[place] / 2) ** 2
-    symbols = (*of.unknowns, *of.sines, *of.versines, *of.constants)
-    given = [*map(ca.vertsplit, (moved, sines, versines, p[:count]))]
-    flat = [x for part in given for x in part]
-    found = to_casadi([*of.elongations, of.energy], symbols)(*flat) if flat else []
-    *elongations, energy = (ca.SX(x) for x in found)
-    whole, tensions, place = energy, [], len(free)
-    soft = [float(k) for k in at_rest.at_rest(unit).stiffness if k < float("inf")]
-    unit_force = 2.0 ** round(math.log2(min(soft, default=1.0)))
-    squares = ca.gradient(energy, z[: len(free)]) ** 2 if free else ca.SX.zeros(0)
-    for k, e in enumerate(elongations):
+    coordinates = [ca.SX.sym(x, len(q)) for x in "usv"]
+    *each, (whole, balance) = _by_coordinates(of, coordinates, p[:count])
+    squares, tensions, compatible = balance**2, [], []
+    unit_force = 2.0 ** round(math.log2(softest))
+    for k, (e, slope) in enumerate(each):
+        own = e, start[k], ease[k], active[k]
         if stiff[k]:
-            y, taut, slack = z[place], active[k], 1 - active[k]
-            place += 1
-            tension = start[k] + y
-            own = tension * e - ease[k] * y**2 / 2
-            own = taut * own - slack * (tension**2 + ease[k] * start[k] ** 2) / 2
-            tension = taut * tension + slack * (ease[k] * start[k] + e) * unit_force
+            y = z[len(free) + tense.index(k)]
+            energy, pull, tension, longer = _stiff(*own, y, unit_force)
+            compatible += [number[k] * longer] * (k not in eliminated.values())
         else:
-            tension = start[k] + ease[k] * e
-            own = active[k] * (start[k] * e + ease[k] * e**2 / 2)
-            own -= (1 - active[k]) * start[k] ** 2 / (2 * ease[k])
+            energy, pull, tension = _soft(*own)
         tensions.append(tension)
-        whole += number[k] * own
-        if free:
-            pull = number[k] * active[k] * tension * ca.gradient(e, z[: len(free)])
-            squares += pull**2
-    sizes = ca.sqrt(squares)
-    return Mixed(z, h, p, whole, sizes, ca.vertcat(*tensions), moved, stiff)
+        whole += number[k] * energy
+        pull = number[k] * active[k] * pull * slope
+        balance += pull
+        squares += pull**2
+    moved = {k: (z[j], reduced and of.angles[k]) for j, k in enumerate(free)}
+    moved |= {k: (ease[j] * z[len(free) + tense.index(j)], False) for k, j in eliminated.items()}
+    moved |= {k: (h[j], False) for j, k in enumerate(given)}
+    forces, sizes = ([x[k] for k in inner] for x in (balance, ca.sqrt(squares)))
+    parts = [whole, ca.vertcat(*forces, *compatible), ca.vertcat(*(-balance[k] for k in given)),
+             ca.vertcat(*sizes), ca.vertcat(*tensions), coordinates[0]]  # fmt: skip
+    made = ca.substitute(parts, coordinates, _moved(moved))
+    return Mixed(*(z, h, p, *made, stiff, tuple(free), tuple(eliminated.values())))
+
+
+def _by_coordinates(of: Changes, coordinates: Sequence[Any], constants: Any) -> list[Any]:
+    """Change of the length of each member, and last of the further energy, each with derivatives by
+    the coordinates, the changes of which are given with sines and versines."""
+    import casadi as ca
+
+    u, s, v = coordinates
+    rests, forms = zip(*of.lengths, strict=True) if of.lengths else ((), ())
+    symbols = (*of.unknowns, *of.sines, *of.versines, *of.constants)
+    flat = [x for part in (*coordinates, constants) for x in ca.vertsplit(part)]
+    found = [ca.SX(x) for x in to_casadi([*rests, 0, *forms, of.energy], symbols)(*flat)]
+    each = []
+    for squared, rest, form in zip((*rests, 0), found, found[len(rests) + 1 :], strict=False):
+        slope = ca.gradient(form, u) + (1 - v) * ca.gradient(form, s) + s * ca.gradient(form, v)
+        if squared != 0:
+            length = ca.sqrt(rest**2 + form)
+            form, slope = form / (rest + length), slope / (2 * length)
+        each.append((form, slope))
+    return each
+
+
+def _soft(e: Any, start: Any, ease: Any, active: Any) -> tuple[Any, ...]:
+    """Energy of a member that is longer by e, tension that pulls and that is shown; where it does
+    not act it is slack."""
+    tension = start + ease * e
+    own = active * (start * e + ease * e**2 / 2)
+    return own - (1 - active) * start**2 / (2 * ease), tension, tension
+
+
+def _stiff(e: Any, start: Any, ease: Any, active: Any, y: Any, unit: Any) -> tuple[Any, ...]:
+    """The same of a member whose tension has changed by y, in its compliance; and by how much it is
+    too long, which vanishes."""
+    tension, slack = start + y, 1 - active
+    own = active * (tension * e - ease * y**2 / 2)
+    own -= slack * (tension**2 + ease * start**2) / 2
+    shown = active * tension + slack * (ease * start + e) * unit
+    return own, tension, shown, active * (e - ease * y) - slack * tension
+
+
+def _eliminated(
+    unit: Described, of: Changes, stiff: Sequence[bool], inner: Sequence[int]
+) -> dict[int, int]:
+    """Coordinates that are the lengths of stiff members, and the numbers of these."""
+    lengths = [form for _, form in of.lengths]
+    found = {}
+    for k in inner:
+        same = [j for j, one in enumerate(unit.members)
+                if stiff[j] and lengths[j] == of.unknowns[k] and not one.string]  # fmt: skip
+        if same and not of.angles[k]:
+            found[k] = same[0]
+    return found
+
+
+def _moved(moved: dict[int, tuple[Any, bool]]) -> list[Any]:
+    """Changes of coordinates, their sines and versines; of some by the tangents of half."""
+    import casadi as ca
+
+    each = []
+    for _, (x, half_turn) in sorted(moved.items()):
+        square = 1 + x**2
+        each.append((2 * ca.atan(x), 2 * x / square, 2 * x**2 / square) if half_turn else
+                    (x, ca.sin(x), 2 * ca.sin(x / 2) ** 2))  # fmt: skip
+    return [ca.vertcat(*one) for one in zip(*each, strict=True)]
 
 
 @once

@@ -118,7 +118,7 @@ class UnitProblem(Problem):
         """See `Problem.followed`; a string at its natural length begins the next part."""
         part = super().followed(until, at)
         columns = len(self.unknowns) + list(self.columns).index(str(self.unit.control))
-        if not part.data[0, : len(self.unknowns)].any():
+        if not np.any(self.start):
             part.data[0, columns + 1] = 0.0  # the load at rest
         strings = _strings(self.unit)
         kinds = {name: "slack" if self.taut[k] else "taut" for name, k in strings.items()}
@@ -237,8 +237,15 @@ def stable(unit: Described, z: Array, p: Array) -> tuple[Flags, Flags]:
     -------
     tuple of two ndarrays of bool, (rows,)
     """
-    matrices = functions(unit)("tangent", z, p).reshape(len(z), z.shape[1], -1)
-    most = sum(mixed(unit, (unit.control,)).stiff)  # tensions are multipliers
+    matrices = functions(unit)("tangent", z, p)
+    return few_unstable(matrices, sum(is_stiff(unit)))
+
+
+def few_unstable(matrices: Array, most: int) -> tuple[Flags, Flags]:
+    """Whether matrices have at most so many negative eigenvalues, and those without the last row
+    and column, the tensions being multipliers; (rows, size^2)."""
+    size = math.isqrt(matrices.shape[1])
+    matrices = matrices.reshape(-1, size, size)
 
     def few(part: Array) -> Flags:
         if not part.shape[1]:
@@ -247,7 +254,11 @@ def stable(unit: Described, z: Array, p: Array) -> tuple[Flags, Flags]:
         found = np.linalg.eigvalsh(part * scale[:, None] * scale[..., None])
         return np.asarray((found < -NEGATIVE).sum(axis=1) <= most)
 
-    return few(matrices), few(matrices[:, :-1, :-1])
+    by_load = few(matrices)
+    by_control = by_load.copy()  # of fewer motions not more are unstable
+    if not by_load.all():
+        by_control[~by_load] = few(matrices[~by_load, :-1, :-1])
+    return by_load, by_control
 
 
 @once
@@ -272,19 +283,19 @@ def functions(unit: Described) -> Functions:
 
 
 @once
-def equations(unit: Described, half_turns: bool = False) -> Problem:
+def equations(unit: Described, reduced: bool = False) -> Problem:
     """The problem of a unit, whose expressions are compiled once, as a plain `Problem`.
 
     Parameters
     ----------
     unit : Unit
-    half_turns : bool, optional
-        See `forms.mixed`.
+    reduced : bool, optional
+        See `forms.mixed_of`.
     """
     import casadi as ca
 
-    of, q, stiff = mixed(unit, (unit.control,), half_turns), unit.coordinates, sum(is_stiff(unit))
-    names = [f"change of {x}" for x in unit.inner]
+    of, q, stiff = mixed(unit, (unit.control,), reduced), unit.coordinates, sum(is_stiff(unit))
+    names = [f"change of {q[k]}" for k in of.free]
     names += [f"change of tension_{k}" for k, one in enumerate(of.stiff) if one]
     z = [*ca.vertsplit(of.z), of.h] if of.z.numel() else [of.h]
     at = [float(x) for x in at_rest.values(unit, q)]
@@ -292,7 +303,7 @@ def equations(unit: Described, half_turns: bool = False) -> Problem:
     columns = {str(unit.control): control, "load": of.loads}
     columns |= dict(zip(map(str, unit.inner), inner, strict=True)) | {"energy": of.energy}
     columns |= {f"tension_{k}": of.tensions[k] for k in range(len(unit.members))}
-    *scale, last = (_scale(unit, k) for k in range(len(q)))
+    *scale, last = (_scale(unit, k) for k in (*of.free, len(q) - 1))
     events = {name: of.tensions[k] for name, k in _strings(unit).items()}
     return Problem(
         dict(zip([*names, f"change of {unit.control}"], z, strict=True)),
@@ -316,9 +327,9 @@ def _sizes(unit: Described, of: Mixed) -> list[Any]:
     bent = at_rest.values(unit, [sp.diff(unit.energy, x, 2) for x in unit.inner])
     sizes = [of.sizes[k] + least + abs(float(x)) * _scale(unit, k) for k, x in enumerate(bent)]
     count = at_rest.values(unit, [m.count for m in unit.members])
-    members = zip(of.stiff, count, rest.lengths, strict=True)
-    return sizes + [float(n) * max(abs(float(length)), LEAST * whole)
-                    for one, n, length in members if one]  # fmt: skip
+    tense = [k for k, one in enumerate(of.stiff) if one and k not in of.eliminated]
+    lengths = [max(abs(float(rest.lengths[k])), LEAST * whole) for k in tense]
+    return sizes + [float(count[k]) * x for k, x in zip(tense, lengths, strict=True)]
 
 
 def _strings(unit: Described) -> dict[str, int]:

@@ -11,12 +11,13 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Annotated, Any
 
 from tensegrity import check
 from tensegrity.checked import checked
 from tensegrity.errors import TensegrityError
+from tensegrity.printing import Lines, Printed
 from tensegrity.readonly import fixed
 from tensegrity.unit import rest as at_rest
 from tensegrity.unit.member import Member, by_symbol, expression, expressions, mapping
@@ -29,8 +30,8 @@ if TYPE_CHECKING:
     from tensegrity.unit.potential import UnitPotential
 
 
-@dataclass(frozen=True, eq=False)
-class Unit(HasPair):
+@dataclass(frozen=True, eq=False, repr=False)
+class Unit(Printed, HasPair):
     """A unit that one coordinate compresses, the others being in equilibrium.
 
     Parameters
@@ -203,6 +204,8 @@ class Unit(HasPair):
         TensegrityError
             It is no equilibrium, or lacks a coordinate.
         """
+        import mpmath
+
         given = getattr(state, "at", state)
         known = {str(name): x for name, x in mapping("at", given).items()}
         missing = [str(q) for q in self.coordinates if str(q) not in known]
@@ -210,10 +213,11 @@ class Unit(HasPair):
             raise TensegrityError(f"at {check.shown(given)} lacks the coordinate {missing[0]}")
         of = at_rest.at_rest(self)
         exact = zip(self.members, of.lengths, of.tensions, of.stiffness, strict=True)
-        members = [
-            replace(m, natural=at_rest.as_rational(length - tension / k))
-            for m, length, tension, k in exact
-        ]
+        with mpmath.workdps(at_rest.DIGITS):
+            members = [
+                replace(m, natural=at_rest.as_rational(length - tension / k))
+                for m, length, tension, k in exact
+            ]
         state = {q: known[str(q)] for q in self.coordinates}
         return replace(self, members=members, rest=state, prestrain={})
 
@@ -337,7 +341,7 @@ class Unit(HasPair):
         -------
         UnitPotential
             V(0) = V'(0) = 0.  `gradient(..).by(name)` has derivatives by the parameters of the unit
-            that have a symbol, without preload.
+            that have a symbol, at constant preload, and by a preload above 0.
 
         Raises
         ------
@@ -351,7 +355,8 @@ class Unit(HasPair):
         return unit_potential(self, preload, at)
 
     @property
-    def _digest(self) -> str:
+    def contents(self) -> str:
+        """Digest of what it describes, which equal units have in common."""
         import sympy as sp
 
         if "_made" not in self.__dict__:
@@ -364,12 +369,29 @@ class Unit(HasPair):
         return str(self.__dict__["_made"])
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Unit) and self._digest == other._digest
+        return isinstance(other, Unit) and self.contents == other.contents
 
     def __hash__(self) -> int:
-        return hash(self._digest)
+        return hash(self.contents)
+
+    def _lines(self) -> Lines:
+        inner = ", ".join(map(str, self.inner)) or "no coordinate"
+        yield f"unit with {self.control} given, {inner} in equilibrium"
+        for k, m in enumerate(self.members):
+            kind = "string" if m.string else "member"
+            strain = f", prestrain {_text(self.prestrain[m])}" if m in self.prestrain else ""
+            yield f"  {kind} {k}: {m.count} of length {m.length}, k {_text(m.k)}{strain}"
+        if self.energy != 0:
+            yield f"  further energy: {self.energy}"
+        for name in ("rest", "parameters", "events"):
+            if given := getattr(self, name):
+                values = (f"{x} = {_text(value)}" for x, value in given.items())
+                yield f"  {name}: {', '.join(values)}"
 
     def __repr__(self) -> str:
-        given = {f.name: getattr(self, f.name) for f in fields(self)}
-        shown = [f"{name}={value!r}" for name, value in given.items() if value]
-        return f"Unit({', '.join(shown)})"
+        count, names = len(self.members), ", ".join(map(str, self.coordinates))
+        return f"Unit({count} member{'s' * (count != 1)}, coordinates {names}, {self.contents[:8]})"
+
+
+def _text(value: Any) -> str:
+    return f"{float(value):.6g}" if value.is_number else str(value)
