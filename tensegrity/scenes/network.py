@@ -69,7 +69,7 @@ class Network(Scene):
     positions : array_like, (sites, dim)
         Reference positions [m], from which displacements are measured; dim is 1, 2 or 3.
     bonds : array_like of int, (bonds, 2)
-        The two sites of each bond.
+        The two sites of each bond; several bonds may join the same two.
     spring : Potential or sequence of Potential
         One spring for all bonds, or one for each bond.  Some may change with time, with "fixed"
         contacts only; see `Potential.over_time`.

@@ -67,27 +67,19 @@ class Framework(Masses):
         """Set the members and masses, checked; `pairs` are the ends of bars and of strings, `stiff`
         has for each of the two k and EA, one of which is given; `masses` those of `_set_masses`."""
         self.cables = tuple(cables)
-        pairs = [
-            pairs[0],
-            np.array(
-                [*pairs[1].tolist(), *((c[0], c[-1]) for c in cables)], dtype=np.int64
-            ).reshape(-1, 2),
-        ]
-        self.ends = np.concatenate(pairs)
+        self.ends, self.segments = with_cables(np.concatenate(pairs), cables)
         self.is_string = np.arange(len(self.ends)) >= len(pairs[0])
         if not len(self.ends):
             raise TensegrityError("0 bars and strings, must be at least 1")
-        of_cables = [pair for c in cables for pair in pairwise(c)]
-        direct = self.ends[: len(self.ends) - len(cables)]
-        self.segments = np.concatenate([direct, np.array(of_cables, dtype=np.int64).reshape(-1, 2)])
         alone = sorted(set(range(self.nodes)) - set(self.segments.ravel().tolist()))
         if alone:
             raise TensegrityError(f"node {alone[0]} is in no member")
-        numbers = [
-            _stiffness(*given, len(ends)) for given, ends in zip(stiff.items(), pairs, strict=True)
-        ]
+        counts = len(pairs[0]), len(pairs[1]) + len(cables)
+        numbers = [_stiffness(*of, n) for of, n in zip(stiff.items(), counts, strict=True)]
         self._set_masses(*masses)
-        self._refuse_no_length(size)
+        if cables:
+            parts = self._segment_lengths()
+            self.cable_segments.refuse_together(parts, self.segments, 1e-12 * size)
         lengths = natural = self.lengths
         long_enough = lengths > 1e-12 * size
         if natural_lengths is not None:
@@ -128,10 +120,6 @@ class Framework(Masses):
                 raise TensegrityError(f"bar {member} has a law and a buckling load: give one")
         self.buckling, self.plateau = buckling, plateau
 
-    def _refuse_no_length(self, size: float) -> None:
-        """Refuse segments without length of cables over nodes."""
-        self.cable_segments.refuse_together(self._segment_lengths(), self.segments, 1e-12 * size)
-
     def _stiff_unless(self, other: Mapping[str, Any]) -> dict[str, Array]:
         """The arguments that gave the stiffnesses, without those that `other` replaces."""
         kinds, given = {"bar": slice(self.bars), "string": slice(self.bars, None)}, {}
@@ -153,10 +141,8 @@ class Framework(Masses):
 
     def self_stress(self) -> SelfStress:
         """States of self-stress of the shape; they do not depend on the stiffnesses."""
-        matrix = statics.equilibrium_matrix(
-            self.positions, self.segments, self.shift, self.cable_segments
-        )
-        return statics.null_states(matrix, self.is_string)
+        own = self.segments, self.is_string, self.shift, self.cable_segments
+        return statics.self_stress(self.positions, *own)
 
     def name_of(self, member: int) -> str:
         """The name of a member in messages, such as "string 4"."""
@@ -339,6 +325,15 @@ def member_ends(name: str, given: Any, nodes: int) -> Indices:
         if pair[0] == pair[1]:
             raise TensegrityError(f"{name} joins node {pair[0]} to itself: its length is 0 m")
     return np.array(listed, dtype=np.int64).reshape(-1, 2)
+
+
+def with_cables(ends: Indices, cables: Sequence[tuple[int, ...]]) -> tuple[Indices, Indices]:
+    """Ends of all members, and those of all segments, from the ends of bars and strings."""
+    if not cables:
+        return ends, ends
+    whole = [(path[0], path[-1]) for path in cables]
+    parts = [pair for path in cables for pair in pairwise(path)]
+    return np.concatenate([ends, whole]), np.concatenate([ends, parts])
 
 
 def _stiffness(kind: str, given: tuple[Any, Any], count: int) -> tuple[Flags, Array]:

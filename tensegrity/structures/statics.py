@@ -133,6 +133,8 @@ def equilibrium_matrix(
     ends : ndarray of int, (members, 2)
     shift : ndarray, (members, dim), optional
         As of `Members`.
+    segments : Segments, optional
+        Of which cables over nodes consist; `ends` and `shift` are those of segments then.
 
     Returns
     -------
@@ -155,7 +157,11 @@ def equilibrium_matrix(
 
 
 def self_stress(
-    positions: Array, ends: Indices, pulls_only: Flags, shift: Array | float = 0.0
+    positions: Array,
+    ends: Indices,
+    pulls_only: Flags,
+    shift: Array | float = 0.0,
+    segments: Segments = WHOLE,
 ) -> SelfStress:
     """States of self-stress of a shape.
 
@@ -167,14 +173,14 @@ def self_stress(
         The two nodes of each member.
     pulls_only : ndarray of bool, (members,)
         Which members are strings.
-    shift : ndarray, (members, dim), optional
-        As of `Members`.
+    shift, segments : optional
+        As of `equilibrium_matrix`.
 
     Returns
     -------
     SelfStress
     """
-    return null_states(equilibrium_matrix(positions, ends, shift), pulls_only)
+    return null_states(equilibrium_matrix(positions, ends, shift, segments), pulls_only)
 
 
 def null_states(matrix: Array, pulls_only: Flags) -> SelfStress:
@@ -208,7 +214,17 @@ def free_motions(matrix: Array, rigid: Array) -> Array:
 
 
 def mechanisms(positions: Array, ends: Indices, segments: Segments = WHOLE) -> Array:
-    """Inextensional mechanisms, (count, nodes, dim); see `Structure.mechanisms`."""
+    """Inextensional mechanisms; see `Structure.mechanisms`.
+
+    Parameters
+    ----------
+    positions, ends, segments
+        As of `equilibrium_matrix`.
+
+    Returns
+    -------
+    ndarray, (count, nodes, dim)
+    """
     nodes, dim = positions.shape
     matrix = equilibrium_matrix(positions, ends, 0.0, segments)
     motions = free_motions(matrix, orthonormal(rigid_motions(positions)))

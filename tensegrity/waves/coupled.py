@@ -128,6 +128,11 @@ class CoupledLaw:
         self.lag = (1 - np.diag(soft)).astype(float)
 
     @property
+    def steepest(self) -> float:
+        """Decay above which a grid ends no earlier; lower beside wave trains, to measure these."""
+        return 2.5 if len(self.others) else 6.0
+
+    @property
     def named(self) -> str:
         return ", ".join(self.names[k] for k in self.others)
 
