@@ -409,7 +409,7 @@ def test_what_does_not_take_bonds_with_mass_says_so():
         ),
         "waves of permanent form": lambda: ts.solitary_wave(
             Network([[0, 0], [1, 0], [2, 0]], [[0, 1], [1, 2]], ts.PowerLaw(1.0, 1.5),
-                    bond_mass=1.0), amplitude=-0.1
+                    bond_mass=1.0), speed_ratio=1.1
         ),
     }  # fmt: skip
     for words, call in calls.items():
