@@ -68,7 +68,7 @@ NEAREST = {  # folders and files, and the tests of what stands there; those of i
     "tensegrity/springs": "polynomial corners classical_potentials search network one_engine golden"
     " copies",
     "tensegrity/structures": "structure structure_frames structure_path structure_snap"
-    " structure_control structure_motion",
+    " structure_control structure_motion cables member_laws pulleys",
     "tensegrity/waves": "solitary prediction waves spectrum open_waves classical_potentials units"
     " transition",
     "tensegrity": "check bad_input notebook self_test export readonly copies",
