@@ -89,7 +89,11 @@ def structures() -> ts.Structure:
     assert_type(
         ts.equilibrium_path(s, supports=fixed, loads=load, max_shortening=0.1), StructurePath
     )
-    assert_type(s.nearest_form(), ts.Structure)
+    assert_type(s.nearest_form(ts.held([0, 1, 2])), ts.Structure)
+    groups = [[0, 1, 2]]
+    assert_type(s.self_stress(ts.held([0]), groups=groups).mechanism_stiffness, Array)
+    assert_type(s.mechanisms(ts.held([0])), Array)
+    assert_type(s.prestressed(tension={6: 0.1}, supports=ts.held([0])), ts.Structure)
     assert_type(s.at(s.positions, natural_lengths=s.natural_lengths), ts.Structure)
     assert_type(s.at_mass([1.0] * 9), ts.Structure)
     assert_type(s.self_stress().gap, float)

@@ -26,6 +26,7 @@ from tensegrity.springs.kinks import TAUT
 from tensegrity.structures import statics
 from tensegrity.structures.framework import Framework
 from tensegrity.structures.members import Members, positive_for_each
+from tensegrity.structures.shape import prestress
 from tensegrity.structures.statics import SelfStress
 from tensegrity.structures.supports import orthonormal
 from tensegrity.typing import Array, Flags, Indices
@@ -249,9 +250,30 @@ class Cell(Framework):
         self,
         force_densities: ArrayLike | None = None,
         prestrain: Mapping[int, float] | None = None,
+        *,
+        tension: Mapping[int, float] | None = None,
     ) -> Self:
-        """As `Structure.prestressed`; prestress may not buckle a bar."""
-        prestressed = super().prestressed(force_densities, prestrain)
+        """The same shape under prestress, which may not buckle a bar.
+
+        Parameters
+        ----------
+        force_densities, prestrain, tension : optional
+            One of them, as of `Structure.prestressed`.
+
+        Returns
+        -------
+        Lattice
+
+        Raises
+        ------
+        TensegrityError, EquilibriumError
+            As `Structure.prestressed`, or if a bar would buckle.
+        """
+        natural = prestress(
+            self, lambda: self._equilibrium_matrix(False), self.self_stress,
+            force_densities, prestrain, tension,
+        )  # fmt: skip
+        prestressed = self.at(self.positions, natural_lengths=natural)
         for n in np.flatnonzero(prestressed.buckled):
             q, load = (
                 prestressed.stiffnesses * (1 - prestressed.natural_lengths / prestressed.lengths),
@@ -316,13 +338,12 @@ class Cell(Framework):
         SelfStress
         """
         carry = self.lengths > 0  # a spring without length has its stiffness as force density
-        found = statics.null_states(
-            self._equilibrium_matrix(strain)[:, carry], self.is_string[carry]
-        )
-        states = np.zeros((len(found.states), len(carry)))
-        states[:, carry] = found.states
-        sizes = np.append(found.singular_values, np.zeros(int(np.sum(~carry))))
-        return replace(found, states=states, singular_values=sizes, pulls_only=self.is_string)
+        tied = None if carry.all() else np.eye(len(carry))[:, carry]
+        return statics.null_states(self._equilibrium_matrix(strain), self, strain, tied)
+
+    def _rates(self, motions: Array) -> Array:
+        """Differences of motions of the ends of members, as in `Framework`, of vectors too."""
+        return np.einsum("mr,crk->cmk", self.incidence[:, : motions.shape[1]], motions)
 
     def mechanisms(self, strain: bool = False) -> Array:
         """Inextensional mechanisms: orthonormal motions that change no length, without rigid ones.
@@ -337,7 +358,8 @@ class Cell(Framework):
         ndarray, (count, nodes, dim) or (count, nodes + d, dim)
         """
         rigid = self.rigid_motions(strain)
-        motions = statics.free_motions(self._equilibrium_matrix(strain), rigid)
+        longest = self.lengths.max()
+        motions = statics.free_motions(self._equilibrium_matrix(strain), rigid, longest)
         return motions.reshape(len(motions), len(rigid) // self.dim, self.dim)
 
     # the state

@@ -6,7 +6,7 @@ cell, at a constant shift.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Any, Self
 
@@ -16,9 +16,7 @@ from numpy.typing import ArrayLike
 from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.readonly import ReadOnly, fixed
-from tensegrity.structures import statics
 from tensegrity.structures.members import NO_LENGTH, Members, positive_for_each
-from tensegrity.structures.statics import SelfStress
 from tensegrity.typing import Array, Flags, Indices
 
 
@@ -89,9 +87,10 @@ class Framework(ReadOnly):
         """A copy with other masses of the nodes [kg]."""
         return self.at(self.positions, mass=mass)
 
-    def self_stress(self) -> SelfStress:
-        """States of self-stress of the shape; they do not depend on the stiffnesses."""
-        return statics.self_stress(self.positions, self.ends, self.is_string, self.shift)
+    def _rates(self, motions: Array) -> Array:
+        """Differences of motions (count, nodes, dim) of the ends of members, (count, members,
+        dim)."""
+        return np.asarray(motions[:, self.ends[:, 1]] - motions[:, self.ends[:, 0]])
 
     def name_of(self, member: int) -> str:
         """The name of a member in messages, such as "string 4"."""
@@ -145,49 +144,6 @@ class Framework(ReadOnly):
         """Which members are slack strings, (members,): strings shorter than their natural length
         by more than 1e-10 of it."""
         return ~self.members.taut(self.lengths)
-
-    def prestressed(
-        self,
-        force_densities: ArrayLike | None = None,
-        prestrain: Mapping[int, float] | None = None,
-    ) -> Self:
-        """The same shape with natural lengths for which this shape is a prestressed equilibrium.
-
-        Parameters
-        ----------
-        force_densities : array_like, (members,), optional
-            A state of self-stress, tension over length [N/m], tension > 0.
-        prestrain : dict, optional
-            {member: (length - natural length)/natural length} for as many strings as there are
-            independent states of self-stress; members are numbered bars first.
-
-        Returns
-        -------
-        Structure or Lattice
-
-        Raises
-        ------
-        TensegrityError
-            If not exactly one of the two is given, or a value is outside its bounds.
-        EquilibriumError
-            If the shape has no self-stress, the force densities are not in equilibrium, or a
-            string would be compressed.
-        """
-        if (force_densities is None) == (prestrain is None):
-            raise TensegrityError("give force_densities or prestrain, one of them")
-        if prestrain is None:
-            q = statics.checked(self, force_densities)
-        else:
-            q = statics.of_prestrain(self, prestrain)
-        statics.refuse_pushing(self, q)
-        natural = self.lengths * (1 - q / self.stiffnesses)
-        bad = np.flatnonzero(~((natural > 0) | (self.lengths == 0)))
-        if bad.size:
-            raise TensegrityError(
-                f"force density {q[bad[0]]:.6g} N/m of {self.name_of(int(bad[0]))} must be below "
-                f"its stiffness {self.stiffnesses[bad[0]]:g} N/m"
-            )
-        return self.at(self.positions, natural_lengths=natural)
 
     def member_number(self, member: object) -> int:
         """The number of a member, checked to be one."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from functools import cached_property, lru_cache, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -24,8 +23,6 @@ from tensegrity.printing import Lines, Printed, call, listed, span
 from tensegrity.scenes.network import Network
 from tensegrity.springs.kinks import TAUT
 from tensegrity.springs.potential import Potential
-from tensegrity.structures import statics
-from tensegrity.structures.framework import Framework
 from tensegrity.structures.members import (
     Members,
     equilibrium_positions,
@@ -33,8 +30,9 @@ from tensegrity.structures.members import (
     refuse_duplicates,
     rigid_plates,
 )
+from tensegrity.structures.shape import Shape
 from tensegrity.structures.statics import StructureModes
-from tensegrity.structures.supports import Freedom, Supports
+from tensegrity.structures.supports import Supports
 from tensegrity.typing import Array, Count, Length, Stiffness
 
 if TYPE_CHECKING:
@@ -118,11 +116,10 @@ def network(positions: Array, members: Members, mass: Array, **given: Any) -> Ne
     return Network(positions, members.ends, springs, lengths=members.natural, mass=mass, **given)
 
 
-KEPT = 4  # supports of a structure whose permitted motions are kept
 SOFT = 1e-12  # eigenvalues below this fraction of the largest stiffness are round-off
 
 
-class Structure(Printed, Framework):
+class Structure(Printed, Shape):
     """Nodes joined by bars and strings.
 
     Parameters
@@ -207,28 +204,6 @@ class Structure(Printed, Framework):
         size = float(np.ptp(self.positions, axis=0).max())
         self._set_members(pairs, k_bar, k_string, mass, natural_lengths, size)
 
-    # the shape alone
-
-    def mechanisms(self) -> Array:
-        """Inextensional mechanisms, (count, nodes, dim): orthonormal infinitesimal motions that
-        change no length, without rigid motions."""
-        return statics.mechanisms(self.positions, self.ends)
-
-    def nearest_form(self) -> Structure:
-        """The structure at the nearest positions that admit a state of self-stress.
-
-        It serves shapes known from measurement; see `SelfStress.gap`.  The natural lengths become
-        the lengths of the new shape.
-
-        Raises
-        ------
-        EquilibriumError
-            If Newton's method finds no such positions near the given ones.
-        """
-        if len(self.self_stress().states):
-            return self
-        return self.at(statics.nearest_form(self.positions, self.ends), natural_lengths=None)
-
     # structures made from this one
 
     def at(self, positions: ArrayLike, **other: Any) -> Structure:
@@ -311,26 +286,6 @@ class Structure(Printed, Framework):
         tangent = self.members.tangent(self.positions)
         values = freedom.lowest(tangent, np.ones(self.positions.size), 1)[0]
         return bool(values[0] > SOFT * self.stiffnesses.max())
-
-    @checked
-    def freedom(self, supports: Supports | None) -> Freedom:
-        """The motions that supports and platforms permit."""
-        return self._freedom(supports)
-
-    @cached_property
-    def _freedom(self) -> Any:
-        at, platforms, parts = self.positions, self.platforms, self.parts
-        return lru_cache(KEPT)(partial(Freedom.of, positions=at, platforms=platforms, parts=parts))
-
-    @cached_property
-    def parts(self) -> tuple[Any, ...]:
-        """Node numbers of each connected component."""
-        from scipy.sparse import coo_matrix
-        from scipy.sparse.csgraph import connected_components
-
-        joined = coo_matrix((np.ones(len(self.ends)), self.ends.T), shape=(self.nodes,) * 2)
-        count, label = connected_components(joined, directed=False)
-        return tuple(np.flatnonzero(label == k) for k in range(count))
 
     def problem(
         self,
