@@ -10,12 +10,14 @@ import time
 
 import numpy as np
 
-from benchmarks._timing import record
-from tensegrity import Prism, equilibrium_path, plates
+from benchmarks import _against
+from benchmarks._timing import record, table
+from tensegrity import Prism, Structure, equilibrium, equilibrium_path, held, plates
 
 STAGES = (10, 100, 1000)
 SMALL = (2, 8, 16, 32)  # stages of towers whose modes are found from the full matrix
 REPEATS, OFTEN = 2, 30
+BEFORE = "9746a0f0"
 PRISM = Prism(1.0, 1.0, 0.1, 1.0, 5.0, 50.0)
 BALL = {"lower": (0, 4, 8), "upper": (3, 7, 11)}
 
@@ -175,8 +177,59 @@ def ball_path():
     )
 
 
+def chains():
+    """Hanging chains of steel, over the commit before strings settled in tensions."""
+    found = _against.against(BEFORE, _against.CABLES, rounds=2)
+    rows = [[name, *pair, pair[0] / pair[1]] for name, pair in found.items()]
+    table(f"hanging [us], against {BEFORE}", ["", "here", "there", "ratio"], rows, ["ratio"])
+
+
+def cable_net(sides=31):
+    """A flat net of steel strings on a square border, 2 % too long, and the weight that it takes:
+    the structure, loads and supports."""
+    grid = np.arange((sides + 1) ** 2).reshape(sides + 1, -1)
+    places = np.column_stack([*np.divmod(grid.ravel(), sides + 1), 0 * grid.ravel()]).astype(float)
+    inner = set(grid[1:-1, 1:-1].ravel().tolist())
+    pairs = [
+        *zip(grid[:-1].ravel().tolist(), grid[1:].ravel().tolist(), strict=True),
+        *zip(grid[:, :-1].ravel().tolist(), grid[:, 1:].ravel().tolist(), strict=True),
+    ]
+    pairs = [pair for pair in pairs if inner & set(pair)]
+    used = sorted({k for pair in pairs for k in pair})
+    number = {k: n for n, k in enumerate(used)}
+    strings = [(number[i], number[j]) for i, j in pairs]
+    net = Structure(places[used], strings=strings, k_string=1e7 / 1.02,
+                    natural_lengths=[1.02] * len(strings))  # fmt: skip
+    fixed = [number[k] for k in used if k not in inner]
+    return net, {number[k]: (0.0, 0.0, -1.0) for k in inner}, held(fixed)
+
+
+def net():
+    """Steps and time of the equilibrium of 1,860 steel strings, over a sparse solve."""
+    from tensegrity.minimum import downhill
+    from tensegrity.structures import settling
+
+    s, loads, supports = cable_net()
+    steps, step = [], settling.LoadedMembers.newton_with
+    settling.LoadedMembers.newton_with = lambda *given: steps.append(1) or step(*given)
+    try:
+        state = equilibrium(s, loads, supports)
+    finally:
+        settling.LoadedMembers.newton_with = step
+    motions = s.freedom(supports).motions
+    tangent = motions.T @ (state.structure.stiffness() @ motions)
+    force, rigid = motions.T @ np.ones(s.positions.size), np.zeros((motions.shape[1], 0))
+    solve, _ = least_time(lambda: downhill(tangent, rigid, force), OFTEN)
+    seconds, _ = least_time(lambda: equilibrium(s, loads, supports))
+    each = seconds / len(steps)
+    record("net", f"{len(s.ends)} strings", "step over solve", each, solve)
+    print(f"net of {len(s.ends)} strings: {len(steps)} Newton steps, one {each / solve:.3g} solves")
+
+
 def main():
     densities()
+    chains()
+    net()
     ball_path()
     small_towers()
     towers()

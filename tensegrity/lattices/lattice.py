@@ -19,7 +19,7 @@ from tensegrity.scenes.force import Force
 from tensegrity.scenes.forcing import Damping, Drive
 from tensegrity.scenes.network import Network
 from tensegrity.springs.kinks import TAUT
-from tensegrity.structures.members import FARTHEST, STEP
+from tensegrity.structures.settling import FARTHEST, STEP
 from tensegrity.structures.structure import Structure
 from tensegrity.typing import Array, Indices
 

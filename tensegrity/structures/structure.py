@@ -25,11 +25,11 @@ from tensegrity.springs.kinks import TAUT
 from tensegrity.springs.potential import Potential
 from tensegrity.structures.members import (
     Members,
-    equilibrium_positions,
     member_ends,
     refuse_duplicates,
     rigid_plates,
 )
+from tensegrity.structures.settling import equilibrium_positions
 from tensegrity.structures.shape import Shape
 from tensegrity.structures.statics import StructureModes
 from tensegrity.structures.supports import Supports
