@@ -58,9 +58,9 @@ def decay(
     -------
     complex ndarray, (frequencies, count)
         Phases kappa [rad], displacements ~ exp(i n kappa) in cell n, ascending in abs(Im kappa),
-        the decay per cell, which is 0 for propagating waves.  Waves come in pairs of kappa and its
-        conjugate.  An infinite imaginary part belongs to a wave confined to its cell, or one that
-        decays by more than about 1e12 from cell to cell.
+        the decay per cell, which is 0 for propagating waves, then in Re kappa.  Waves come in
+        pairs of kappa and its conjugate.  An infinite imaginary part belongs to a wave confined to
+        its cell, or one that decays by more than about 1e12 from cell to cell.
 
     Raises
     ------
@@ -134,7 +134,8 @@ def _phases(own: Any, pair: Any, layers: int) -> Any:
     kappa[np.abs(kappa.imag) < SPLIT] = kappa[np.abs(kappa.imag) < SPLIT].real
     ends = np.zeros(2 * rank - len(kappa), dtype=complex)
     ends.imag = np.where(np.arange(len(ends)) % 2, -np.inf, np.inf)
-    return np.concatenate([kappa[np.argsort(np.abs(kappa.imag), kind="stable")], ends])
+    decays = np.abs(kappa.imag).round(9)  # alike for both waves of a pair, whatever round-off
+    return np.concatenate([kappa[np.lexsort((kappa.imag, kappa.real.round(9), decays))], ends])
 
 
 def _without_zero(a: Any, b: Any) -> tuple[Any, Any]:
