@@ -18,7 +18,9 @@ from tensegrity.minimum import downhill, refuse_unbalanced, settle
 from tensegrity.scenes.force import Force
 from tensegrity.scenes.forcing import Damping, Drive
 from tensegrity.scenes.network import Network
+from tensegrity.scenes.walls import Wall
 from tensegrity.springs.kinks import TAUT
+from tensegrity.springs.potential import Potential
 from tensegrity.structures.settling import FARTHEST, STEP
 from tensegrity.structures.structure import Structure
 from tensegrity.typing import Array, Indices
@@ -287,6 +289,9 @@ class Lattice(Cell):
         drive: Mapping[int, Drive] | None = None,
         damping: Damping | None = None,
         forces: Sequence[Force] = (),
+        walls: Sequence[Wall] = (),
+        wall_law: Potential | float | None = None,
+        gravity: float = 0.0,
     ) -> Network:
         """A block of cells for `simulate`, in equilibrium, with its border held.
 
@@ -296,6 +301,8 @@ class Lattice(Cell):
             Number of cells along each vector.
         drive, damping, forces : optional
             As of `Network`; a driven node is not held.
+        walls, wall_law, gravity : optional
+            As of `Structure.network`.
 
         Returns
         -------
@@ -315,7 +322,10 @@ class Lattice(Cell):
             border |= set(pairs[out][:, 0].tolist()) | set(pairs[out][:, 1].tolist())
         moved = set(drive) if isinstance(drive, Mapping) else set()
         held = sorted(border - moved)
-        return self.tile(counts).network(held=held, drive=drive, damping=damping, forces=forces)
+        return self.tile(counts).network(
+            held=held, drive=drive, damping=damping, forces=forces, walls=walls,
+            wall_law=wall_law, gravity=gravity,
+        )  # fmt: skip
 
     def _copied(self, copies: list[list[Any]]) -> dict[str, Any]:
         """Values given for each member, repeated for its copies."""

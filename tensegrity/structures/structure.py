@@ -14,15 +14,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensegrity import plotting
+from tensegrity import check, plotting
 from tensegrity.checked import checked
 from tensegrity.engine.law import Law
 from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.once import once
 from tensegrity.printing import Lines, Printed, call, listed, span
 from tensegrity.scenes.network import Network
+from tensegrity.scenes.walls import Wall
 from tensegrity.springs.kinks import TAUT
 from tensegrity.springs.potential import Potential
+from tensegrity.springs.power_law import PowerLaw
 from tensegrity.structures.members import (
     Members,
     member_ends,
@@ -114,6 +116,13 @@ def network(positions: Array, members: Members, mass: Array, **given: Any) -> Ne
         )
     ]
     return Network(positions, members.ends, springs, lengths=members.natural, mass=mass, **given)
+
+
+def floor_law(stiffness: Any) -> Potential:
+    """The force law of a wall that a stiffness [N/m] stands for."""
+    if stiffness is None:
+        raise TensegrityError("walls need a wall_law: a Potential of the distance, or a stiffness")
+    return PowerLaw(check.number("wall_law", stiffness, above=0, unit="N/m"), 1.0)
 
 
 SOFT = 1e-12  # eigenvalues below this fraction of the largest stiffness are round-off
@@ -318,6 +327,7 @@ class Structure(Printed, Shape):
 
         return loaded(self, supports, branch, loads, max_load, max_shortening)
 
+    @checked
     def network(
         self,
         *,
@@ -325,6 +335,9 @@ class Structure(Printed, Shape):
         drive: Mapping[int, Drive] | None = None,
         damping: Damping | None = None,
         forces: Sequence[Force] = (),
+        walls: Sequence[Wall] = (),
+        wall_law: Potential | float | None = None,
+        gravity: float = 0.0,
     ) -> Network:
         """The structure as a network for `simulate`.
 
@@ -337,6 +350,13 @@ class Structure(Printed, Shape):
             Nodes that are fixed.
         drive, damping, forces : optional
             As of `Network`.
+        walls : sequence of Wall, optional
+            Unbounded walls that the nodes press, without friction; nodes do not touch each other.
+        wall_law : Potential or float, optional
+            The force of a node on a wall as a function of its distance from it, or the stiffness
+            [N/m] of one in proportion to the depth behind it.
+        gravity : float, optional
+            Acceleration against the last axis [m/s^2], as loads.
 
         Returns
         -------
@@ -345,14 +365,22 @@ class Structure(Printed, Shape):
         Raises
         ------
         TensegrityError
-            If there are platforms, which a network cannot have, or an argument is refused by
-            `Network`.
+            If there are platforms, which a network cannot have, a wall cuts the positions, or an
+            argument is refused by `Network`.
         """
         if self.platforms:
             raise TensegrityError(
                 f"{len(self.platforms)} platforms: a structure with rigid plates has statics only"
             )
-        given = {"held": held, "drive": drive, "damping": damping, "forces": forces}
+        given: dict[str, Any] = {"held": held, "drive": drive, "damping": damping, "forces": forces}
+        if len(check.sequence("walls", walls, "Walls")):
+            law = wall_law if isinstance(wall_law, Potential) else floor_law(wall_law)
+            given |= {"walls": walls, "wall_spring": law, "press": "walls"}
+        elif wall_law is not None:
+            raise TensegrityError("wall_law given, but no walls")
+        if gravity:
+            given["loads"] = np.zeros(self.positions.shape)
+            given["loads"][:, -1] = -gravity * self.mass
         return network(self.positions, self.members, self.mass, **given)
 
     def plot(self, ax: Axes | None = None) -> Axes:
