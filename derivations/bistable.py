@@ -29,6 +29,7 @@ squared = sp.Function("L")
 curvature, quartic = sp.symbols("U_2 U_4", real=True)  # derivatives of the energy at x = 0
 
 
+@cache
 def energy(length: sp.Expr, at: sp.Symbol) -> sp.Expr:
     """Energy of one string of each hand, taut or slack, minus the work of a torque.
 

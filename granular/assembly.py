@@ -127,6 +127,7 @@ class _Listed:
         self._whole = scene
         self._radius = np.array([bead.radius for bead in scene.beads])
         self.longest = LONGEST * self._radius
+        self._last: tuple[Any, Any] = None, None
         of = dynamics(scene)
         self._list(np.zeros(scene.shape))
         self._room = of.clearance.skin / 4 if of.follows else np.inf
@@ -141,12 +142,15 @@ class _Listed:
             self._firm = np.where(self._rest > 0, stiffness, 0.0)
 
     def _forces_at(self, u: Array) -> tuple[Any, Array, Array, Array]:
-        """Dynamics with the contacts there, their elongations and directions, and tensions."""
-        if np.abs(u - self._at).max() > self._room:
-            self._list(u)
-        of = self._listed
-        r, along = forces.elongations(of.contact_bonds, u)
-        return of, r, along, of.springs.evaluate("tension", r)
+        """Dynamics with the contacts there, their elongations and directions, and tensions; those
+        of the last array asked about are kept, as Newton's method asks for them five times."""
+        if u is not self._last[0]:
+            if np.abs(u - self._at).max() > self._room:
+                self._list(u)
+            of = self._listed
+            r, along = forces.elongations(of.contact_bonds, u)
+            self._last = u, (of, r, along, of.springs.evaluate("tension", r))
+        return self._last[1]
 
     def drawn_together(self) -> tuple[Array, float]:
         """Displacements at which contacts that attract have, to first order, their overlap at rest,

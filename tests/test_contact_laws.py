@@ -201,8 +201,10 @@ def test_a_row_moves_and_is_measured_as_by_plain_numpy(kind):
         check_row(kind, seed)
 
 
-@pytest.mark.parametrize("contacts", ["fixed", "follow"])
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(("kind", "contacts"), [
+    pytest.param(kind, contacts, marks=[pytest.mark.slow] * ((k + j) % 2))
+    for k, kind in enumerate(KINDS) for j, contacts in enumerate(("fixed", "follow"))
+])  # fmt: skip
 def test_packs_rest_where_the_law_says(kind, contacts):
     for seed in range(3):
         check_pack(kind, seed, contacts)
@@ -221,7 +223,9 @@ S = 2e-7  # m: overlap at which DMT's pull is Hertz's force
 def laws_with_losses():
     for kind in ("corrected", "table"):
         for name, (loss, constant) in LOSSES.items():
-            yield pytest.param(kind, loss(constant), id=f"{kind} {name}")
+            is_slow = (kind == "table") != (name == "Kuwabara-Kono")
+            yield pytest.param(kind, loss(constant), id=f"{kind} {name}",
+                               marks=[pytest.mark.slow] * is_slow)  # fmt: skip
 
 
 def lossy(kind, loss):
@@ -291,7 +295,9 @@ def test_gaps_count_from_the_touch():
     np.testing.assert_allclose(row.overlaps(row.at_rest().u), [S, -1e-6, -3e-6], atol=1e-20)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [
+    pytest.param(kind, marks=[pytest.mark.slow] * (kind == "old DMT")) for kind in KINDS
+])  # fmt: skip
 def test_guides_and_packs_of_all_kinds_rest(kind):
     law = law_of(kind, S)
     guide = y_guide(4, 5, bead=BEAD, law=law, end=STEEL, gravity=9.81)

@@ -16,7 +16,7 @@ from tensegrity import (
     simulate,
 )
 from tensegrity.springs.kinks import UNKNOWN
-from tensegrity.structures.structure import BarSpring, StringSpring
+from tensegrity.structures.member_springs import BarSpring, StringSpring
 
 r, k, a = sp.symbols("r k a", real=True)
 HALF = sp.Rational(5, 2)
@@ -186,7 +186,7 @@ JUMPS = {
 }
 
 
-@pytest.mark.parametrize("exponent", [sp.Rational(3, 2), 1.5, sp.Rational(5, 2), k])
+@pytest.mark.parametrize("exponent", [1.5, sp.Rational(5, 2), k])
 def test_a_power_of_a_maximum_has_all_derivatives_beyond_its_corner(exponent):
     """0 to a power below 0 is infinite, and that times 0 no number."""
     given = {k: 1.75} if exponent is k else {}

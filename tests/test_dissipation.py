@@ -98,7 +98,7 @@ def test_a_constant_follows_from_the_restitution(name, wall):
 
 
 @pytest.mark.parametrize("name", LAWS)
-@pytest.mark.parametrize("tol", [1e-3, 1e-4])
+@pytest.mark.parametrize("tol", [pytest.param(1e-3, marks=pytest.mark.slow), 1e-4])
 def test_a_run_has_the_restitution(name, tol):
     law, constant = LAWS[name]
     row = pair(law(constant), 1.0)

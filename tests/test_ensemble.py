@@ -80,7 +80,10 @@ SCENES = {  # of all lanes, velocities, methods
 }  # fmt: skip
 
 
-@pytest.mark.parametrize(("name", "method"), [(n, m) for n, x in SCENES.items() for m in x[2]])
+@pytest.mark.parametrize(("name", "method"), [
+    pytest.param(name, method, marks=[pytest.mark.slow] * ((k + j) % 2))
+    for k, (name, scene) in enumerate(SCENES.items()) for j, method in enumerate(scene[2])
+])  # fmt: skip
 def test_lanes_move_as_their_scenes_alone(name, method):
     scenes, velocity, _ = SCENES[name]
     alike = all(scene is scenes[0] for scene in scenes)

@@ -81,7 +81,9 @@ def errors(run, reference):
     return np.abs(wrong).max(), np.abs(energy).max()
 
 
-@pytest.mark.parametrize("tol", [1e-3, 1e-6, 1e-9, 1e-11])
+@pytest.mark.parametrize(
+    "tol", [1e-3, 1e-9, *(pytest.param(x, marks=pytest.mark.slow) for x in (1e-6, 1e-11))]
+)
 def test_all_forces_together_meet_a_tolerance(reference, tol):
     run = simulate(scene(), scene().at_rest({0: 0.1}), END, tol=tol)
     wrong, energy = errors(run, reference)

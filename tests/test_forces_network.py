@@ -106,7 +106,9 @@ def errors(run, reference):
     return wrong, np.abs(energy).max()
 
 
-@pytest.mark.parametrize("tol", [1e-3, 1e-6, 1e-9, 1e-11])
+@pytest.mark.parametrize(
+    "tol", [1e-3, 1e-9, *(pytest.param(x, marks=pytest.mark.slow) for x in (1e-6, 1e-11))]
+)
 def test_all_forces_together_meet_a_tolerance(reference, tol):
     scene = network()
     run = simulate(scene, start(scene), END, tol=tol)
@@ -144,7 +146,7 @@ def test_a_network_on_a_line_is_the_chain():
     np.testing.assert_allclose(three.u[::-1, 0], one.u, rtol=0, atol=1e-11)
 
 
-@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("dim", [pytest.param(2, marks=pytest.mark.slow), 3])
 def test_forces_in_bonds_keep_momentum(dim):
     places = np.eye(4, dim) * 1.3
     bonds = [(0, 1), (1, 2), (2, 0), (3, 0), (3, 1)]

@@ -140,7 +140,7 @@ def start(dim):
     return u, v
 
 
-@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("dim", [pytest.param(2, marks=pytest.mark.slow), 3])
 def test_gradients_are_those_of_complex_steps_of_the_scheme(dim):
     scene, (u, v) = network(dim), start(dim)
     weights = np.random.default_rng(5).standard_normal((4, STEPS + 1))

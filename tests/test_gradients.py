@@ -197,8 +197,10 @@ def test_traces_and_numbers_of_them_are_differentiated_as_finite_differences_say
             assert mine(one) == pytest.approx(wanted, rel=3e-5, abs=1e-9), (name, one)
 
 
-@pytest.mark.parametrize("preload", [0.0, 0.0002])
-@pytest.mark.parametrize(("sides", "height"), [(4, 0.7), (6, 0.9), (5, 0.2)])
+@pytest.mark.parametrize(("sides", "height", "preload"), [
+    pytest.param(*one, preload, marks=[pytest.mark.slow] * ((preload == 0) is (one[0] == 6)))
+    for one in [(4, 0.7), (6, 0.9), (5, 0.2)] for preload in (0.0, 0.0002)
+])  # fmt: skip
 def test_prisms_of_any_sides_are_differentiated_by_their_arguments(sides, height, preload):
     """Beside triangles in one chain; the last one is flat before its bars meet."""
     asked, size = o.displacement(2), 1e-6
@@ -350,7 +352,7 @@ def test_memory_does_not_grow_with_the_steps():
         return peak
 
     most(10.0)
-    assert most(2000.0) < 1.2 * most(100.0) + 20_000
+    assert most(800.0) < 1.2 * most(100.0) + 20_000
 
 
 def test_a_run_of_no_time_has_the_gradient_of_its_start():

@@ -98,7 +98,7 @@ def test_reference_design_of_ends_as_small_as_points():
     assert found.prestrains[[0, -1]] == pytest.approx(0.09433, abs=6e-6)
 
 
-@pytest.mark.parametrize("focus", [(0.0, 20.0), (6.0, 20.0)])
+@pytest.mark.parametrize("focus", [pytest.param((0.0, 20.0), marks=pytest.mark.slow), (6.0, 20.0)])
 def test_pulses_meet_at_the_focus_within_a_thousandth_of_the_pulse(focus):
     """By samples of each end's own pressure there; rays from the centres would miss by 1e-2."""
     one, design = lens(focus=focus), lens(focus=focus).design

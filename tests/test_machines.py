@@ -172,8 +172,10 @@ def graded():
     return chain, chain.at_rest({0: 0.01, 50: -0.01})
 
 
-@pytest.mark.parametrize("flag", WITHOUT[1:])
-@pytest.mark.parametrize("make", [changing, elastic, graded])
+@pytest.mark.parametrize(("flag", "make"), [
+    pytest.param(flag, make, marks=[pytest.mark.slow] * (make is elastic and flag != WITHOUT[-1]))
+    for flag in WITHOUT[1:] for make in (changing, elastic, graded)
+])  # fmt: skip
 def test_processors_agree(flag, make, monkeypatch):
     runs = []
     for given in ("", flag):

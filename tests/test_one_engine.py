@@ -60,8 +60,10 @@ SCENES = {
 }
 
 
-@pytest.mark.parametrize("method", ["verlet", "rkn6", "rk4"])
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize(("name", "method"), [
+    pytest.param(name, method, marks=[pytest.mark.slow] * (method == ["verlet", "rk4"][k % 2]))
+    for k, name in enumerate(SCENES) for method in ("verlet", "rkn6", "rk4")
+])  # fmt: skip
 def test_loop_is_that_of_numpy_to_the_growth_of_round_off(name, method):
     """Whoever owns the parameters: two orders of summation differ by eps a step."""
     scene, steps, dt = SCENES[name](), 113, 1e-6 if name == "fork" else 0.1
@@ -142,7 +144,10 @@ def test_a_chain_written_as_a_network_is_the_same_loop(scene, method):
     np.testing.assert_allclose(two.energy, one.energy, rtol=1e-13)
 
 
-@pytest.mark.parametrize("method", ["verlet", "rkn6", "rk4", "midpoint"])
+@pytest.mark.parametrize(
+    "method",
+    ["rkn6", "midpoint", *(pytest.param(x, marks=pytest.mark.slow) for x in ("verlet", "rk4"))],
+)
 def test_bonds_in_any_order_on_a_line_pull_as_in_a_chain(method):
     """The bonds backwards, every other one from right to left: the general loop."""
     chain = tapered(30)

@@ -55,7 +55,14 @@ def test_a_wave_whose_contacts_open_obeys_its_equation():
         assert wave.speed**2 * wave.elongation(x) == pytest.approx(whole, abs=1e-12)
 
 
-@pytest.mark.parametrize(("energy", "peak"), [(1.4882955912582, 1.2), (3.0, 4 / 3), (5.0, 4 / 3)])
+@pytest.mark.parametrize(
+    ("energy", "peak"),
+    [
+        pytest.param(1.4882955912582, 1.2, marks=pytest.mark.slow),
+        (3.0, 4 / 3),
+        (5.0, 4 / 3),
+    ],
+)
 def test_waves_of_open_contacts_widen_with_their_energy_at_the_last_peak(energy, peak):
     """Their width grows by the energy over that of a site of the flat top, twice V there."""
     wave = of_energy(energy)

@@ -146,11 +146,15 @@ def test_the_mode_of_a_light_defect_continues_to_large_energies(ratio, energy, c
     ("heavy", "frequency", "energy", "width", "longest", "multiplier"),
     [
         (True, 7900, 1.42387794e-4, 4.43672097e-6, 0.93406029, 1.61318),
-        (True, 7200, 2.08157998e-4, 7.05282057e-6, 1.48482622, 2.66305),
+        pytest.param(
+            True, 7200, 2.08157998e-4, 7.05282057e-6, 1.48482622, 2.66305, marks=pytest.mark.slow
+        ),
         pytest.param(
             True, 6600, 2.96962231e-4, 9.66637613e-6, 2.03505655, 2.91433, marks=pytest.mark.slow
         ),
-        (False, 7900, 1.06899613e-4, 3.66605457e-6, 1.10880019, 1.369282),
+        pytest.param(
+            False, 7900, 1.06899613e-4, 3.66605457e-6, 1.10880019, 1.369282, marks=pytest.mark.slow
+        ),
         (False, 7200, 1.26578008e-4, 4.64085685e-6, 1.81743391, None),
         pytest.param(
             False, 6900, 1.49266388e-4, 5.29506768e-6, 2.14173622, None, marks=pytest.mark.slow

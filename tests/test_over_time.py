@@ -148,7 +148,10 @@ def test_bad_input_says_what_and_why():
         Chain(PRISM, 6, tune={"prestrain": DRAWN_IN})
 
 
-@pytest.mark.parametrize("stiff", [(), (10.0, 100.0)], ids=["rigid", "elastic"])
+@pytest.mark.parametrize("stiff", [
+    pytest.param((), id="rigid"),
+    pytest.param((10.0, 100.0), id="elastic", marks=pytest.mark.slow),
+])  # fmt: skip
 def test_bonds_of_a_chain_change_as_each_does_alone(stiff):
     """Pairs in three phases, between springs too soft to be felt."""
     spring = Prism(1.0, 0.7, 0.02, 1.0, *stiff).potential()

@@ -83,8 +83,11 @@ def networks():
     yield pytest.param(gaps, gaps.at_rest({0: [0.1, 0]}), 0.05, 60.0, id="gaps")
 
 
-@pytest.mark.parametrize("method", ["verlet", "rkn6", "corrected6"])
-@pytest.mark.parametrize(("scene", "start", "dt", "t_end"), list(networks()))
+@pytest.mark.parametrize(("scene", "start", "dt", "t_end", "method"), [
+    pytest.param(*given.values, method, id=f"{given.id}-{method}",
+                 marks=[pytest.mark.slow] * ((method == "corrected6") != (given.id == "gaps")))
+    for given in networks() for method in ("verlet", "rkn6", "corrected6")
+])  # fmt: skip
 def test_a_network_of_which_all_tiles_move_has_the_same_bits(
     scene, start, dt, t_end, method, monkeypatch
 ):

@@ -19,7 +19,6 @@ from tensegrity.springs import collection
 from tensegrity.springs.collection import Springs
 
 R, K, W = sp.symbols("r k w")
-ENERGIES = (0.0, *10.0 ** np.arange(-300, 301, 30), *10.0 ** np.arange(-18.0, 4.0), math.inf)
 FINEST = 1e-8  # by which a range may be too wide
 
 

@@ -131,8 +131,8 @@ def test_the_largest_entry_of_a_shape_is_above_zero(sites):
 
 
 def test_the_slowest_wave_of_a_long_chain_is_not_taken_for_rigid_motion():
-    found = modes(Chain(linear(1.0), 100_000), count=2).frequencies
-    assert found == pytest.approx([0, 2 * math.sin(math.pi / 200_000)], rel=1e-6)
+    found = modes(Chain(linear(1.0), 50_000), count=2).frequencies
+    assert found == pytest.approx([0, 2 * math.sin(math.pi / 100_000)], rel=1e-6)
 
 
 def test_modes_about_a_compressed_state_are_those_of_its_stiffness():

@@ -235,8 +235,16 @@ NODES = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ({"bars": [(0, 1), (1, 0)], "strings": [(1, 2)]}, "bar 0 and bar 1 both join nodes 0 and"),
-        ({"bars": [(0, 1)], "strings": [(1, 0), (1, 2)]}, "bar 0 and string 1 both join"),
+        (
+            {"bars": [(0, 1)], "strings": [(1, 2)], "k_bar": 1.0, "EA_bar": 1.0},
+            "k_bar and EA_bar are both given",
+        ),
+        ({"bars": [(0, 1)], "strings": [(1, 2)], "EA_string": -1.0}, "EA_string -1 N must be fin"),
+        ({"bars": [(0, 1), (1, 2)], "EA_bar": [1.0]}, "EA_bar has shape"),
+        (
+            {"bars": [(0, 1), (1, 2)], "EA_bar": 1e-300, "natural_lengths": [1e300] * 2},
+            "has EA 1e-300 N",
+        ),
         ({"bars": [(0, 1)]}, "node 2 is in no member"),
         ({"bars": [(0, 1), (1, 1)], "strings": [(1, 2)]}, "joins node 1 to itself"),
         ({"bars": [(0, 3)]}, "node 3 of a bar must be below 3"),

@@ -191,20 +191,28 @@ def test_small_jumps_are_still_refused(part):
 
 
 def test_noise_is_estimated_and_smoothed():
-    exact, noises = lambda r: np.tanh(2 * r), []
-    r = np.linspace(-1, 1, 201)
+    exact, noises, r = lambda r: np.tanh(2 * r), [], np.linspace(-0.99, 0.99, 201)
+
+    def springs(count, seed):
+        x = np.linspace(-1, 1, count)
+        tension = exact(x) + np.random.default_rng(seed).normal(0, 0.01, count)
+        return [
+            Potential.from_table(x, tension, **one)
+            for one in ({"kind": "smooth"}, {"kind": "smooth", "noise": 0.01}, {})
+            if one or count < 99
+        ]
+
     for seed in range(25):
-        tension = exact(r) + np.random.default_rng(seed).normal(0, 0.01, len(r))
-        for noise in (None, 0.01):
-            spring = Potential.from_table(r, tension, "smooth", noise=noise)
-            assert np.sqrt(np.mean((spring.tension(r[1:-1]) - exact(r[1:-1])) ** 2)) < 0.005
-            noises.append(spring.noise)
+        noises += [spring.noise for spring in springs(201, seed)]
+        *smoothed, raw = springs(61, seed)
+        for spring in smoothed:
+            assert np.sqrt(np.mean((spring.tension(r) - exact(r)) ** 2)) < 0.008
     assert np.mean(noises[::2]) == pytest.approx(0.01, rel=0.03)
     assert np.std(noises[::2]) < 0.0007  # 0.01/sqrt(2 * 200) of independent numbers, and no more
     assert np.mean(noises[1::2]) == pytest.approx(0.01, rel=0.03)
-    raw = Potential.from_table(r[::3], tension[::3])
-    assert np.abs(raw.stiffness(0.9 * r) - 2 / np.cosh(1.8 * r) ** 2).max() > 0.5
-    assert np.abs(spring.stiffness(0.9 * r) - 2 / np.cosh(1.8 * r) ** 2).max() < 0.2
+    for one, is_smooth in ((raw, False), (smoothed[0], True)):
+        wrong = one.stiffness(0.9 * r) - 2 / np.cosh(1.8 * r) ** 2
+        assert (np.abs(wrong).max() < 0.3) == is_smooth
 
 
 def test_a_preload_moves_the_origin_to_the_state_that_carries_it():

@@ -1,6 +1,7 @@
 """How the public names are called, for the type checker: checked by `make lint`, never run.
 
-Lines with `type: ignore` are mistakes; the checker complains of each that it would let pass.
+What they return stands in `interface.txt`; here are types of parts, or by the arguments.  Lines
+with `type: ignore` are mistakes; the checker complains of each that it would let pass.
 """
 
 from __future__ import annotations
@@ -20,7 +21,6 @@ from granular.lammps import run_lammps, to_lammps
 from tensegrity.branches.table import Table
 from tensegrity.engine import methods
 from tensegrity.measure import observables
-from tensegrity.measure.interfaces import Transmission
 from tensegrity.measure.pulses import Pulse
 from tensegrity.measure.records import Peak
 from tensegrity.prisms.problem import EquilibriumPath
@@ -29,20 +29,14 @@ from tensegrity.structures.structure_path import StructurePath
 from tensegrity.typing import Array, Flags
 from tensegrity.waves.prediction import Prediction
 from tensegrity.waves.spectrum import Modes
-from tensegrity.waves.transition import TransitionWave
 
 
 def prisms_and_paths() -> ts.Potential:
     prism = ts.Prism(base=1, height=0.7, prestrain=0.01, k_cross=1.0, k_base=10.0)
-    assert_type(prism.natural_lengths().bar, float)
-    assert_type(prism.axial_stiffness() + prism.locking_height(), float)
     path = ts.equilibrium_path(prism, min_height=0.2, max_height=0.9, past_contact=True)
-    assert_type(path, EquilibriumPath)
     assert_type(ts.equilibrium_paths([prism], min_height=0.2), list[EquilibriumPath])
     assert_type(path[3], dict[str, Any])
     assert_type(path[2:5], EquilibriumPath)
-    assert_type(path.load - path.height, Array)
-    assert_type(path.stable_load, Flags)
     assert_type([event.load for event in path.events if event.kind == "fold"], list[float])
     assert_type(ts.trace(prism.problem()), EquilibriumPath)
     assert_type(ts.trace(ts.Problem(("x", "y"), lambda x, y: x - y)), Table)
@@ -52,8 +46,6 @@ def prisms_and_paths() -> ts.Potential:
     assert_type(spring, ts.Potential)
     assert_type(spring.domain, tuple[float, float])
     assert_type(spring.length, float | None)
-    assert_type(spring.tension([0.0, 0.1]), Array)
-    assert_type(spring.energy(0.0) + spring.stiffness(np.zeros(3)), Array)
     ts.Prism(base="1", height=0.7, prestrain=0.01, k_cross=1.0)  # type: ignore[arg-type]
     ts.Prism(base=1.0, height=0.7, prestrain=0.01)  # type: ignore[call-arg]
     prism.height = 0.8  # type: ignore[misc]
@@ -69,48 +61,26 @@ def structures() -> ts.Structure:
     prism = ts.Prism.from_members(0.13, 0.08, 0.1623, 2e4, k_base=3e4, k_bar=5e7, sides=3)
     one: ts.Structure = prism.structure(mass=0.1)
     s = prism.column(count=2, chirality="same", plates=False)
-    assert_type(s.self_stress().feasible, Array)
-    assert_type(s.mechanisms(), Array)
-    assert_type(s.prestressed(prestrain={6: 0.1}).relaxed(), ts.Structure)
     assert_type(s.modes(3, ts.held([0, 1, 2])).frequencies, Array)
-    assert_type(s.is_stable(), bool)
-    state = ts.equilibrium(s, loads={8: (0.0, 0.0, -1.0)}, supports=ts.held([0, 1, 2]))
-    assert_type(state.tensions, Array)
-    assert_type(state.slack, Flags)
+    ts.equilibrium(s, loads={8: (0.0, 0.0, -1.0)}, supports=ts.held([0, 1, 2]))
     path = ts.equilibrium_path(s, supports=ts.plates([0, 1, 2], [6, 7, 8]), branch="symmetric")
-    assert_type(path, StructurePath)
-    assert_type(path.tensions, Array)
     assert_type(ts.control_path(s, {6: 0.1}), StructurePath)
     fixed = ts.held([0], axes=[0, 1]) + ts.plates([0, 1, 2], normal=(0.0, 0.0, 1.0))
     load = {8: (0.0, 0.0, -1.0)}
-    drawn = ts.control_path(s, {6: 0.1}, fixed, branch="symmetric", loads=load)
-    assert_type(drawn.positions, Array)
-    assert_type(drawn.slack, Flags)
+    ts.control_path(s, {6: 0.1}, fixed, branch="symmetric", loads=load)
     assert_type(
         ts.equilibrium_path(s, supports=fixed, loads=load, max_shortening=0.1), StructurePath
     )
     assert_type(s.nearest_form(ts.held([0, 1, 2])), ts.Structure)
-    groups = [[0, 1, 2]]
-    assert_type(s.self_stress(ts.held([0]), groups=groups).mechanism_stiffness, Array)
-    assert_type(s.mechanisms(ts.held([0])), Array)
-    assert_type(s.prestressed(tension={6: 0.1}, supports=ts.held([0])), ts.Structure)
-    assert_type(s.at(s.positions, natural_lengths=s.natural_lengths), ts.Structure)
-    assert_type(s.at_mass([1.0] * 9), ts.Structure)
-    assert_type(s.self_stress().gap, float)
-    assert_type(state.stable, bool)
-    assert_type(state.reactions, Array)
+    assert_type(s.self_stress(fixed, groups=[[0, 1, 2]]).mechanism_stiffness, Array)
+    assert_type(s.prestressed(tension={6: 0.1}, supports=fixed), ts.Structure)
     assert_type(first_loss(prism, "tilting").load, float)
-    values, symmetric = lowest(prism, path, support="plates", count=2)
-    assert_type(values, Array)
-    assert_type(symmetric, Flags)
+    lowest(prism, path, support="plates", count=2)
     touch = ts.bar_contact(path, diameter=8e-3)
     assert touch is None or assert_type(touch.load, float) > 0
     assert_type(ts.member_stiffness(1e9, 1e-6, 0.1), float)
     result = ts.fit([0.0, 1e-3], [0.0, 1.0], prism, free=("prestrain",), offset=False, noise=0.1)
-    assert_type(result.prism, ts.Prism)
-    assert_type(result.band(), Array)
     assert_type(result.intervals(level=0.9), dict[str, tuple[float, float]])
-    assert_type(ts.fit("curve.csv", None, prism).degrees, float)
     assert_type(ts.read_curve("curve.csv", x="-mm", y="kN", columns=(0, "Force")).load, Array)
     assert_type(ts.fit(*ts.read_curve(Path("curve.csv")), prism).offset, float)
     assert_type(ts.catalogue.expandable_octahedron(strut=0.3, k_bar=[1e6] * 6), ts.Structure)
@@ -123,7 +93,6 @@ def structures() -> ts.Structure:
     assert_type(ts.catalogue.twin_prism(4, prestrain=0.1), ts.Structure)
     assert_type(ts.catalogue.geodesic("cube"), ts.Structure)
     ts.fit("curve.csv")  # type: ignore[call-arg]
-    assert_type(s.network(), ts.Network)
     ts.Structure([[0, 0], [1, 0]], bars=3)  # type: ignore[arg-type]
     ts.control_path(s, [0.1])  # type: ignore[arg-type]
     ts.control_path(s, {6: 0.1}, loads=[1.0])  # type: ignore[arg-type]
@@ -137,8 +106,6 @@ def springs(spring: ts.Potential) -> Sequence[ts.Potential]:
     beads = ts.PowerLaw(stiffness=1.0, exponent=1.5, preload=2)
     fitted = ts.Polynomial(spring, -0.1, 0.1, error=1e-8)
     assert_type(beads.parameters, dict[str, float])
-    assert_type(fitted.error_estimate, float)
-    assert_type(fitted.degree, int)
     with ts.units(length="mm", mass="t"):
         assert_type(ts.Potential.from_table([-1, 0, 1], [-1, 0, 1], "linear").noise, float)
     ts.Potential(toda, r, domain=(0.0,))  # type: ignore[arg-type]
@@ -149,8 +116,6 @@ def chains(spring: ts.Potential) -> ts.Run:
     chain = ts.Chain(spring, sites=20, mass=np.ones(20), ends=("fixed", "free"))
     ts.Chain([spring] * 19, 20, [1.0] * 20)
     state = chain.at_rest({0: 0.1}) + ts.State([0.0] * 20, np.zeros(20)).reversed()
-    assert_type(state, ts.State)
-    assert_type(state.u, Array)
     record = ts.Record(every=2, sites=[1, 2], path="rows.npy")
     run = ts.simulate(chain, state, 10, method="verlet", dt=0.1, record=record)
     assert_type(run.energy_error, float)
@@ -161,11 +126,8 @@ def chains(spring: ts.Potential) -> ts.Run:
     assert_type(chain.bond_tension(run.u), Array)
     assert_type(chain.energy(run.final), float)
     lanes = ts.Ensemble(chain, count=8)
-    runs = ts.simulate(lanes, lanes.at_rest({1: np.linspace(0.0, 0.1, 8)}), 10.0, tol=1e-6)
-    assert_type(runs[0].energy, Array)
-    various = ts.Ensemble(scenes=[chain, ts.Chain(spring, 20, mass=2.0)])
-    assert_type(various.select(various.at_rest(), 1), ts.State)
-    assert_type(various.count, int)
+    ts.simulate(lanes, lanes.at_rest({1: np.linspace(0.0, 0.1, 8)}), 10.0, tol=1e-6)
+    ts.Ensemble(scenes=[chain, ts.Chain(spring, 20, mass=2.0)])
     assert_type(chain.forces(run.final.u), Array)
     chain.stiffness([0.0] * 20).toarray()
     ts.Chain(spring, 20.5)  # type: ignore[arg-type]
@@ -210,8 +172,7 @@ def networks(spring: ts.Potential) -> Array:
     run = ts.simulate(network, network.at_rest({0: (0.3, -0.1)}), 2.0)
     assert_type(network.momentum(run.final), Array)
     assert run.impulse is not None
-    line = ts.Network([[0.0], [1.0]], [(0, 1)], spring)
-    assert_type(line.forces([[0.0], [0.1]]), Array)
+    ts.Network([[0.0], [1.0]], [(0, 1)], spring)
     loose = ts.Network(
         [(0.0, 0.0, 0.0), (3.0, 0.0, 0.0)],
         [],
@@ -231,27 +192,21 @@ def networks(spring: ts.Potential) -> Array:
 
 def waves(spring: ts.Potential, chain: ts.Chain) -> ts.State:
     wave = ts.solitary_wave(spring, speed_ratio=2, family="compression")
-    assert_type(wave, ts.SolitaryWave)
-    assert_type(wave.width(0.1) + wave.speed + float(wave.shift), float)
     assert_type(wave.energy_slope + ts.floquet(wave).growth, float)
     assert_type(ts.floquet(wave).stable, bool)
     ts.floquet(chain)  # type: ignore[arg-type]
     orbit = ts.periodic_orbit(chain, chain.at_rest(), period=1.0)
-    assert_type(orbit.state, ts.State)
     assert_type(ts.floquet(orbit).growth + orbit.energy + orbit.residual, float)
-    assert_type(orbit.run(), ts.Run)
     assert_type(ts.orbit_path(orbit, by="period", until=1.1).stable, Flags)
     assert_type(ts.predict(spring), Prediction)
     assert_type(ts.modes(ts.Chain(spring, 5), count=3), Modes)
     shaker = ts.Drive(displacement=sp.sin(sp.Symbol("t")))
-    assert_type(shaker.at([0.0, 1.0]), Array)
     damped = ts.Chain(spring, 5, drive={0: shaker}, damping=ts.Damping(ground=[0.1] * 5))
     assert_type(ts.simulate(damped, damped.at_rest(), 1.0).work, Array | None)
     ts.Drive(force=([0.0, 1.0], np.zeros(2)))
     drag = ts.Force(-sp.Symbol("v"), at=[0], parameters={})
     ts.Chain(spring, 3, ground=spring, forces=[ts.Force(spring, at=[0])])
     ts.Chain(spring, 2, ground=[spring, spring])
-    assert_type(drag.values(0.0, [1.0]), Array)
     ts.Chain(spring, 5, forces=(drag,))
     ts.Chain(spring, 5, forces=drag)  # type: ignore[arg-type]
     ts.Chain(spring, 5, drive={"0": shaker})  # type: ignore[dict-item]
@@ -263,53 +218,38 @@ def waves(spring: ts.Potential, chain: ts.Chain) -> ts.State:
     lattice = ts.PairLattice([[1.0]], [[0.0]], [(0, 0, 1, pair)], mass=(1.0,))
     assert_type(ts.bands(lattice, [[1.0]]).frequencies, Array)
     row = ts.Lattice([(0, 0)], [(1, 0)], strings=[(0, 0, 1)]).prestressed([0.1])
-    assert_type(row, ts.Lattice)
     assert_type(ts.bands(row, [[0.1]]).frequencies, Array)
     assert_type(ts.moduli(row).speeds([1, 0]), Array)
     assert_type(ts.effective_mass(row, [0], [0.1]), Array)
     assert_type(ts.decay(row, [0.1], 0, 0.0), Any)
-    assert_type(row.stability().kind, str)
-    assert_type(ts.Prism(1.0, 0.7, 0.1, 1.0, 5.0, 50.0).column(periodic=True), ts.Lattice)
-    assert_type(ts.catalogue.column(periodic=True), ts.Lattice)
     planar = [ts.catalogue.square(), ts.catalogue.triangular(), ts.catalogue.honeycomb(side=1.0)]
     cells = [ts.catalogue.kagome(), ts.catalogue.octahedra(layers=1), ts.catalogue.x_strip()]
     assert_type(planar + cells, list[ts.Lattice])
     assert_type(ts.catalogue.resonators(masses=(1.0, 2.0)), ts.Lattice)
     assert_type(ts.catalogue.x_plate().network((2, 2)), ts.Network)
     assert_type(ts.predict(spring)["compression"].speeds, tuple[float, float])
-    assert_type(ts.predict(spring)["compression"].curve(excess=[0.1, 0.2]).width, Array)
     assert_type(ts.interface(spring, spring, (40, 60), mass=(1.0, 2.0)), ts.Chain)
-    assert_type(wave.excess, float)
-    assert_type(wave.strain - wave.elongation(wave.x), Array)
     assert_type(spring.sound_speed(), float)
     assert_type(ts.sech2(spring, 1.1, 0.0) - ts.tent(spring, [0.0]), Array)
     ts.solitary_wave(spring, 1.0, 2.0)  # type: ignore[call-arg]
-    front = ts.transition_wave(spring, ahead=0.0, behind=1, ground=spring, damping=ts.Damping(0.1))
-    assert_type(front, TransitionWave)
-    assert_type(front.launch(ts.Chain(spring, 3), 1), ts.State)
+    ts.transition_wave(spring, ahead=0.0, behind=1, ground=spring, damping=ts.Damping(0.1))
     ts.transition_wave(spring, 1.0, ahead=0.0)  # type: ignore[call-arg]
     wave.launch(spring, at=40)  # type: ignore[arg-type]
     return wave.launch(chain, at=40, direction=-1)
 
 
 def springs_elsewhere(spring: ts.Potential) -> None:
-    assert_type(spring.to_c("spring.c"), Path)
     spring.to_c(3.0)  # type: ignore[arg-type]
 
 
 def measured(chain: ts.Chain, run: ts.Run) -> float:
-    passed = ts.budget(run, 5)
-    assert_type(ts.bond_force(run), Array)
-    assert_type(passed.energy - passed.work, Array)
-    assert_type(passed.momentum_error, float)
+    ts.budget(run, 5)
     assert_type(ts.pulses(run, fraction=0.2), list[Pulse])
     assert_type(ts.pulses(run)[0].wave, ts.SolitaryWave | None)
     found = ts.pulses(run)[0].wave
     assert found is not None
     assert_type(ts.phase_shift(run, found, found), tuple[float, float])
-    assert_type(ts.transmission(run, row=-1), Transmission)
     assert_type(ts.transmission(run).reflected, tuple[Pulse, ...])
-    assert_type(ts.transmission(run).transmitted_delays, Array)
     assert_type(observables.peak(chain.elongation(run.final.u)), tuple[float, float])
     assert_type(observables.passage(run.t, run.u[:, 0], run.v[:, 0]), float)
     times = ts.arrival(run, 3, direction=-1, after=0.5) + ts.duration(run, 3, level=0.1)
@@ -334,12 +274,9 @@ def changing(state: ts.State) -> ts.Run:
 
 
 def of_methods() -> list[float]:
-    verlet = methods.find("verlet")
-    assert_type(verlet, methods.Method)
-    assert_type(verlet.symplectic, bool)
+    methods.find("verlet")
     assert_type(ts.Nystrom("rule", 2, 0.05, (0.5,), ((0.0,),), (0.5,), (1.0,)).stages, int)
     own = ts.Splitting("own", 2, 0.05, (0.5, 0.5), drifts=(1.0,), limitations="never")
-    assert_type(own.step_matrix(0.1)[0], Array)
     ts.Splitting("own", 2, 0.05, kicks=0.5, drifts=1.0)  # type: ignore[arg-type]
     ts.Splitting("own", 2, 0.05, (0.5, 0.5), (1.0,), "none")  # type: ignore[call-arg]
     own.check()
@@ -379,13 +316,10 @@ def refused(spring: ts.Potential) -> str:
 
 def beads() -> ts.Run:
     brass = granular.Material("brass", modulus=100e9, poisson=0.34, density=8500)
-    assert_type(granular.materials["steel"], granular.Material)
     bead = granular.Bead(4.76e-3, granular.materials["steel"], mass=0.45e-3)
-    assert_type(bead.mass + bead.radius + bead.contact_radius, float)
     striker = granular.Striker(granular.Bead.of_mass(1e-3, brass), speed=0.5)
     line = granular.chain([bead, bead.coated(brass, 1e-6)] * 5, striker=striker, gravity=9.81)
     assert_type(line, granular.BeadChain)
-    assert_type(granular.hertz(bead, brass), granular.Contact)
     assert_type(granular.hertz(bead, bead).overlap(1.0), float)
     assert_type(granular.hertz(bead, bead).overlap(np.ones(2)), Array)
     assert_type(granular.hertz(bead, bead).spring(), ts.Potential)
@@ -421,7 +355,6 @@ def beads() -> ts.Run:
 
 def sensed(run: ts.Run) -> Array:
     force = granular.sensor_force(run, "stem 1", 3)
-    assert_type(force, Array)
     assert_type(ts.first_peak(run.t, force, between=(0.0, 1.0)), Peak[float])
     assert_type(ts.largest_peak(run.t, force, between=(0.0, 1.0)), Peak[float])
     assert_type(ts.first_peak(run.t, force, noise=0.1).instant_error, float)
@@ -434,9 +367,7 @@ def sensed(run: ts.Run) -> Array:
     guide = run.scene
     assert_type(granular.contact_network.wall_sites(guide, "floor"), list[int])
     assert_type(granular.contact_network.wall_forces(guide, run.u, "floor"), Array)
-    found = granular.energies(run)
-    assert_type(found.fractions + found.effective_number, Array)
-    assert_type(found.participation_ratio + found.virial_ratio, Array)
+    granular.energies(run)
     ts.first_peak(run.t)  # type: ignore[call-arg]
     granular.sensor_force(run, 3, "stem 1")  # type: ignore[call-overload]
     granular.energies(run.final)  # type: ignore[arg-type]
@@ -476,14 +407,9 @@ def units() -> ts.Unit:
     unit = ts.Unit([w], h, members, rest=rest, prestrain={cables: 0.1}, events={"flat": h})
     assert_type(unit.self_stress(), list[float])
     assert_type(unit.natural_lengths(), list[float])
-    assert_type(unit.axial_stiffness(), float)
-    assert_type(unit.equilibria({"w": (0.5, 2.0)})[0].energy, float)
-    assert_type(unit.formula("axial stiffness").c("stiffness"), str)
     assert_type(unit.argument(), list[Any])
     ts.Chain(unit.potential(preload=0.01), 3)
-    path = ts.equilibrium_path(unit, min_height=0.4)
-    assert_type(path.load, Array)
-    assert_type(path.stable_load, Flags)
+    ts.equilibrium_path(unit, min_height=0.4)
     unit.axial_stiffness(1, 2)  # type: ignore[call-arg]
     return unit.about({"w": 1.0, "h": 0.75})
 
@@ -494,16 +420,14 @@ def packs(bead: granular.Bead) -> ts.Run:
         4, 3, bead=bead, floor=steel, sides=steel, striker=striker, struck=(0, 1)
     )
     assert_type(cubic, granular.Pack)
-    planar = granular.hexagonal_pack(
+    granular.hexagonal_pack(
         rows=3, columns=4, bead=[bead] * 11, floor=steel, striker=striker, struck=1,
         offset=(-1, 2.0), direction=np.array([1, -2]), gap=1e-4, contacts="follow",
     )  # fmt: skip
-    assert_type(planar.places, Array)
     floor = ts.Wall((0, 0), (0, 1)), steel
     loose = granular.pack([(0.1, 0.1), (0.2, 0.1)], bead, {"floor": floor}, contacts="fixed")
     loose.at_rest({0: (1.0, 0.0)})
     run = ts.simulate(cubic, cubic.start(), 1e-5)
-    assert_type(granular.wall_force(run, "floor"), Array)
     granular.wall_force(run, "floor", each=True)
     path = to_lammps(cubic, cubic.start(), 1e-4, 1e-7, "in.beads", every=10)
     assert_type(path, Path)

@@ -25,11 +25,11 @@ from tensegrity.readonly import fixed
 from tensegrity.springs.kinks import TAUT
 from tensegrity.structures import statics
 from tensegrity.structures.framework import Framework
-from tensegrity.structures.members import Members, positive_for_each
+from tensegrity.structures.members import Members
 from tensegrity.structures.shape import prestress
 from tensegrity.structures.statics import SelfStress
 from tensegrity.structures.supports import orthonormal
-from tensegrity.typing import Array, Flags, Indices
+from tensegrity.typing import Array, Indices
 
 DEPENDENT = 1e-10  # least singular value of the lattice vectors over the largest
 
@@ -165,39 +165,16 @@ class Cell(Framework):
     ) -> None:
         self._set_positions(positions)
         self.vectors = independent_vectors(vectors, self.dim)
-        given = [
+        listed = [
             ends_and_offsets(name, entries, self.nodes, len(self.vectors))
             for name, entries in (("bar", bars), ("string", strings))
         ]
-        self.offsets = np.concatenate([offsets for _, offsets in given])
-        pairs = [ends for ends, _ in given]
+        self.offsets = np.concatenate([offsets for _, offsets in listed])
+        pairs = [ends for ends, _ in listed]
         refuse_repeated(np.concatenate(pairs), self.offsets, len(pairs[0]))
-        self._set_members(pairs, k_bar, k_string, mass, natural_lengths, self.span)
-        bars = len(pairs[0])
-        self.buckling = (
-            None if buckling is None else positive_for_each("buckling", buckling, bars, "N")
-        )
-        self.plateau = plateau
-
-    @cached_property
-    def members(self) -> Members:
-        """The members as arrays, with the elongations at which bars buckle and strings slacken."""
-        if self.buckling is None:
-            return super().members
-        least = np.zeros(len(self.ends))
-        least[: self.bars] = -self.buckling / self.stiffnesses[: self.bars]
-        plateau = np.where(self.is_string, 0.0, self.plateau)
-        return replace(super().members, least=least, plateau=plateau)
-
-    @property
-    def buckled(self) -> Flags:
-        """Which bars are buckled, (members,), by more than 1e-10 of their natural length."""
-        return ~self.members.taut(self.lengths) & ~self.is_string
-
-    @property
-    def slack(self) -> Flags:
-        """Which members are slack strings, (members,)."""
-        return ~self.members.taut(self.lengths) & self.is_string
+        stiff = {"bar": (k_bar, None), "string": (k_string, None)}
+        given = stiff, mass, natural_lengths, self.span
+        self._set_members(pairs, *given, buckling=buckling, plateau=plateau)
 
     @property
     def span(self) -> float:
@@ -269,21 +246,10 @@ class Cell(Framework):
         TensegrityError, EquilibriumError
             As `Structure.prestressed`, or if a bar would buckle.
         """
-        natural = prestress(
+        return prestress(
             self, lambda: self._equilibrium_matrix(False), self.self_stress,
             force_densities, prestrain, tension,
         )  # fmt: skip
-        prestressed = self.at(self.positions, natural_lengths=natural)
-        for n in np.flatnonzero(prestressed.buckled):
-            q, load = (
-                prestressed.stiffnesses * (1 - prestressed.natural_lengths / prestressed.lengths),
-                prestressed.buckling,
-            )
-            raise EquilibriumError(
-                f"bar {n} would carry {-q[n] * prestressed.lengths[n]:.6g} N, must be below its "
-                f"buckling load {0.0 if load is None else load[n]:.6g} N"
-            )
-        return prestressed
 
     # the shape alone
 

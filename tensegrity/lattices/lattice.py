@@ -246,8 +246,6 @@ class Lattice(Cell):
             self.vectors * many[:, None],
             **self._copied(copies),
             mass=np.tile(self.mass, len(cells)),
-            buckling=None if self.buckling is None else np.repeat(self.buckling, len(cells)),
-            plateau=self.plateau,
         )
 
     def tile(self, counts: Any) -> Structure:
@@ -264,8 +262,6 @@ class Lattice(Cell):
             Nodes and members in the order of `repeated`.  Its border is not in equilibrium:
             see `Structure.relaxed`.
         """
-        if self.buckling is not None:
-            raise TensegrityError("bars of a Structure do not buckle: tile takes no such lattice")
         for m in np.flatnonzero(self.natural_lengths == 0):
             raise TensegrityError(
                 f"{self.name_of(int(m))} has natural length 0 m, must be above 0 in a Structure: "
@@ -289,6 +285,7 @@ class Lattice(Cell):
         drive: Mapping[int, Drive] | None = None,
         damping: Damping | None = None,
         forces: Sequence[Force] = (),
+        natural_lengths: Mapping[int, Any] | None = None,
         walls: Sequence[Wall] = (),
         wall_law: Potential | float | None = None,
         gravity: float = 0.0,
@@ -301,6 +298,9 @@ class Lattice(Cell):
             Number of cells along each vector.
         drive, damping, forces : optional
             As of `Network`; a driven node is not held.
+        natural_lengths : dict, optional
+            {member: expression of t}, of members numbered as those of `tile`; see
+            `Structure.network`.
         walls, wall_law, gravity : optional
             As of `Structure.network`.
 
@@ -322,20 +322,22 @@ class Lattice(Cell):
             border |= set(pairs[out][:, 0].tolist()) | set(pairs[out][:, 1].tolist())
         moved = set(drive) if isinstance(drive, Mapping) else set()
         held = sorted(border - moved)
-        return self.tile(counts).network(
-            held=held, drive=drive, damping=damping, forces=forces, walls=walls,
-            wall_law=wall_law, gravity=gravity,
-        )  # fmt: skip
+        given: dict[str, Any] = {"drive": drive, "damping": damping, "forces": forces}
+        given |= {"walls": walls, "wall_law": wall_law, "gravity": gravity}
+        return self.tile(counts).network(held=held, natural_lengths=natural_lengths, **given)
 
     def _copied(self, copies: list[list[Any]]) -> dict[str, Any]:
         """Values given for each member, repeated for its copies."""
         numbers = [len(each) for each in copies]
         k, flat = np.repeat(self.stiffnesses, numbers), [p for each in copies for p in each]
-        bars = sum(numbers[: self.bars])
+        in_bars = numbers[: self.bars]
+        bars = sum(in_bars)
         return {
             "bars": flat[:bars],
             "strings": flat[bars:],
             "k_bar": k[:bars],
             "k_string": k[bars:],
             "natural_lengths": np.repeat(self.natural_lengths, numbers),
+            "buckling": None if self.buckling is None else np.repeat(self.buckling, in_bars),
+            "plateau": self.plateau,
         }

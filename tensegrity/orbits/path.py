@@ -120,6 +120,8 @@ def orbit_path(
             f"by {check.shown(by)} is not one of {', '.join(names) or 'any parameters of drives'}"
         )
     begin, goals = names[by], dict(until) if isinstance(until, dict) else {by: until}
+    if not goals:
+        raise TensegrityError("until {} names no column at which the path ends")
     end = check.number("until", goals.pop(by)) if by in goals else None
     if end is not None and (math.isclose(end, begin) or (not driven and end <= 0)):
         words = "differ from it" if driven else "differ from it and be above 0"

@@ -40,7 +40,12 @@ from tensegrity.springs.potential import Potential
 from tensegrity.springs.power_law import PowerLaw
 from tensegrity.springs.provenance import potential_of_law, provenance
 from tensegrity.springs.spline import SplineLaw
-from tensegrity.structures.structure import BarSpring, StringSpring
+from tensegrity.structures.member_springs import (
+    BarSpring,
+    BucklingBar,
+    StringOfLaw,
+    StringSpring,
+)
 
 FORMAT = "tensegrity 1"
 
@@ -432,6 +437,8 @@ register(PairLaw, lambda x: x.of_prism, plate_law)
 register(Polynomial, _polynomial, polynomial_of_coefficients)
 register(StringSpring, _member)
 register(BarSpring, _member)
+register(BucklingBar, lambda x: _member(x) | {"buckling": x.buckling, "plateau": x.values[2]})
+register(StringOfLaw, lambda x: {"law": x.given, "length": x.length})
 register(Wall, _wall, _make_wall)
 register(Chain, _chain, _make_chain)
 register(Ensemble, _ensemble)

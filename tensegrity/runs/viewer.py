@@ -132,10 +132,14 @@ def drawing(scene: Any, places: Array) -> dict[str, Any]:
         "dim": scene.dim,
         "radius": None if radius is None else size.tolist(),
         "bonds": scene.bonds.tolist(),
-        "bars": [not scene.springs[k].at(0.0).kinks for k in range(len(scene.bonds))],
+        "bars": [not _slackens(scene.springs[k].at(0.0)) for k in range(len(scene.bonds))],
         "walls": [line.tolist() for line in lines if line is not None],
         "frame": corners.tolist(),
     }
+
+
+def _slackens(spring: Any) -> bool:
+    return bool(getattr(spring, "tension_only", spring.kinks))
 
 
 def _packed(values: Array) -> str:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.readonly import Repeated
-from tensegrity.scenes.near_pairs import blocks, distances, keys
+from tensegrity.scenes.near_pairs import blocks, distances
 from tensegrity.scenes.scene import SMALLEST_MASS
 from tensegrity.scenes.walls import Wall, WallArrays
 from tensegrity.springs.potential import Potential
@@ -165,7 +165,7 @@ def held_sites(held: Iterable[int], sites: int) -> list[int]:
 
 
 def checked_bonds(bonds: ArrayLike, sites: int) -> Indices:
-    """Bonds as pairs of different sites, without duplicates; (bonds, 2)."""
+    """Bonds as pairs of different sites, which several may join; (bonds, 2)."""
     bonds = whole_pairs("bonds", bonds)
     low, high = np.minimum(*bonds.T), np.maximum(*bonds.T)
     wrong = np.flatnonzero((low < 0) | (high >= sites) | (low == high))
@@ -176,7 +176,6 @@ def checked_bonds(bonds: ArrayLike, sites: int) -> Indices:
         raise TensegrityError(
             f"bond {number} joins sites {i} and {j}, which must be 0 to {sites - 1}"
         )
-    _refuse_duplicates("bond", keys(bonds, sites))
     return bonds
 
 
@@ -290,7 +289,7 @@ def checked_wall_contacts(contacts: Indices, walls: Sequence[Wall], positions: A
         raise TensegrityError(
             f"site {site[worst]} is {beyond[worst]:.3g} m beyond the end of wall {wall[worst]}"
         )
-    _refuse_duplicates("wall contact", site * len(walls) + wall)
+    _refuse_duplicates(site * len(walls) + wall)
     return contacts
 
 
@@ -361,15 +360,15 @@ def whole_pairs(name: str, pairs: ArrayLike) -> Indices:
     return array if array.dtype.kind == "i" else array.astype(int)
 
 
-def _refuse_duplicates(name: str, keys: Indices) -> None:
-    """Refuse contacts of which two have the same key."""
+def _refuse_duplicates(keys: Indices) -> None:
+    """Refuse wall contacts of which two have the same key."""
     if np.all(keys[1:] > keys[:-1]):
         return
     ordered = np.sort(keys)
     same = np.flatnonzero(ordered[1:] == ordered[:-1])
     if same.size:
         twins = np.flatnonzero(keys == ordered[same[0]])
-        raise TensegrityError(f"{name}s {twins[0]} and {twins[1]} are the same")
+        raise TensegrityError(f"wall contacts {twins[0]} and {twins[1]} are the same")
 
 
 def springs_of(spring: Potential | Sequence[Potential] | None, count: int, name: str) -> Repeated:

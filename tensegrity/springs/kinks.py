@@ -99,12 +99,19 @@ def _exact(energy: Any, elongation: Any) -> Any:
 
 
 @once
+def _derivative(expression: Any, symbol: Any, order: int) -> Any:
+    """A derivative, from the one below: SymPy would derive all of these again, and factor them."""
+    import sympy as sp
+
+    return sp.diff(_derivative(expression, symbol, order - 1), symbol) if order else expression
+
+
+@once
 def _function(expression: Any, symbols: Any, derivative: int = 0) -> Any:
     import sympy as sp
 
-    if derivative:
-        expression = sp.diff(expression, symbols[0], derivative)
-    return sp.lambdify(symbols, expression, "mpmath")
+    expression = _derivative(expression, symbols[0], derivative)
+    return sp.lambdify(symbols, expression, "mpmath", cse=True, docstring_limit=0)
 
 
 class _Law:
@@ -131,11 +138,10 @@ class _Law:
         constants; those of a polynomial may be differences, of terms of the size that it has at
         another place."""
         import mpmath
-        import sympy as sp
 
         r = self._symbols[0]
         places = [place, far] if mpmath.isfinite(far) and energy.is_polynomial(r) else [place]
-        error = error_of(sp.diff(energy, r, k))
+        error = error_of(_derivative(energy, r, k))
         return max(self.real(error, x) for x in places)
 
     def pieces(self, energy: Any, low: Any, high: Any) -> list[tuple[Any, Any]]:

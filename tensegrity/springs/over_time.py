@@ -154,6 +154,8 @@ class Series:
                     good = middle
             self.reason = self._refused(self._arguments(np.array([wrong]), 0)[0])
             self.until = good
+            if getattr(self._first, "lasts", False):
+                raise TensegrityError(f"{self.reason}: it is driven there at t = {good:.6g} s")
 
     def _refused(self, arguments: Array) -> TensegrityError | None:
         """The error of the spring with these arguments, or None if it exists."""
@@ -252,6 +254,8 @@ class Series:
         r = np.concatenate([reach[0] * FRACTIONS, reach[1] * FRACTIONS])
         right = spring.tension(r)
         wrong = np.abs(evaluated(law, 1, np.ascontiguousarray(p), r - shift) - right)
+        if not np.any(right) and not np.any(wrong):
+            return 0.0  # a string that is slack at all of these
         worst = float(np.max(wrong) / np.max(np.abs(right)))
         return worst if np.isfinite(worst) else np.inf
 

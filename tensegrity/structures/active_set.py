@@ -1,8 +1,10 @@
 """Branches of an equilibrium path beyond a change of active set, and beyond a bifurcation.
 
 Where strings are at their natural length (the critical strings) the set of taut strings may
-change.  The energy is piecewise quadratic for small steps, so that each branch leaves the point
-along a ray, on which each critical string either lengthens and is taut, or shortens and is slack.
+change; it is the same with bars at their buckling load and with kinks of laws, and `above` says
+which kinks the members are above.  The energy is piecewise quadratic for small steps, so that each
+branch leaves the point along a ray, on which each critical string either lengthens and is taut, or
+shortens and is slack.
 Each choice takes one linear solve and a check of these signs.
 
 Beyond a bifurcation, or where no stable ray leaves a change of active set, the branch along a
@@ -17,7 +19,7 @@ eight equal bars, are not found.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 from operator import itemgetter
 
@@ -26,7 +28,8 @@ import numpy as np
 from tensegrity.branches.continuation import Settings
 from tensegrity.branches.steppers import ManyProblem
 from tensegrity.minimum import least_part
-from tensegrity.structures.equations import Loading, SmoothPiece
+from tensegrity.structures.equations import SmoothPiece
+from tensegrity.structures.loading import Loading
 from tensegrity.structures.members import Members
 from tensegrity.structures.supports import NEGLIGIBLE
 from tensegrity.typing import Array, Flags, Indices
@@ -55,7 +58,7 @@ class OutgoingBranch:
 
     Attributes
     ----------
-    taut : ndarray of bool, (members,)
+    above : ndarray of bool, (kinks,)
     sense : int
         1 if the last unknown grows along it, else -1.
     slope : float
@@ -64,24 +67,24 @@ class OutgoingBranch:
         Whether the energy has a minimum there for a given last unknown.
     """
 
-    taut: Flags
+    above: Flags
     sense: int
     slope: float
     stable: bool
 
 
 def outgoing(
-    loading: Loading, u: Array, taut: Flags, critical: Indices, incoming: int = 0
+    loading: Loading, u: Array, above: Flags, critical: Indices, incoming: int = 0
 ) -> list[OutgoingBranch]:
-    """Branches that leave a point where the strings of `critical` are at their natural length.
+    """Branches that leave a point where members are at the kinks `critical`.
 
     Parameters
     ----------
     loading : Loading
     u : ndarray
         Unknowns at the point.
-    taut : ndarray of bool, (members,)
-        Which members are taut before it.
+    above : ndarray of bool, (kinks,)
+        Which kinks the members are above before it.
     critical : ndarray of int
     incoming : int, optional
         Sense in which the last unknown changed before it; 0 at the start of a path.
@@ -94,8 +97,8 @@ def outgoing(
     """
     branches: list[OutgoingBranch] = []
     for sense in (-1, 1) if incoming < 0 else (1, -1):
-        for choice in taut_sets(loading, u, taut, critical, sense):
-            if sense == -incoming and (choice == taut).all():
+        for choice in choices(loading, u, above, critical, sense):
+            if sense == -incoming and (choice == above).all():
                 continue
             leaving = _outgoing_branch(loading, u, choice, critical, sense)
             if leaving is not None:
@@ -115,12 +118,12 @@ def selected(
     branches : list of OutgoingBranch
     branch : {"stable", "symmetric"}
     critical : ndarray of int
-        Strings at their natural length.
+        Kinks at which members are.
 
     Returns
     -------
     OutgoingBranch or None
-        "symmetric": one on which all critical strings are in the same state, if there is one.
+        "symmetric": one on which all critical kinks are on the same side, if there is one.
         Otherwise the stable one of least energy; None if no branch leaves.
     """
     if not branches:
@@ -128,39 +131,39 @@ def selected(
     if branch == "symmetric":
         for state in (False, True):
             for leaving in branches:
-                if (leaving.taut[critical] == state).all():
+                if (leaving.above[critical] == state).all():
                     return leaving
     lowest = [r for r in branches if r.stable] or branches
     least = min(r.slope for r in lowest)
     return next(r for r in lowest if r.slope <= least + SAME * max(abs(least), 1e-300))
 
 
-def taut_sets(
-    loading: Loading, u: Array, taut: Flags, critical: Indices, sense: int
+def choices(
+    loading: Loading, u: Array, above: Flags, critical: Indices, sense: int
 ) -> Iterator[Flags]:
-    """The candidate sets of taut members.
+    """The candidate sides of the critical kinks.
 
     Parameters
     ----------
     loading : Loading
     u : ndarray
         Unknowns at the point.
-    taut : ndarray of bool, (members,)
-        Which members are taut before it.
+    above : ndarray of bool, (kinks,)
+        Which kinks the members are above before it.
     critical : ndarray of int
-        Strings at their natural length.
+        Kinks at which members are.
     sense : int
         Sense of the last unknown, 1 or -1.
 
     Yields
     ------
-    ndarray of bool, (members,)
-        Every choice for the critical strings; if they are more than `ALL`, the fixed points of
+    ndarray of bool, (kinks,)
+        Every choice for the critical kinks; if they are more than `ALL`, the fixed points of
         an iteration on the signs of their rates.
     """
     if len(critical) <= ALL:
         for states in product((False, True), repeat=len(critical)):
-            choice = taut.copy()
+            choice = above.copy()
             choice[critical] = states
             yield choice
         return
@@ -169,7 +172,7 @@ def taut_sets(
     starts += [rng.random(len(critical)) < 0.5 for _ in range(TRIES)]
     for states in starts:
         for _ in range(30):
-            choice = taut.copy()
+            choice = above.copy()
             choice[critical] = states
             leaving = _outgoing_branch(loading, u, choice, critical, sense, check=False)
             if leaving is None:
@@ -186,7 +189,7 @@ def taut_sets(
 def _outgoing_branch(
     loading: Loading, u: Array, choice: Flags, critical: Indices, sense: int, check: bool = True
 ) -> tuple[OutgoingBranch, Array] | None:
-    """The branch of a choice, and the rates of its critical strings; None if signs disagree."""
+    """The branch of a choice, and the rates of its critical members; None if signs disagree."""
     piece = SmoothPiece(loading, choice, critical, strains_at(loading, u, choice))
     _, jacobian = piece.linearised(u)
     try:
@@ -206,10 +209,8 @@ def _outgoing_branch(
     stiff = piece.tangent(u)
     if loading.pattern is None:
         step = 1e-6
-        tension_change = piece.tensions(u + step * rate * sense) - piece.tensions(
-            u - step * rate * sense
-        )
-        slope = float(-loading.change @ tension_change) / (2 * step)
+        after, before = (piece.winding(u + x * rate * sense) for x in (step, -step))
+        slope = float(-loading.change @ (after - before)) / (2 * step)
         inner = stiff
     else:
         slope = float(rate[-2] * sense)
@@ -218,21 +219,21 @@ def _outgoing_branch(
     return OutgoingBranch(choice, sense, slope, stable), longer
 
 
-def strains_at(loading: Loading, u: Array, taut: Flags) -> Array:
-    """Strains of the members at a point.
+def strains_at(loading: Loading, u: Array, above: Flags) -> Array:
+    """Strains of the members beyond their kinks at a point.
 
     Parameters
     ----------
     loading : Loading
     u : ndarray
         Unknowns.
-    taut : ndarray of bool, (members,)
+    above : ndarray of bool, (kinks,)
 
     Returns
     -------
-    ndarray, (members,)
+    ndarray, (kinks,)
     """
-    return SmoothPiece(loading, taut, NONE, np.zeros(len(taut))).strains(u)
+    return SmoothPiece(loading, above, NONE, np.zeros(len(above))).strains(u)
 
 
 def stable_branch_beyond(piece: SmoothPiece, u: Array, critical: Indices = NONE) -> Array | None:
@@ -245,7 +246,7 @@ def stable_branch_beyond(piece: SmoothPiece, u: Array, critical: Indices = NONE)
     u : ndarray
         Unknowns at the point.
     critical : ndarray of int, optional
-        Strings at their natural length there.
+        Kinks at which members are there.
 
     Returns
     -------
@@ -274,11 +275,11 @@ def stable_branch_beyond(piece: SmoothPiece, u: Array, critical: Indices = NONE)
 def _soft_directions(piece: SmoothPiece, u: Array, critical: Indices, count: int) -> Array:
     """Zero, then the unit directions without stiffness in both senses, (starts, count)."""
     rng, directions = np.random.default_rng(0), [np.zeros(count)]
-    for taut in taut_sets(piece.loading, u, piece.taut, critical, 1):
-        tangent = SmoothPiece(piece.loading, taut, NONE, np.zeros(0)).tangent(u)[:count, :count]
+    for above in choices(piece.loading, u, piece.above, critical, 1):
+        tangent = SmoothPiece(piece.loading, above, NONE, np.zeros(0)).tangent(u)[:count, :count]
         values, modes = np.linalg.eigh(tangent)
         number = int(np.sum(values <= SOFT * piece.loading.members.stiffness.max()))
-        number = max(number, int((taut == piece.taut).all()))
+        number = max(number, int((above == piece.above).all()))
         parts = rng.standard_normal((DIRECTIONS * number, number)) if number > 1 else np.eye(number)
         for one in parts / np.linalg.norm(parts, axis=1, keepdims=True) @ modes[:, :number].T:
             if np.abs(directions @ one).max() < 1 - ALIKE:
@@ -298,7 +299,7 @@ def _branch_along_mode(piece: SmoothPiece, u: Array, start: Array) -> Array | No
     x = stepper.unknowns(point[: stepper.m])
     if not (point[stepper.residual] <= Settings.residual and x[-1] > u[-1]):
         return None
-    same = (~piece.loading.members.tension_only | (piece.strains(x) >= 0)) == piece.taut
+    same = (piece.strains(x) >= 0) == piece.above
     values = np.linalg.eigvalsh(piece.tangent(x)[:count, :count])
     return x if same.all() and values[0] > ROUND_OFF * values[-1] else None
 
@@ -310,9 +311,7 @@ def _lowest_minimum(
     `part` of the size; None if there is none."""
     beyond = u.copy()
     beyond[-1] += part * (1.0 if loading.pattern is None else loading.span)
-    members = replace(
-        loading.members, natural=loading.members.natural + beyond[-1] * loading.change
-    )
+    members = loading.members_at(beyond[-1])
     begin, minima = loading.positions_at(beyond), []
     for amplitude in AMPLITUDES:
         for start in starts:

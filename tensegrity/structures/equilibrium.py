@@ -54,6 +54,8 @@ class Equilibrium(Printed):
         yield f"  displacements up to {moved.max():.6g} m, of node {int(moved.argmax())}"
         yield f"  tensions {span(self.tensions, 'N')}"
         yield f"  slack strings: {listed(np.flatnonzero(self.slack))}"
+        if self.structure.buckled.any():
+            yield f"  buckled bars: {listed(np.flatnonzero(self.structure.buckled))}"
 
     @property
     def displacements(self) -> Array:
@@ -143,14 +145,15 @@ def control_path(
     branch: str = "stable",
     loads: Mapping[int, Sequence[float]] | None = None,
     *,
+    keep: str | None = None,
     until: Mapping[str, Any] | str | None = None,
     at: Mapping[str, Any] | None = None,
 ) -> StructurePath:
     """Equilibrium path as the natural lengths of some members change to given values.
 
-    Spring constants k stay as they are.  A cable on a winch keeps EA instead, and k = EA over
-    natural length grows as it is wound up: at the end of the path tensions are those of such a
-    cable only if k is given for its final natural length, and the work is not.
+    Members keep EA where EA was given, as a cable on a winch does: k = EA over natural length grows
+    as it is wound up, and the work is that on what hangs outside the drum, -(T + T^2/(2 EA)) for
+    each metre of natural length.  Others keep their spring constants.
 
     Parameters
     ----------
@@ -164,6 +167,9 @@ def control_path(
         The branch to follow where several are possible, as for `equilibrium_path`.
     loads : dict, optional
         {node: force (dim,) [N]}, constant along the path.
+    keep : {"EA", "k"}, optional
+        What members keep whose natural lengths change; by default what they were given.  Members
+        with a law keep that, as a function of the elongation.
     until, at : optional
         Values of columns, or the kind of event, at which the path ends, and values of columns of
         which the places become events; see `trace`.
@@ -194,5 +200,5 @@ def control_path(
     """
     check.kind("structure", structure, Structure)
     return trace(
-        controlled(structure, natural_lengths, supports, branch, loads), until=until, at=at
+        controlled(structure, natural_lengths, supports, branch, loads, keep), until=until, at=at
     )

@@ -13,13 +13,12 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from tensegrity import check
 from tensegrity.engine import forces
-from tensegrity.errors import TensegrityError
 from tensegrity.minimum import DENSE, ROUND_OFF
 from tensegrity.springs.kinks import TAUT
+from tensegrity.structures.laws import Kinks, Laws
+from tensegrity.structures.segments import WHOLE, Segments
 from tensegrity.typing import Array, Flags, Indices
 
 SETTLED = 1e-10  # unbalanced force of an equilibrium, over the forces of members and loads
@@ -34,18 +33,23 @@ class Members:
     ----------
     shape : tuple of int
         (nodes, dim).
-    ends : ndarray of int, (members, 2)
+    ends : ndarray of int, (segments, 2)
+        One segment for each member, unless `segments` says otherwise.
     stiffness, natural : ndarray, (members,)
         Spring constants [N/m] and natural lengths [m].
     tension_only : ndarray of bool, (members,)
         Which members are strings.
-    shift : ndarray, (members, dim), or 0
+    shift : ndarray, (segments, dim), or 0
         From each second end to its image that the member is joined to [m], in lattices.
     least : ndarray, (members,), or None
         Elongations at which members give way [m], where bars do: at 0 strings slacken, at
         -load/stiffness bars buckle.
     plateau : ndarray, (members,), or 0
         Stiffness beyond, over that before; 0 for strings.
+    laws : Laws, optional
+        Of the members whose tension is not proportional to their elongation.
+    segments : Segments, optional
+        Where cables run over nodes; lengths and tensions are those of whole members.
     """
 
     shape: tuple[int, ...]
@@ -56,9 +60,11 @@ class Members:
     shift: Array | float = 0.0
     least: Array | None = None
     plateau: Array | float = 0.0
+    laws: Laws | None = None
+    segments: Segments = WHOLE
 
     def separations(self, positions: Array) -> tuple[Array, Array]:
-        """Vectors (members, dim) from first to second ends, and their lengths."""
+        """Vectors (segments, dim) from first to second ends, and their lengths."""
         first, second = positions.take(self.ends.T, axis=0)
         d = second - first + self.shift
         return d, np.maximum(np.sqrt(np.einsum("ij,ij->i", d, d)), NO_LENGTH)
@@ -95,24 +101,55 @@ class Members:
 
     def tensions(self, positions: Array) -> Array:
         """Tensions [N], (members,); 0 for slack strings."""
-        return self.stiffness * self.elongations(self.separations(positions)[1])
+        return self.pulls(self.segments.over(self.separations(positions)[1]))
+
+    def pulls(self, lengths: Array) -> Array:
+        """Tensions [N] at lengths [m], (members,) each."""
+        tensions: Array = self.stiffness * self.elongations(lengths)
+        if self.laws:
+            tensions[self.laws.member] = self._of_laws(lengths)[1]
+        return tensions
+
+    def _of_laws(self, lengths: Array) -> tuple[Array, Array, Array]:
+        """Energies, tensions and stiffnesses of the members with laws: 0 for slack strings, but
+        for the stiffness, which is that of taut ones."""
+        laws: Any = self.laws
+        elongations = lengths - self.natural
+        energy, tension, stiffness = laws.values(elongations, *laws.domain)
+        loose = (self.tension_only & (elongations <= 0))[laws.member]
+        return np.where(loose, 0.0, energy), np.where(loose, 0.0, tension), stiffness
+
+    @cached_property
+    def kinks(self) -> Kinks:
+        """Where the stiffness of a member jumps."""
+        return Kinks.of(self.tension_only, self.least, self.laws)
+
+    @property
+    def linear(self) -> bool:
+        """Whether tensions are proportional to elongations, but for slack strings."""
+        return self.least is None and self.laws is None and not len(self.segments.cables)
 
     def energy(self, positions: Array) -> float:
         """Elastic energy of all members [J]."""
-        lengths = self.separations(positions)[1]
+        return float(np.sum(self.stored(self.segments.over(self.separations(positions)[1]))))
+
+    def stored(self, lengths: Array) -> Array:
+        """Elastic energies at lengths [m], (members,) each [J]."""
         if self.least is None:
-            return float(0.5 * np.sum(self.stiffness * self.elongations(lengths) ** 2))
-        elongations = lengths - self.natural
-        past = np.minimum(elongations - self.least, 0.0)
-        before = 0.5 * (elongations - past) ** 2
-        return float(
-            np.sum(self.stiffness * (before + self.least * past + 0.5 * self.plateau * past**2))
-        )
+            each = 0.5 * (self.stiffness * self.elongations(lengths) ** 2)
+        else:
+            elongations = lengths - self.natural
+            past = np.minimum(elongations - self.least, 0.0)
+            before = 0.5 * (elongations - past) ** 2
+            each = self.stiffness * (before + self.least * past + 0.5 * self.plateau * past**2)
+        if self.laws:
+            each[self.laws.member] = self._of_laws(lengths)[0]
+        return np.asarray(each)
 
     def gradient(self, positions: Array) -> Array:
         """Gradient of the energy in the positions [N], (nodes, dim): minus the nodal forces."""
         d, lengths = self.separations(positions)
-        force = (self.stiffness * self.elongations(lengths) / lengths)[:, None] * d
+        force = (self.segments.each(self.pulls(self.segments.over(lengths))) / lengths)[:, None] * d
         first, second = self.ends.T
         result: Array = -forces.scattered(first, second, force, len(positions))
         return result
@@ -120,7 +157,8 @@ class Members:
     def blocks(
         self, positions: Array, within: float = TAUT, tensions: Array | None = None
     ) -> Array:
-        """Tangent stiffness of each member; see `tangent`.
+        """Tangent stiffness of each segment, of cables over nodes by their tension alone; see
+        `tangent`.
 
         Parameters
         ----------
@@ -133,16 +171,31 @@ class Members:
 
         Returns
         -------
-        ndarray, (members, dim, dim)
+        ndarray, (segments, dim, dim)
             [N/m]
         """
         d, lengths = self.separations(positions)
+        stiffness, tensions = self._stiffness_and_pulls(
+            self.segments.over(lengths), within, tensions
+        )
+        density = self.segments.each(tensions) / lengths
+        return np.asarray(
+            forces.tangents(d / lengths[:, None], self.segments.alone(stiffness), density)
+        )
+
+    def _stiffness_and_pulls(
+        self, lengths: Array, within: float, tensions: Array | None
+    ) -> tuple[Array, Array]:
+        """Stiffnesses [N/m] and tensions [N] of members, (members,) each; as of `blocks`."""
         if tensions is None:
-            taut, tensions = self.taut(lengths, within), self.stiffness * self.elongations(lengths)
+            taut, tensions = self.taut(lengths, within), self.pulls(lengths)
         else:
             taut = ~self.tension_only | (tensions > 0)
         stiffness = np.where(taut, 1.0, self.plateau) * self.stiffness
-        return np.asarray(forces.tangents(d / lengths[:, None], stiffness, tensions / lengths))
+        if self.laws:
+            mine = self.laws.member
+            stiffness[mine] = np.where(taut[mine], self._of_laws(lengths)[2], 0.0)
+        return stiffness, tensions
 
     def tangent(self, positions: Array, within: float = TAUT, tensions: Array | None = None) -> Any:
         """Hessian of the energy.
@@ -163,11 +216,20 @@ class Members:
         """
         (sign, row, column), size = self._entries, positions.size
         values = (sign * self.blocks(positions, within, tensions).ravel()).ravel()
+        whole: Any
         if size <= DENSE:
-            return np.bincount(row * size + column, values, size**2).reshape(size, size)
-        from scipy.sparse import coo_array
+            whole = np.bincount(row * size + column, values, size**2).reshape(size, size)
+        else:
+            from scipy.sparse import coo_array
 
-        return coo_array((values, (row, column)), shape=(size, size)).tocsr()
+            whole = coo_array((values, (row, column)), shape=(size, size)).tocsr()
+        if len(self.segments.cables):
+            d, lengths = self.separations(positions)
+            along, whole_lengths = d / lengths[:, None], self.segments.over(lengths)
+            stiffness, _ = self._stiffness_and_pulls(whole_lengths, within, tensions)
+            more = self.segments.lengthwise(along, self.ends, stiffness, size)
+            return whole + (more.toarray() if size <= DENSE else more)
+        return whole
 
     @cached_property
     def _entries(self) -> tuple[Array, Indices, Indices]:
@@ -178,99 +240,3 @@ class Members:
         first, second = self.ends.T
         all_of = forces.assembled(first, second, forces.of_both_ends(ones), nodes)
         return all_of.data.reshape(4, -1)[:, :1], *all_of.coords
-
-
-def rigid_plates(given: Any, nodes: int) -> tuple[tuple[int, ...], ...]:
-    """The nodes of each rigid plate, checked that none is on two."""
-    try:
-        groups = tuple(tuple(group) for group in given)
-    except TypeError:
-        raise TensegrityError(f"platforms {check.shown(given)} must list nodes of each") from None
-    if () in groups:
-        raise TensegrityError(f"platform {groups.index(())} has 0 nodes, must have at least 1")
-    numbers = [check.whole("node of a platform", n, least=0) for group in groups for n in group]
-    for number in numbers:
-        if number >= nodes or numbers.count(number) > 1:
-            raise TensegrityError(
-                f"node {number} of a platform must be below {nodes} and on one platform only"
-            )
-    return groups
-
-
-def member_ends(name: str, given: Any, nodes: int) -> Indices:
-    """The nodes of each bar or string as an array, checked to exist and to differ.
-
-    Parameters
-    ----------
-    name : str
-        "bar" or "string", for messages.
-    given : sequence of (int, int)
-    nodes : int
-        Number of nodes.
-
-    Returns
-    -------
-    ndarray of int, (members, 2)
-
-    Raises
-    ------
-    TensegrityError
-        If an entry is no pair of two different nodes.
-    """
-    try:
-        listed = [tuple(pair) for pair in given]
-    except TypeError:
-        raise TensegrityError(f"{name}s {check.shown(given)} must be pairs of nodes") from None
-    for pair in listed:
-        if len(pair) != 2:
-            raise TensegrityError(f"{name} {check.shown(pair)} must join two nodes")
-        for node in pair:
-            if check.whole(f"node of a {name}", node, least=0) >= nodes:
-                raise TensegrityError(f"node {node} of a {name} must be below {nodes}")
-        if pair[0] == pair[1]:
-            raise TensegrityError(f"{name} joins node {pair[0]} to itself: its length is 0 m")
-    return np.array(listed, dtype=np.int64).reshape(-1, 2)
-
-
-def refuse_duplicates(ends: Indices, bars: int) -> None:
-    """Refuse two members between the same nodes; the first `bars` members are bars."""
-    first: dict[tuple[int, int], int] = {}
-    for number, (i, j) in enumerate(np.sort(ends, axis=1).tolist()):
-        if (i, j) in first:
-            words = [f"{'bar' if m < bars else 'string'} {m}" for m in (first[i, j], number)]
-            raise TensegrityError(f"{words[0]} and {words[1]} both join nodes {i} and {j}")
-        first[i, j] = number
-
-
-def positive_for_each(
-    name: str, given: ArrayLike, count: int, unit: str, zero: bool = False
-) -> Array:
-    """Positive numbers, one per item, from one number for all or an array.
-
-    Parameters
-    ----------
-    name, unit : str
-        Quantity and unit, for messages.
-    given : array_like, () or (count,)
-    count : int
-    zero : bool, optional
-        Whether 0 is allowed.
-
-    Returns
-    -------
-    ndarray, (count,)
-
-    Raises
-    ------
-    TensegrityError
-        If a number is not finite and positive, or the shape does not fit.
-    """
-    values = check.floats(name, given)
-    if values.shape not in ((), (count,)):
-        raise TensegrityError(f"{name} has shape {values.shape}, must be one or ({count},)")
-    bad = np.flatnonzero(~((values >= 0 if zero else values > 0) & np.isfinite(values)))
-    if bad.size:
-        worst = values.ravel()[bad[0]]
-        bound = "at least" if zero else "above"
-        raise TensegrityError(f"{name} {worst:g} {unit} must be finite and {bound} 0")
-    return np.broadcast_to(values, (count,)).copy()

@@ -14,9 +14,12 @@ import numpy as np
 from tensegrity import check
 from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.minimum import least_part
+from tensegrity.printing import listed
 from tensegrity.structures.active_set import outgoing, selected, strains_at
-from tensegrity.structures.equations import Loading, Plates, SmoothPiece
-from tensegrity.structures.problem import StructureProblem, critical_strings
+from tensegrity.structures.equations import SmoothPiece
+from tensegrity.structures.laws import KINDS
+from tensegrity.structures.loading import Loading, Plates
+from tensegrity.structures.problem import StructureProblem, critical_kinks
 from tensegrity.structures.supports import NEGLIGIBLE, Supports
 from tensegrity.typing import Array
 
@@ -88,12 +91,13 @@ def loaded(
     loading = Loading(
         structure.members, structure.positions, motions, pattern, 0 * structure.lengths,
         _plate(structure, supports), (max_load, max_shortening), 0 * pattern,
+        np.zeros(len(structure.ends), dtype=bool),
     )  # fmt: skip
     return _first_piece(structure, supports, loading, branch)
 
 
 def controlled(
-    structure: Any, natural_lengths: Any, supports: Any, branch: str, loads: Any
+    structure: Any, natural_lengths: Any, supports: Any, branch: str, loads: Any, keep: Any
 ) -> StructureProblem:
     """The problem of a structure whose natural lengths change; see `control_path`.
 
@@ -106,6 +110,8 @@ def controlled(
     branch : {"stable", "symmetric"}
     loads : dict or None
         {node: force (dim,) [N]}.
+    keep : {"EA", "k"} or None
+        None: as members were given.
 
     Returns
     -------
@@ -135,6 +141,7 @@ def controlled(
     loading = Loading(
         structure.members, structure.positions, motions, None, change,
         _plate(structure, supports), (math.inf, 1.0), dead,
+        _keeping(structure, keep) & (change != 0),
     )  # fmt: skip
     gradient = structure.members.gradient(structure.positions) - dead
     left = np.abs(motions.T @ gradient.ravel()).max()
@@ -152,12 +159,12 @@ def controlled(
 
 def _first_piece(structure: Any, supports: Any, loading: Loading, branch: str) -> StructureProblem:
     """The first piece of a path."""
-    u, none = np.zeros(loading.free + 1), np.zeros(len(structure.ends), bool)
-    strains, sense = strains_at(loading, u, none), 1
-    critical = critical_strings(loading, strains)
-    taut = ~loading.members.tension_only | (strains > 0)
+    u, kinks = np.zeros(loading.free + 1), loading.members.kinks
+    strains, sense = strains_at(loading, u, np.zeros(len(kinks.place), bool)), 1
+    critical, above = critical_kinks(strains), strains > 0
     if len(critical):
-        whole = np.ones(len(taut), bool)
+        whole = above | (kinks.kind == KINDS.index("slack"))
+        whole[critical] = True
         softest = np.linalg.eigvalsh(SmoothPiece(loading, whole, critical, strains).tangent(u))[0]
         if not softest > NEUTRAL * float(loading.members.stiffness.max()):
             raise EquilibriumError(
@@ -165,15 +172,15 @@ def _first_piece(structure: Any, supports: Any, loading: Loading, branch: str) -
                 f"without stiffness (smallest eigenvalue {softest:.3g} N/m): no branch is "
                 "determined; prestress the structure"
             )
-        chosen = selected(outgoing(loading, u, taut, critical), branch, critical)
+        chosen = selected(outgoing(loading, u, above, critical), branch, critical)
         if chosen is None:
             raise EquilibriumError(
                 f"{len(critical)} strings are at their natural length at the start and no "
                 "equilibrium path leads away from it"
             )
-        taut, sense = chosen.taut, chosen.sense
-    about = {"structure": structure, "supports": supports}
-    problem = StructureProblem(loading, branch, about, u, taut, critical, sense)
+        above, sense = chosen.above, chosen.sense
+    about = {"structure": structure, "supports": supports, "winding": _words(loading)}
+    problem = StructureProblem(loading, branch, about, u, above, critical, sense)
     left = least_part(problem.piece.linearised(u)[1] * problem.piece.scale)
     if left <= NEGLIGIBLE:  # the equations are rank deficient: several branches leave the start
         raise EquilibriumError(
@@ -181,6 +188,37 @@ def _first_piece(structure: Any, supports: Any, loading: Loading, branch: str) -
             f"value {left:.3g} of the largest): no branch is determined; prestress it"
         )
     return problem
+
+
+def _keeping(structure: Any, keep: Any) -> Array:
+    """Which members keep EA as their natural lengths change, (members,)."""
+    if keep is None:
+        return np.asarray(structure.keeps_EA)
+    if not isinstance(keep, str) or keep not in ("EA", "k"):
+        raise TensegrityError(f"keep {check.shown(keep)} must be 'EA' or 'k'")
+    kept = np.full(len(structure.ends), keep == "EA")
+    kept[[*structure.law]] = False
+    return kept
+
+
+def _words(loading: Loading) -> str:
+    """What members whose natural lengths change keep."""
+    laws = loading.members.laws
+    of_law = np.isin(np.arange(len(loading.kept)), laws.member if laws else ())
+    wound = loading.change != 0
+    words = {
+        "EA is kept: wound members get stiffer": loading.kept,
+        "spring constants k are kept: wound cables, which keep EA, get stiffer": ~loading.kept
+        & ~of_law,
+        "laws of the elongation are kept": of_law,
+    }
+    said = {text: np.flatnonzero(wound & which) for text, which in words.items()}
+    several = sum(len(members) > 0 for members in said.values()) > 1
+    return "; ".join(
+        text + several * f" (members {listed(members)})"
+        for text, members in said.items()
+        if len(members)
+    )
 
 
 def _refuse_unknown(branch: str) -> None:

@@ -1,9 +1,9 @@
 """The problem of a structure under growing loads, or whose natural lengths change.
 
 A path consists of smooth pieces, each with a fixed set of taut strings, which are problems of
-their own.  A new piece begins where a string goes slack or taut, or where the path loses stability
-and the stable branch is followed.  An equilibrium is stable if no eigenvalue of the tangent is
-negative.
+their own.  A new piece begins where a string goes slack or taut, a bar buckles or a member passes a
+kink of its law, or where the path loses stability and the stable branch is followed.  An
+equilibrium is stable if no eigenvalue of the tangent is negative.
 """
 
 from __future__ import annotations
@@ -27,11 +27,18 @@ from tensegrity.structures.active_set import (
     stable_branch_beyond,
     strains_at,
 )
-from tensegrity.structures.equations import Loading, SmoothPiece
+from tensegrity.structures.equations import SmoothPiece
+from tensegrity.structures.laws import KINDS
+from tensegrity.structures.loading import Loading
 from tensegrity.structures.structure_path import StructurePath
 from tensegrity.typing import Array, Flags, Indices
 
 SETTINGS = Settings(tolerance=1e-8, largest=0.05, points=4000)
+PASSED = (
+    ("slack", "slack", "taut again"),
+    ("buckling", "buckled", "straight again"),
+    ("kink", "below a kink of its law", "above a kink of its law"),
+)  # kind of an event where kinks are passed, by their kind, and its words downwards and upwards
 FIRST_ROWS = 300  # rows of a piece before the first check whether the path leaves it
 AT_NATURAL = TAUT  # strain below which a string is at its natural length where a piece ends
 PIECES = 100
@@ -44,6 +51,7 @@ TOUCHING = 1e-9  # of the size of the structure: distance below which bars are i
 LOADED = ("load", "shortening")  # the last unknowns of a path under growing loads
 ENDS = {
     "contact": "two bars meet",
+    "end of law": "{} is where its law ends",
     "plate": "a node reaches a plate",
     "flat": "the plates meet",
     "end load": "the requested load is reached",
@@ -69,9 +77,10 @@ class StructureProblem(Problem):
         "structure" and "supports" of the path.
     start : ndarray
         Unknowns at which the piece starts.
-    taut : ndarray of bool, (members,)
+    above : ndarray of bool, (kinks,)
+        Which kinks the members are above; see `laws.Kinks`.
     critical : ndarray of int
-        Strings at their natural length at the start.
+        Kinks at which members are at the start.
     direction : {1, -1}
         Sense of the last unknown.
     number : int, optional
@@ -86,10 +95,10 @@ class StructureProblem(Problem):
     number: int
 
     def __init__(
-        self, loading: Loading, branch: str, about: dict[str, Any], start: Array, taut: Flags,
+        self, loading: Loading, branch: str, about: dict[str, Any], start: Array, above: Flags,
         critical: Indices, direction: int, number: int = 0,
     ) -> None:  # fmt: skip
-        piece = SmoothPiece(loading, taut, critical, strains_at(loading, start, taut))
+        piece = SmoothPiece(loading, above, critical, strains_at(loading, start, above))
         stepper = ManyProblem(piece)
         self.__dict__.update(
             loading=loading, branch=branch, about=about, start=start, direction=direction,
@@ -107,7 +116,7 @@ class StructureProblem(Problem):
     def names(self) -> tuple[str, ...]:
         """See `Problem.names`."""
         first = ("control", "work") if self.loading.pattern is None else ("shortening", "load")
-        return (*first, *(f"tension {m}" for m in range(len(self.piece.taut))))
+        return (*first, *(f"tension {m}" for m in range(len(self.loading.change))))
 
     def followed(self, until: Mapping[str, Any], at: Mapping[str, Any]) -> Part:
         """See `Problem.followed`."""
@@ -134,7 +143,7 @@ class StructureProblem(Problem):
         if event.kind not in self._stepper.kinds:
             several = word == "bifurcation" and event.multiplicity > 1
             return event._replace(note=f"{event.multiplicity} modes at once") if several else event
-        if word in ("string", "end"):
+        if word in ("kink", "end"):
             return None
         notes = {"contact": "bars {} and {} meet", "plate": "node {} reaches the {} plate"}
         return event._replace(kind=word, note=notes.get(word, "").format(*rest))
@@ -148,19 +157,19 @@ class StructureProblem(Problem):
                 part.end = ENDS["snap"].format("bifurcation")
             else:
                 self._start_beyond(part, beyond)
-        elif word == "string":
+        elif word == "kink":
             self._change_active_set(part, int(numbers[0]))
         elif part.end == "end shortening" and not part.data[-1, -1] > 0:
             part.end = ENDS["other"]
         else:
             part.end = ENDS.get(part.end, ENDS.get(word, part.end))
 
-    def _next(self, part: Part, start: Array, taut: Flags, critical: Indices, sense: int) -> None:
+    def _next(self, part: Part, start: Array, above: Flags, critical: Indices, sense: int) -> None:
         if self.number + 1 == PIECES:
             part.end = ENDS["pieces"]
             return
         given = self.loading, self.branch, self.about
-        part.following = StructureProblem(*given, start, taut, critical, sense, self.number + 1)
+        part.following = StructureProblem(*given, start, above, critical, sense, self.number + 1)
 
     def _events(self, part: Part, negative: Array) -> list[Located]:
         """The located events of a piece, and the bifurcations where it loses stability."""
@@ -201,33 +210,36 @@ class StructureProblem(Problem):
                     return Part(np.array([self.start]), none, none, none, [], words)
                 part, failed.end = failed, f"failed: {error}"
             away = piece.tests(part.data[1])[piece.leaving]
-            back = np.where(piece.taut[piece.strings[piece.leaving]], away < 0, away > 0)
+            back = np.where(piece.above[piece.leaving], away < 0, away > 0)
             first /= 100
             if not back.any() or first < SETTINGS.smallest:
                 return part
 
     def _change_active_set(self, part: Part, reached: int) -> None:
-        """What follows where strings, `reached` among them, are at their natural length."""
+        """What follows where members are at kinks, `reached` among them."""
         piece, loading, u, row = self.piece, self.loading, part.data[-1], len(part.data) - 1
         incoming = -1 if part.tangent[-1, -1] < 0 else 1
-        critical = np.union1d(
-            critical_strings(loading, piece.strains(u)), [reached]
-        )  # its own may be round-off above
-        switched = piece.taut.copy()
+        critical = np.union1d(critical_kinks(piece.strains(u)), [reached])
+        switched = piece.above.copy()
         switched[critical] ^= True
-        words = [_changed(piece.taut, switched)]
+        kinks, changed, words = piece.kinks, self._changed(piece.above, switched), list[str]()
+        ends = critical[kinks.kind[critical] == KINDS.index("end")]
+        if ends.size:
+            name_of = self.about["structure"].name_of
+            part.end = ENDS["end of law"].format(name_of(int(kinks.member[ends[0]])))
+            return
 
-        def slack(*words: str) -> None:
-            part.events.append(Located("slack", row, u, ", ".join(words)))
+        def passed() -> None:
+            notes = {kind: [said] for kind, said in changed.items()} or {"slack": []}
+            next(iter(notes.values())).extend(words)
+            part.events += [Located(kind, row, u, ", ".join(x)) for kind, x in notes.items()]
 
-        volume, within = loading.crossing(loading.positions_at(u))
-        touching = (np.abs(volume) <= TOUCHING) & within
-        if (touching & (np.abs(loading.volumes_at_start) > TOUCHING)).any():
-            slack(*words)
+        if self._bars_touch(u):
+            passed()
             part.events.append(Located("contact", row, u, "bars meet"))
             part.end = ENDS["contact"]
             return
-        branches = outgoing(loading, u, piece.taut, critical, incoming)
+        branches = outgoing(loading, u, piece.above, critical, incoming)
         chosen = selected(branches, self.branch, critical)
         lost = chosen is None or (chosen.sense == incoming and not chosen.stable)
         stable = self.branch == "stable" and part.more["negative"][-1, 1] == 0
@@ -237,28 +249,47 @@ class StructureProblem(Problem):
                 self._start_beyond(part, beyond)
                 return
             if chosen is not None:
-                slack(words[0])
+                passed()
                 part.end = ENDS["snap"].format("change of active set")
                 return
-        if chosen is not None and len(critical) > 1:
-            taut = f"{chosen.taut[critical].sum()} of {len(critical)} strings at natural length"
-            words = [_changed(piece.taut, chosen.taut) or words[0], f"{taut} are taut beyond"]
-        if chosen is not None and chosen.sense != incoming:
-            words.append("the path reverses its sense")
-        slack(*words)
         if chosen is None:
+            passed()
             part.end = ENDS["nothing"]
-        else:
-            self._next(part, u, chosen.taut, critical, chosen.sense)
+            return
+        if len(critical) > 1:
+            strings = critical[kinks.kind[critical] == 0]
+            taut = f"{chosen.above[strings].sum()} of {len(strings)} strings at natural length"
+            changed = self._changed(piece.above, chosen.above) or changed
+            words += [f"{taut} are taut beyond"] * (len(strings) > 0)
+        if chosen.sense != incoming:
+            words.append("the path reverses its sense")
+        passed()
+        self._next(part, u, chosen.above, critical, chosen.sense)
+
+    def _bars_touch(self, u: Array) -> bool:
+        """Whether bars that did not touch at the start do."""
+        volume, within = self.loading.crossing(self.loading.positions_at(u))
+        touching = (np.abs(volume) <= TOUCHING) & within
+        return bool((touching & (np.abs(self.loading.volumes_at_start) > TOUCHING)).any())
 
     def _start_beyond(self, part: Part, beyond: Array) -> None:
         """The piece that follows begins at a point of a branch a little beyond the last row."""
-        before, u, row = self.piece.taut, part.data[-1], len(part.data) - 1
-        strains = strains_at(self.loading, beyond, before)
-        taut = ~self.loading.members.tension_only | (strains >= 0)
-        if (taut != before).any():
-            part.events.append(Located("slack", row, u, _changed(before, taut)))
-        self._next(part, beyond, taut, NONE, 1)
+        before, u, row = self.piece.above, part.data[-1], len(part.data) - 1
+        above = strains_at(self.loading, beyond, before) >= 0
+        changed = self._changed(before, above)
+        part.events += [Located(kind, row, u, words) for kind, words in changed.items()]
+        self._next(part, beyond, above, NONE, 1)
+
+    def _changed(self, before: Flags, after: Flags) -> dict[str, str]:
+        """What happens where members pass kinks, in words by the kind of event."""
+        kinks, found = self.piece.kinks, {}
+        for number, (kind, down, up) in enumerate(PASSED):
+            mine = kinks.kind == number
+            passed = (before & ~after & mine, down), (after & ~before & mine, up)
+            words = [f"{_listed(kinks.member[on], kind)} {w}" for on, w in passed if on.any()]
+            if words:
+                found[kind] = ", ".join(words)
+        return found
 
     # stability
 
@@ -355,16 +386,27 @@ class StructureProblem(Problem):
         if loading.pattern is not None:
             first = data[:, -1] + 0.0, data[:, -2] + 0.0
         else:
-            stored = np.sum(tensions**2 / (2 * loading.members.stiffness), axis=1)
+            stored = self._stored(data, tensions)
             start = loading.members.energy(loading.positions)
             first = data[:, -1].copy(), stored - start - data[:, loading.moves] @ loading.weight
         return dict(zip(self.names, (*first, *tensions.T), strict=True))
 
+    def _stored(self, data: Array, tensions: Array) -> Array:
+        """Energies of all members at rows of unknowns [J], (rows,)."""
+        loading = self.loading
+        if loading.members.linear and not loading.kept.any():
+            return np.asarray(np.sum(tensions**2 / (2 * loading.members.stiffness), axis=1))
+        rows = zip(data, self.piece.lengths(data), strict=True)
+        return np.array([loading.members_at(u[-1]).stored(x).sum() for u, x in rows])
+
     def rows(self, part: Part) -> dict[str, Array]:
         """See `Problem.rows`."""
         by_load, by_height = (part.more["negative"] == 0).T
-        slack = np.tile(~self.piece.taut, (len(part.data), 1))
-        columns = {"stable_load": by_load, "stable_height": by_height, "slack": slack}
+        columns, kinks = {"stable_load": by_load, "stable_height": by_height}, self.piece.kinks
+        for number, name in enumerate(("slack", "buckled")):
+            below = np.zeros(len(self.loading.change), dtype=bool)
+            below[kinks.member[~self.piece.above & (kinks.kind == number)]] = True
+            columns[name] = np.tile(below, (len(part.data), 1))
         return columns | {"positions": self.loading.positions_at(part.data)}
 
     def table(self, path: Joined) -> StructurePath:
@@ -373,17 +415,11 @@ class StructureProblem(Problem):
         return StructurePath(path.columns | tensions, path.events, path.end, **self.about)
 
 
-def critical_strings(loading: Loading, strains: Array) -> Indices:
-    """Strings at their natural length."""
-    return np.flatnonzero(loading.members.tension_only & (np.abs(strains) <= AT_NATURAL))
+def critical_kinks(strains: Array) -> Indices:
+    """Kinks at which members are, by strains beyond them."""
+    return np.flatnonzero(np.abs(strains) <= AT_NATURAL)
 
 
-def _changed(before: Flags, after: Flags) -> str:
-    loose, tight = np.flatnonzero(before & ~after), np.flatnonzero(after & ~before)
-    words = [f"{_listed(loose)} slack"] if len(loose) else []
-    return ", ".join([*words, f"{_listed(tight)} taut again"] if len(tight) else words)
-
-
-def _listed(members: Indices) -> str:
-    word = "string" if len(members) == 1 else "strings"
-    return f"{word} {', '.join(map(str, members.tolist()))}"
+def _listed(members: Indices, kind: str) -> str:
+    word = {"slack": "string", "buckling": "bar"}.get(kind, "member")
+    return f"{word}{'s' * (len(members) > 1)} {', '.join(map(str, members.tolist()))}"

@@ -31,6 +31,7 @@ ROUGH = 1e-2  # unbalanced forces, over the largest, where members are not yet a
 STIFFER, LEAST = 100.0, 1.5  # factor by which softer members stiffen at first, and the least one
 FEW, MANY = 8, 20  # steps in positions and tensions of softer members, and of those given
 STEP, FARTHEST = 0.2, 100.0  # largest step and largest size, over the structure's own size
+TOGETHER = 1e-6  # of the size of the structure: length of a cable's segment that counts as 0
 BALANCED = 1e-6  # forces left over, over the tensions, of a shape under prestress
 
 
@@ -116,6 +117,8 @@ class LoadedMembers:
         return bool(np.abs(left).max() < BALANCED * np.abs(tensions).max())
 
     def refuse(self, x: Array, f: Array) -> None:
+        lengths = self.members.separations(x)[1]
+        self.members.segments.refuse_together(lengths, self.members.ends, TOGETHER * self.span)
         if np.ptp(x, axis=0).max() > FARTHEST * self.span:
             raise EquilibriumError(
                 "no equilibrium: under these loads the structure grows beyond "
@@ -277,14 +280,15 @@ def equilibrium_positions(
     freedom.refuse_unbalanced(positions, loads)
     of = LoadedMembers(members, freedom, positions, loads)
     loose = bool(loads.any() and (members.tension_only & (members.tensions(positions) <= 0)).any())
-    if loose and members.tension_only.all():  # a convex energy: any equilibrium is the one
+    convex = members.linear and members.tension_only.all()  # any equilibrium is the one then
+    if loose and convex:
         with suppress(EquilibriumError):
             return stiffened(of)
     x, f = settle(of, positions, QUICK if loose else STEPS)
     try:
         refuse_unbalanced(of, x, f)
     except EquilibriumError:
-        if not loads.any() or of.prestressed:
+        if not (loads.any() and members.linear) or of.prestressed:
             raise
         with suppress(EquilibriumError):
             return stiffened(of)

@@ -47,13 +47,16 @@ class Shape(Framework):
         from scipy.sparse import coo_matrix
         from scipy.sparse.csgraph import connected_components
 
-        joined = coo_matrix((np.ones(len(self.ends)), self.ends.T), shape=(self.nodes,) * 2)
+        pairs = self.segments
+        joined = coo_matrix((np.ones(len(pairs)), pairs.T), shape=(self.nodes,) * 2)
         count, label = connected_components(joined, directed=False)
         return tuple(np.flatnonzero(label == k) for k in range(count))
 
     def _equilibrium_matrix(self, supports: Supports | None) -> Array:
         """That along the permitted motions [m], (motions, members)."""
-        matrix = statics.equilibrium_matrix(self.positions, self.ends)
+        matrix = statics.equilibrium_matrix(
+            self.positions, self.segments, segments=self.cable_segments
+        )
         if supports is None and not self.platforms:
             return matrix
         return np.asarray(self.freedom(supports).motions.T @ matrix)
@@ -141,6 +144,8 @@ class Shape(Framework):
         """
         if len(self.self_stress(supports).states):
             return self
+        if len(self.cable_segments.cables):
+            raise TensegrityError("cables run over nodes: the nearest form is found without them")
         near = statics.nearest_form(self.positions, self.ends, self.freedom(supports))
         return self.at(near, natural_lengths=None)
 
@@ -177,15 +182,14 @@ class Shape(Framework):
         TensegrityError
             If not exactly one of the three is given, or a value is outside its bounds.
         EquilibriumError
-            If the shape has no self-stress, the force densities are not in equilibrium, or a
-            string would be compressed.
+            If the shape has no self-stress, the force densities are not in equilibrium, a string
+            would be compressed, or a bar would buckle.
         """
-        natural = prestress(
+        return prestress(
             self, lambda: self._equilibrium_matrix(supports),
             lambda: self.self_stress(supports, groups=groups),
             force_densities, prestrain, tension,
         )  # fmt: skip
-        return self.at(self.positions, natural_lengths=natural)
 
 
 def prestress(
@@ -195,8 +199,8 @@ def prestress(
     force_densities: Any,
     prestrain: Any,
     tension: Any,
-) -> Array:
-    """The natural lengths at which a shape is under prestress; see `Structure.prestressed`.
+) -> Any:
+    """A shape under prestress; see `Structure.prestressed`.
 
     Parameters
     ----------
@@ -208,8 +212,7 @@ def prestress(
 
     Returns
     -------
-    ndarray, (members,)
-        [m]
+    Structure or Lattice
 
     Raises
     ------
@@ -218,6 +221,11 @@ def prestress(
     """
     if sum(x is not None for x in (force_densities, prestrain, tension)) != 1:
         raise TensegrityError("give one of force_densities, prestrain and tension")
+    for member in shape.law:
+        raise TensegrityError(
+            f"{shape.name_of(member)} has a law: give natural_lengths, prestress finds those of "
+            "linear members only"
+        )
     if force_densities is None:
         q = _of_given(shape, stress(), prestrain, tension)
     else:
@@ -229,14 +237,28 @@ def prestress(
             f"force density {q[worst]:.6g} N/m of {shape.name_of(worst)} must be at least 0: "
             "strings do not push"
         )
-    natural = shape.lengths * (1 - q / shape.stiffnesses)
-    bad = np.flatnonzero(~((natural > 0) | (shape.lengths == 0)))
+    kept = shape.keeps_EA
+    least = np.where(kept, -shape.EA, -np.inf)
+    strain = np.divide(q * shape.lengths, shape.EA, where=kept, out=np.zeros_like(q))
+    with np.errstate(divide="ignore"):
+        natural = shape.lengths * np.where(kept, 1 / (1 + strain), 1 - q / shape.stiffnesses)
+    bad = np.flatnonzero(~((natural > 0) & (q * shape.lengths > least) | (shape.lengths == 0)))
     if bad.size:
+        number = int(bad[0])
+        bound = f"below its stiffness {shape.stiffnesses[number]:g} N/m"
+        if kept[number]:
+            bound = f"above -EA over its length, {-shape.EA[number] / shape.lengths[number]:g} N/m"
         raise TensegrityError(
-            f"force density {q[bad[0]]:.6g} N/m of {shape.name_of(int(bad[0]))} must be below "
-            f"its stiffness {shape.stiffnesses[bad[0]]:g} N/m"
+            f"force density {q[number]:.6g} N/m of {shape.name_of(number)} must be {bound}"
         )
-    return np.asarray(natural)
+    made = shape.at(shape.positions, natural_lengths=natural)
+    for n in np.flatnonzero(made.buckled):
+        load = 0.0 if made.buckling is None else made.buckling[n]
+        raise EquilibriumError(
+            f"bar {n} would carry {-q[n] * made.lengths[n]:.6g} N, must be below its "
+            f"buckling load {load:.6g} N"
+        )
+    return made
 
 
 def _checked(force_densities: Any, matrix: Array) -> Array:
@@ -288,5 +310,9 @@ def _of_given(structure: Any, stress: SelfStress, prestrain: Any, tension: Any) 
     if prestrain is None:
         wanted = values / structure.lengths[numbers]
     else:
-        wanted = structure.stiffnesses[numbers] * values / (1 + values)
+        wanted = np.where(
+            structure.keeps_EA[numbers],
+            structure.EA[numbers] * values / structure.lengths[numbers],
+            structure.stiffnesses[numbers] * values / (1 + values),
+        )
     return np.asarray(np.linalg.solve(part, wanted) @ stress.states)

@@ -21,6 +21,7 @@ from tensegrity.engine import forces
 from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.minimum import complement
 from tensegrity.printing import Lines, Printed, span
+from tensegrity.structures.segments import WHOLE, Segments
 from tensegrity.structures.supports import Freedom, orthonormal
 from tensegrity.typing import Array, Flags, Indices
 
@@ -97,11 +98,12 @@ class SelfStress(Printed):
 
         Eigenvalues in ascending order of sum_m q_m |v_m|^2 over motions of unit norm (product
         force; Pellegrino & Calladine 1986), v_m being the difference of the motions of the ends of
-        member m.  Where all are positive, prestress stiffens every mechanism; where one is negative
-        the shape leaves the equilibrium along it.
+        member m; of cables over nodes, its part across each segment.  Where all are
+        positive, prestress stiffens every mechanism; where one is negative the shape leaves the
+        equilibrium along it.
         """
-        rates = self.of._rates(self.of.mechanisms(self.permitted))
-        return np.linalg.eigvalsh(np.einsum("m,amk,bmk->ab", self.feasible, rates, rates))
+        motions = self.of.mechanisms(self.permitted)
+        return np.linalg.eigvalsh(self.of._stiffening(self.feasible, motions))
 
     @property
     def gap(self) -> float:
@@ -156,8 +158,12 @@ class SelfStress(Printed):
         return np.asarray(answer.x[:-1] @ self.states)
 
 
-def equilibrium_matrix(positions: Array, ends: Indices, shift: Array | float = 0.0) -> Array:
+def equilibrium_matrix(
+    positions: Array, ends: Indices, shift: Array | float = 0.0, segments: Segments = WHOLE
+) -> Array:
     """Equilibrium matrix A: -A q are the member forces on the nodes.
+
+    Of a cable over nodes q is its tension over its whole length.
 
     Parameters
     ----------
@@ -180,7 +186,11 @@ def equilibrium_matrix(positions: Array, ends: Indices, shift: Array | float = 0
     matrix[ends[:, 1], :, number] = d
     own = ends[:, 0] == ends[:, 1]  # both ends at one node, in different cells
     matrix[ends[own, 0], :, number[own]] = 0
-    return matrix.reshape(nodes * dim, len(ends))
+    whole = matrix.reshape(nodes * dim, len(ends))
+    if segments.owner is None:
+        return whole
+    lengths = np.sqrt(np.sum(d**2, axis=1))
+    return segments.over(whole / lengths) * segments.over(lengths)
 
 
 def null_states(
@@ -386,7 +396,7 @@ class StructureModes(Printed):
         size = float(np.ptp(of.positions, axis=0).max())
         factor = plotting.metres(size)[0]
         moved = factor * (of.positions + SHOWN * size * self.shapes[number])
-        for ends in of.ends:
+        for ends in of.segments:
             drawn.plot(*moved[ends].T, "-", color="0.6", lw=1.0)
         frequency = self.frequencies[number]
         drawn.set_title(f"mode {number + 1} of {self.total}: {frequency:.6g} rad/s", fontsize=10)

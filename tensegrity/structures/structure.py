@@ -1,7 +1,8 @@
 """A structure of bars and strings: description, prestress, stiffness, modes, and its scene.
 
 Masses are lumped at the nodes; members are massless and straight, and their tension is
-proportional to their elongation.  Source: the talk, part III, "Elastic problem", for members;
+proportional to their elongation, unless bars buckle or a member has a law.  Source: the talk,
+part III, "Elastic problem", for members;
 Pellegrino & Calladine 1986 for self-stress and mechanisms.
 """
 
@@ -9,113 +10,35 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity import check, plotting
 from tensegrity.checked import checked
-from tensegrity.engine.law import Law
 from tensegrity.errors import EquilibriumError, TensegrityError
-from tensegrity.once import once
-from tensegrity.printing import Lines, Printed, call, listed, span
+from tensegrity.printing import Lines, Printed, listed, span
 from tensegrity.scenes.network import Network
 from tensegrity.scenes.walls import Wall
-from tensegrity.springs.kinks import TAUT
 from tensegrity.springs.potential import Potential
 from tensegrity.springs.power_law import PowerLaw
-from tensegrity.structures.members import (
-    Members,
-    member_ends,
-    refuse_duplicates,
-    rigid_plates,
-)
+from tensegrity.structures.framework import member_ends, rigid_plates
+from tensegrity.structures.member_springs import network
+from tensegrity.structures.segments import paths
 from tensegrity.structures.settling import equilibrium_positions
 from tensegrity.structures.shape import Shape
 from tensegrity.structures.statics import StructureModes
 from tensegrity.structures.supports import Supports
-from tensegrity.typing import Array, Count, Length, Stiffness
+from tensegrity.typing import Count
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from tensegrity.scenes.force import Force
     from tensegrity.scenes.forcing import Damping, Drive
+    from tensegrity.scenes.network import Network
     from tensegrity.structures.problem import StructureProblem
-
-
-SMALLEST = 1e-100  # elongation above which a string has tension [m]
-
-
-@checked
-class _Member(Potential):
-    tension_only = False
-
-    def __init__(self, stiffness: Stiffness, length: Length) -> None:
-        values = [stiffness, TAUT * length] if self.tension_only else [stiffness]
-        self._set(_law(self.tension_only), values, length, (-math.inf, math.inf))
-        self.kinks = ((0.0, stiffness, 1.0, 1.0),) if self.tension_only else ()
-        self._origin = call(type(self).__name__, stiffness=stiffness, length=length)
-
-
-class StringSpring(_Member):
-    """A string with tension(r) = stiffness max(r, 0), stiffness > 0 [N/m].
-
-    The elongation r [m] is measured from the natural length > 0 [m].  Down to -`TAUT` times this
-    length the stiffness is that of a taut string, as in `tensegrity.structures.members`.
-    """
-
-    tension_only = True
-
-
-class BarSpring(_Member):
-    """A bar with tension(r) = stiffness r; r [m] is measured from the natural length > 0 [m]."""
-
-
-@once
-def _law(tension_only: bool) -> Law:
-    import sympy as sp
-
-    from derivations import member
-
-    r, positive_part, margin = sp.symbols("r positive_part margin", real=True)
-    stretched = member.energy(member.natural + r)
-    if not tension_only:
-        return Law(stretched, r, (member.stiffness,))
-    has_tension, taut = sp.Heaviside(r - SMALLEST), sp.Heaviside(r + margin)
-    tension, known = sp.diff(stretched, r).subs(r, positive_part), (member.stiffness, margin)
-    return Law(
-        has_tension * stretched, r, known, tension, ((positive_part, has_tension * r, taut),)
-    )
-
-
-def network(positions: Array, members: Members, mass: Array, **given: Any) -> Network:
-    """The network of a structure; see `Structure.network`.
-
-    Parameters
-    ----------
-    positions : ndarray, (nodes, dim)
-        Positions of the nodes [m].
-    members : Members
-    mass : ndarray, (nodes,)
-        Masses [kg].
-    **given
-        Further arguments of `Network`.
-
-    Returns
-    -------
-    Network
-    """
-    # lengths equal up to round-off have one spring
-    lengths = [float(f"{x:.3g}") for x in members.natural]
-    springs = [
-        (StringSpring if string else BarSpring)(k, length)
-        for string, k, length in zip(
-            members.tension_only.tolist(), members.stiffness.tolist(), lengths, strict=True
-        )
-    ]
-    return Network(positions, members.ends, springs, lengths=members.natural, mass=mass, **given)
 
 
 def floor_law(stiffness: Any) -> Potential:
@@ -137,8 +60,8 @@ class Structure(Printed, Shape):
         Positions of the nodes [m]; dim is 2 or 3.
     bars, strings : sequence of (int, int)
         The two nodes that each member joins.  Arrays over members hold bars first, then strings.
-    k_bar, k_string : float or array_like, (bars,) or (strings,)
-        Spring constants, EA over natural length [N/m], > 0.
+    k_bar, k_string : float or array_like, (bars,) or (strings,), optional
+        Spring constants, EA over natural length [N/m], > 0; by default 100 and 1.
     mass : float or array_like, (nodes,), optional
         Mass of each node [kg], > 0.
     natural_lengths : array_like, (members,), optional
@@ -146,11 +69,30 @@ class Structure(Printed, Shape):
     platforms : sequence of sequences of int, optional
         The nodes on each rigid plate inside the structure.  Platforms are smooth and guided along
         the last axis, so that their nodes move along it together.  They exist in statics only.
+    EA_bar, EA_string : float or array_like, (bars,) or (strings,), optional
+        Axial stiffnesses [N], > 0, instead of k_bar, k_string.  Where EA is given, it stays as it
+        is when natural lengths change, as of a cable on a winch.
+    buckling : float or array_like, (bars,), optional
+        Loads at which bars buckle [N], > 0; by default none does.
+    plateau : float, optional
+        Stiffness of a bar after buckling over that before, >= 0 and < 1.
+    law : Potential or dict of int to Potential, optional
+        Energy as a function of the elongation from the natural length: one for all strings, or
+        {member: Potential}; strings remain slack below their natural length.  The stiffness of
+        such a member is that at its natural length, and stands for it in scales.
+    cables : sequence of sequences of int, optional
+        The nodes along each cable, over which it runs without friction: one tension, from the sum
+        of the lengths of its segments.  Cables are strings that are numbered after the others, and
+        k_string, EA_string and natural lengths have them in this order.
 
     Attributes
     ----------
     positions, natural_lengths, stiffnesses, mass : ndarray
         As given, (nodes, dim), (members,), (members,) and (nodes,).
+    EA : ndarray, (members,)
+        Stiffnesses times natural lengths [N].
+    keeps_EA : ndarray of bool, (members,)
+        Whose EA was given.
     ends : ndarray of int, (members, 2)
         The two nodes of each member.
     is_string : ndarray of bool, (members,)
@@ -159,8 +101,8 @@ class Structure(Printed, Shape):
     Raises
     ------
     TensegrityError
-        If a member has no length or is given twice, a node is in no member, or a number is
-        outside its bounds.
+        If a member has no length, a node is in no member, both k and EA of bars or strings are
+        given, or a number is outside its bounds.
 
     Notes
     -----
@@ -192,42 +134,55 @@ class Structure(Printed, Shape):
 
     shift = 0.0
 
+    @checked
     def __init__(
         self,
         positions: ArrayLike,
         bars: Sequence[tuple[int, int]] = (),
         strings: Sequence[tuple[int, int]] = (),
-        k_bar: ArrayLike = 100.0,
-        k_string: ArrayLike = 1.0,
+        k_bar: ArrayLike | None = None,
+        k_string: ArrayLike | None = None,
         mass: ArrayLike = 1.0,
         natural_lengths: ArrayLike | None = None,
         platforms: Sequence[Sequence[int]] = (),
+        *,
+        EA_bar: ArrayLike | None = None,
+        EA_string: ArrayLike | None = None,
+        buckling: ArrayLike | None = None,
+        plateau: Annotated[float, ">= 0", "< 1"] = 0.0,
+        law: Potential | Mapping[int, Potential] | None = None,
+        cables: Sequence[Sequence[int]] = (),
     ) -> None:
         self._set_positions(positions)
         nodes = self.nodes
         pairs = [
             member_ends(name, ends, nodes) for name, ends in (("bar", bars), ("string", strings))
         ]
-        refuse_duplicates(np.concatenate(pairs), len(pairs[0]))
         self.platforms = rigid_plates(platforms, nodes)
         size = float(np.ptp(self.positions, axis=0).max())
-        self._set_members(pairs, k_bar, k_string, mass, natural_lengths, size)
+        stiff = {"bar": (k_bar, EA_bar), "string": (k_string, EA_string)}
+        if isinstance(law, Potential) and (k_string is not None or EA_string is not None):
+            raise TensegrityError("law of all strings and k_string or EA_string: give one of them")
+        given = stiff, mass, natural_lengths, size, law
+        self._set_members(pairs, *given, buckling, plateau, paths(cables, nodes))
 
     # structures made from this one
 
     def at(self, positions: ArrayLike, **other: Any) -> Structure:
-        """A copy of the structure at other positions, with other arguments replaced by name; the
-        spring constants stay as they are where natural lengths change."""
+        """A copy of the structure at other positions, with other arguments replaced by name; where
+        natural lengths change, EA stays as it is if it was given, and else the spring constant."""
         own: dict[str, Any] = {
             "bars": self.ends[: self.bars],
-            "strings": self.ends[self.bars :],
-            "k_bar": self.stiffnesses[: self.bars],
-            "k_string": self.stiffnesses[self.bars :],
+            "strings": self.ends[self.bars : self.bars + self.strings],
+            "cables": self.cables,
             "mass": self.mass,
             "natural_lengths": self.natural_lengths,
             "platforms": self.platforms,
+            "law": self.law,
+            "buckling": self.buckling,
+            "plateau": self.plateau,
         }
-        return Structure(positions, **(own | other))
+        return Structure(positions, **(own | self._stiff_unless(other) | other))
 
     def relaxed(self) -> Structure:
         """The structure at the equilibrium of its natural lengths, by minimising the energy.
@@ -335,14 +290,16 @@ class Structure(Printed, Shape):
         drive: Mapping[int, Drive] | None = None,
         damping: Damping | None = None,
         forces: Sequence[Force] = (),
+        natural_lengths: Mapping[int, Any] | None = None,
         walls: Sequence[Wall] = (),
         wall_law: Potential | float | None = None,
         gravity: float = 0.0,
     ) -> Network:
         """The structure as a network for `simulate`.
 
-        Strings carry tension only, bars tension and compression.  Members have no thickness and
-        pass through each other.  Displacements are measured from the positions.
+        Strings carry tension only, bars tension and compression, up to their buckling load if they
+        have one.  Members have no thickness and pass through each other.  Displacements are
+        measured from the positions.
 
         Parameters
         ----------
@@ -350,6 +307,11 @@ class Structure(Printed, Shape):
             Nodes that are fixed.
         drive, damping, forces : optional
             As of `Network`.
+        natural_lengths : dict, optional
+            {member: SymPy expression of t} [m]: natural lengths that change, each in its own way.
+            The member keeps EA if that was given, and else k.  The run records the work done on
+            what hangs outside the drum, at the rate -(T + T^2/(2 EA)) or, where k is kept, -T times
+            that of the natural length.
         walls : sequence of Wall, optional
             Unbounded walls that the nodes press, without friction; nodes do not touch each other.
         wall_law : Potential or float, optional
@@ -365,8 +327,10 @@ class Structure(Printed, Shape):
         Raises
         ------
         TensegrityError
-            If there are platforms, which a network cannot have, a wall cuts the positions, or an
-            argument is refused by `Network`.
+            If there are platforms, which a network cannot have, a wall cuts the positions, a
+            natural length is not above 0 at the start or that of a member with a law or a buckling
+            load, or an argument is refused by `Network`.  `simulate` refuses natural lengths that
+            reach 0 within the run.
         """
         if self.platforms:
             raise TensegrityError(
@@ -381,7 +345,7 @@ class Structure(Printed, Shape):
         if gravity:
             given["loads"] = np.zeros(self.positions.shape)
             given["loads"][:, -1] = -gravity * self.mass
-        return network(self.positions, self.members, self.mass, **given)
+        return network(self, natural_lengths, **given)
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Bars thick, taut strings in the colours of their tension, slack strings dashed and red.
@@ -401,8 +365,9 @@ class Structure(Printed, Shape):
             `ax` is not a Matplotlib axes, or not of the dimension of the structure.
         """
         drawn: Axes = plotting.axes(ax, in_space=self.dim == 3)
-        members = self.ends, self.is_string, self.slack, self.tensions
-        plotting.members(drawn, self.positions, *members)
+        each = self.cable_segments.each
+        members = each(self.is_string), each(self.slack), each(self.tensions)
+        plotting.members(drawn, self.positions, self.segments, *members)
         return drawn
 
     _size = (4.0, 3.2)
@@ -419,9 +384,13 @@ class Structure(Printed, Shape):
                 yield f"  {name}: {words}"
         if self.slack.any():
             yield f"  slack: strings {listed(np.flatnonzero(self.slack))}"
+        if self.buckled.any():
+            yield f"  buckled: bars {listed(np.flatnonzero(self.buckled))}"
 
     def __repr__(self) -> str:
+        count = len(self.cables)
+        cables = f"{count} cable{'s' * (count > 1)}, " if count else ""
         return (
             f"Structure({self.nodes} nodes in {self.dim} dimensions, {self.bars} bars, "
-            f"{self.strings} strings, {int(self.slack.sum())} of them slack)"
+            f"{self.strings} strings, {cables}{int(self.slack.sum())} of them slack)"
         )

@@ -27,18 +27,20 @@ class StructurePath(Table):
         not for `Structure.is_stable`.
     tensions : ndarray, (rows, members)
         Tensions of the members [N]; as columns "tension 0" and so on.
-    slack : ndarray of bool, (rows, members)
-        Which members are slack strings.
+    slack, buckled : ndarray of bool, (rows, members)
+        Which members are slack strings, and buckled bars.
     positions : ndarray, (rows, nodes, dim)
         Positions of the nodes [m].
     events : tuple of Event
         Located points, with the columns as attributes.  The kinds are "slack" (strings go slack,
-        or taut again, as the note says), "fold" (limit point in load), "turn" (limit point in
-        displacement), "bifurcation" with its `multiplicity`, "plate", "contact", and names of
-        columns given in `at`.  Strings that reach their natural
+        or taut again, as the note says), "buckling" of bars, "kink" of a law, "fold" (limit point
+        in load), "turn" (limit point in displacement), "bifurcation" with its `multiplicity`,
+        "plate", "contact", and names of columns given in `at`.  Strings that reach their natural
         length at the same point make one event.
     structure : Structure
         The structure at the start of the path.
+    winding : str
+        What members keep whose natural lengths change: EA, or k.
     end : str
         Why the path ends.
     """
@@ -49,9 +51,11 @@ class StructurePath(Table):
     stable_height: Flags
     positions: Array
     slack: Flags
+    buckled: Flags
     structure: Any
     supports: Any
-    _by_row = ("positions", "slack")
+    winding: str
+    _by_row = ("positions", "slack", "buckled")
     _units: ClassVar = {"shortening": "m", "load": "N", "work": "J"}
 
     @property
@@ -74,10 +78,12 @@ class StructurePath(Table):
         for word, row in (("from", 0), ("to", -1)):
             yield f"  {word} {self._quantities(self[row], shown[:2])}"
             tension, slack = self.tensions[row], np.flatnonzero(self.slack[row])
-            yield f"    tensions {span(tension, 'N')}, slack: {listed(slack)}"
+            words = f"    tensions {span(tension, 'N')}, slack: {listed(slack)}"
+            buckled = np.flatnonzero(self.buckled[row])
+            yield words + f", buckled: {listed(buckled)}" * bool(len(buckled))
         for event in self.events:
             yield f"  {event.kind} at {self._quantities(event.at, shown[:2])}"
             yield from [f"    {event.note}"] * bool(event.note)
         if "control" in self.columns:
-            yield "  spring constants k are kept: wound cables, which keep EA, get stiffer"
+            yield f"  {self.winding}"
         yield f"  ends: {self.end}"

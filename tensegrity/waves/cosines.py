@@ -63,10 +63,18 @@ class Grid:
     @cached_property
     def complement(self):
         """Symbol of 1 - K, without cancellation at small wave numbers."""
-        half = self.wave_numbers / 2
-        series = np.polyval(SINE_RISE, np.minimum(half, 1) ** 2)
-        rise = np.where(half < 1, half**2 * series, 1 - self.box)
-        return rise * (1 + self.box)
+        return complement((self.wave_numbers / 2) ** 2, self.box)
+
+    def sines(self, coefficients):
+        """Values on the grid of a sine series, whose first and last coefficients count nothing."""
+        waves = coefficients * (-1j * self.points)
+        waves[..., [0, -1]] = 0
+        return np.fft.irfft(waves, 2 * self.points)[..., : self.points + 1]
+
+    def sine_coefficients(self, values):
+        """Sine coefficients of an odd function from its values on the grid."""
+        whole = np.concatenate([values, -values[..., -2:0:-1]], axis=-1)
+        return -np.fft.rfft(whole).imag / self.points
 
     def apply(self, symbol, values):
         """An even convolution, given by its symbol, of values on the grid."""
@@ -98,6 +106,25 @@ class Grid:
         moved = np.zeros((*a.shape[:-1], other.points + 1))
         moved[..., inside] = cosine_sum(a.T, self.wave_numbers, other.x[inside]).T
         return moved
+
+
+def complement(square, box):
+    """1 - K without cancellation at small wave numbers.
+
+    Parameters
+    ----------
+    square : ndarray
+        (k/2)^2, below 0 where k is imaginary.
+    box : ndarray
+        sin(k/2)/(k/2).
+
+    Returns
+    -------
+    ndarray
+    """
+    near = np.abs(square) < 1
+    series = np.polyval(SINE_RISE, np.where(near, square, 1))
+    return np.where(near, square * series, 1 - box) * (1 + box)
 
 
 def cosine_sum(coefficients, wave_numbers, x, function=np.cos):

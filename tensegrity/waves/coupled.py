@@ -1,12 +1,20 @@
-"""Solitary waves of several components: extension and twist of a column between heavy plates.
+"""Lines of equal sites and bonds whose waves have several components: the law of their bonds.
 
-A column is a line of equal sites and equal bonds in a `Network`; the differences r(x - c t) of the
-coordinates of neighbours solve m c^2 r = K T(r), where T is the gradient of the energy of a bond
-and K the convolution of `travelling`; coordinates of other inertias m_k are multiplied by
-sqrt(m_k/m).  In the eigenvectors of the stiffness at rest the linear law
-is diagonal, and the equation is that of a chain in each component.  A wave faster than all sounds
-radiates nothing; long waves have the profile of Korteweg and de Vries in the fastest component,
-from which Newton's method goes on to shorter ones.
+Sites have coordinates with inertias m_k, which are multiplied here by sqrt(m_k/m_0).  Differences
+r(x - c t) of free coordinates are of the bond at x, values q(x - c t) of others of sites.  With the
+energy V(r(x), q(x - 1/2), q(x + 1/2)) of that bond, which has half of the energies of its sites,
+and K the convolution of `travelling`,
+
+    m c^2 r = K V_r,    m c^2 q'' + V_qi(bond at x + 1/2) + V_qj(bond at x - 1/2) = 0.
+
+The quadratic part of V makes rho = P g(rho) of these as of a chain, with a matrix P for each wave
+number.  In the eigenvectors of the stiffness of free coordinates that others follow slowly, its
+block of these is the inverse of S = nu + lag + rest (1 - K) - K X.  With N the stiffness of the
+others minus mu k^2, N_0 at k = 0, E = N_0 - N, and 2 cos(k/2) C that between both kinds,
+
+    X = 4 C^T N_0^-1 (sin^2(k/2) N_0 - E) N^-1 C,
+
+in which nothing cancels at small k.  Where S is singular, w(k) = c k for a linear wave.
 
 Units of alternating handedness have no waves of a family.  With staggered rotations (-1)^j phi_j
 they are equal too, with the twist phi_j + phi_(j+1): then w^2 of the second branch of linear waves
@@ -17,162 +25,289 @@ wave excites what moves with it.  Only at isolated speeds could the amplitude of
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from tensegrity.errors import TensegrityError
+from tensegrity.root import root
 from tensegrity.scenes.acting import per_coordinate
 from tensegrity.scenes.network import Network
-from tensegrity.waves.cosines import Grid, Series, cosine_sum
-from tensegrity.waves.family import FIRST_POINTS, half_length, refined
-from tensegrity.waves.travelling import NoWaveError, Profile, newton, speed_is
+from tensegrity.springs.pair_law import PairLaw
+from tensegrity.waves.cosines import complement
 
 EQUAL = 1e-12  # relative difference of equal separations and masses
-DIFFERENCE = 1e-4  # of the separation, for the curvature of the force at rest
-LONG, FASTER = 0.04, 2.0  # m c^2 over that of sound minus 1: of a first wave; factor to the next
-ROUGHLY = 1e-6  # last Newton step on the way
-LEAST = 1e-4  # of the first wave, if its profile is not near that of long waves before
-REMAINS = 0.9  # of the peak, where it would grow
-SHORTER = 5  # roots of the factor
-AROUND, ALIKE = 0.1, 1e-12  # from rest, where energies are compared when ends are exchanged
-
-
-@dataclass(frozen=True)
-class PairSeries(Series):
-    """Of free coordinates the coefficients of du/dx, of the last one those of its value at sites,
-    which is its elongation and displacement; the rate is the derivative of either by x."""
-
-    turning: int
-
-    def elongation(self, x: Any) -> Any:
-        """Differences of free coordinates about x, value of the other; (..., dim)."""
-        return self._sum(self._elongations, x)
-
-    def rate(self, x: Any) -> Any:
-        """Derivatives of all coordinates by x."""
-        found: Any = self._sum(self.rates, x)
-        k, inside = self.grid.wave_numbers, np.abs(x) <= self.grid.half_length
-        slope = -cosine_sum(self.rates[self.turning] * k, k, np.where(inside, x, 0.0), np.sin)
-        found[..., self.turning] = np.where(inside, slope, 0.0)
-        return found
-
-    def displacement(self, x: Any) -> Any:
-        """Coordinates, of free ones 0 far ahead."""
-        found: Any = Series(self.grid, self.rates).displacement(x)
-        found[..., self.turning] = self._sum(self.rates[self.turning], np.asarray(x))
-        return found
-
-    def on_grid(self) -> Any:
-        """Elongations and rates at the points of the grid."""
-        rates = self.grid.values(self.rates)
-        rates[self.turning] = self.rate(self.grid.x)[:, self.turning]
-        return self.grid.values(self._elongations), rates
-
-    @property
-    def shift(self) -> Any:
-        """Displacement of free coordinates far behind, and 0."""
-        return np.where(np.arange(len(self.rates)) == self.turning, 0.0, super().shift)
-
-    @cached_property
-    def _elongations(self) -> Any:
-        whole = np.ones((len(self.rates), 1)) * self.grid.box
-        whole[self.turning] = 1.0
-        return self.rates * whole
+DIFFERENCE = 1e-4  # relative change of the stiffness that makes the scale of elongations
+BINADES = 300  # powers of 2 between which that scale is sought [m]
+SLOWEST, FASTEST, RATES = 1e-2, 60.0, 4000  # decay of a tail: over that of long waves; per site
+ALIKE, WIDE = 1e-12, 100.0  # energies when ends are exchanged, at so many scales from rest
+SMALL = 300.0  # strains in scales below which forces are integrated from their slopes
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(5)  # between rest and these
+NODES, WEIGHTS = (NODES + 1) / 2, WEIGHTS / 2
 
 
 class CoupledLaw:
-    """The law of the bonds of a column, for a reference amplitude A [m], as `travelling.Scaled`.
+    """The law of the bonds of a line, for a reference amplitude A [m], as `travelling.Scaled`.
+
+    Strains are the differences of free coordinates, then the values of others at the first end and
+    at the second, (strains, n), in the unit A.
 
     Parameters
     ----------
     unit : Network
         One bond, from `unit_of`.
-    reference : float, optional
-        A [m], of the fastest component.
 
     Attributes
     ----------
-    basis : ndarray, (components, components)
-        Eigenvectors of the stiffness at rest as columns, that of the fastest sound first.
+    reference : float
+        A [m], of the fastest component.
+    free, others : ndarray of int
+        Numbers of coordinates.
+    basis : ndarray, (free, free)
+        Eigenvectors of S_0 as columns, that of the fastest sound first.
     secant : float
         Its stiffness [N/m].
-    root : ndarray, (components,)
-        Square roots of the inertias over the first: the stiffness is that of the coordinates times
-        these.
-    rest, lag : ndarray, (components, 1)
+    root : ndarray, (dim,)
+        Square roots of the inertias over the first.
+
+    Raises
+    ------
+    TensegrityError
+        No coordinate is free, others are not stable at rest, or there is no sound.
     """
 
-    def __init__(self, unit: Network, reference: float = 1.0) -> None:
-        self.potential, self.reference = unit, reference
+    rest = 1.0
+
+    def __init__(self, unit: Network) -> None:
+        self.potential, self.reference = unit, 1.0
         self._bonds: dict[int, Any] = {}
+        spring: Any = unit.springs[0]
+        self._pair = spring.shared(0.5, 0.5) if isinstance(spring, PairLaw) else None
+        self.names = self._pair.coordinates if self._pair else ("x", "y", "z")[: unit.dim]
+        free = np.array(self._pair.free if self._pair else [True] * unit.dim)
+        self.free, self.others = np.flatnonzero(free), np.flatnonzero(~free)
+        if not len(self.free):
+            raise TensegrityError(
+                f"coordinates {self.named} of a column with a wave of permanent form are not "
+                "free: another one must be"
+            )
         mass = per_coordinate(unit, unit.mass)[0]
-        self.root = np.sqrt(mass / mass[0])  # of the inertias, by which coordinates are multiplied
-        (self._stiffness,) = self._tangents(np.zeros((1, unit.dim)))
-        values, vectors = np.linalg.eigh(self._stiffness)
-        self.basis, self.secant = vectors[:, ::-1], float(values[-1])
-        self.rest = values[::-1, None] / self.secant
-        self.lag, self.force = self.rest[0] - self.rest, self.secant * reference
+        self.root = np.sqrt(mass / mass[0])
+        self._of_ends = [*(unit.dim + self.free), *self.others, *(unit.dim + self.others)]
+        self._root = self.root[[*self.free, *self.others, *self.others]]
+        self.secant = 1.0
+        (self.at_rest,) = self._tangents(np.zeros((len(self._root), 1)))
+        n, o = len(self.free), len(self.others)
+        ends = self.at_rest[n:, n:].reshape(2, o, 2, o)
+        self._across, self._own = ends[0, :, 1], ends.sum(axis=(0, 2))
+        stable = np.linalg.eigvalsh(self._own)
+        if o and not stable[0] > 0:
+            raise TensegrityError(
+                f"coordinate {self.named} is not stable at rest: its stiffness is {stable[0]:g}"
+            )
+        coupling = self.at_rest[n : n + o, :n]
+        follow = 2 * np.linalg.solve(self._own, coupling)
+        soft, vectors = np.linalg.eigh(self.at_rest[:n, :n] - 2 * coupling.T @ follow)
+        self.basis, self.secant = vectors[:, ::-1], float(soft[-1])
+        if not self.secant > 0:
+            raise TensegrityError(
+                "the column has no sound: its stiffness against slow changes is 0"
+            )
+        for name in ("at_rest", "_across", "_own"):
+            setattr(self, name, getattr(self, name) / self.secant)
+        self._coupling = self.at_rest[n : n + o, :n] @ self.basis
+        self.follow = -follow @ self.basis[:, :1]  # of others in long waves
+        # to more digits, as these rounded terms cancel where they are much stiffer than sound is
+        wide, basis = np.longdouble, self.basis.astype(np.longdouble)
+        follow = follow @ basis
+        left = 2 * self._coupling.astype(wide) - self._own.astype(wide) @ follow
+        follow = follow + np.linalg.solve(self._own, left.astype(float))
+        soft = basis.T @ self.at_rest[:n, :n].astype(wide) @ basis - 2 * self._coupling.T @ follow
+        self.lag = (1 - np.diag(soft)).astype(float)
 
     @property
-    def name(self) -> str:
-        """Of the family of waves."""
-        return "compression" if self.reference * self.basis[0, 0] < 0 else "rarefaction"
+    def named(self) -> str:
+        return ", ".join(self.names[k] for k in self.others)
+
+    @property
+    def sound_speed(self) -> float:
+        """The fastest [sites/s]."""
+        return math.sqrt(self.secant / self.potential.mass.flat[0])
+
+    @cached_property
+    def scale(self) -> float:
+        """Elongation of the fastest component [m] at which its stiffness changes by a part
+        `DIFFERENCE`, to a factor of 2: a law states no length.  `inf` where it never does."""
+
+        def changes(exponent: int) -> bool:
+            try:
+                with np.errstate(all="ignore"):
+                    change = np.abs(self._along(2.0**exponent) - 1)
+            except TensegrityError:  # beyond a domain
+                return True
+            return not np.all(change <= DIFFERENCE)
+
+        low, high = -BINADES, BINADES
+        if not changes(high):
+            return math.inf
+        while high - low > 1:
+            middle = (low + high) // 2
+            low, high = (low, middle) if changes(middle) else (middle, high)
+        return 2.0**low
+
+    def _along(self, size: float) -> Any:
+        """Stiffness of the fastest component over that at rest, at two opposite elongations [m]."""
+        way = self.widened(np.array([[1.0]]))[:, 0]
+        bent = self._tangents(np.outer(way, [size, -size]) / self.reference)
+        return np.einsum("i,nij,j->n", way, bent, way)
+
+    def widened(self, rho: Any) -> Any:
+        """Strains of a long wave with this fastest component."""
+        return np.concatenate([self.basis[:, :1] * rho, *[self.follow * rho] * 2])
 
     @cached_property
     def curvature(self) -> float:
-        """Second derivative of the tension of the fastest component [N/m^2]."""
-        along, apart = self.basis[:, 0], self.potential.positions[1]
-        step = DIFFERENCE * float(np.linalg.norm(apart))
-        ends = self._tangents(np.outer([step, -step], along / self.root))
-        return float(along @ (ends[0] - ends[1]) @ along / (2 * step))
+        """Second derivative of the tension of the fastest component [N/m^2]; 0 if it is none."""
+        if math.isinf(self.scale):
+            return 0.0
+        with np.errstate(all="ignore"):
+            ends = self._along(self.scale)
+        apart = float(ends[0] - ends[1])
+        both = np.abs(ends - 1).max()
+        return 0.0 if abs(apart) <= DIFFERENCE * both else self.secant * apart / (2 * self.scale)
 
-    def physical(self, rho: Any) -> Any:
-        """Differences [m], (N + 1, components), of scaled components (components, N + 1)."""
-        return self.reference * (self.basis @ rho).T / self.root
+    @cached_property
+    def spread(self) -> float:
+        """S of long waves over k^2, in the fastest component without nu; 1/12 of a chain."""
+        z = DIFFERENCE
+        return float(self.resistance(np.array([z]), 0.0)[0][0, 0, 0] / z)
 
-    def tension(self, rho: Any) -> Any:
-        return self.rest * rho + self.beyond(rho)
+    def resistance(self, z: Any, nu: float) -> tuple[Any, Any, Any]:
+        """S, N^-1 2 cos(k/2) C, and N^-1 for squares z of k, also below 0; (n, rows, columns)."""
+        z = z[:, None, None]
+        half = np.sqrt(z + 0j) / 2
+        box, cosine = np.sinc(half / np.pi).real, np.cos(half).real
+        sine2, own = z / 4 * box**2, self._own
+        lost = 4 * sine2 * self._across + (1 + nu) * z * np.eye(len(own))
+        inverse = np.linalg.inv(own - lost)
+        x = np.linalg.solve(own, sine2 * own - lost) @ inverse
+        x = 4 * self._coupling.T @ x @ self._coupling
+        free = np.diag(self.lag + nu) + np.diag(1 - self.lag) * complement(z / 4, box)
+        return free - box**2 * x, 2 * cosine * inverse @ self._coupling, inverse
 
-    def beyond(self, rho: Any) -> Any:
-        """Scaled tension without its linear part, (components, N + 1)."""
-        r = self.physical(rho)
-        of, u = self._placed(r)
-        scaled = -of.forces(u)[1::2] / self.root - (r * self.root) @ self._stiffness
-        return self.basis.T @ scaled.T / self.force
+    def decay(self, nu: float) -> float:
+        """Decay of the tail [1/site], the slowest; of long waves if it also oscillates."""
 
-    def slope(self, rho: Any) -> Any:
-        """Its derivatives, (components, components, N + 1)."""
-        beyond = self._tangents(self.physical(rho)) - self._stiffness
-        return np.einsum("ai,nab,bj->ijn", self.basis, beyond, self.basis) / self.secant
+        def singular(k: Any) -> Any:
+            free, _, inverse = self.resistance(-(np.atleast_1d(k) ** 2), nu)
+            return np.linalg.det(free) / np.linalg.det(inverse)
 
-    def energy(self, rho: Any) -> Any:
-        of, u = self._placed(self.physical(rho))
-        return of.bond_energy(u) / (self.reference * self.force)
+        about = math.sqrt(max(nu / self.spread, 0.0))
+        rates = np.geomspace(SLOWEST * about or SLOWEST, FASTEST, RATES)
+        with np.errstate(all="ignore"):
+            values = singular(rates)
+            ends = np.flatnonzero(values[1:] * values[:-1] < 0)
+            if not len(ends):
+                return about or FASTEST
+            at = int(ends[0])
+            return root(lambda k: float(singular(k)[0]), float(rates[at]), float(rates[at + 1]))
+
+    def forces(self, strains: Any) -> Any:
+        """Scaled forces, (strains, n)."""
+        return self.beyond(strains) + self.at_rest @ strains
+
+    def beyond(self, strains: Any) -> Any:
+        """The same without their linear part; of small strains integrated from the slopes, as the
+        difference would be round-off of larger terms."""
+        slope = self._energies(strains)[1] / (self.secant * self.reference)
+        found, small = slope - self.at_rest @ strains, self._small(strains)
+        few = strains[:, small]
+        found[:, small] = np.einsum("nij,jn->in", self._integrated(few, WEIGHTS), few)
+        return found
+
+    def slope(self, strains: Any) -> Any:
+        """Derivatives of that, (n, strains, strains)."""
+        return self._tangents(strains) - self.at_rest
+
+    def energy(self, strains: Any) -> Any:
+        """Scaled energies above that at rest."""
+        found = self._energies(strains)[0] - self._energies(0 * strains[:, :1])[0]
+        found, small = found / (self.reference**2 * self.secant), self._small(strains)
+        few = strains[:, small]
+        bent = self._integrated(few, WEIGHTS * (1 - NODES)) + self.at_rest / 2
+        found[small] = np.einsum("in,nij,jn->n", few, bent, few)
+        return found
+
+    def _small(self, strains: Any) -> Any:
+        """At which bonds forces are integrals of their slopes."""
+        return np.abs(strains).max(axis=0) * abs(self.reference) < SMALL * self.scale
+
+    def _integrated(self, strains: Any, weights: Any) -> Any:
+        """Weighted sums of the slopes at parts NODES of strains, (n, strains, strains)."""
+        parts = np.multiply.outer(strains, NODES).reshape(len(strains), -1)
+        if not parts.size:
+            return np.zeros((0, *self.at_rest.shape))
+        slopes = self.slope(parts).reshape(strains.shape[1], len(NODES), *self.at_rest.shape)
+        return np.tensordot(weights, slopes, axes=(0, 1))
 
     def admits(self, rho: Any) -> bool:
-        """Whether no bond is turned round."""
-        apart = self.potential.positions[1] + self.physical(rho)
+        """Whether no bond of springs is turned round."""
+        if self._pair:
+            return True
+        apart = self.potential.positions[1] + self._ends(self.basis @ rho)[:, 1]
         return bool(np.min(apart @ self.potential.positions[1]) > 0)
 
-    def _placed(self, r: Any) -> tuple[Network, Any]:
-        """As many bonds as there are rows, apart from each other, and their displacements."""
-        if len(r) not in self._bonds:
-            positions, ends = np.tile(self.potential.positions, (len(r), 1)), np.arange(2 * len(r))
-            self._bonds[len(r)] = Network(
+    def refuse_uneven(self) -> None:
+        """Refuse laws that change where the values of others at both ends are exchanged."""
+        size = WIDE * self.scale if math.isfinite(self.scale) else 1.0
+        one = np.random.default_rng(0).standard_normal((len(self._root), 8)) * size
+        one, n, o = one / self.reference, len(self.free), len(self.others)
+        back = one[[*range(n), *range(n + o, n + 2 * o), *range(n, n + o)]]
+        both = [self.energy(x) for x in (one, back)]
+        if np.any(np.abs(both[0] - both[1]) > ALIKE * np.abs(both[0]).max()):
+            raise TensegrityError(
+                f"the energy of a bond must not change when the values of coordinate {self.named} "
+                "at its ends are exchanged, as the wave is even"
+            )
+
+    def _ends(self, strains: Any) -> Any:
+        """Displacements of both ends, (n, 2, dim)."""
+        ends = np.zeros((strains.shape[1], 2 * self.potential.dim))
+        ends[:, self._of_ends] = self.reference * strains.T / self._root
+        return ends.reshape(len(ends), 2, self.potential.dim)
+
+    def _energies(self, strains: Any) -> tuple[Any, Any]:
+        """Energies [J], and gradients [N], (strains, n)."""
+        ends = self._ends(strains)
+        if self._pair:
+            energy, slope = self._pair.evaluate("pair", *ends.swapaxes(0, 1))
+            return energy[:, 0], slope[:, self._of_ends].T / self._root[:, None]
+        of, u = self._placed(len(ends)), ends.reshape(-1, self.potential.dim)
+        slope = -of.forces(u)[1::2].T / self._root[:, None]
+        return of.bond_energy(u), slope
+
+    def _tangents(self, strains: Any) -> Any:
+        """Second derivatives of the scaled energy, (n, strains, strains)."""
+        ends, dim = self._ends(strains), self.potential.dim
+        if self._pair:
+            blocks = self._pair.tangent(*ends.swapaxes(0, 1))
+        else:
+            whole = self._placed(len(ends)).stiffness(ends.reshape(-1, dim))
+            whole, blocks = whole.tobsr((2 * dim, 2 * dim)), np.zeros((len(ends), 2 * dim, 2 * dim))
+            blocks[whole.indices] = whole.data
+        blocks = blocks[:, np.array(self._of_ends)[:, None], self._of_ends]
+        return blocks / np.outer(self._root, self._root) / self.secant
+
+    def _placed(self, count: int) -> Network:
+        """So many bonds apart from each other."""
+        if count not in self._bonds:
+            positions, ends = np.tile(self.potential.positions, (count, 1)), np.arange(2 * count)
+            self._bonds[count] = Network(
                 positions, ends.reshape(-1, 2), self.potential.springs[0],
                 lengths=self.potential.lengths[0],
             )  # fmt: skip
-        return self._bonds[len(r)], np.stack([0 * r, r], axis=1).reshape(-1, r.shape[1])
-
-    def _tangents(self, r: Any) -> Any:
-        (of, u), dim = self._placed(r), r.shape[1]
-        whole = of.stiffness(u).tobsr((2 * dim, 2 * dim))
-        blocks = np.zeros((len(r), 2 * dim, 2 * dim))
-        blocks[whole.indices] = whole.data
-        return blocks[:, dim:, dim:] / np.outer(self.root, self.root)
+        return self._bonds[count]
 
 
 def unit_of(column: Network) -> Network:
@@ -216,95 +351,8 @@ def unit_of(column: Network) -> Network:
                    lengths=column.lengths[0], mass=column.mass[0])  # fmt: skip
 
 
-def turns(unit: Network) -> bool:
-    """Whether a unit from `unit_of` has a coordinate that is not free."""
-    law: Any = unit.springs[0]
-    return unit.mass.ndim > 1 and not all(law.free)
-
-
-def refuse_unsuited(unit: Network) -> None:
-    """Refuse laws with coordinates that are not free of which waves are not computed."""
-    law: Any = unit.springs[0]
-    other = [x for x, free in zip(law.coordinates, law.free, strict=True) if not free]
-    if len(other) > 1 or len(other) == len(law.free):
-        raise TensegrityError(
-            f"coordinates {', '.join(other)} of a column with a wave of permanent form are not "
-            f"free: {'one may be' if len(other) > 1 else 'another one must be'}"
-        )
-    turn = law.coordinates.index(other[0])
-    ends = AROUND * np.random.default_rng(0).standard_normal((2, 8, law.law.dim))
-    back = ends.copy()
-    back[0][:, turn], back[1][:, turn] = ends[1][:, turn], ends[0][:, turn]
-    one, two = (law.evaluate("pair", *x)[0][:, 0] for x in (ends, back))
-    if np.any(np.abs(one - two) > ALIKE * np.abs(one).max()):
-        raise TensegrityError(
-            f"the energy of a bond must not change when the values of coordinate {other[0]} at its "
-            "ends are exchanged, as the wave is even"
-        )
-
-
 def same(unit: Network, other: Network) -> bool:
     """Whether two units from `unit_of` are equal."""
     near = np.abs(unit.positions - other.positions).max() <= EQUAL * np.abs(unit.positions).max()
     equal = unit.springs[0] == other.springs[0] and np.array_equal(unit.mass, other.mass)
     return bool(near and equal and np.array_equal(unit.lengths, other.lengths))
-
-
-def coupled_profile(law: CoupledLaw, above: float) -> tuple[Profile, float]:
-    """The wave of a column, and its residual.
-
-    Parameters
-    ----------
-    law : CoupledLaw
-        Its reference is replaced.
-    above : float
-        m c^2 over that of the fastest sound, minus 1.
-
-    Returns
-    -------
-    profile : Profile
-    residual : float
-
-    Raises
-    ------
-    NoWaveError
-        None was found at this speed.
-    """
-    if law.curvature == 0:
-        raise NoWaveError("no wave of long ones: the tension of the fastest sound has no curvature")
-    profile, factor, power = _long_wave(law, min(above, LONG)), FASTER, 1.0
-    while profile.nu < above:
-        nu = min(profile.nu * factor, above)
-        guess = profile.on(Grid(FIRST_POINTS, half_length(law, nu)))
-        guess = replace(guess, rho=guess.rho * (nu / profile.nu) ** power, nu=nu)
-        try:
-            next_profile = newton(guess, speed_is(nu), ROUGHLY)
-            if next_profile.rho[0, 0] < REMAINS * profile.rho[0, 0]:
-                raise NoWaveError("no wave found: Newton's method goes to the state of rest")
-            power = math.log(next_profile.rho[0, 0] / profile.rho[0, 0]) / math.log(nu / profile.nu)
-            profile = next_profile
-        except TensegrityError:
-            factor = math.sqrt(factor)
-            if factor < FASTER ** (0.5**SHORTER):
-                ratios = (math.sqrt(1 + x) for x in (above, profile.nu))
-                raise NoWaveError(
-                    "no wave with a speed ratio of {:.6g} found, which must be at most about "
-                    "{:.6g}: there the family ends, or its waves grow too fast".format(*ratios)
-                ) from None
-    return refined(profile, speed_is(above))
-
-
-def _long_wave(law: CoupledLaw, nu: float) -> Profile:
-    """A wave that starts from the profile of Korteweg and de Vries, at nu or the nearest slower
-    speed at which that is close enough."""
-    law.reference = 3 * law.secant * nu / law.curvature
-    law.force = law.secant * law.reference
-    grid = Grid(FIRST_POINTS, half_length(law, nu))
-    rho = np.zeros((len(law.basis), grid.points + 1))
-    rho[0] = 1 / np.cosh(np.minimum(math.sqrt(3 * nu) * grid.x, 300)) ** 2
-    try:
-        return newton(Profile(law, grid, rho, nu), speed_is(nu), ROUGHLY)
-    except TensegrityError:
-        if nu < LEAST:
-            raise
-        return _long_wave(law, nu / FASTER)

@@ -27,7 +27,6 @@ from tensegrity.waves.travelling import (
 )
 
 SIGNS = {"compression": -1, "rarefaction": 1}  # of the elongation
-TARGET, LARGEST = 2e-13, 1e-12  # residual aimed at, and the largest that is accepted
 LEAST = 2.0**-52  # size over the spring's scale at which the speed rounds to the sound speed
 LEAST_OF_END = 2.0**-30  # smallest size over the domain for a spring without a scale
 MOST_BINADES = 1023  # of the table for an unbounded domain
@@ -363,9 +362,7 @@ def half_length(law, nu, tail=TAIL):
     float
         Sites.
     """
-    rest = float(np.max(law.rest))
-    gain = nu / rest if rest > 0 else math.inf
-    return CORE - math.log(tail) / min(decay_rate(gain), SLOWEST_DECAY)
+    return CORE - math.log(tail) / min(law.decay(nu), SLOWEST_DECAY)
 
 
 def refined(profile, condition):
@@ -373,11 +370,12 @@ def refined(profile, condition):
     law = profile.law
     length = half_length(law, profile.nu)
     density = profile.grid.points / profile.grid.half_length
-    previous, tail = math.inf, math.inf
+    previous = tail = defect = largest = math.inf
     while (points := _even(length * density)) <= MOST_POINTS:
         profile = newton(profile.on(Grid(points, length)), condition)
         defect = profile.defect()
-        if defect <= TARGET or previous / 4 < defect <= LARGEST:
+        target, largest = profile.admitted()
+        if defect <= target or previous / 4 < defect <= largest:
             round_off = 4 * np.finfo(float).eps
             if profile.tail <= TAIL_LEFT + round_off or profile.tail > tail / 2:
                 return profile, profile.residual()
@@ -385,7 +383,7 @@ def refined(profile, condition):
         else:
             previous, density = defect, 2 * density
     raise ResolutionError(
-        f"residual {defect:.1e} with {profile.grid.points} points must be at most {LARGEST:g}: "
+        f"residual {defect:.1e} with {profile.grid.points} points must be at most {largest:g}: "
         f"the wave with a peak of {law.reference * profile.rho.flat[0]:.9g} m is not resolved"
     )
 

@@ -8,7 +8,7 @@ G. Friesecke, J. Wattis, Commun. Math. Phys. 161, 391 (1994) (existence); the ta
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -28,10 +28,10 @@ from tensegrity.typing import Array, Fraction, Mass
 from tensegrity.unit_names import in_units
 from tensegrity.waves.by_target import by_speed, near, sign_and_number, stiffness_above
 from tensegrity.waves.cosines import Series
-from tensegrity.waves.coupled import CoupledLaw, coupled_profile, same, turns, unit_of
+from tensegrity.waves.coupled import same, unit_of
 from tensegrity.waves.family import Family, refined
 from tensegrity.waves.multidomain import Integrals, may_cross_kink, multidomain_wave
-from tensegrity.waves.pair_waves import Tail, pair_wave
+from tensegrity.waves.pair_waves import Tail, line_wave
 from tensegrity.waves.travelling import NoWaveError
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ class TravellingWave(Printed):
     sound_speed: float
     excess: float
     family: str
-    amplitude: float
+    amplitude: Any
     energy: float
     momentum: float
     residual: float
@@ -183,7 +183,9 @@ class TravellingWave(Printed):
         ratio = f" = {self.speed_ratio:.6g} sound speeds" if self.sound_speed else ""
         return {
             "speed": f"{self.speed:.6g} sites/s{ratio}",
-            "peak": f"{self.amplitude:.6g} m",
+            "peak": f"{self.amplitude:.6g} m"
+            if np.ndim(self.amplitude) == 0
+            else ", ".join(f"{x:.6g}" for x in self.amplitude),
             "width": f"{self.width():.4g} sites at 5 % of the peak",
             "energy": f"{self.energy:.6g} J",
             "momentum": f"{self.momentum:.6g} kg m/s",
@@ -239,9 +241,9 @@ class SolitaryWave(TravellingWave):
         vacuum.
     family : str
         Such as "compression" or "rarefaction 2"; the first family of a sign has no number.
-    amplitude : float
-        Peak elongation [m], extension > 0: negative in a compression wave; of a column along the
-        first coordinate, as the width.
+    amplitude : float or ndarray, (dim,)
+        Peak elongation [m], extension > 0: negative in a compression wave.  Of a column of each
+        coordinate: differences of those that are free, values of others.
     energy : float
         Total energy [J].
     momentum : float
@@ -277,13 +279,14 @@ class SolitaryWave(TravellingWave):
 
     @checked
     def width(self, level: Fraction = 0.05) -> float:
-        """Distance in sites between the two points where the elongation is `level` of the peak."""
-        below = np.flatnonzero(np.atleast_2d(self._halves[0])[0] / self.amplitude < level)
+        """Distance in sites between the two points where the elongation is `level` of the peak; of
+        a column along the first coordinate."""
+        peak = np.ravel(self.amplitude)[0]
+        below = np.flatnonzero(np.atleast_2d(self._halves[0])[0] / peak < level)
         if below.size == 0 or level < LEAST_LEVEL:
             raise TensegrityError(f"level {level:g} must be at least {LEAST_LEVEL:g}")
         first = len(self.x) // 2 + below[0]
         places = self.x[first - 1], self.x[first]
-        peak = self.amplitude  # along the first coordinate
         return 2 * root(lambda x: np.ravel(self.elongation(x))[0] / peak - level, *places, 1e-13)
 
     @checked
@@ -404,23 +407,12 @@ def solitary_wave(
 
 def _of_line(line, mass, family, name, value):
     """The wave of a line of units with a given speed."""
-    unit = unit_of(line)
-    if turns(unit) and mass == 1.0:
-        return SolitaryWave(**pair_wave(unit, family, name, value))
-    if mass != 1.0 or family is not None or name in ("amplitude", "energy"):
+    if mass != 1.0 or name in ("amplitude", "energy"):
         raise TensegrityError(
-            "a wave of a line of units is given by its speed, speed_ratio or excess alone"
+            f"{name if mass == 1.0 else 'mass'} given: a wave of a line of units is given by its "
+            "speed, speed_ratio or excess alone"
         )
-    law = CoupledLaw(unit)
-    mass = float(law.potential.mass.flat[0])
-    sound = math.sqrt(law.secant / mass)
-    above = stiffness_above(name, value, sound, mass, law.secant)
-    profile, residual = coupled_profile(law, above / law.secant)
-    stiffness, gain, _, energy, _, shape = _characteristics(profile, residual)
-    shape = Series(shape.grid, law.basis @ shape.rates / law.root[:, None])
-    peak = law.physical(profile.rho)[0, 0]
-    wave = _wave(law, mass, sound, stiffness, gain, float(peak), energy, residual, shape)
-    return replace(wave, momentum=float(wave.momentum[0]))
+    return SolitaryWave(**line_wave(unit_of(line), family, name, value))
 
 
 def _characteristics(profile, residual):
@@ -431,9 +423,8 @@ def _characteristics(profile, residual):
     rates = grid.box * (law.force * grid.coefficients(law.tension(profile.rho))) / stiffness
     bonds = law.reference * law.force * (grid.weights @ law.energy(profile.rho))
     masses = stiffness / 2 * np.sum(grid.weights * grid.values(rates) ** 2)
-    rest = np.max(law.rest)
-    gain = profile.nu / rest if rest else math.inf
-    amplitude = float(law.reference * profile.rho.flat[0])
+    gain = profile.nu / law.rest if law.rest else math.inf
+    amplitude = float(law.reference * profile.rho[0])
     return stiffness, gain, amplitude, float(bonds + masses), residual, Series(grid, rates)
 
 

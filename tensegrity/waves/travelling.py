@@ -18,8 +18,8 @@ of a convex law (M. Herrmann, Proc. R. Soc. Edinburgh A 140, 753 (2010)), so tha
 needed to begin with.  Newton's method follows, with rho and nu as unknowns.  The amplitude orders
 the waves of a family and is therefore the continuation parameter; no arc length is needed.
 
-A wave of several components (`coupled`) is solved in coordinates in which the linear law is
-diagonal: rest differs from row to row, nu counts from the fastest sound, and only g couples them.
+A wave of several components (`coupled`) is one too, with a matrix for P; nu counts from the fastest
+sound, and is below 0 for waves slower than it.
 """
 
 from __future__ import annotations
@@ -27,11 +27,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from tensegrity.errors import TensegrityError
+from tensegrity.waves.asymptotics import decay_rate
 from tensegrity.waves.cosines import Grid
 from tensegrity.waves.nonlinear_part import nonlinear_part
 
@@ -41,9 +42,9 @@ ITERATIONS = 25  # of Newton's method
 PATIENCE = 5  # iterations without a new smallest step after which it has failed
 CONVERGED = 1e-9  # last step of Newton's method: convergence is quadratic
 STUCK = 1e-6  # step below which stagnation is accepted: the residual decides
-DENSE = 600  # points up to which the tangent is formed; beyond, GMRES on cosine transforms
 HALVINGS = 30  # of a Newton step that leaves the domain
 FINER = 4  # refinement of the grid on which the residual is computed
+TARGET, LARGEST = 2e-13, 1e-12  # defect aimed at, and the largest that is accepted
 
 
 class NoWaveError(TensegrityError):
@@ -52,8 +53,6 @@ class NoWaveError(TensegrityError):
 
 class Scaled:
     """f, g, g' and the scaled energy of a potential, for a reference elongation A [m]."""
-
-    lag = 0.0  # of rest behind that of the fastest component
 
     def __init__(self, potential, reference) -> None:
         self.potential, self.reference = potential, reference
@@ -79,6 +78,10 @@ class Scaled:
         r = self.reference * rho
         return low < r.min() and r.max() < high
 
+    def decay(self, nu):
+        """Decay of the tail [1/site]."""
+        return decay_rate(nu / self.rest if self.rest > 0 else math.inf)
+
     def energy(self, rho):
         beyond = self._nonlinear.energy(self.reference * rho) / self.reference / self.reference
         return self.rest * rho * rho / 2 + beyond / self.secant
@@ -88,14 +91,16 @@ class Scaled:
 class Profile:
     """A solution (rho, nu) on a grid."""
 
-    law: Any  # Scaled, or of several components coupled.CoupledLaw
+    law: Any
     grid: Grid
     rho: np.ndarray
     nu: float
 
+    dense: ClassVar[int] = 601  # unknowns up to which the tangent is formed; beyond, GMRES
+
     @property
     def mu(self):
-        return np.max(self.law.rest) + self.nu
+        return self.law.rest + self.nu
 
     @property
     def symbol(self):
@@ -104,12 +109,29 @@ class Profile:
 
     @property
     def _resistance(self):
-        return self.nu + self.law.lag + self.law.rest * self.grid.complement
+        return self.nu + self.law.rest * self.grid.complement
 
     @property
     def symbol_rate(self):
         """nu times the derivative of the symbol of P in nu."""
         return -self.symbol * (self.nu / self._resistance)
+
+    def mapped(self):
+        """P g(rho)."""
+        return self.grid.apply(self.symbol, self.law.beyond(self.rho))
+
+    def mapped_rate(self):
+        """nu times its derivative in nu."""
+        return self.grid.apply(self.symbol_rate, self.law.beyond(self.rho))
+
+    def mapped_along(self):
+        """The function of steps of rho that gives its change."""
+        slope = self.law.slope(self.rho)
+        return lambda step: self.grid.apply(self.symbol, slope * step)
+
+    def mapped_matrix(self):
+        """That function as a matrix."""
+        return self.grid.matrix(self.symbol) * self.law.slope(self.rho)
 
     @property
     def energy(self):
@@ -136,10 +158,11 @@ class Profile:
 
     def defect(self):
         """max |rho - P g(rho)| on a finer grid: an error of the wave that holds at any speed."""
-        fine = self._fine
-        return float(
-            np.max(np.abs(fine.rho - fine.grid.apply(fine.symbol, self.law.beyond(fine.rho))))
-        )
+        return float(np.max(np.abs(self._fine.rho - self._fine.mapped())))
+
+    def admitted(self):
+        """Defect aimed at, and the largest that is accepted where finer grids do not lower it."""
+        return TARGET, LARGEST
 
     def on(self, grid):
         """The same profile interpolated on another grid."""
@@ -249,7 +272,7 @@ def _stepped(profile, step_rho, step_nu):
     """The profile after a Newton step, halved until it stays in the domain of the potential."""
     for _ in range(HALVINGS):
         new = replace(profile, rho=profile.rho + step_rho, nu=profile.nu + step_nu)
-        if new.nu > 0 and profile.law.admits(new.rho):
+        if new.nu * profile.nu > 0 and profile.law.admits(new.rho):
             return new
         step_rho, step_nu = step_rho / 2, step_nu / 2
     raise NoWaveError("no travelling wave found above the sound speed within the spring's domain")
@@ -257,7 +280,7 @@ def _stepped(profile, step_rho, step_nu):
 
 def _newton_step(profile, condition):
     """Newton steps of rho and nu."""
-    gap = profile.rho - profile.grid.apply(profile.symbol, profile.law.beyond(profile.rho))
+    gap = profile.rho - profile.mapped()
     step = solved(profile, condition, -np.append(gap, condition(profile)[0]))
     return step[:-1].reshape(gap.shape), float(step[-1]) * profile.nu
 
@@ -288,30 +311,25 @@ def solved(profile, condition, right, accuracy=1e-6):
     """
     if not np.isfinite(right).all():
         raise ValueError("it is not finite")
-    grid, rho, symbol = profile.grid, profile.rho, profile.symbol
-    slope, (_, row, corner) = np.asarray(profile.law.slope(rho)), condition(profile)
-    slope = slope.reshape(-1, *np.atleast_2d(rho).shape)  # (components, components, N + 1)
-    column = -grid.apply(profile.symbol_rate, profile.law.beyond(rho))  # of step_nu/nu
-    if grid.points > DENSE:
-        return _by_gmres(grid, symbol, slope, column, row, corner, right, accuracy)
+    _, row, corner = condition(profile)
+    column = -profile.mapped_rate()  # of step_nu/nu
+    if profile.rho.size > profile.dense:
+        return _by_gmres(profile, column, row, corner, right, accuracy)
     matrix = np.empty((len(right), len(right)))
-    size = grid.points + 1
-    for i, part in enumerate(np.atleast_2d(symbol)):
-        smooth = -grid.matrix(part)
-        for j, each in enumerate(slope[i]):
-            matrix[i * size : (i + 1) * size, j * size : (j + 1) * size] = smooth * each
+    matrix[:-1, :-1] = -profile.mapped_matrix()
     matrix[:-1, :-1].flat[:: len(right)] += 1
     matrix[:-1, -1], matrix[-1, :-1], matrix[-1, -1] = column.ravel(), row.ravel(), corner
     return np.linalg.solve(matrix, right)
 
 
-def _by_gmres(grid, symbol, slope, column, row, corner, right, accuracy):
+def _by_gmres(profile, column, row, corner, right, accuracy):
     from scipy.sparse.linalg import LinearOperator, gmres
+
+    mapped = profile.mapped_along()
 
     def tangent(step):
         last, step = np.ravel(step)[-1], np.ravel(step)[:-1].reshape(column.shape)
-        pull = np.einsum("ijn,jn->in", slope, np.atleast_2d(step)).reshape(column.shape)
-        upper = step - grid.apply(symbol, pull) + last * column
+        upper = step - mapped(step) + last * column
         return np.append(upper, np.sum(row * step) + corner * last)
 
     operator = LinearOperator((len(right), len(right)), matvec=tangent, dtype=float)

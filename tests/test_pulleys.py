@@ -1,0 +1,273 @@
+"""Cables over nodes without friction: statics in closed form, published tensions, limits."""
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+from structures import Frame, cross
+
+from tensegrity import (
+    EquilibriumError,
+    Structure,
+    TensegrityError,
+    control_path,
+    equilibrium,
+    equilibrium_path,
+    held,
+    simulate,
+)
+
+ENDS = held([0, 1])
+SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
+BARS = [(0, 2), (1, 3)]
+
+
+def pulley(span=4.0, rise=0.0, natural=6.0, axial=2000.0, at=(2, -2), weight=50.0):
+    nodes = [(0, 0), (span, rise), at]
+    given = {"EA_string": axial, "natural_lengths": [natural], "mass": weight / 9.81}
+    return Structure(nodes, cables=[(0, 2, 1)], **given)
+
+
+def tension_under(span, natural, axial, weight):
+    """span/L = sin angle, 2 T cos angle = W, T = EA (L/natural - 1)."""
+
+    def left(strain):
+        cosine = np.sqrt(1 - (span / (natural * (1 + strain))) ** 2)
+        return 2 * axial * strain * cosine - weight
+
+    return axial * brentq(left, 0.0, 1.0, xtol=1e-18, rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("rise", "position", "frequencies"),
+    [
+        (1.0, (1.5656486222082284, -1.8022834763042945), (1.5959490928307325, 12.288811311419655)),
+        (0.0, (2.0, -2.3022834763042943), (1.5583339720332645, 12.285056511974283)),
+    ],
+)
+def test_a_weight_on_a_pulley_hangs_and_oscillates_as_the_closed_form(rise, position, frequencies):
+    state = equilibrium(pulley(rise=rise), {2: (0, -50.0)}, ENDS)
+    assert state.positions[2] == pytest.approx(position, rel=1e-12)
+    assert state.tensions == pytest.approx([33.11574849635783], rel=1e-12)
+    assert state.structure.lengths == pytest.approx([6.099347245489073], rel=1e-13)
+    assert state.structure.modes(2, ENDS).frequencies == pytest.approx(frequencies, rel=1e-11)
+    assert state.stable
+    assert state.reactions[:2].sum(axis=0) == pytest.approx([0, 50], abs=1e-9)
+
+
+@pytest.mark.parametrize("scale", [1e-5, 1.0, 100.0])
+@pytest.mark.parametrize("axial", [1e3, 1e5, 1e8])
+def test_fine_cables_hang_over_pulleys_at_any_scale(scale, axial):
+    s = pulley(natural=6.0 * scale, span=4.0 * scale, axial=axial, at=(2.3 * scale, -2.2 * scale))
+    state = equilibrium(s, {2: (0, -50.0)}, ENDS)
+    tension = tension_under(4.0, 6.0, axial, 50.0)
+    assert state.tensions == pytest.approx([tension], rel=1e-8)
+    assert state.positions[2, 0] == pytest.approx(2 * scale, rel=1e-8)
+
+
+EA = [
+    102438920.88241433,
+    102438920.88241433,
+    439224.0394972034,
+    439224.0394972034,
+    439224.03949720325,
+]
+NATURAL = [
+    2.000019524019843,
+    2.000019524019843,
+    1.24527381272865,
+    1.4119404793953167,
+    2.8238809587906335,
+]
+DRAWN = 0.9119404793953167
+PUBLISHED = [-16512.752350958, -25890.076370348, 3925.139569164, 26914.208637868, 14017.401158772]
+
+
+def double_bar(natural=None):
+    nodes = [(0, 0), (1, 1), (2, 0), (1, -1)]
+    return Structure(
+        nodes,
+        bars=BARS,
+        strings=[(2, 3), (3, 0)],
+        cables=[(0, 1, 2)],
+        EA_bar=EA[:2],
+        EA_string=EA[2:],
+        natural_lengths=natural or NATURAL,
+    )
+
+
+def test_double_bar_with_a_cable_over_a_node_has_the_published_tensions():
+    wound = [*NATURAL[:2], DRAWN, *NATURAL[3:]]
+    assert double_bar(wound).relaxed().tensions == pytest.approx(PUBLISHED, rel=1e-11)
+    start = double_bar().relaxed()
+    path = control_path(start, {2: DRAWN})
+    assert path.tensions[-1] == pytest.approx(PUBLISHED, rel=1e-11)
+    end = start.at(path.positions[-1], natural_lengths=wound)
+    gained = end.members.energy(end.positions) - start.members.energy(start.positions)
+    assert path.work[-1] == pytest.approx(gained, rel=1e-10)
+
+
+def test_drawing_in_a_cable_over_nodes_does_the_work_that_is_stored():
+    start = double_bar().relaxed()
+    path = control_path(start, {4: 2.7}, at={"control": [0.5]})
+    half = double_bar([*NATURAL[:4], (NATURAL[4] + 2.7) / 2]).relaxed()
+    (event,) = path.events
+    assert event.at["tension 4"] == pytest.approx(half.tensions[4], rel=1e-10)
+    stored = half.members.energy(half.positions) - start.members.energy(start.positions)
+    assert event.work == pytest.approx(stored, rel=1e-9)
+
+
+def test_two_strings_made_one_cable_leave_a_mechanism():
+    strings = [(0, 1), (1, 2), (2, 3), (3, 0)]
+    plain = Structure(SQUARE, bars=BARS, strings=strings)
+    clustered = Structure(SQUARE, bars=BARS, strings=strings[2:], cables=[(0, 1, 2)])
+    for s, mechanisms in ((plain, 0), (clustered, 1)):
+        assert (len(s.self_stress().states), len(s.mechanisms())) == (1, mechanisms)
+    motion = clustered.mechanisms()[0]
+    moved = clustered.at(clustered.positions + 1e-6 * motion)
+    assert np.abs(moved.lengths - clustered.lengths).max() < 1e-11
+    assert np.abs(plain.at(moved.positions).lengths - plain.lengths).max() > 1e-7
+    q = clustered.self_stress().feasible
+    stressed = clustered.prestressed(0.1 * q)
+    assert np.ptp(stressed.tensions[2:]) < 1e-15
+    assert np.abs(stressed.members.gradient(stressed.positions)).max() < 1e-14
+    assert stressed.densities == pytest.approx(0.1 * q, rel=1e-12)
+
+
+def test_cables_of_one_segment_are_strings_to_the_bit():
+    plain = cross()
+    ends, lengths = plain.ends.tolist(), plain.natural_lengths
+    some = Structure(
+        plain.positions, ends[:2], ends[2:4], cables=ends[4:], k_bar=10.0, natural_lengths=lengths
+    )
+    loads, feet = {2: (0.02, -0.05), 3: (0, -0.05)}, held([0]) + held([1], axes=[1])
+    one, other = (equilibrium(s, loads, feet) for s in (plain, some))
+    assert np.array_equal(one.positions, other.positions)
+    assert np.array_equal(one.structure.modes(3).frequencies, other.structure.modes(3).frequencies)
+    paths = [
+        equilibrium_path(s, supports=feet, loads=loads, max_shortening=0.2) for s in (plain, some)
+    ]
+    assert np.array_equal(paths[0].positions, paths[1].positions)
+    runs = []
+    for s in (plain, some):
+        scene = s.network()
+        runs.append(simulate(scene, scene.at_rest({2: (0.1, 0.2)}), 1.0, dt=0.01))
+    assert np.array_equal(runs[0].u, runs[1].u)
+
+
+def tackle(rng, nodes=7):
+    """A cable through all nodes in the plane, some of them twice, and bars that hold them."""
+    x = rng.normal(size=(nodes, 2))
+    around = [*range(nodes), 0, 2, 5]
+    rods = [(i, (i + 3) % nodes) for i in range(nodes)]
+    lengths = Structure(x, bars=rods, cables=[around]).lengths
+    natural = np.append(lengths[:-1], 0.9 * lengths[-1])
+    return Structure(
+        x, bars=rods, cables=[around], EA_bar=50.0, EA_string=2.0, natural_lengths=natural
+    )
+
+
+def test_forces_and_stiffness_are_derivatives_of_the_energy(rng):
+    s = tackle(rng)
+    members, x, h = s.members, s.positions, 1e-6
+    tangent = s.stiffness().toarray()
+    for k, step in enumerate(h * np.eye(x.size).reshape(-1, *x.shape)):
+        slope = (members.energy(x + step) - members.energy(x - step)) / (2 * h)
+        row = (members.gradient(x + step) - members.gradient(x - step)).ravel() / (2 * h)
+        assert members.gradient(x).ravel()[k] == pytest.approx(slope, abs=1e-7)
+        assert tangent[k] == pytest.approx(row, abs=1e-6)
+    loose = s.at(x, natural_lengths=[*s.natural_lengths[:-1], 2 * s.lengths[-1]])
+    assert loose.tensions[-1] == 0
+    assert loose.slack[-1]
+
+
+def test_many_pulleys_have_a_sparse_tangent_and_one_tension(rng):
+    """More coordinates than are solved densely: loads on pulleys apart, drawn along a ceiling."""
+    count = 120
+    x = np.zeros((2 * count + 1, 2))
+    x[:, 0] = np.arange(2 * count + 1)
+    x[1::2, 1] = -1.0 - 0.01 * rng.random(count)
+    fixed = held(range(0, 2 * count + 1, 2))
+    s = Structure(x, cables=[range(2 * count + 1)], EA_string=1e4)
+    state = equilibrium(s, {n: (0, -1.0) for n in range(1, 2 * count, 2)}, fixed)
+    assert x.size > 400
+    down = -state.positions[1::2, 1]
+    sine = down / np.hypot(1, down)
+    assert 2 * state.tensions[0] * sine == pytest.approx(np.ones(count), rel=1e-9)
+
+
+def test_paths_of_cables_over_nodes_meet_equilibria_and_slacken(rng):
+    """A pulley pressed up until its cable is slack, beside a spring to the ground."""
+    s = Structure(
+        [(0, 0), (4, 1), (1.7, -2), (1.7, -3)],
+        bars=[(2, 3)],
+        cables=[(0, 2, 1)],
+        k_bar=3.0,
+        EA_string=100.0,
+        natural_lengths=[0.5, 5.2],
+    )
+    fixed = held([0, 1, 3])
+    start = equilibrium(s, None, fixed).structure
+    path = equilibrium_path(
+        start, supports=fixed, loads={2: (0, 1.0)}, max_shortening=2.0, at={"load": [0.4]}
+    )
+    event = next(e for e in path.events if e.kind == "load")
+    direct = equilibrium(start, {2: (0, 0.4)}, fixed)
+    assert event.at["tension 1"] == pytest.approx(direct.tensions[1], rel=1e-9)
+    (slack,) = [e for e in path.events if e.kind == "slack"]
+    assert slack.note == "string 1 slack"
+    assert abs(slack.at["tension 1"]) < 1e-8
+
+
+def test_another_frame_changes_nothing(rng):
+    s = tackle(rng)
+    frame = Frame.of(s, rng)
+    there = Structure(
+        frame.size * frame.vectors(s.positions) + frame.shift,
+        bars=frame.nodes(s.ends[: s.bars]),
+        cables=[frame.nodes(s.cables[0])[::-1]],
+        EA_bar=50.0,
+        EA_string=2.0,
+        natural_lengths=frame.size * s.natural_lengths,
+    )
+    np.testing.assert_allclose(there.tensions, s.tensions, rtol=1e-8, atol=1e-8)
+    ratios = there.modes(8).eigenvalues * frame.size / s.modes(8).eigenvalues
+    np.testing.assert_allclose(ratios, 1, rtol=1e-6)
+    counts = [(len(x.self_stress().states), len(x.mechanisms())) for x in (s, there)]
+    assert counts[0] == counts[1]
+
+
+def test_weights_on_neighbouring_free_pulleys_of_one_cable_run_together():
+    s = Structure(
+        [(0, 0), (6, 0), (2, -2), (4, -2)],
+        cables=[(0, 2, 3, 1)],
+        EA_string=2000.0,
+        natural_lengths=[7.0],
+    )
+    with pytest.raises(
+        EquilibriumError, match="two pulleys run together: nodes 2 and 3 of cable 0"
+    ):
+        equilibrium(s, {2: (0, -30.0), 3: (0, -50.0)}, ENDS)
+
+
+def test_what_is_no_cable_is_refused():
+    for cables, words in (
+        ([(0, 1, 1, 2)], "has a segment of length 0 m"),
+        ([(0,)], "must run from one node to another"),
+        ([(0, 7)], "node of a cable 7 must be below 4"),
+        (3, "cables 3 must list the nodes of each"),
+    ):
+        with pytest.raises(TensegrityError, match=words):
+            Structure(SQUARE, bars=BARS, cables=cables)
+    same = [*SQUARE[:3], SQUARE[2]]
+    with pytest.raises(TensegrityError, match="two pulleys run together: nodes 2 and 3 of cable 1"):
+        Structure(same, bars=[(0, 2)], cables=[(0, 1, 2, 3, 0)])
+    s = double_bar()
+    with pytest.raises(TensegrityError, match="cable 4 runs over nodes: such cables have statics"):
+        s.network()
+    shape = Structure([(0, 0), (1, 0), (0.2, 0.7)], bars=[(0, 1)], cables=[(0, 2, 1)])
+    with pytest.raises(TensegrityError, match="nearest form is found without them"):
+        shape.nearest_form()
+    assert "1 cable" in repr(s)
+    assert s.name_of(4) == "cable 4"
+    assert (s.bars, s.strings, len(s.cables)) == (2, 2, 1)
+    s.plot()
