@@ -12,7 +12,17 @@ import numpy as np
 
 from benchmarks import _against
 from benchmarks._timing import record, table
-from tensegrity import Prism, Structure, equilibrium, equilibrium_path, held, plates
+from tensegrity import (
+    Prism,
+    Record,
+    Structure,
+    Wall,
+    equilibrium,
+    equilibrium_path,
+    held,
+    plates,
+    simulate,
+)
 
 STAGES = (10, 100, 1000)
 SMALL = (2, 8, 16, 32)  # stages of towers whose modes are found from the full matrix
@@ -226,8 +236,26 @@ def net():
     print(f"net of {len(s.ends)} strings: {len(steps)} Newton steps, one {each / solve:.3g} solves")
 
 
+def landing():
+    """A fall of 12 nodes on a floor over the same steps of the network without one."""
+    from figures.structures_landing import DT, FLOOR, GRAVITY, dropped
+
+    s = dropped(0.5)
+    walls = {"walls": [Wall((0, 0, 0), (0, 0, 1))], "wall_law": FLOOR}
+    scenes = [s.network(**given, gravity=GRAVITY) for given in (walls, {})]
+    ends = Record(times=[0.0, 0.6])
+    times = [
+        least_time(lambda x=x: simulate(x, x.at_rest(), 0.6, method="rkn6", dt=DT, record=ends), 7)
+        for x in scenes
+    ]
+    (ours, _), (bare, _) = times
+    record("landing", f"{s.nodes} nodes", "over no floor", ours, bare)
+    print(f"landing of {s.nodes} nodes: {ours / bare:.3g} times the run without a floor")
+
+
 def main():
     densities()
+    landing()
     chains()
     net()
     ball_path()

@@ -312,6 +312,24 @@ def test_states_on_supports_are_the_same_in_any_frame(seed):
     assert other.mechanism_stiffness == pytest.approx(here.mechanism_stiffness, rel=1e-9)
 
 
+def cross_with_a_cable():
+    """Two bars in a square of strings, two of which are one cable over a node: one mechanism."""
+    corners = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
+    return Structure(corners, bars=[(0, 2), (1, 3)], strings=[(0, 1), (1, 2)], cables=[(2, 3, 0)])
+
+
+@pytest.mark.parametrize("make", [lambda: dome(6, False), lambda: net(4), lambda: rope(3),
+                                  lambda: (cross_with_a_cable(), None, None)])  # fmt: skip
+def test_mechanism_stiffness_is_that_of_the_tangent_under_that_prestress(make):
+    s, supports, groups = make()
+    stress, motions = s.self_stress(supports, groups=groups), s.mechanisms(supports)
+    tight = s.prestressed(1e-2 * stress.feasible, supports=supports)
+    flat = motions.reshape(len(motions), -1)
+    found = np.linalg.eigvalsh(flat @ (tight.stiffness() @ flat.T))
+    assert len(motions)
+    assert 1e-2 * stress.mechanism_stiffness == pytest.approx(found, rel=1e-9, abs=1e-12)
+
+
 def test_plates_take_what_pushes_on_them():
     """A cross in the plane between two plates that nothing but its diagonals presses on."""
     corners = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
