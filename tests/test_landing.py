@@ -189,7 +189,7 @@ def test_a_landing_is_the_same_against_a_wall_of_another_direction(turn):
 
 def test_nodes_that_meet_pass_each_other_and_both_press():
     """Sites on one place at once: no contact is listed between them, and each presses the floor."""
-    scene = Network([(-0.1, 1.0), (0.1, 1.0)], [(0, 1)], PowerLaw(1e-9, 1.0), mass=1.0,
+    scene = Network([(-0.1, 1.0), (0.1, 1.0)], np.zeros((0, 2), int), PowerLaw(1.0, 1.0), mass=1.0,
                     walls=[Wall((0, 0), (0, 1))], wall_spring=PowerLaw(1e4, 1.5), press="walls",
                     radius=0.2, loads=[(0, -9.81)] * 2)  # fmt: skip
     run = simulate(scene, scene.at_rest({0: (0.5, 0), 1: (-0.5, 0)}), 0.55, tol=1e-7)
