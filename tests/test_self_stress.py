@@ -202,6 +202,8 @@ def test_a_rope_in_tension_stiffens_its_mechanisms_and_one_in_compression_does_n
     stress = s.self_stress(supports)
     tension = stress.feasible * s.lengths
     assert tension == pytest.approx(tension[0], rel=1e-14)
+    tied = s.self_stress(supports, groups=[[0, 1, 2]])  # tensions, not force densities
+    assert tied.feasible == pytest.approx(stress.feasible, rel=1e-13)
     wanted = np.repeat([4 / 3, 3.0], dim - 1)
     assert np.sort(stress.mechanism_stiffness / tension[0]) == pytest.approx(wanted, rel=1e-14)
     verb = "does not stiffen" if bars else "stiffens"
