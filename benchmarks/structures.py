@@ -1,4 +1,5 @@
-"""Force densities and towers against tnsgrt, modes against eigvalsh, a path against SciPy's root.
+"""Force densities and towers against tnsgrt, modes against eigvalsh, a path against SciPy's root,
+and steps of structures whose members have mass against those with masses at the nodes alone.
 
 Where tnsgrt is not installed or does not import, its columns are left out and that is printed.
 Times are minima of processor time over repeats in one run.
@@ -7,6 +8,7 @@ Times are minima of processor time over repeats in one run.
 from __future__ import annotations
 
 import time
+from functools import partial
 
 import numpy as np
 
@@ -15,19 +17,24 @@ from benchmarks._timing import record, table
 from tensegrity import (
     Prism,
     Record,
+    State,
     Structure,
     Wall,
+    catalogue,
     equilibrium,
     equilibrium_path,
     held,
     plates,
     simulate,
 )
+from tensegrity.engine import methods
+from tensegrity.scenes.dynamics import dynamics
 
 STAGES = (10, 100, 1000)
 SMALL = (2, 8, 16, 32)  # stages of towers whose modes are found from the full matrix
 REPEATS, OFTEN = 2, 30
 BEFORE = "9746a0f0"
+MEMBERS = 300_000  # member evaluations of a timed advance
 PRISM = Prism(1.0, 1.0, 0.1, 1.0, 5.0, 50.0)
 BALL = {"lower": (0, 4, 8), "upper": (3, 7, 11)}
 
@@ -253,7 +260,39 @@ def landing():
     print(f"landing of {s.nodes} nodes: {ours / bare:.3g} times the run without a floor")
 
 
+def heavy_members():
+    """Verlet steps of structures with the mass in bars, or in all members, over those of the same
+    with all masses at the nodes: the loop alone, alternately."""
+    shapes = {
+        "prism": PRISM.structure(),
+        "octahedron": catalogue.expandable_octahedron(),
+        "30-bar sphere": catalogue.geodesic(),
+        "tower of 300 nodes": PRISM.column(99),
+    }
+    for name, s in shapes.items():
+        cases = {"lumped": {}, "bars": {"bar_mass": 1.0, "mass": 0.1},
+                 "all members": {"bar_mass": 1.0, "string_mass": 0.1, "mass": 0.1}}  # fmt: skip
+        loops, steps = {}, MEMBERS // len(s.ends)
+        for case, given in cases.items():
+            net = s.at(s.positions, **given).network()
+            v = 1e-3 * np.random.default_rng(0).normal(size=net.shape)
+            arrays = dynamics(net).arrays(State(np.zeros(net.shape), v))
+            loops[case] = dynamics(net).bind(*arrays, methods.METHODS["verlet"], 1e-3)
+        best = dict.fromkeys(loops, np.inf)
+        for _ in range(OFTEN):
+            for case, loop in loops.items():
+                best[case] = min(best[case], least_time(partial(loop.advance, steps), 1)[0])
+        for case in ("bars", "all members"):
+            record("steps", f"{name}, mass in {case}", "over lumped", best[case], best["lumped"])
+        print(
+            f"{name}: {1e9 * best['lumped'] / steps:.0f} ns a step, with mass in bars "
+            f"{best['bars'] / best['lumped']:.3g}, in all members "
+            f"{best['all members'] / best['lumped']:.3g} times that"
+        )
+
+
 def main():
+    heavy_members()
     densities()
     landing()
     chains()

@@ -2,8 +2,9 @@
 
 A row of rotating units, whose bonds have sines and cosines of two angles, over plane springs in a
 network of as many bonds; and the gradient of a law that is told of both ends, over the same law
-written in differences, whose coordinates are free.  CPU times of whole calls, least of several
-rounds in one run.
+written in differences, whose coordinates are free.  At last 120 struck units to t = 300, at equal
+error, beside a loop in numba of the same energy and method.  CPU times of whole calls, least of
+several rounds in one run.
 """
 
 from __future__ import annotations
@@ -12,20 +13,27 @@ import time
 
 import numpy as np
 
+from benchmarks._peers import has
 from benchmarks._timing import table
 from tensegrity import (
+    METHODS,
     Chain,
     Network,
     PairLaw,
     Potential,
     Record,
     State,
+    TensegrityError,
     gradient,
     objective,
     simulate,
 )
 
 SITES, ROUNDS, T_END, DT = 400, 9, 400.0, 0.05
+STRUCK, SPEED, UNTIL, FAR = 120, 0.2, 300.0, slice(60, None)  # units, of the first; t; that count
+TILT, INERTIA = 0.35, 1 / (4 * 1.815**2)
+ERRORS = (1e-4, 1e-7)  # of rotations of units far from the struck one, which are not chaotic
+FEWEST, MORE = 300, 1.4  # steps, and factor to the next number of them
 
 
 def laws():
@@ -65,6 +73,109 @@ def cpu(calls):
     return best
 
 
+def rotating():
+    """Energies of a bond and of a site of rotating units, and their coordinates."""
+    import sympy as sp
+
+    (u, a), (v, b) = first, second = sp.symbols("u a"), sp.symbols("v b")
+    arm = 1 / (2 * sp.cos(TILT))
+    along = v - u + arm * (2 * sp.cos(TILT) - sp.cos(TILT + a) - sp.cos(TILT + b))
+    across = arm * (sp.sin(TILT + b) - sp.sin(TILT + a))
+    energy = along**2 / 2 + 0.01851 * across**2 / 2 + 3.835e-5 * (a + b) ** 2 / 2
+    return energy, first, second, 2 * 3.835e-5 * a**2
+
+
+def in_numba(energy, first, second, site):
+    """The loop of a splitting in numba, on u and v in place."""
+    import numba
+    import sympy as sp
+
+    (u, a), (v, b) = first, second
+    r, compile_ = sp.Symbol("r"), numba.njit(error_model="numpy")
+    bond = energy.subs(v, u + r)
+    slopes = [bond.diff(x) for x in (r, a, b)]
+    bond = compile_(sp.lambdify((r, a, b), slopes, "math", cse=True))
+    own = compile_(sp.lambdify(a, sp.sympify(site).diff(a), "math"))
+
+    @compile_
+    def kick(q, w, dt):
+        for i in range(len(q)):
+            w[i, 1] -= dt / INERTIA * own(q[i, 1])
+        for i in range(len(q) - 1):
+            pull, one, other = bond(q[i + 1, 0] - q[i, 0], q[i, 1], q[i + 1, 1])
+            w[i, 0] += dt * pull
+            w[i + 1, 0] -= dt * pull
+            w[i, 1] -= dt / INERTIA * one
+            w[i + 1, 1] -= dt / INERTIA * other
+
+    @compile_
+    def loop(q, w, steps, dt, kicks, drifts):
+        kick(q, w, kicks[0] * dt)
+        for step in range(steps):
+            for part in range(len(drifts)):
+                q += w * (drifts[part] * dt)
+                last = part == len(drifts) - 1 and step < steps - 1  # with the first of the next
+                kick(q, w, (kicks[part + 1] + (kicks[0] if last else 0.0)) * dt)
+
+    return loop
+
+
+def struck():
+    """Functions of the number of steps that give the last rotations, by name."""
+    law = rotating()
+    energy, first, second, site = law
+    chain = Chain(PairLaw(energy, first, second, site=site), STRUCK, mass=(1.0, INERTIA))
+    start, few = chain.at_rest({0: (SPEED, 0.0)}), Record(every=10**6)
+
+    def ours(steps):
+        run = simulate(chain, start, UNTIL, dt=UNTIL / steps, method="rkn6", record=few)
+        return run.final.u[:, 1]
+
+    programs = {"ours": ours}
+    if has("numba"):
+        loop = in_numba(*law)
+
+        def numbas(method):
+            def run(steps):
+                q, w = start.u.copy(), start.v.copy()
+                loop(q, w, steps, UNTIL / steps, np.array(method.kicks), np.array(method.drifts))
+                return q[:, 1]
+
+            return run
+
+        programs["numba, same method"] = numbas(METHODS["rkn6"])
+    return programs
+
+
+def race():
+    """CPU times of `struck` at equal errors."""
+    programs = struck()
+    exact = programs["ours"](12000)
+    rows = []
+    for error in ERRORS:
+        calls, steps = {}, {}
+        for name, run in programs.items():
+            count = FEWEST
+            with np.errstate(all="ignore"):
+                while not _off(run, count, exact) <= error:
+                    count = int(count * MORE)
+            calls[name], steps[name] = (lambda run=run, count=count: run(count)), count
+        times = cpu(calls)
+        rows += [
+            (f"{name}, {error:g}", steps[name], 1e3 * times[name], times[name] / times["ours"])
+            for name in programs
+        ]
+    columns = ("program, error", "steps", "ms", "over ours")
+    table("120 rotating units, at equal error", columns, rows)
+
+
+def _off(run, steps, exact):
+    try:
+        return np.abs(run(steps) - exact)[FAR].max()
+    except TensegrityError:  # above the stability limit
+        return np.inf
+
+
 def main() -> None:
     import sympy as sp
 
@@ -90,6 +201,7 @@ def main() -> None:
     back = cpu({x: reverse(scenes[x]) for x in ("differences", "both ends")})
     rows = [(x, 1e3 * s, s / back["differences"]) for x, s in back.items()]
     table("gradients of pair laws", ("law", "ms", "over differences"), rows)
+    race()
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """A straight elastic member between two points: force and tangent stiffness from its energy.
 
-The energy is E = k/2 (|d| - l_N)^2, with d from the first end to the second.  Forces and stiffness
+The energy is E = k/2 (|d| - l_N)^2, with d from the first end to the second; the kinetic energy
+that of a straight uniform rod, whose velocity is linear between its ends.  Forces and stiffness
 of structures of bars and strings are its derivatives; a string shorter than l_N is slack and has
 no energy.  Source: the talk, part III, "Elastic problem", for a single member.
 """
@@ -17,6 +18,8 @@ from derivations.argument import Step
 TITLE = "A member: force density and tangent from its energy"
 
 stiffness, natural, length = sp.symbols("k l_N l", positive=True)
+mass = sp.Symbol("m", positive=True)
+VELOCITIES = sp.symbols("v w", real=True)
 density = sp.Symbol("q", real=True)  # tension over length
 
 POSITIONS = sp.symbols("x:18", real=True)
@@ -37,6 +40,20 @@ def separation(dim: int) -> tuple[sp.Symbol, ...]:
 def length_of(dim: int) -> sp.Expr:
     """Length |d|."""
     return sp.sqrt(sum(d**2 for d in separation(dim)))
+
+
+def kinetic() -> sp.Expr:
+    """Kinetic energy of a straight uniform member of mass `mass` [J], whose velocity is linear
+    from `VELOCITIES`[0] at one end to the other; in each direction."""
+    along = sp.Symbol("s", real=True)
+    first, second = VELOCITIES
+    velocity = (1 - along) * first + along * second
+    return sp.expand(sp.integrate(mass * velocity**2 / 2, (along, 0, 1)))
+
+
+def inertia() -> sp.Matrix:
+    """Mass matrix of a member by the velocities of both ends [kg]."""
+    return sp.hessian(kinetic(), VELOCITIES)
 
 
 def energy(length: sp.Expr = length) -> sp.Expr:
@@ -100,6 +117,8 @@ def argument() -> list[Step]:
         Step("The energy of a member of spring constant k, natural length l_N and length l is",
              energy()),
         Step("and its tension", sp.Eq(sp.Symbol("T"), tension())),
+        Step("With a mass m along it, and velocities v and w of its ends, its kinetic energy "
+             "in each direction is", kinetic()),
         Step("Let d be the vector between both ends, l = |d|. With the force density q = T/l and "
              "n = d/l the gradient in d is q d, and the Hessian is",
              (stiffness - density) * n * n.T + density * sp.Identity(3)),

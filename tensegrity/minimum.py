@@ -200,15 +200,15 @@ def least_part(matrix: Array) -> float:
     return float(sizes[-1] / sizes[0]) if sizes[0] else 0.0
 
 
-def lowest(matrix: Any, mass: Array, rigid: Array, count: int, bound: float) -> tuple[Array, Array]:
+def lowest(matrix: Any, mass: Any, rigid: Array, count: int, bound: float) -> tuple[Array, Array]:
     """The lowest eigenvalues of K x = w^2 M x without rigid motions, and their eigenvectors.
 
     Parameters
     ----------
     matrix : ndarray or sparse, (free, free)
         K, symmetric.
-    mass : ndarray, (free,)
-        Diagonal of M, > 0.
+    mass : ndarray, (free,), or sparse, (free, free)
+        Diagonal of M, > 0, or M itself, positive definite.
     rigid : ndarray, (free, motions)
         Motions of zero stiffness that are excluded.
     count : int
@@ -228,7 +228,7 @@ def lowest(matrix: Any, mass: Array, rigid: Array, count: int, bound: float) -> 
     TensegrityError
         If a number is not finite, or the iteration does not converge.
     """
-    from scipy.linalg import lapack
+    from scipy.linalg import lapack, solve_triangular
 
     free = matrix.shape[0]
     count = min(count, free - rigid.shape[1])
@@ -236,9 +236,14 @@ def lowest(matrix: Any, mass: Array, rigid: Array, count: int, bound: float) -> 
         return np.zeros(0), np.zeros((free, 0))
     least = round_off(matrix, mass)
     if free <= DENSE or count >= free // 4:
-        root = np.sqrt(mass)
-        of, skipped = _dense(matrix) / (root * root[:, None]), rigid.shape[1]
-        q, tau, *_ = lapack.dgeqrf(root[:, None] * rigid)
+        skipped, diagonal = rigid.shape[1], mass.ndim == 1
+        root = np.sqrt(mass) if diagonal else np.linalg.cholesky(_dense(mass))  # M = root root'
+        if diagonal:
+            of, q = _dense(matrix) / (root * root[:, None]), root[:, None] * rigid
+        else:
+            half, q = solve_triangular(root, _dense(matrix), lower=True), root.T @ rigid
+            of = solve_triangular(root, half.T, lower=True)
+        q, tau, *_ = lapack.dgeqrf(q)
 
         def turned(side: str, trans: str, x: Array) -> Any:
             """By Q, a product of Householder's reflections; rigid motions are its first columns."""
@@ -250,13 +255,15 @@ def lowest(matrix: Any, mass: Array, rigid: Array, count: int, bound: float) -> 
             raise TensegrityError(f"{count} modes of {free} unknowns do not converge")
         values, vectors = values[:count], np.zeros((free, count))
         vectors[skipped:] = own
-        vectors = turned("L", "N", vectors) / root[:, None]
+        vectors = turned("L", "N", vectors)
+        vectors = vectors / root[:, None] if diagonal else solve_triangular(root.T, vectors)
     else:
         from scipy.sparse import diags_array
         from scipy.sparse.linalg import LinearOperator, eigsh
 
-        start, weights = np.cos(np.arange(free) ** 1.5), diags_array(mass)
-        rigid = np.linalg.qr(mass[:, None] * rigid)[0]
+        start = np.cos(np.arange(free) ** 1.5)
+        weights = diags_array(mass) if mass.ndim == 1 else mass
+        rigid = np.linalg.qr(mass[:, None] * rigid if mass.ndim == 1 else mass @ rigid)[0]
 
         def above(bound: float, count: int, tolerance: float) -> tuple[float, Any]:
             solve, bound = _inverse_above(matrix, weights, rigid, bound)
@@ -272,9 +279,11 @@ def lowest(matrix: Any, mass: Array, rigid: Array, count: int, bound: float) -> 
     return np.where(np.abs(values) <= least, 0.0, values), vectors
 
 
-def round_off(matrix: Any, mass: Array) -> float:
+def round_off(matrix: Any, mass: Any) -> float:
     """Absolute value below which eigenvalues of K x = w^2 M x are round-off."""
-    largest = float((np.abs(matrix) @ np.ones(len(mass)) / mass).max(initial=0.0))
+    # that of members is at least half of its diagonal
+    least = mass if mass.ndim == 1 else mass.diagonal() / 2
+    largest = float((np.abs(matrix) @ np.ones(len(least)) / least).max(initial=0.0))
     if not np.isfinite(largest):
         raise TensegrityError(f"stiffness over mass {largest} 1/s^2 must be finite")
     return ZERO * largest

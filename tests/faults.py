@@ -41,8 +41,8 @@ C_NUMBER = re.compile(r"(?<![\w.])(\d+\.\d*(?:e-?\d+)?|\d+)(?![\w.])")
 C_CONDITION = re.compile(r"\bif (\(.+\))(?= \{| [a-z]|$)|(?<= )(\w+)(?= \? )")
 C_STATEMENT = re.compile(r"^\s+([\w.>\[\]*-]+ [-+*]?= .+;|\w+\(.*\);)$")
 NEAREST = {  # folders and files, and the tests of what stands there; those of its name come first
-    "derivations": "derivations_prism derivations_waves derivations_numeric nodes ledger claims"
-    " bistable",
+    "derivations": "derivations_prism derivations_waves derivations_numeric nodes derivations_ledger"
+    " claims bistable",
     "granular/design": "design_search design_objective downhill gradients",
     "granular/lammps": "lammps bad_input",
     "granular": "granular_chain granular_guide granular_contact granular_layout packs"

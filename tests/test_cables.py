@@ -1,5 +1,7 @@
 """Members by EA, winches, several members between two nodes: closed forms, other integrators."""
 
+import inspect
+
 import numpy as np
 import pytest
 import sympy as sp
@@ -242,6 +244,60 @@ def test_strings_wound_each_in_its_own_way_move_as_by_another_integrator(keep):
     assert run.work[-1] == pytest.approx(y[-1], abs=1e-9)
     assert run.work[-1] > 1
     assert run.energy_error < 1e-9
+
+
+NODES = [
+    (-0.5, 0, 0.25),
+    (-0.5, 0, -0.25),
+    (0.5, 0, 0.25),
+    (0.5, 0, -0.25),
+    (0, 0.25, 0.5),
+    (0, -0.25, 0.5),
+    (0, 0.25, -0.5),
+    (0, -0.25, -0.5),
+    (-0.25, 0.5, 0),
+    (0.25, 0.5, 0),
+    (-0.25, -0.5, 0),
+    (0.25, -0.5, 0),
+]
+SIX_BARS = [(0, 2), (1, 3), (4, 6), (5, 7), (8, 10), (9, 11)]
+ENDS_OF_TWO_BARS = {
+    4: (0, 2),
+    5: (0, 2),
+    6: (1, 3),
+    7: (1, 3),
+    8: (0, 1, 4, 6),
+    9: (2, 3, 4, 6),
+    10: (0, 1, 5, 7),
+    11: (2, 3, 5, 7),
+}
+HEAVY = "bar_mass" in inspect.signature(Structure).parameters
+
+
+@pytest.mark.skipif(not HEAVY, reason="bars without mass")
+@pytest.mark.parametrize(
+    ("keep", "gain", "apart"),
+    [("EA", 23.346741899244876, 0.8311327202608574), ("k", 19.8948332409838, 0.8466536131731925)],
+)
+def test_a_robot_of_six_heavy_bars_moves_as_the_reference(keep, gain, apart):
+    """Sixteen of 24 strings wound, each with its own frequency; DOP853 at two tolerances."""
+    strings = [(i, j) for j, others in ENDS_OF_TWO_BARS.items() for i in others]
+    natural = np.repeat([1.0013636363636365, 0.556702214268904], [6, 24])
+    given = {"bar": 20000.0 * natural[0], "string": 200.0 * natural[6]}
+    if keep == "k":
+        given = {"bar": 20000.0, "string": 200.0}
+    stiff = {f"{keep}_{name}": value for name, value in given.items()}
+    robot = Structure(
+        NODES, SIX_BARS, strings, mass=0.02, bar_mass=0.2, natural_lengths=natural, **stiff
+    )
+    omega = dict(zip(range(6, 30), np.linspace(1.5, 4, 24).tolist(), strict=True))
+    wound = {m: natural[m] * (1 - sp.sin(omega[m] * T) ** 2 / 4) for m in omega if m % 3}
+    scene = robot.network(natural_lengths=wound)
+    run = simulate(scene, scene.at_rest(), 2.0, dt=1 / 2048, method="rkn6")
+    assert run.work[-1] == pytest.approx(gain, rel=1e-9)
+    assert run.energy_error < 1e-11
+    at = robot.positions + run.final.u
+    assert np.linalg.norm(at[0] - at[11]) == pytest.approx(apart, rel=1e-8)
 
 
 def test_a_winch_that_stands_still_changes_nothing():

@@ -60,32 +60,28 @@ def folder(tmp_path, monkeypatch):
     cache_folder.cache_clear()
 
 
-def results(cache, before=ALONE):
-    """Digest of all numbers of a process, and which heavy packages it imported; without what comes
-    with the package."""
-    environment = os.environ | {"XDG_CACHE_HOME": str(cache)}
+def said(program, cache, seed="0"):
+    """What a process prints, with a cache of its own."""
+    environment = os.environ | {"XDG_CACHE_HOME": str(cache), "PYTHONHASHSEED": seed}
     answer = subprocess.run(
-        [sys.executable, "-c", before + RESULTS], cwd=ROOT, env=environment, check=True,
+        [sys.executable, "-c", program], cwd=ROOT, env=environment, check=True,
         capture_output=True, text=True,
     )  # fmt: skip
     assert answer.stderr == ""
-    digest, *late = answer.stdout.split()
+    return answer.stdout
+
+
+def results(cache, before=ALONE):
+    """Digest of all numbers of a process, and which heavy packages it imported; without what comes
+    with the package."""
+    digest, *late = said(before + RESULTS, cache).split()
     return digest, late
 
 
-def test_c_text_depends_neither_on_earlier_algebra_nor_on_hashes(tmp_path):
-    texts = []
-    for seed, before in ((0, ""), (1, SIMPLIFIED)):
-        cache = str(tmp_path / str(seed))  # empty
-        environment = os.environ | {"XDG_CACHE_HOME": cache, "PYTHONHASHSEED": str(seed)}
-        texts.append(
-            subprocess.run(
-                [sys.executable, "-c", ALONE + before + TEXTS], cwd=ROOT, env=environment,
-                check=True, capture_output=True,
-            ).stdout
-        )  # fmt: skip
-    assert len(texts[0]) > 10_000
-    assert texts[0] == texts[1]
+def test_c_text_depends_neither_on_earlier_algebra_nor_on_hashes(derived, tmp_path):
+    *_, text = derived
+    assert len(text) > 10_000
+    assert said(ALONE + SIMPLIFIED + TEXTS, tmp_path, seed="1") == text
 
 
 def damage(files, kind):
@@ -110,13 +106,15 @@ def damage(files, kind):
 
 @pytest.fixture(scope="module")
 def derived(tmp_path_factory):
-    """A cache that was empty, and what the process with it gave."""
+    """A cache that was empty, what the process with it gave, and C text that it wrote then."""
     folder = tmp_path_factory.mktemp("derived")
-    return folder, results(folder)
+    first, _, text = said(f"{ALONE}{RESULTS}\n{TEXTS}", folder).partition("\n")
+    digest, *late = first.split()
+    return folder, (digest, late), text
 
 
 def test_a_warm_process_imports_no_algebra_and_gives_the_same_bits(derived):
-    folder, (cold, late) = derived
+    folder, (cold, late), _ = derived
     assert set(late) >= {"sympy", "casadi"}
     assert results(folder) == (cold, [])
 

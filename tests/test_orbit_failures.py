@@ -106,9 +106,10 @@ def test_a_scene_in_which_nothing_is_free_is_named():
         (0, "no period on the way to W 0: its angular frequency, 0 rad/s there, becomes 0"),
         (-1.0, "no period on the way to W -1"),
         (1e-5, "must take at most 4096"),
+        ({}, "until {} names no column at which the path ends"),
     ],
 )
-def test_a_path_to_where_a_drive_has_no_period_is_refused(until, words):
+def test_a_path_that_has_no_end_or_no_period_there_is_refused(until, words):
     t, w = sp.symbols("t W")
     shaker = Drive(force=0.001 * sp.cos(w * t), parameters={"W": 1.65})
     ends, damping = ("fixed", "free"), Damping(ground=0.02)

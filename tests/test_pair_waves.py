@@ -7,7 +7,16 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from tensegrity import Chain, PairLaw, TensegrityError, dispersion, simulate, solitary_wave
+from tensegrity import (
+    Chain,
+    PairLaw,
+    TensegrityError,
+    dispersion,
+    floquet,
+    simulate,
+    solitary_wave,
+    transition_wave,
+)
 
 TILT, INERTIA = 0.35, 1 / (4 * 1.815**2)
 u, a, v, U, A, V = sp.symbols("u a v U A V")
@@ -218,3 +227,12 @@ def test_what_has_no_such_wave_is_refused(number):
     words, chain, given = list(refused())[number]
     with pytest.raises(TensegrityError, match=words):
         solitary_wave(chain, **given)
+
+
+def test_what_is_not_computed_of_pair_laws_is_refused_by_name():
+    with pytest.raises(TensegrityError, match="needs its inertias"):
+        solitary_wave(PAIR, speed_ratio=0.8)
+    with pytest.raises(TensegrityError, match="fronts of a pair law"):
+        transition_wave(PAIR, ahead=0.0, behind=1.0)
+    with pytest.raises(TensegrityError, match="several components"):
+        floquet(wave(speed_ratio=0.8))

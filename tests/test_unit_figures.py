@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from figures import units_kresling, units_squares, units_stiffness
+from figures import units_kresling, units_rotating, units_squares, units_stiffness
 from figures._files import lines
 
 pytestmark = pytest.mark.unchanged()
@@ -114,3 +114,35 @@ def test_the_typeset_formula_is_the_stiffness_of_the_icosahedron():
     elastic = units_stiffness.icosahedron(1.0, 0.3, k_strut=50.0).axial_stiffness()
     of = tables["50 N/m"]
     assert np.interp(0.3, *list(of.values())[:2]) == pytest.approx(elastic, rel=1e-12)
+
+
+@pytest.fixture(scope="module")
+def rotating():
+    return units_rotating.data()
+
+
+def test_waves_slower_than_sound_are_small_and_faster_ones_never(rotating):
+    slower, faster = rotating["slower"], rotating["faster"]
+    sound, fastest = rotating["limits"]["speed"]
+    tilt, bending = math.tan(units_rotating.TILT), 8 * units_rotating.BENDING
+    assert sound == pytest.approx(math.sqrt(bending / (tilt**2 + bending)), rel=1e-12)
+    assert fastest == pytest.approx(0.19188, abs=2e-5)
+    assert max(slower["speed"]) < sound < fastest < min(faster["speed"])
+    assert np.all(np.diff(slower["rotation"]) < 0)
+    assert slower["rotation"][-1] < 1e-3
+    assert slower["rotation"][3] == pytest.approx(0.187849809054, rel=1e-10)
+    assert np.max(faster["rotation"]) < -0.5
+    assert np.max(slower["tail, other periods"]) == 0
+    assert np.min(faster["tail"]) > 1e-5
+    assert np.all(np.asarray(faster["tail, other periods"]) > np.asarray(faster["tail"]))
+    long = [units_rotating.long_wave_peak(c) for c in (slower["speed"][5], faster["speed"][4])]
+    assert long == pytest.approx([slower["rotation"][5], faster["rotation"][4]], rel=0.02)
+
+
+def test_the_drawn_tail_is_that_of_the_table_and_the_slower_wave_has_none(rotating):
+    far = np.abs(rotating["faster, profile"]["rotation"][rotating["faster, profile"]["x"] > 10])
+    at = list(rotating["faster"]["speed"]).index(units_rotating.SHOWN["faster"])
+    assert far.max() == pytest.approx(rotating["faster"]["tail"][at], rel=0.1)
+    slow = rotating["slower, profile"]["rotation"]
+    assert (np.diff(slow) < 0).all()
+    assert 0 < slow[-1] < 1e-3 * slow[0]

@@ -20,7 +20,9 @@ from tensegrity.printing import printed
 from tensegrity.typing import Array, Distance, Index, Quantile
 
 WIDEST = 0.1  # relative standard deviation: ten of these make a diameter 0
+Deviation = Annotated[float, ">= 0", f"< {WIDEST}"]
 MOST_DRAWS = 10**6
+Draws = Annotated[int, ">= 1", f"< {MOST_DRAWS}"]
 
 
 @checked
@@ -55,10 +57,10 @@ class Scatter:
     Scatter: diameters 0.01, gaps 1e-06 m, speed 0, draws 16, seed 0, quantile 0.5
     """
 
-    diameters: Annotated[float, ">= 0", f"< {WIDEST}"] = 0.0
+    diameters: Deviation = 0.0
     gaps: Distance = 0.0
-    speed: Annotated[float, ">= 0", f"< {WIDEST}"] = 0.0
-    draws: Annotated[int, ">= 1", f"< {MOST_DRAWS}"] = 100
+    speed: Deviation = 0.0
+    draws: Draws = 100
     seed: Index = 0
     quantile: Quantile = 0.5
 

@@ -18,7 +18,6 @@ from numpy.typing import ArrayLike
 from tensegrity import check
 from tensegrity.checked import checked
 from tensegrity.errors import EquilibriumError
-from tensegrity.once import once
 from tensegrity.prisms.stack import polygon
 from tensegrity.structures.statics import equilibrium_matrix
 from tensegrity.structures.structure import Structure
@@ -340,15 +339,6 @@ def tower(
     overlap 0.2405 m 1 True
     """
     check.memory(f"a tower of {stages} stages", 32 * (18.0 * stages) ** 2)
-    nodes, bars, strings = _tower(stages, twist)
-    return prestressed(
-        nodes * [radius, radius, height], bars, strings, prestrain, k_bar, k_string, mass
-    )
-
-
-@once
-def _tower(stages: int, twist: float) -> tuple[Array, list[Orbit], list[Orbit]]:
-    """Nodes, bars and strings of a tower whose radius and height of a stage are 1."""
     turns = [t for k in range(stages) for t in ((0, twist), (twist + np.pi / 3, np.pi / 3))[k % 2]]
 
     def nodes(overlap: float) -> Array:
@@ -368,7 +358,8 @@ def _tower(stages: int, twist: float) -> tuple[Array, list[Orbit], list[Orbit]]:
         raise EquilibriumError(
             f"twist {twist:g} rad: {stages} stages have no self-stress at any overlap"
         )
-    return nodes(overlap), bars, strings
+    places = nodes(overlap) * [radius, radius, height]
+    return prestressed(places, bars, strings, prestrain, k_bar, k_string, mass)
 
 
 def _stages(x: Array, stages: int) -> tuple[list[Orbit], list[Orbit]]:

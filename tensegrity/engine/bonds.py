@@ -14,6 +14,7 @@ import numpy as np
 
 from tensegrity.engine import geometry
 from tensegrity.engine.codegen import is_long
+from tensegrity.engine.inertia import RowOperations
 from tensegrity.readonly import fixed
 
 PAIR, WALL = 0, 1
@@ -38,11 +39,15 @@ class Bonds:
     group : ndarray of int, (bonds,) or (bonds, batch)
         The spring of each bond; the springs of a bond in all scenes of a batch have one law.
     inverse_mass : ndarray, (sites,), (sites, batch), or of a network also (sites, dim)
-        [1/kg], 0 for a held site.
+        [1/kg], 0 for a held site; with a coupling the inverse of its pivots.
     contacts : Contacts, optional
         Contacts of a network; the bonds of a chain join neighbours.
     kinks : ndarray, (kinks, springs, 4), optional
         The kinks of each different spring, `Potential.kinks`; NaN after its last one.
+    coupling : RowOperations, optional
+        Of bonds with mass: accelerations are `inverse_mass` times the forces after these.
+    heavy : tuple of int
+        The bonds with mass.
     """
 
     laws: tuple
@@ -52,11 +57,18 @@ class Bonds:
     inverse_mass: np.ndarray
     contacts: Contacts | None = None
     kinks: np.ndarray | None = None
+    coupling: RowOperations | None = None
+    heavy: tuple = ()
 
     @property
     def dim(self):
         """Number of coordinates of a site; 0 on a line."""
         return 0 if self.contacts is None else self.contacts.load.shape[1]
+
+    @property
+    def mobility(self):
+        """Bounds of the inverse masses [1/kg], (sites,), those themselves without a coupling."""
+        return self.inverse_mass if self.coupling is None else self.coupling.mobility
 
     @property
     def noted(self):

@@ -16,7 +16,7 @@ from tensegrity.engine import implicit, layout, march, openings
 from tensegrity.engine.bonds import integers, parameters
 from tensegrity.engine.methods import Corrected, Midpoint, Splitting
 from tensegrity.engine.native import address, aligned, pointer, structure
-from tensegrity.errors import StabilityError
+from tensegrity.errors import StabilityError, TensegrityError
 
 SCENE = structure("scene.h", "scene")
 NYSTROM = structure("nystrom.c", "nystrom")
@@ -68,7 +68,8 @@ class Bound:
         if loop.dim:
             sites = fields["sites"]
             self.sizes = loop.dim * sites, loop.dim * (fields["rows"] - 1 - sites)
-            fields |= self._room(pieces) | {"travel": self._travel, "active": self._active}
+            active = self._active if bonds.coupling is None else None
+            fields |= self._room(pieces) | {"travel": self._travel, "active": active}
             cuts = enumerate(pairwise(loop_layout.slices.balanced_cuts(pieces)))
             self._pieces = [
                 SCENE(**fields, **_piece(loop_layout, *ends, k, pieces)) for k, ends in cuts
@@ -96,6 +97,7 @@ class Bound:
             "pull": pull,
             "press": np.zeros_like(fields["normal"]),
             "force": np.zeros(self.u[len(load) :].shape, dtype=dtype),
+            "spread": np.zeros(self.u.size if fields["couplings"] else 0, dtype=dtype),
             "farthest": np.zeros(pieces, dtype=dtype),
             "gate": np.zeros(16, dtype=np.int64),
         }
@@ -145,6 +147,8 @@ class Bound:
         if isinstance(method, Corrected):
             return "openings", self._corrections(method)
         if isinstance(method, Midpoint):
+            if self._bonds.coupling is not None:
+                raise TensegrityError(f"method {method.name!r}: not for bonds with mass")
             self._words = f"is too large for {method.name}: its equations were not solved in "
             return "implicit", self._equations()
         return "nystrom", self._accelerations(method)

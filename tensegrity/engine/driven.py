@@ -22,6 +22,7 @@ from tensegrity.engine.bonds import Bonds
 from tensegrity.engine.bound import Bound
 from tensegrity.engine.compiled import compiled
 from tensegrity.engine.force_law import AppliedForce
+from tensegrity.engine.inertia import Ties
 from tensegrity.engine.layout import of_contacts
 from tensegrity.engine.methods import Splitting
 from tensegrity.engine.native import structure
@@ -61,6 +62,8 @@ class Forcing:
         Springs of which some change; see `springs.over_time.TimedSprings`.
     applied : tuple of AppliedForce
         Further forces, on sites and along bonds.
+    ties : Ties, optional
+        Of bonds with mass.
     """
 
     bonds: Bonds
@@ -74,6 +77,7 @@ class Forcing:
     bond: Array
     timed: Any
     applied: tuple[AppliedForce, ...] = ()
+    ties: Ties | None = None
 
     @property
     def damped(self) -> int:

@@ -26,7 +26,13 @@ typedef struct {
     const real *alpha, *zeta;        /* (forces), (forces, degree + 1) power of the overlap with
                                         which the force then begins, and Hurwitz' zeta function */
     real *before;                    /* (places, 2) elongations and rates before the step */
-    integer moving, pulling, stage, step, entries, places, degree;
+    const real *unit;                /* (rows) of bonds with mass, 0 where `w` is 0, else 1 */
+    real *together;                  /* scratch (rows) of these: all forces but those of springs */
+    const real *prescribed_a;        /* (stages of all steps, moved) of bonds with mass */
+    const integer *tied;             /* (ties, 2) number of a prescribed entry, and a free entry
+                                        with which it shares the mass of a bond */
+    const real *tied_mass;           /* (ties) entries of the mass matrix */
+    integer moving, pulling, stage, step, entries, places, degree, ties;
 } forcing;
 
 #ifdef DIM
@@ -232,6 +238,19 @@ static real add_lacking(const scene *c, const forcing *d, real dt, integer stage
         if (!(q > 0)) continue;
         int becomes = 0;
         const real pull = dt * lacking(d, e, at, q, dt, stages, nodes, weights, &becomes);
+#ifdef DIM
+        if (d->together) {
+            real *to = d->together;
+            EACH(c->rows * DIM) to[i] = 0;
+            AXES(j) to[ends[0] + j] += pull * along[j], to[ends[1] + j] -= pull * along[j];
+            COUPLE(c, to, DIM)
+            for (integer i = 0; i < c->rows * DIM; i++) {
+                const real change = c->w[i] * to[i];
+                c->v[i] += change, c->u[i] += (1 - at) * dt * change;
+                if (i < d->entries) largest = larger(largest, fabs((1 - at) * dt * change));
+            }
+        } else
+#endif
         for (integer end = 0; end < 2; end++)
             for (integer j = 0; j < COORDINATES; j++) {
                 const integer row = ends[end] + j;
@@ -263,18 +282,38 @@ static void add_forces(const scene *c, forcing *d, const real *u, const real *v,
         real *here = d->path + 2 * d->stage * d->entries;
         EACH(d->entries) here[i] = u[i], here[d->entries + i] = v[i];
     }
+    const scene *of = c;
+    real *to = a;
+#ifdef DIM
+    scene apart = *c;
+    if (d->together) {
+        apart.w = d->unit, of = &apart, to = d->together;
+        EACH(c->rows * DIM) to[i] = 0;
+        for (integer k = 0; k < d->ties; k++)
+            to[d->tied[2 * k + 1]] -=
+                d->tied_mass[k] * d->prescribed_a[d->stage * d->moving + d->tied[2 * k]];
+    }
+#endif
     for (integer e = 0; e < d->pulling; e++) {
         const integer q = d->pulled[e], at = d->stage * d->pulling + e;
-        a[q] += c->w[q] * d->pull[at];
+        to[q] += of->w[q] * d->pull[at];
         work -= d->pull_rate[at] * u[q]; /* the rest of their work is added outside */
     }
 #define APPLY(k, count, results, on, becomes, begins)                                                 \
     {                                                                                          \
-        const real power = apply_##k(c, d, t, u, v, a);                                        \
+        const real power = apply_##k(of, d, t, u, v, to);                                      \
         if (becomes == 1) d->sums[1] -= part * power;                                           \
         else if (becomes == 0) work += power;                                                  \
     }
     FORCES(APPLY)
+#ifdef DIM
+    if (d->together) {
+        COUPLE(c, to, DIM)
+        EACH(c->rows * DIM) a[i] += c->w[i] * to[i];
+    }
+    for (integer k = 0; k < d->ties; k++)
+        work += d->tied_mass[k] * a[d->tied[2 * k + 1]] * v[d->moved[d->tied[2 * k]]];
+#endif
     for (integer e = 0; e < d->moving; e++) { /* the drive bears all other forces on its sites */
         const integer q = d->moved[e];
         work -= d->prescribed_mass[e] * a[q] * v[q];

@@ -184,7 +184,8 @@ class Stages:
     def width(self) -> int:
         """Count of time-dependent numbers for a step."""
         forcing = self._forcing
-        return len(self._nodes) * (1 + 2 * len(forcing.moved) + 2 * len(forcing.forced))
+        motions = 2 if forcing.ties is None else 3
+        return len(self._nodes) * (1 + motions * len(forcing.moved) + 2 * len(forcing.forced))
 
     def rows(self, first: int, steps: int, origin: float = 0.0) -> dict[str, Array]:
         """The arrays of `forced.c` that depend on time.
@@ -205,6 +206,8 @@ class Stages:
         if forcing.moved.size:
             table["prescribed_u"], table["prescribed_v"] = (forcing.motion(at, k) for k in (0, 1))
             table["after"] = forcing.motion(self._starts(first, steps, origin)[1:], 0)
+            if forcing.ties is not None:
+                table["prescribed_a"] = forcing.motion(at, 2)
         if forcing.forced.size:
             table["pull"], table["pull_rate"] = (forcing.force(at, k) for k in (0, 1))
         return {name: np.ascontiguousarray(rows, dtype=float) for name, rows in table.items()}
@@ -261,5 +264,18 @@ def fields(forcing: Any, sums: Array, corrects: bool) -> Any:
     numbers = {"moving": len(forcing.moved), "pulling": len(forcing.forced), "stage": 0, "step": 0}
     numbers |= {"entries": len(forcing.mass), "degree": DEGREE}
     numbers["places"] = sum(counts) if any(np.isfinite(x).any() for x in onsets) else 0
+    arrays |= _of_heavy_bonds(forcing)
+    numbers["ties"] = 0 if forcing.ties is None else len(forcing.ties.mass)
     arrays = {name: np.ascontiguousarray(x) for name, x in arrays.items()}
     return FORCING(**dict.fromkeys(FORCING.kinds) | arrays | numbers | {"sums": sums})
+
+
+def _of_heavy_bonds(forcing: Any) -> dict[str, Array]:
+    """Arrays for bonds with mass, if there are some."""
+    bonds, ties = forcing.bonds, forcing.ties
+    if bonds.coupling is None:
+        return {}
+    rows = np.ones((bonds.contacts.rows, bonds.dim))
+    rows[: len(bonds.inverse_mass)] = bonds.inverse_mass != 0
+    arrays = {"unit": rows, "together": np.zeros(rows.size)}
+    return arrays if ties is None else arrays | {"tied": ties.free, "tied_mass": ties.mass}

@@ -6,6 +6,7 @@
 | batch of scenes | in blocks of 64, a loop each | a loop each |
 | threads | of blocks; parts of long chains, splittings | of scenes; parts of large, splittings |
 | walls, loads | no: a network on a line has them | yes |
+| bonds with mass | no | yes, one thread; all methods but "midpoint" |
 | "corrected6" | yes, also batches, one thread | yes |
 | implicit steps | yes, a batch scene by scene | yes, one thread |
 | fitted forces | yes | yes |
@@ -56,7 +57,8 @@ def bind(u, v, bonds, method, dt, loop=None, divided=True):
     if loop is None:
         loop = compiled(bonds.laws, bonds.own, bonds.dim, batch)
     large = len(bonds.group) > threaded.MANY if bonds.dim else u.size > threaded.LONG and batch == 1
-    count = threaded.threads() if divided and large and isinstance(method, Splitting) else 1
+    divided = divided and large and bonds.coupling is None and isinstance(method, Splitting)
+    count = threaded.threads() if divided else 1
     if count > 1:
         kind = threaded.ThreadedNetwork if bonds.dim else threaded.ThreadedChain
         return kind(loop, u, v, bonds, method, dt, count)

@@ -159,7 +159,7 @@ def _net(loop, bonds, pieces):
         "entry": sliced.first,
         "beside": sliced.beside,
         "beside_at": sliced.beside_at,
-    }
+    } | coupling(bonds)
     fields |= _varying("gap", contacts.gap[listed], sliced.first)
     fields |= _varying("length", contacts.length[listed], sliced.first)
     fields |= _by_wall(bonds, sliced)
@@ -172,11 +172,20 @@ def _net(loop, bonds, pieces):
         "rows": contacts.rows,
         "tiles": sliced.tiles,
         "loaded": loaded,
+        "couplings": 0 if bonds.coupling is None else len(bonds.coupling.target),
         **dict.fromkeys(("geometry", "from", "to")),  # see `of_contacts`
     }
     sliced = replace(sliced, contact=None, other=None, counts=None)
     made = _with_parameters(loop, bonds, entries, fields, pieces, sliced, **more)
     return made._replace(runs=runs)
+
+
+def coupling(bonds):
+    """Fields with the row operations of bonds with mass; see `inertia.RowOperations`."""
+    of = bonds.coupling
+    if of is None:
+        return {"coupled": np.zeros(0, dtype=int), "coupling": np.zeros(0)}
+    return {"coupled": np.stack([of.target, of.source], axis=1), "coupling": of.factor}
 
 
 def of_contacts(loop, bonds):

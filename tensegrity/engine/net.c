@@ -149,9 +149,13 @@ real stage(const scene *c, real a, real b)
     const real *u = c->pieces > 1 ? common(c, 0) : c->u;
     real *next = c->pieces > 1 ? common(c, 1) : c->u;
     real *restrict pull = rows(c), largest = 0;
+    if (c->couplings) { /* all forces first: none rests, and there is one thread */
+        for (integer t = 0; t < c->tiles; t++) contacts(c, u, t, pull);
+        COUPLE(c, pull, ROW)
+    }
     for (integer t = c->before; t < c->reach; t++) {
         if (rests(c, t)) continue;
-        const int felt = t < c->last_tile && contacts(c, u, t, pull);
+        const int felt = !c->couplings && t < c->last_tile && contacts(c, u, t, pull);
         if (t >= c->tile && t < c->last_tile) {
             const real speed = move_tile(c, t, a, b, pull, u, next);
             if (c->active && (felt || speed > 0)) rouse(c, t);

@@ -80,6 +80,11 @@ static real line_at(const scene *c, const openings *o, integer contact, real x, 
     return *line = 1, *turn = 0;
 }
 
+static real mobility_along(const scene *c, integer from, integer to, const real *line)
+{
+    return *line * *line * (c->w[from] + c->w[to]);
+}
+
 static void apply_impulse(const scene *c, const openings *o, integer b, real w, real x, real total,
                  real moment, real turning)
 {
@@ -236,6 +241,31 @@ static real line_at(const scene *c, const openings *o, integer contact, real x, 
     return length;
 }
 
+/* With bonds with mass: what a force on the first end of a contact, and its opposite on the second,
+   adds to the velocities of all rows. */
+static const real *spread(const scene *c, integer from, integer to, const real *pull)
+{
+    const integer n = c->rows * DIM;
+    real *x = c->spread;
+    EACH(n) x[i] = 0;
+    AXES(k) x[from + k] += pull[k], x[to + k] -= pull[k];
+    COUPLE(c, x, DIM)
+    EACH(n) x[i] *= c->w[i];
+    return x;
+}
+
+static real mobility_along(const scene *c, integer from, integer to, const real *line)
+{
+    real sum = 0;
+    if (c->couplings) {
+        const real *x = spread(c, from, to, line);
+        const int wall = from >= c->sites * DIM;
+        AXES(k) sum += line[k] * ((wall ? 0 : x[from + k]) - x[to + k]);
+    } else
+        AXES(k) sum += line[k] * line[k] * (c->w[from + k] + c->w[to + k]);
+    return sum;
+}
+
 /* Add a rounded number, so that equal and opposite ones cancel to the last bit. */
 static void add(real *to, real part)
 {
@@ -256,7 +286,16 @@ static void apply_impulse(const scene *c, const openings *o, integer b, real w, 
         size += fabs(shift[k]);
         mobility = larger(mobility, c->w[from + k] + c->w[to + k]);
     }
+    if (c->couplings) mobility = mobility_along(c, from, to, line);
     const real kept = size * mobility >= fabs(w) ? 0 : 1; /* w would change sign */
+    if (c->couplings) {
+        const integer n = c->rows * DIM;
+        const real *x = spread(c, from, to, impulse);
+        EACH(n) c->v[i] += x[i];
+        x = spread(c, from, to, shift);
+        EACH(n) c->u[i] += kept * x[i];
+        return;
+    }
     AXES(k) {
         add(c->v + from + k, c->w[from + k] * impulse[k]);
         add(c->v + to + k, -c->w[to + k] * impulse[k]);
@@ -273,10 +312,9 @@ static void apply_impulse(const scene *c, const openings *o, integer b, real w, 
 static real mobility(const scene *c, const openings *o, integer b, real x)
 {
     const integer from = FROM(b), to = TO(b);
-    real line[DIM], turn[DIM], sum = 0;
+    real line[DIM], turn[DIM];
     line_at(c, o, b, x, line, turn);
-    AXES(k) sum += line[k] * line[k] * (c->w[from + k] + c->w[to + k]);
-    return sum;
+    return mobility_along(c, from, to, line);
 }
 
 static real swing(const scene *c, const openings *o, integer b, real x)

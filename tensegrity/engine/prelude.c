@@ -40,6 +40,21 @@ static inline real smaller(real x, real y) { return x < y ? x : y; }
 #define fmax larger
 #define fmin smaller
 
+/* Operations of `inertia.RowOperations` on rows of `stride` numbers, of which the first `dim` count:
+   from forces to those after which each entry has the mass 1/w of its own. */
+static inline void row_operations(real *restrict rows, integer stride, integer count,
+                                  const integer *restrict at, const real *restrict factor,
+                                  const int dim)
+{
+    for (integer k = 0; k < count; k++) {
+        real *to = rows + at[2 * k] * stride;
+        const real *from = rows + at[2 * k + 1] * stride;
+        for (int q = 0; q < dim; q++) to[q] -= factor[k * dim + q] * from[q];
+    }
+}
+#define COUPLE(c, rows, stride)                                                             \
+    row_operations(rows, stride, (c)->couplings, (c)->coupled, (c)->coupling, DIM);
+
 #define EACH(n) _Pragma("GCC ivdep") for (integer i = 0; i < (n); i++)
 
 /* Names defined by the text of a law, for law number K and a kind of run. */

@@ -28,6 +28,12 @@ typedef struct {
     const integer *law;              /* (runs) twice the law, and 1 more with own parameters */
     const integer *wall;             /* (runs) whether its contacts are with walls */
     const integer *own_at;           /* (runs) where its own parameters begin */
+    const integer *coupled;          /* (couplings, 2) as in scene.h, of bonds with mass */
+    const real *coupling;            /* (couplings, DIM) */
+    const integer *heavy;            /* (heavies, 2) where the rows of bonds with mass begin */
+    real *hb;                        /* (objectives, heavies) of their entries of the mass matrix,
+                                        with minus sign, like `wb` then of its diagonal */
+    integer couplings, heavies;
     integer runs, bonds, entries, objectives, wanted, stages, closing;
     integer room, stride; /* padded number of entries; stride of arrays over bonds */
     integer together;    /* whether scratch k, d and pull have rows for all stages */
@@ -239,6 +245,22 @@ static void carry(const scene *c, real a, real b, integer o, integer rows)
         c->turn[i] = a * c->w[i] * vb[i];
         wb[i] += a * vb[i] * c->pull[i];
     }
+    if (c->heavies) { /* M^-1 vb, and its products with accelerations */
+        EACH(c->entries) {
+            wb[i] -= a * vb[i] * c->pull[i];
+            c->turn[i] = a * vb[i];
+        }
+        COUPLE(c, c->turn, DIM)
+        EACH(c->entries) c->turn[i] *= c->w[i];
+        EACH(c->entries) wb[i] += c->turn[i] * c->w[i] * c->pull[i];
+        real *hb = c->hb + o * c->heavies;
+        for (integer h = 0; h < c->heavies; h++) {
+            const integer i = c->heavy[2 * h], j = c->heavy[2 * h + 1];
+            AXES(q)
+                hb[h] += c->turn[i + q] * c->w[j + q] * c->pull[j + q] +
+                         c->turn[j + q] * c->w[i + q] * c->pull[i + q];
+        }
+    }
     const real *restrict turn = c->turn, *restrict k = c->k, *restrict d = c->d;
     const real *restrict f = c->f + 1, *restrict r = c->r, *restrict along = c->along;
     const real *restrict length = c->geometry + (DIM + 1) * n;
@@ -282,6 +304,9 @@ static void invert(const scene *c, real a, real b)
     place(c);
     evaluated(c, slopes);
     gather(c);
+#ifdef DIM
+    COUPLE(c, c->pull, DIM)
+#endif
     EACH(c->room) c->v[i] -= a * c->w[i] * c->pull[i];
 }
 

@@ -17,6 +17,8 @@ from tensegrity.engine import geometry
 from tensegrity.engine.bonds import PAIR, WALL, integers, parameters
 from tensegrity.engine.bound import stages
 from tensegrity.engine.codegen import reverse_text
+from tensegrity.engine.inertia import ACROSS, END
+from tensegrity.engine.layout import coupling
 from tensegrity.engine.native import aligned, library, structure
 from tensegrity.engine.schemes import Splitting
 from tensegrity.once import once
@@ -86,6 +88,18 @@ class Layout:
     def parameters(self, bonds):
         """Fields of a scene that hold parameters; see `bonds.parameters`."""
         return parameters(bonds, self.bonds.runs, self.bonds.own)
+
+    def coupling(self, by_heavy):
+        """Fields of a scene for bonds with mass; `by_heavy` receives the derivatives."""
+        of, heavy = self.bonds.coupling, [*self.bonds.heavy]
+        fields = dict.fromkeys(("coupled", "coupling", "heavy", "hb"))
+        if of is None:
+            return fields | {"couplings": 0, "heavies": 0}
+        ends = np.stack([end[heavy] for end in self.ends], axis=1) * self.dim
+        return coupling(self.bonds) | {
+            "couplings": len(of.target), "heavies": len(heavy), "heavy": integers(ends),
+            "hb": by_heavy,
+        }  # fmt: skip
 
     def laws_at(self, r, members):
         """Tension, stiffness, and derivatives of the tension with respect to parameters.
@@ -165,6 +179,7 @@ class ReverseLoop:
         self.scene = SCENE(
             **stages(method, dt),
             **layout.parameters(b),
+            **layout.coupling(totals.heavy),
             **{name: integers(x) for name, x in where.items()},
             **{name: aligned(size) for name, size in scratch.items()},
             u=self.u,
@@ -295,11 +310,21 @@ class Totals:
             aligned((objectives, layout.most, layout.room)),
             np.zeros((objectives, len(layout.bonds.runs.source))),
         )
+        self.heavy = np.zeros((objectives, len(layout.bonds.heavy)))
 
     @property
     def w(self):
         """With respect to the inverse mass of every entry; (objectives, sites[, dim])."""
         return self.arrays[0][:, : self._layout.sites]
+
+    @property
+    def bond_mass(self):
+        """With respect to the masses of bonds; (objectives, bonds), 0 for those without mass."""
+        bonds, wb = self._layout.bonds, self.w.sum(axis=-1)
+        total = np.zeros((self.objectives, len(bonds.group)))
+        first, second = (end[[*bonds.heavy]] for end in self._layout.ends)
+        total[:, [*bonds.heavy]] = -END * (wb[:, first] + wb[:, second]) - ACROSS * self.heavy
+        return total
 
     @property
     def p(self):

@@ -73,6 +73,11 @@ typedef struct {
                                            (rows - sites + 1) the first of each wall */
     real *farthest;                     /* (pieces) largest displacement in this stage */
     integer *gate;                      /* (16) barrier of the threads */
+    const integer *coupled;             /* (couplings, 2) rows of operations of bonds with mass:
+                                           coupled[0] -= factor coupled[1] */
+    const real *coupling;               /* (couplings, DIM) the factors */
+    real *spread;                       /* scratch (rows, DIM) of bonds with mass */
+    integer couplings;
     integer contacts, sites, rows, tiles, loaded;
     integer before, tile, last_tile, reach, piece, pieces; /* the part of this thread */
 } scene;

@@ -268,17 +268,23 @@ def _of_scene(task: _Task, scene: Any, state: Any) -> list[Gradient]:
     p += back.totals.p
     g += back.totals.g
     w += back.totals.w.reshape(*w.shape, -1).sum(axis=-1)
-    u, v, mass = back.u.copy(), back.v.copy(), m - w * of.inverse_mass**2
+    u, v, mass = back.u.copy(), back.v.copy(), m - _by_masses(layout, w, of.inverse_mass)
     for array in (u, v, mass):
         array[:, list(scene.held)] = 0
     return [
         Gradient(
             value, run, fixed(u[k]), fixed(v[k]), fixed(mass[k]),
-            _by_name(layout, p[k], forced.named(k) if forced else {}, of_forces),
+            _by_name(layout, p[k], forced.named(k) if forced else {}, of_forces, back.totals, k),
             fixed(g[k]), back.reversal, digits(value, u[k], v[k], back.largest), scene, names,
         )
         for k, value in enumerate(values)
     ]  # fmt: skip
+
+
+def _by_masses(layout: Layout, w: Array, inverse_mass: Array) -> Array:
+    """Minus the derivatives by masses at sites, from what the reverse loop sums: derivatives by
+    inverse masses, but for bonds with mass these themselves."""
+    return w * inverse_mass**2 if layout.bonds.coupling is None else w
 
 
 def _cotangents(forced: Any, by_rows: Array, samples: Any, first: int) -> OutputCotangents:
@@ -316,6 +322,8 @@ def _prepared(task: _Task, scene: Any, traces: Any) -> tuple[Any, Any, Any, Layo
     None, and the layout."""
     of = dynamics(scene)
     stored = any(trace.kind == "energy" for trace in traces)
+    if scene.bond_mass is not None:
+        _refuse_heavy(of, traces)
     if not of.is_driven:
         names, numbers = _requested(scene, task.wanted, stored, {})
         return names, {}, None, Layout(of.loop_bonds, numbers)
@@ -324,6 +332,20 @@ def _prepared(task: _Task, scene: Any, traces: Any) -> tuple[Any, Any, Any, Layo
     names, numbers = _requested(scene, task.wanted, stored, of_forces)
     forced = ForcedBackward(scene, numbers, task.method, *_steps(task))
     return names, of_forces, forced, forced.layout
+
+
+def _refuse_heavy(of: Any, traces: Any) -> None:
+    """Refuse what has no gradient with bonds with mass."""
+    if of.is_driven:
+        raise TensegrityError(
+            "bonds with mass have no gradient beside drives, dashpots or further forces"
+        )
+    for trace in traces:
+        if trace.kind in ("velocity", "energy"):
+            raise TensegrityError(
+                f"{trace.kind} of sites on bonds with mass has no gradient: take displacements or "
+                "loads"
+            )
 
 
 def _requested(
@@ -338,6 +360,8 @@ def _requested(
     of_springs = {name: None for spring in table.different for name in result.names(spring)}
     of_beads = dict.fromkeys(dynamics(scene).arguments)
     known = of_springs | of_beads | dict.fromkeys(of_forces)
+    if scene.bond_mass is not None:
+        known["bond_mass"] = None
     names = result.usual(known, laws) if wanted is None else _checked(wanted, known, laws)
     moved = {*names, *(("stiffness", "preload") if of_beads.keys() & names else ())}
     slopes = [result.slopes(table, name) for name in moved & of_springs.keys()]
@@ -379,7 +403,9 @@ def _window(one: Objective, steps: int, dt: float) -> tuple[int, int]:
     return first, last
 
 
-def _by_name(layout: Layout, p: Array, forced: Any, of_forces: Any) -> Any:
+def _by_name(
+    layout: Layout, p: Array, forced: Any, of_forces: Any, totals_of: Any, objective: int
+) -> Any:
     """Derivatives by name of a parameter, (bonds,), from those by index in each law and those by
     the parameters of forces, on sites (sites,)."""
     law = layout.bonds.law_of_bond
@@ -390,4 +416,6 @@ def _by_name(layout: Layout, p: Array, forced: Any, of_forces: Any) -> Any:
             column[law == number] = p[row, law == number]
     for name in of_forces:
         totals[name] = totals[name] + forced[name] if name in totals else forced[name]
+    if layout.bonds.coupling is not None:
+        totals["bond_mass"] = totals_of.bond_mass[objective]
     return fixed(totals)

@@ -43,7 +43,7 @@ DIGITS = -np.log10(np.finfo(float).eps)
 PRISM = ("prestrain", "height", "k_cross")
 POWER = ("stiffness", "preload", "exponent")
 UNITS = {"mass": "kg", "height": "m", "k_cross": "N/m", "preload": "N", "diameter": "m",
-         "modulus": "Pa"}  # fmt: skip
+         "modulus": "Pa", "bond_mass": "kg"}  # fmt: skip
 OWN = Pressed, UnitPotential  # springs that give derivatives of their law's parameters
 RIGID = rigid_law(), rigid_law(any_sides=True)  # of triangular prisms, and of any number of sides
 
@@ -97,8 +97,8 @@ class Gradient(Printed):
             "prestrain", "height", "k_cross" of prisms; "stiffness" and "exponent" (at fixed
             preload), "preload" of power laws; a symbol of a user's own `Potential`; a parameter of
             a `Force`, which in bonds may be that of the spring, or of a `Drive`, for each site that
-            it drives; "bond", "ground" of a `Damping`; "diameter", "modulus" of beads, at the same
-            constants of dissipation.
+            it drives; "bond", "ground" of a `Damping`; "bond_mass" of a network whose bonds have
+            mass; "diameter", "modulus" of beads, at the same constants of dissipation.
 
         Returns
         -------

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from tensegrity import check
 from tensegrity.checked import checked
+from tensegrity.engine.inertia import ACROSS, END
 from tensegrity.errors import TensegrityError
 from tensegrity.lattices.bloch import (
     BlochMatrix,
@@ -51,7 +52,8 @@ class Bands(Printed):
     velocities : ndarray, (points, nodes dim, dim), or None
         Group velocities [m/s]; NaN where the frequency is not above 0.
     shapes : complex ndarray, (points, nodes dim, nodes, dim), or None
-        Displacements of each wave in the cell at offset 0 [1/sqrt(kg)]: the sum of m |u|^2 is 1.
+        Displacements of each wave in the cell at offset 0 [1/sqrt(kg)]: the sum of m |u|^2 is 1,
+        or u^H M u where members have mass.
     """
 
     wavenumbers: Array
@@ -155,24 +157,27 @@ def bands(
     rates = np.empty((count, size, len(lattice.vectors))) if velocities else None
     for of in chunks(count, size):
         weights = matrix.weights(q[of])
-        whole = matrix.at(weights)
+        whole, root = matrix.scaled(weights)
         if rates is None and moved is None:
             squares[of] = np.linalg.eigvalsh(whole)
             continue
         squares[of], vectors = np.linalg.eigh(whole)
+        if root is not None:
+            vectors = np.linalg.solve(root.conj().swapaxes(1, 2), vectors)
         if rates is not None:
             for point, (w, column) in enumerate(zip(weights, vectors, strict=True)):
                 rates[of.start + point] = _rates(matrix, w, squares[of.start + point], column)
         if moved is not None:
             moved[of] = vectors.swapaxes(1, 2)
-    w = _frequencies(lattice, squares, q, matrix.bound)
+    w = _frequencies(lattice, squares, q, matrix)
     group = None
     if rates is not None:
         with np.errstate(divide="ignore", invalid="ignore"):
             group = np.where(w > 0, 0.5 / w, np.nan)[..., None] * (rates @ lattice.vectors)
     if moved is not None:
         moved = moved.reshape(count, size, *shape)
-        moved = moved / np.sqrt(lattice.mass.reshape(lattice.nodes, -1))
+        if matrix.inertia is None:
+            moved = moved / np.sqrt(lattice.mass.reshape(lattice.nodes, -1))
     return Bands(q, w, group, moved)
 
 
@@ -189,14 +194,17 @@ def _lowest(
         return Bands(q, whole.frequencies[:, :count], None, moved)
     blocks = _blocks(lattice)
     each = np.repeat(np.abs(blocks).sum(axis=2).max(axis=1), 2)
-    stiffest = float(np.bincount(lattice.ends.ravel(), each).max())
+    stiffest, least = float(np.bincount(lattice.ends.ravel(), each).max()), lattice.mass
+    heavy = _member_mass(lattice)
+    if heavy is not None:  # M is diagonally dominant
+        least = least + np.bincount(lattice.ends.ravel(), np.repeat(heavy * (END - ACROSS), 2))
     w = np.empty((len(q), count))
     moved = np.empty((len(q), count, *lattice.positions.shape), dtype=complex) if shapes else None
     for point, phase in enumerate(q):
         squares, vectors = lowest_waves(
-            lattice.ends, lattice.offsets, blocks, lattice.mass, phase, count
+            lattice.ends, lattice.offsets, blocks, lattice.mass, phase, count, heavy
         )
-        squares[np.abs(squares) <= ZERO * 2 * stiffest / lattice.mass.min()] = 0
+        squares[np.abs(squares) <= ZERO * 2 * stiffest / least.min()] = 0
         w[point] = np.sign(squares) * np.sqrt(np.abs(squares))
         if moved is not None:
             moved[point] = vectors.T.reshape(count, *lattice.positions.shape)
@@ -209,10 +217,18 @@ def _shape(lattice: Cell | PeriodicBonds) -> tuple[int, ...]:
 
 
 def bloch_matrix(lattice: Cell | PeriodicBonds, weighted: bool = True) -> BlochMatrix:
-    """M^-1/2 K(kappa) M^-1/2 of a lattice, or K(kappa) itself."""
-    mass = lattice.mass if weighted else np.ones_like(lattice.mass)
-    blocks = _blocks(lattice)
-    return BlochMatrix.of(lattice.ends, lattice.offsets, blocks, mass)
+    """M^-1/2 K(kappa) M^-1/2 of a lattice, or K(kappa) itself; where members have mass, that and
+    M(kappa)."""
+    heavy = _member_mass(lattice)
+    mass = lattice.mass if weighted or heavy is not None else np.ones_like(lattice.mass)
+    return BlochMatrix.of(lattice.ends, lattice.offsets, _blocks(lattice), mass, heavy)
+
+
+def _member_mass(lattice: Cell | PeriodicBonds) -> Array | None:
+    """Masses of the members [kg], if some have mass."""
+    if isinstance(lattice, Cell) and lattice.has_heavy_members:
+        return lattice.member_mass
+    return None
 
 
 def _blocks(lattice: Cell | PeriodicBonds) -> Array:
@@ -261,9 +277,11 @@ def _not_many(name: str, given: ArrayLike, each: int) -> Array:
     return check.floats(name, given)
 
 
-def _frequencies(lattice: Cell | PeriodicBonds, squares: Array, q: Array, largest: float) -> Array:
-    """Frequencies of eigenvalues, 0 where they are round-off, or singular values there; `largest`
-    bounds the eigenvalues."""
+def _frequencies(
+    lattice: Cell | PeriodicBonds, squares: Array, q: Array, matrix: BlochMatrix
+) -> Array:
+    """Frequencies of eigenvalues, 0 where they are round-off, or singular values there."""
+    largest = matrix.bound
     least = ZERO * largest
     w = np.sign(squares) * np.sqrt(np.abs(np.where(np.abs(squares) <= least, 0.0, squares)))
     slow = np.flatnonzero(np.abs(squares).min(axis=1) < SLOW**2 * largest)
@@ -274,7 +292,10 @@ def _frequencies(lattice: Cell | PeriodicBonds, squares: Array, q: Array, larges
                 return w
             values = np.where(values > NEGATIVE * values.max(), values, 0.0)
         root = (vectors * np.sqrt(np.maximum(values, 0))[:, None]) @ vectors.swapaxes(1, 2)
-        exact = singular_frequencies(lattice.ends, lattice.offsets, root, lattice.mass, q[slow])
+        mass, heavy = lattice.mass, None
+        if matrix.inertia is not None:
+            mass, heavy = np.ones_like(mass), matrix
+        exact = singular_frequencies(lattice.ends, lattice.offsets, root, mass, q[slow], heavy)
         w[slow] = 0
         w[slow, w.shape[1] - exact.shape[1] :] = exact
         w[slow] = np.where(w[slow] > ZERO * np.sqrt(largest), w[slow], 0.0)
@@ -287,8 +308,10 @@ def _rates(matrix: BlochMatrix, weights: Array, squares: Array, vectors: Array) 
     Where eigenvalues coincide they belong to the shapes that diagonalise the derivative along a
     direction without symmetry.
     """
-    slopes = matrix.at(1j * matrix.offsets.T * weights)
-    turned = vectors.conj().T @ slopes @ vectors
+    turns = 1j * matrix.offsets.T * weights
+    turned = vectors.conj().T @ matrix.at(turns) @ vectors
+    if matrix.inertia is not None:
+        turned -= vectors.conj().T @ matrix.at(turns, matrix.inertia) @ vectors * squares
     rates = np.einsum("aii->ia", turned.real).copy()
     equal = np.diff(squares) <= EQUAL * np.abs(squares).max()
     edges = np.flatnonzero(np.diff(np.concatenate([[False], equal, [False]]).astype(int)))

@@ -5,7 +5,8 @@ stiffness matrix K(kappa) is then a sum over the distinct offsets of the bonds, 
 assembled once; many wave vectors are computed together.  An eigenvalue w^2 carries the round-off
 of the largest one, so that frequencies below about 1e-8 of the highest are lost.  Where every
 bond's stiffness has a real square root, they are computed as singular values of these roots, to
-full relative precision.
+full relative precision.  Where members have mass, M(kappa) is a sum of the same kind, and its
+Cholesky factor takes the place of the roots of the masses.
 Source: L. Brillouin, Wave Propagation in Periodic Structures (1946), chapters III and IV; Phani,
 Woodhouse & Fleck 2006, Wave propagation in two-dimensional periodic lattices.
 """
@@ -20,6 +21,7 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.engine.forces import of_both_ends
+from tensegrity.engine.inertia import ACROSS, END
 from tensegrity.minimum import lowest
 from tensegrity.typing import Array, Indices
 
@@ -36,14 +38,20 @@ class BlochMatrix:
     offsets : ndarray of int, (offsets, d)
         All distinct ones, with their opposites and 0.
     parts : ndarray, (offsets, nodes dim, nodes dim)
+    inertia : ndarray, (offsets, nodes dim, nodes dim), or None
+        The parts of M where members have mass; else the `parts` are weighted with it.
     """
 
     offsets: Indices
     parts: Array
+    inertia: Array | None = None
 
     @classmethod
-    def of(cls, ends: Indices, offsets: Indices, blocks: Array, mass: Array) -> BlochMatrix:
-        """Assemble M^-1/2 K M^-1/2.
+    def of(
+        cls, ends: Indices, offsets: Indices, blocks: Array, mass: Array,
+        member_mass: Array | None = None,
+    ) -> BlochMatrix:  # fmt: skip
+        """Assemble M^-1/2 K M^-1/2, or K and M.
 
         Parameters
         ----------
@@ -56,14 +64,31 @@ class BlochMatrix:
             are inertias of all coordinates, by both ends.
         mass : ndarray, (nodes,) or (nodes, dim)
             [kg]; ones give K itself.
+        member_mass : ndarray, (bonds,), optional
+            [kg]
 
         Returns
         -------
         BlochMatrix
         """
-        (i, j), root = ends.T, np.sqrt(mass.reshape(len(mass), -1))
         of_ends = blocks if mass.ndim > 1 else of_both_ends(blocks)
-        dim = of_ends.shape[-1] // 2
+        distinct, parts = cls._assembled(ends, offsets, of_ends, len(mass))
+        if member_mass is None:
+            dim = parts.shape[1] // len(mass)
+            root = np.sqrt(np.repeat(mass, dim) if mass.ndim == 1 else mass.ravel())
+            return cls(distinct, parts / (root[:, None] * root))
+        each = np.kron([[END, ACROSS], [ACROSS, END]], np.eye(blocks.shape[-1]))
+        of_members = member_mass[:, None, None] * each
+        _, inertia = cls._assembled(ends, offsets, of_members, len(mass))
+        inertia[_here(distinct)] += np.diag(np.repeat(mass, blocks.shape[-1]))
+        return cls(distinct, parts, inertia)
+
+    @staticmethod
+    def _assembled(
+        ends: Indices, offsets: Indices, of_ends: Array, nodes: int
+    ) -> tuple[Indices, Array]:
+        """Distinct offsets, and the sums of blocks by both ends of the bonds at each."""
+        (i, j), dim = ends.T, of_ends.shape[-1] // 2
         first, second = slice(dim), slice(dim, None)
         entries = [
             (np.zeros_like(offsets), i, i, of_ends[:, first, first]),
@@ -75,22 +100,41 @@ class BlochMatrix:
             np.concatenate([entry[0] for entry in entries]), axis=0, return_inverse=True
         )
         row, column, each = (np.concatenate([entry[k] for entry in entries]) for k in (1, 2, 3))
-        check.memory(f"waves of {len(mass)} nodes", 24.0 * len(distinct) * (dim * len(mass)) ** 2)
-        parts = np.zeros((len(distinct), len(mass), len(mass), dim, dim))
+        check.memory(f"waves of {nodes} nodes", 24.0 * len(distinct) * (dim * nodes) ** 2)
+        parts = np.zeros((len(distinct), nodes, nodes, dim, dim))
         np.add.at(parts, (number.ravel(), row, column), each)
-        parts /= root[:, None, :, None] * root[:, None, :]
-        size = dim * len(mass)
-        return cls(distinct, parts.swapaxes(2, 3).reshape(-1, size, size))
+        size = dim * nodes
+        return distinct, parts.swapaxes(2, 3).reshape(-1, size, size)
 
     @property
     def bound(self) -> float:
-        """An upper bound on the eigenvalues at all phases."""
-        return float(np.abs(self.parts).sum(axis=(0, 2)).max())
+        """An upper bound on the squares of the frequencies at all phases."""
+        largest = np.abs(self.parts).sum(axis=(0, 2))
+        if self.inertia is not None:  # M is diagonally dominant
+            sums = np.abs(self.inertia).sum(axis=(0, 2))
+            largest = largest / (2 * self.inertia[_here(self.offsets)].diagonal() - sums)
+        return float(largest.max())
 
-    def at(self, weights: Any) -> Any:
-        """The sums of the parts with complex weights (..., offsets): (..., size, size)."""
-        matrices = np.empty((*weights.shape[:-1], *self.parts.shape[1:]), dtype=complex)
-        flat = self.parts.reshape(len(self.parts), -1)
+    def scaled(self, weights: Any) -> tuple[Any, Any]:
+        """The matrices whose eigenvalues are squares of frequencies, (..., size, size), and with
+        mass of members the Cholesky factors of M, by which they are scaled; else None."""
+        whole = self.at(weights)
+        if self.inertia is None:
+            return whole, None
+        root = self.factor(weights)
+        half = np.linalg.solve(root, whole)
+        return np.linalg.solve(root, _adjoint(half)), root
+
+    def factor(self, weights: Any) -> Any:
+        """Cholesky factors of M at complex weights, (..., size, size)."""
+        return np.linalg.cholesky(self.at(weights, self.inertia))
+
+    def at(self, weights: Any, parts: Array | None = None) -> Any:
+        """The sums of the parts, or of others, with complex weights (..., offsets):
+        (..., size, size)."""
+        parts = self.parts if parts is None else parts
+        matrices = np.empty((*weights.shape[:-1], *parts.shape[1:]), dtype=complex)
+        flat = parts.reshape(len(parts), -1)
         matrices.real = (weights.real @ flat).reshape(matrices.shape)
         matrices.imag = (weights.imag @ flat).reshape(matrices.shape)
         return matrices
@@ -98,6 +142,15 @@ class BlochMatrix:
     def weights(self, phases: Array) -> Any:
         """exp(i o.kappa) at phases (..., d): (..., offsets)."""
         return np.exp(1j * (phases @ self.offsets.T))
+
+
+def _adjoint(matrices: Any) -> Any:
+    return matrices.conj().swapaxes(-1, -2)
+
+
+def _here(offsets: Indices) -> int:
+    """The place of offset 0."""
+    return int(np.flatnonzero(~offsets.any(axis=1))[0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,8 +190,9 @@ def chunks(count: int, size: int) -> Iterator[slice]:
 
 
 def lowest_waves(
-    ends: Indices, offsets: Indices, blocks: Array, mass: Array, phases: Array, count: int
-) -> tuple[Array, Any]:
+    ends: Indices, offsets: Indices, blocks: Array, mass: Array, phases: Array, count: int,
+    member_mass: Array | None = None,
+) -> tuple[Array, Any]:  # fmt: skip
     """The lowest waves at one wave vector, from sparse matrices.
 
     A Hermitian matrix A + iB acts on real and imaginary parts as a symmetric one of twice the size,
@@ -146,7 +200,7 @@ def lowest_waves(
 
     Parameters
     ----------
-    ends, offsets, blocks, mass
+    ends, offsets, blocks, mass, member_mass
         As of `BlochMatrix.of`.
     phases : ndarray, (d,)
         Phases per cell [rad].
@@ -157,28 +211,43 @@ def lowest_waves(
     ndarray, (count,), and complex ndarray, (nodes dim, count)
         Squares of the frequencies [1/s^2], ascending, and shapes of unit modal mass.
     """
-    from scipy.sparse import block_array, coo_array
+    from scipy.sparse import block_array, coo_array, diags_array
 
     (i, j), dim, turn = ends.T, blocks.shape[-1], np.exp(1j * (offsets @ phases))[:, None, None]
-    size = dim * len(mass)
-    entries = [(i, i, blocks), (j, j, blocks), (i, j, -blocks * turn), (j, i, -blocks / turn)]
-    row, column, each = (np.concatenate([entry[k] for entry in entries]) for k in range(3))
-    rows = np.broadcast_to(dim * row[:, None, None] + np.arange(dim)[:, None], each.shape)
-    columns = np.broadcast_to(dim * column[:, None, None] + np.arange(dim), each.shape)
-    whole = coo_array((each.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size)).tocsr()
-    pair = block_array([[whole.real, -whole.imag], [whole.imag, whole.real]]).tocsr()
-    weights = np.repeat(mass, dim)
-    _, vectors = lowest(pair, np.tile(weights, 2), np.zeros((2 * size, 0)), 2 * count, SHIFT)
-    root = np.sqrt(weights)[:, None]
-    basis = np.linalg.svd(root * (vectors[:size] + 1j * vectors[size:]), full_matrices=False)[0]
-    shapes = basis[:, :count] / root
+    size, weights = dim * len(mass), np.repeat(mass, dim)
+
+    def assembled(own: Array, across: Array) -> Any:
+        entries = [(i, i, own), (j, j, own), (i, j, across * turn), (j, i, across / turn)]
+        row, column, each = (np.concatenate([entry[k] for entry in entries]) for k in range(3))
+        rows = np.broadcast_to(dim * row[:, None, None] + np.arange(dim)[:, None], each.shape)
+        columns = np.broadcast_to(dim * column[:, None, None] + np.arange(dim), each.shape)
+        at = rows.ravel(), columns.ravel()
+        return coo_array((each.ravel(), at), shape=(size, size)).tocsr()
+
+    def twice(whole: Any) -> Any:
+        return block_array([[whole.real, -whole.imag], [whole.imag, whole.real]]).tocsr()
+
+    whole, heavy = assembled(blocks, -blocks), None
+    if member_mass is not None:
+        each = member_mass[:, None, None] * np.eye(dim)
+        heavy = assembled(END * each, ACROSS * each) + diags_array(weights)
+    mass_of_both = np.tile(weights, 2) if heavy is None else twice(heavy)
+    _, vectors = lowest(twice(whole), mass_of_both, np.zeros((2 * size, 0)), 2 * count, SHIFT)
+    both = vectors[:size] + 1j * vectors[size:]  # each wave twice, at some phase
+    if heavy is None:
+        root = np.sqrt(weights)[:, None]
+        shapes = np.linalg.svd(root * both, full_matrices=False)[0][:, :count] / root
+    else:
+        sizes, mixed = np.linalg.eigh(both.conj().T @ (heavy @ both))
+        shapes = both @ (mixed[:, -count:] / np.sqrt(sizes[-count:]))
     squares, mixed = np.linalg.eigh(shapes.conj().T @ (whole @ shapes))
     return squares, shapes @ mixed
 
 
 def singular_frequencies(
-    ends: Indices, offsets: Indices, roots: Array, mass: Array, phases: Array
-) -> Array:
+    ends: Indices, offsets: Indices, roots: Array, mass: Array, phases: Array,
+    heavy: BlochMatrix | None = None,
+) -> Array:  # fmt: skip
     """Frequencies as singular values of the square roots of the bonds' stiffnesses.
 
     Parameters
@@ -189,6 +258,8 @@ def singular_frequencies(
         Symmetric square roots of the bonds' tangent stiffnesses.
     phases : ndarray, (points, d)
         Phases per cell [rad].
+    heavy : BlochMatrix, optional
+        Whose M replaces the masses, where members have mass.
 
     Returns
     -------
@@ -212,5 +283,8 @@ def singular_frequencies(
             moves[:, each, ends[:, 1]] += turns
             scaled = roots[:, :, None, :] * moves[:, :, None, :, None] / np.sqrt(mass)[:, None]
         whole = scaled.reshape(len(turns), bonds * rows, len(mass) * dim)
+        if heavy is not None:
+            factor = heavy.factor(heavy.weights(phases[of]))
+            whole = _adjoint(np.linalg.solve(factor, _adjoint(whole)))
         frequencies[of] = np.linalg.svd(whole, compute_uv=False)[:, ::-1]
     return frequencies

@@ -158,10 +158,13 @@ class Cell(Framework):
         strings: Sequence[Any] = (),
         k_bar: ArrayLike = 100.0,
         k_string: ArrayLike = 1.0,
-        mass: ArrayLike = 1.0,
+        mass: ArrayLike | None = None,
         natural_lengths: ArrayLike | None = None,
         buckling: ArrayLike | None = None,
         plateau: Annotated[float, ">= 0", "< 1"] = 0.0,
+        *,
+        bar_mass: ArrayLike | None = None,
+        string_mass: ArrayLike | None = None,
     ) -> None:
         self._set_positions(positions)
         self.vectors = independent_vectors(vectors, self.dim)
@@ -173,8 +176,9 @@ class Cell(Framework):
         pairs = [ends for ends, _ in listed]
         refuse_repeated(np.concatenate(pairs), self.offsets, len(pairs[0]))
         stiff = {"bar": (k_bar, None), "string": (k_string, None)}
-        given = stiff, mass, natural_lengths, self.span
+        given = stiff, (mass, bar_mass, string_mass), natural_lengths, self.span
         self._set_members(pairs, *given, buckling=buckling, plateau=plateau)
+        self._refuse_massless(range(self.nodes))
 
     @property
     def span(self) -> float:
@@ -216,7 +220,7 @@ class Cell(Framework):
             "strings": members[self.bars :],
             "k_bar": self.stiffnesses[: self.bars],
             "k_string": self.stiffnesses[self.bars :],
-            "mass": self.mass,
+            **self._masses(),
             "natural_lengths": self.natural_lengths,
             "buckling": self.buckling,
             "plateau": self.plateau,
@@ -367,8 +371,8 @@ class Cell(Framework):
             A stiffness, mass or length is too large or small to compute with.
         EquilibriumError
         """
-        for name, unit in (("stiffnesses", "N/m"), ("mass", "kg"), ("lengths", "m"),
-                           ("natural_lengths", "m")):  # fmt: skip
+        for name, unit in (("stiffnesses", "N/m"), ("mass", "kg"), ("member_mass", "kg"),
+                           ("lengths", "m"), ("natural_lengths", "m")):  # fmt: skip
             values = getattr(self, name)
             wrong = values[~((values > 1 / LARGEST) & (values < LARGEST)) & (values != 0)]
             if wrong.size:

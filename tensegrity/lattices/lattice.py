@@ -100,7 +100,7 @@ class Lattice(Cell):
     k_bar, k_string : float or array_like, (bars,) or (strings,)
         Spring constants [N/m], > 0.
     mass : float or array_like, (nodes,), optional
-        [kg], > 0.
+        At the nodes [kg], > 0; by default 1.  Where members have mass >= 0, and by default 0.
     natural_lengths : array_like, (members,), optional
         Unstressed lengths [m]; by default the lengths at the positions.  A spring of natural
         length 0 may join nodes at one place, such as a mass within a mass: it resists alike in all
@@ -109,10 +109,13 @@ class Lattice(Cell):
         Loads at which bars buckle [N], > 0; by default none does.
     plateau : float, optional
         Stiffness of a bar after buckling over that before, >= 0 and < 1.
+    bar_mass, string_mass : float or array_like, (bars,) or (strings,), optional
+        Mass of each bar and string [kg], >= 0, uniform along it; by default 0, which lumps all
+        masses at the nodes (see the notes of `Structure`).
 
     Attributes
     ----------
-    positions, vectors, stiffnesses, natural_lengths, mass : ndarray
+    positions, vectors, stiffnesses, natural_lengths, mass, member_mass : ndarray
     ends, offsets : ndarray of int, (members, 2) and (members, d)
     is_string, slack, buckled : ndarray of bool, (members,)
 
@@ -120,7 +123,7 @@ class Lattice(Cell):
     ------
     TensegrityError
         If the vectors are dependent, an offset is not d integers, a member has no length or is
-        given twice, a node is in no member, or a number is outside its bounds.
+        given twice, a node is in no member or without mass, or a number is outside its bounds.
 
     Examples
     --------
@@ -244,8 +247,7 @@ class Lattice(Cell):
         return Lattice(
             (self.positions + (cells @ self.vectors)[:, None]).reshape(-1, self.dim),
             self.vectors * many[:, None],
-            **self._copied(copies),
-            mass=np.tile(self.mass, len(cells)),
+            **self._copied(copies, len(cells)),
         )
 
     def tile(self, counts: Any) -> Structure:
@@ -274,8 +276,7 @@ class Lattice(Cell):
             copies.append([tuple(p) for p in self._numbered(shape, m, second % many)[inside]])
         return Structure(
             (self.positions + (cells @ self.vectors)[:, None]).reshape(-1, self.dim),
-            **self._copied(copies),
-            mass=np.tile(self.mass, len(cells)),
+            **self._copied(copies, len(cells)),
         )
 
     def network(
@@ -326,9 +327,10 @@ class Lattice(Cell):
         given |= {"walls": walls, "wall_law": wall_law, "gravity": gravity}
         return self.tile(counts).network(held=held, natural_lengths=natural_lengths, **given)
 
-    def _copied(self, copies: list[list[Any]]) -> dict[str, Any]:
-        """Values given for each member, repeated for its copies."""
+    def _copied(self, copies: list[list[Any]], cells: int) -> dict[str, Any]:
+        """Values given for each member and node, repeated for their copies."""
         numbers = [len(each) for each in copies]
+        mass = np.repeat(self.member_mass, numbers)
         k, flat = np.repeat(self.stiffnesses, numbers), [p for each in copies for p in each]
         in_bars = numbers[: self.bars]
         bars = sum(in_bars)
@@ -338,6 +340,8 @@ class Lattice(Cell):
             "k_bar": k[:bars],
             "k_string": k[bars:],
             "natural_lengths": np.repeat(self.natural_lengths, numbers),
+            "mass": np.tile(self.mass, cells),
+            **({"bar_mass": mass[:bars], "string_mass": mass[bars:]} if mass.any() else {}),
             "buckling": None if self.buckling is None else np.repeat(self.buckling, in_bars),
             "plateau": self.plateau,
         }

@@ -54,11 +54,11 @@ def internal_motions(
     ----------
     stiffness : ndarray, (size, size)
         [N/m]
-    mass : ndarray, (size,)
-        Of each coordinate [kg].
+    mass : ndarray, (size,) or (size, size)
+        Of each coordinate [kg], or the mass matrix.
     frequencies : ndarray, (...)
         Angular frequencies [rad/s].
-    forces, largest : ndarray, (size, count)
+    forces, largest : ndarray, (size, count) or (..., size, count)
         Forces, and the sums of the sizes of their parts, which may cancel [N].
 
     Returns
@@ -70,20 +70,20 @@ def internal_motions(
     values : ndarray, (..., size)
         Eigenvalues of the scaled matrix, without unit; 0 where they are round-off.
     """
-    inertia = np.multiply.outer(frequencies**2, mass)
-    sizes = np.abs(stiffness).sum(axis=1) + inertia
+    inertia, diagonal = np.multiply.outer(frequencies**2, mass), mass.ndim == 1
+    sizes = np.abs(stiffness).sum(axis=1) + (inertia if diagonal else inertia.sum(axis=-1))
     root = 1 / np.sqrt(np.where(sizes > 0, sizes, 1.0))
-    dynamic = stiffness - inertia[..., None] * np.eye(len(stiffness))
+    dynamic = stiffness - (inertia[..., None] * np.eye(len(stiffness)) if diagonal else inertia)
     values, vectors = np.linalg.eigh(root[..., None] * dynamic * root[..., None, :])
     modes, soft = root[..., None] * vectors, np.abs(values) <= ZERO * len(stiffness)
     across = modes.swapaxes(-1, -2)
     pulled, could = across @ forces, np.abs(across) @ largest
     unbounded = (soft[..., None] & (np.abs(pulled) > WORK * could)).any(axis=(-1, -2))
     motions = modes @ (pulled / np.where(soft, np.inf, values)[..., None])
-    weight = np.sqrt(mass)[:, None]
+    weight = np.diag(np.sqrt(mass)) if diagonal else np.linalg.cholesky(mass).T
     for at in map(tuple, np.argwhere(soft.any(axis=-1))):
         free = modes[at][:, soft[at]]
-        motions[at] -= free @ np.linalg.lstsq(weight * free, weight * motions[at])[0]
+        motions[at] -= free @ np.linalg.lstsq(weight @ free, weight @ motions[at])[0]
     return motions, unbounded, np.where(soft, 0.0, values)
 
 
@@ -163,7 +163,7 @@ class Moduli(Printed):
         stiff, sizes, arms = _gradients(self.lattice, self.frequency)
         along, inertia = np.kron(np.eye(len(n)), n[:, None]), np.full(len(n), self.density)
         if arms is not None:  # a twist of 1 rad
-            turned = float(self.lattice.mass @ np.sum(arms**2, axis=1)) / self.lattice.size
+            turned = _moment(self.lattice, arms) / self.lattice.size
             along, inertia = np.pad(along, (0, 1)), np.append(inertia, turned)
             along[-1, -1] = 1
         root = 1 / np.sqrt(inertia)
@@ -222,7 +222,7 @@ def moduli(
         axial = float(stretch @ stiff[: dim**2, : dim**2] @ stretch)
         if arms is not None:
             coupling, torsional = float(stretch @ stiff[:-1, -1]), float(stiff[-1, -1])
-    density = float(lattice.mass.sum()) / lattice.size
+    density = float(lattice.weighing_mass.sum()) / lattice.size
     return Moduli(
         tangent, stress, stiffness, density, axial, coupling, torsional, lattice, frequency
     )
@@ -239,7 +239,7 @@ def _gradients(lattice: Cell, frequency: float) -> tuple[Array, Array, Array | N
         np.add.at(forces, end, sign * blocks @ other)
         np.add.at(largest, end, np.abs(blocks) @ np.abs(other))
     forces, largest = forces.reshape(size, -1), largest.reshape(size, -1)
-    inner, mass = lattice.hessian()[:size, :size], np.repeat(lattice.mass, lattice.dim)
+    inner, mass = lattice.hessian()[:size, :size], dense_inertia(lattice)
     motions, unbounded, _ = internal_motions(inner, mass, np.array(frequency), forces, largest)
     if unbounded and frequency:
         raise TensegrityError(
@@ -257,6 +257,21 @@ def _gradients(lattice: Cell, frequency: float) -> tuple[Array, Array, Array | N
     return relaxed / lattice.size, sizes / lattice.size, arms
 
 
+def dense_inertia(lattice: Cell) -> Array:
+    """Masses of the coordinates of the nodes [kg], (size,), or where members have mass the mass
+    matrix of motions that are the same in all cells, (size, size)."""
+    if lattice.has_heavy_members:
+        return np.asarray(lattice.mass_matrix().toarray())
+    return np.repeat(lattice.mass, lattice.dim)
+
+
+def _moment(lattice: Cell, arms: Array) -> float:
+    """Moment of inertia [kg m^2] of a cell that turns by these arms, (nodes, dim) [m]."""
+    if lattice.has_heavy_members:
+        return float(arms.ravel() @ (lattice.mass_matrix() @ arms.ravel()))
+    return float(lattice.mass @ np.sum(arms**2, axis=1))
+
+
 def _moved_ends(lattice: Cell) -> tuple[tuple[Array, Array], Array | None]:
     """How gradients of 1 move second ends as seen from the first, and first ends as seen from the
     second, reversed, (members, dim, gradients) each; and the arms of a twist, (nodes, dim)."""
@@ -265,7 +280,7 @@ def _moved_ends(lattice: Cell) -> tuple[tuple[Array, Array], Array | None]:
     shifts = np.einsum("ik,ml->mikl", np.eye(dim), d).reshape(len(d), dim, -1)
     if dim == 3 and len(vectors) == 1:
         axis = vectors[0] / lattice.size
-        arms = np.cross(axis, x - np.average(x, axis=0, weights=lattice.mass))
+        arms = np.cross(axis, x - np.average(x, axis=0, weights=lattice.weighing_mass))
         if np.abs(arms).max() > ALONG * lattice.span:
             turns = ((d @ axis)[:, None] * arms[end] for end in lattice.ends.T)
             first, second = (np.dstack([shifts, turn]) for turn in turns)
@@ -343,7 +358,7 @@ def _lowest_wave(cell: Cell) -> tuple[float, Array]:
     reciprocal = np.linalg.pinv(cell.vectors).T  # k = phases @ reciprocal
 
     def squares(q: Array) -> Array:
-        w = np.concatenate([np.linalg.eigvalsh(matrix.at(matrix.weights(q[of])))[:, 0]
+        w = np.concatenate([np.linalg.eigvalsh(matrix.scaled(matrix.weights(q[of]))[0])[:, 0]
                             for of in chunks(len(q), matrix.parts.shape[-1])])  # fmt: skip
         w[np.abs(w) <= ZERO * matrix.bound] = 0
         return np.asarray(w / np.sum((q @ reciprocal) ** 2, axis=1))
@@ -391,7 +406,8 @@ def _slowest(of: Moduli, axes: Array) -> tuple[float, Array]:
     angles = np.stack(np.meshgrid(turn, *tilt, indexing="ij"), axis=-1).reshape(-1, d - 1)
     value, at = _refined(lambda a: float(squares(a[None])[0]), angles, squares(angles), step)
     noise = NOISE * len(axes) * float(np.abs(of.lattice.hessian()).max()) * of.lattice.span**2
-    return (0.0 if abs(value) <= noise / of.lattice.mass.sum() else value), _positive(unit(at))
+    noise /= of.lattice.weighing_mass.sum()
+    return (0.0 if abs(value) <= noise else value), _positive(unit(at))
 
 
 def _positive(direction: Array) -> Array:

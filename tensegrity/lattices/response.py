@@ -30,7 +30,8 @@ from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.lattices.bands import angular_frequencies, bloch_matrix
 from tensegrity.lattices.bloch import chunks
 from tensegrity.lattices.lattice import Lattice
-from tensegrity.lattices.moduli import internal_motions
+from tensegrity.lattices.moduli import dense_inertia, internal_motions
+from tensegrity.minimum import lowest
 from tensegrity.typing import Array
 
 RANK = 1e-12  # singular values that count as zero, over the largest stiffness
@@ -92,22 +93,57 @@ def decay(
     counts = np.ones(d, dtype=int)
     counts[axis] = layers
     whole = lattice if layers == 1 else lattice.repeated(counts.tolist())
-    matrix, mass = bloch_matrix(whole, weighted=False), np.repeat(whole.mass, whole.dim)
+    matrix = bloch_matrix(whole, weighted=False)
     weights = np.exp(1j * (np.delete(matrix.offsets, axis, axis=1) @ across))
-    own, next_one = (
-        matrix.at(np.where(matrix.offsets[:, axis] == step, weights, 0)) for step in (0, 1)
-    )
-    stiff = np.abs(own).sum(axis=1) + np.abs(next_one).sum(axis=0) + np.abs(next_one).sum(axis=1)
-    stiff[stiff == 0] = 1
-    left, sizes, right = np.linalg.svd(next_one / np.sqrt(stiff * stiff[:, None]))
-    rank = int(np.sum(sizes > RANK * sizes[0]))
-    found = np.empty((len(w), 2 * rank), dtype=complex)
-    for row, inertia in zip(found, np.multiply.outer(w**2, mass), strict=True):
+    layer = [np.where(matrix.offsets[:, axis] == step, weights, 0) for step in (0, 1)]
+    own, next_one = map(matrix.at, layer)
+    stiff = _sizes(own, next_one)
+    if matrix.inertia is not None:
+        heavy = [matrix.at(one, matrix.inertia) for one in layer]
+        return _with_heavy_members((own, next_one), heavy, w, layers)
+    left, sizes, right = _joined(next_one, stiff)
+    found = np.empty((len(w), 2 * len(sizes)), dtype=complex)
+    for row, inertia in zip(found, np.multiply.outer(w**2, dense_inertia(whole)), strict=True):
         root = 1 / np.sqrt(1 + inertia / stiff)[:, None]
-        pair = root * left[:, :rank] * sizes[:rank], root * right[:rank].conj().T
+        pair = root * left * sizes, root * right
         scaled = root / np.sqrt(stiff[:, None])
         row[:] = _phases(scaled * (own - np.diag(inertia)) * scaled.T, pair, layers)
     return found
+
+
+def _sizes(own: Any, next_one: Any) -> Array:
+    """Sums of the sizes of a row of the whole matrix; 1 for rows of zeros."""
+    size = np.abs(own).sum(axis=1) + np.abs(next_one).sum(axis=0) + np.abs(next_one).sum(axis=1)
+    size[size == 0] = 1
+    return np.asarray(size)
+
+
+def _joined(next_one: Any, stiff: Array) -> tuple[Any, Array, Any]:
+    """L, S and R of the scaled stiffness L S R^H from a layer to the next, (size, rank)."""
+    left, sizes, right = np.linalg.svd(next_one / np.sqrt(stiff * stiff[:, None]))
+    rank = int(np.sum(sizes > RANK * sizes[0]))
+    return left[:, :rank], sizes[:rank], right[:rank].conj().T
+
+
+def _with_heavy_members(stiff: Any, heavy: Any, w: Array, layers: int) -> Any:
+    """Phases where the mass of members joins layers too: P depends on the frequency, and so may
+    its rank."""
+    rows = []
+    for square in (w**2).tolist():
+        scale = _sizes(*(np.abs(k) + square * np.abs(m) for k, m in zip(stiff, heavy, strict=True)))
+        own, next_one = (k - square * m for k, m in zip(stiff, heavy, strict=True))
+        left, sizes, right = _joined(next_one, scale)
+        scaled = own / np.sqrt(scale * scale[:, None])
+        rows.append(_phases(scaled, (left * sizes, right), layers))
+    most = max((len(row) for row in rows), default=0)
+    return np.array([np.concatenate([row, _confined(most - len(row))]) for row in rows])
+
+
+def _confined(count: int) -> Any:
+    """Phases of waves confined to their cell."""
+    ends = np.zeros(count, dtype=complex)
+    ends.imag = np.where(np.arange(count) % 2, -np.inf, np.inf)
+    return ends
 
 
 def _phases(own: Any, pair: Any, layers: int) -> Any:
@@ -132,8 +168,7 @@ def _phases(own: Any, pair: Any, layers: int) -> Any:
         next_one = left @ right.conj().T
         kappa += [_turn(own, next_one, value, moved, layers) for value in values]
     kappa[np.abs(kappa.imag) < SPLIT] = kappa[np.abs(kappa.imag) < SPLIT].real
-    ends = np.zeros(2 * rank - len(kappa), dtype=complex)
-    ends.imag = np.where(np.arange(len(ends)) % 2, -np.inf, np.inf)
+    ends = _confined(2 * rank - len(kappa))
     decays = np.abs(kappa.imag).round(9)  # alike for both waves of a pair, whatever round-off
     return np.concatenate([kappa[np.lexsort((kappa.imag, kappa.real.round(9), decays))], ends])
 
@@ -205,24 +240,34 @@ def effective_mass(lattice: Lattice, frame: Sequence[int], frequencies: ArrayLik
     dim, size = lattice.dim, lattice.positions.size
     free = np.ones(lattice.nodes, dtype=bool)
     free[numbers] = False
-    inner, mass = np.repeat(free, dim), np.repeat(lattice.mass[free], dim)
+    inner, of_all = np.repeat(free, dim), dense_inertia(lattice)
+    mass = of_all[np.ix_(inner, inner)] if of_all.ndim > 1 else of_all[inner]
     moved = np.kron(np.ones((lattice.nodes, 1)), np.eye(dim))
     whole = lattice.hessian()[:size, :size]
     held, joined = whole[np.ix_(inner, inner)], whole[np.ix_(inner, ~inner)]
     pull = -joined @ moved[~inner], np.abs(joined) @ moved[~inner]
     if (internal_motions(held, mass, np.zeros(()), *pull)[2] < 0).any():
-        growth = np.linalg.eigvalsh(held / np.sqrt(mass * mass[:, None]))[0]
+        growth = lowest(held, mass, np.zeros((len(held), 0)), 1, 0.0)[0][0]
         raise EquilibriumError(
             f"with the frame held the other nodes are unstable: they grow at "
             f"{np.sqrt(-growth):.6g} 1/s"
         )
+    own = float(lattice.mass[~free].sum()) * np.eye(dim)
+    momenta = (mass[:, None] * moved[inner] if mass.ndim == 1 else mass @ moved[inner]).T
+    if mass.ndim > 1:  # members from the frame to other nodes share their inertia
+        shared = of_all[np.ix_(inner, ~inner)] @ moved[~inner]
+        own = moved[~inner].T @ of_all[~inner] @ moved
+        momenta = momenta + shared.T
     masses = np.empty((len(w), dim, dim))
     for of in chunks(len(w), len(mass)):
+        if mass.ndim > 1:
+            more = w[of, None, None] ** 2 * shared
+            pull = -joined @ moved[~inner] + more, np.abs(joined) @ moved[~inner] + np.abs(more)
         motions, unbounded, _ = internal_motions(held, mass, w[of], *pull)
         if unbounded.any():
             raise TensegrityError(
                 f"frequency {w[of][unbounded][0]:.12g} rad/s is a resonance of the nodes outside "
                 "the frame: the effective mass is infinite there"
             )
-        masses[of] = (mass[:, None] * moved[inner]).T @ motions
-    return float(lattice.mass[~free].sum()) * np.eye(dim) + masses
+        masses[of] = momenta @ motions
+    return own + masses

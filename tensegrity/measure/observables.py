@@ -366,7 +366,7 @@ def width(x: Array, profile: ArrayLike, level: Fraction = 0.05) -> float:
 def angular_momentum(network: Network, state: State) -> float | Array:
     """Total angular momentum of a network about the origin [kg m^2/s]; a float, in space (3,)."""
     network.momentum(state)  # refuses what is no state of the network
-    momentum = network.mass[:, None] * state.v
+    momentum = dynamics(network).momenta(state.v)
     x = network.positions + state.u
     if network.dim == 1:
         return 0.0

@@ -16,6 +16,7 @@ from tensegrity.runs.integrate import simulate
 from tensegrity.runs.run import Run
 from tensegrity.scenes.acting import per_coordinate
 from tensegrity.scenes.dynamics import dynamics, varied
+from tensegrity.scenes.forcing import refuse_heavy_bonds
 from tensegrity.scenes.scene import Scene, State
 from tensegrity.structures.supports import orthonormal, rigid_motions
 from tensegrity.typing import Array
@@ -123,6 +124,7 @@ class Shooting:
     """
 
     def __init__(self, scene: Scene, flow: Any) -> None:
+        refuse_heavy_bonds(scene, "periodic orbits")
         self._last: tuple[Any, Any] = None, None
         self.scene, self.flow, self.of = scene, flow, dynamics(scene)
         self.inverse_mass = per_coordinate(scene, self.of.inverse_mass).ravel()

@@ -414,6 +414,7 @@ def _network(x):
         "mass": x.mass, "walls": x.walls, "wall_contacts": x.wall_contacts, "wall_gaps": gaps,
         "radius": x.radius, "loads": x.loads, "held": x.held, "press": x.press, **followed,
         **in_time(x),
+        **({} if x.bond_mass is None else {"bond_mass": x.bond_mass}),
     }  # fmt: skip
 
 

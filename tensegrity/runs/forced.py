@@ -16,7 +16,6 @@ from tensegrity.engine.force_law import largest_decay
 from tensegrity.engine.methods import Nystrom, Splitting
 from tensegrity.errors import LockingError, StabilityError, TensegrityError
 from tensegrity.runs.motion import Motion, MotionState
-from tensegrity.scenes.acting import per_coordinate
 from tensegrity.scenes.forcing import check_start, forcing_of
 from tensegrity.springs.over_time import TimedSprings
 from tensegrity.typing import Array
@@ -33,6 +32,12 @@ class ForcedMotion(Motion):
         scene, method = problem.scene, problem.method
         dyn = problem.dynamics
         as_forces = bool(getattr(method, "rates", ())) and not dyn.springs.changing
+        heavy = scene.bond_mass is not None
+        if heavy and not as_forces and (scene.drive or scene.damping or dyn.further_forces):
+            raise TensegrityError(
+                f"method {method.name!r}: bonds with mass besides drives, dashpots or forces need "
+                "rk4 or rk8, which take no springs that change"
+            )
         if dyn.needs_rates and not as_forces:
             raise TensegrityError(
                 f"method {method.name!r} admits no forces but those of springs, drives, dashpots "
@@ -56,7 +61,7 @@ class ForcedMotion(Motion):
         self._damped_out: StabilityError | None = None
         self._limit_damping(problem, dt)
         begin, forced, self._first_force = np.zeros(1), self.forcing.forced, 0.0
-        self._first_v = self.forcing.motion(begin, 1)[0] if len(self.forcing.moved) else 0.0
+        self._first_v: Any = self.forcing.motion(begin, 1)[0] if len(self.forcing.moved) else 0.0
         if len(forced):  # sum of prescribed forces times displacements [J]
             pulls = self.forcing.force(begin, 0)[0] * problem.state.u.reshape(-1)[forced]
             self._first_force = float(np.sum(pulls))
@@ -168,6 +173,9 @@ class ForcedMotion(Motion):
         if len(moved):
             rows_u[:, moved], rows_v[:, moved] = forcing.motion(t, 0), forcing.motion(t, 1)
             sums[:, 0] += (rows_v[:, moved] ** 2 - self._first_v**2) @ forcing.prescribed_mass / 2
+            if forcing.ties is not None:
+                for v, sign in ((rows_v[:, moved], 1), (self._first_v[None], -1)):
+                    sums[:, 0] += sign * np.sum(v * (v @ forcing.ties.among), axis=1) / 2
         if len(forced):
             sums[:, 0] += np.sum(forcing.force(t, 0) * rows_u[:, forced], axis=1)
             sums[:, 0] -= self._first_force
@@ -244,8 +252,7 @@ class ForcedMotion(Motion):
         if self.timed is None:
             return dyn.energies(u, v)
         stored = self.timed.energies(t, dyn.elongations(u))
-        mass = per_coordinate(scene, scene.mass)
-        motion = (mass * v**2 / 2 - scene.loads * u).reshape(len(u), -1)
+        motion = (dyn.kinetic(v) - scene.loads * u).reshape(len(u), -1)
         return np.sum(motion, axis=1) + np.sum(stored, axis=-1)
 
     def between(self, step: int, part: float, u: Array, v: Array, impulse: Any, sums: Any) -> None:

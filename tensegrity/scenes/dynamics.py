@@ -21,7 +21,8 @@ from tensegrity.engine.native import aligned_copy
 from tensegrity.engine.openings import is_treated
 from tensegrity.errors import TensegrityError
 from tensegrity.readonly import ReadOnly, Repeated, fixed, same_content
-from tensegrity.scenes.acting import Acting, per_coordinate
+from tensegrity.scenes.acting import Acting
+from tensegrity.scenes.inertia import Inertia
 from tensegrity.springs.collection import Springs
 
 if TYPE_CHECKING:
@@ -77,7 +78,7 @@ class HasDynamics(ReadOnly):
         raise NotImplementedError
 
 
-class Dynamics:
+class Dynamics(Inertia):
     """Quantities derived from a scene for its runs; see `dynamics`.
 
     Bonds join neighbours on a line, unless a subclass has their geometry.
@@ -186,13 +187,6 @@ class Dynamics:
         return Springs(self.scene.springs, lengths=self.spring_lengths)
 
     @cached_property
-    def inverse_mass(self) -> Array:
-        """1/m [1/kg], 0 for a held site; (sites,)."""
-        w = 1 / self.scene.mass
-        w[list(self.scene.held)] = 0
-        return fixed(w)
-
-    @cached_property
     def is_driven(self) -> bool:
         """Whether forces depend on time or velocity, or motion is prescribed."""
         scene = self.scene
@@ -206,7 +200,8 @@ class Dynamics:
     @property
     def needs_rates(self) -> bool:
         """Whether there are forces that a Runge-Kutta method takes only."""
-        return not self.acting.splits
+        heavy = self.scene.bond_mass is not None and self.is_driven and not self.springs.changing
+        return heavy or not self.acting.splits
 
     @property
     def further_forces(self) -> tuple[Any, ...]:
@@ -305,9 +300,8 @@ class Dynamics:
         if energies is not None:
             return energies
         scene, rows = self.scene, (len(u), -1)
-        mass = per_coordinate(scene, scene.mass)
         with np.errstate(over="ignore"):  # overflow gives inf, which `checked` refuses
-            kinetic = 0.5 * np.sum((mass * v**2).reshape(rows), axis=-1)
+            kinetic = np.sum(self.kinetic(v).reshape(rows), axis=-1)
         some = max(IN_CACHE // max(len(scene.springs), 1), 1)
         parts = [np.sum(self.evaluate("energy", u[k : k + some]), axis=-1)
                  for k in range(0, len(u), some)]  # fmt: skip

@@ -17,6 +17,7 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.engine.driven import Forcing
+from tensegrity.engine.inertia import Ties
 from tensegrity.errors import TensegrityError
 from tensegrity.printing import concise, printed
 from tensegrity.readonly import FixedDict, fixed
@@ -24,6 +25,7 @@ from tensegrity.scenes.acting import per_coordinate, signals_of_force
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.force import Force, place_counts
 from tensegrity.springs.signals import (
+    KINK_ORDER,
     RTOL,
     check_signals,
     in_columns,
@@ -255,6 +257,13 @@ def refuse_driven(scene: Any, what: str) -> None:
             f"{what}: not for scenes that are driven or damped, or have springs that change, "
             "further forces or springs to the ground"
         )
+    refuse_heavy_bonds(scene, what)
+
+
+def refuse_heavy_bonds(scene: Any, what: str) -> None:
+    """Refuse a network whose bonds have mass, where masses must be those of sites."""
+    if scene.bond_mass is not None:
+        raise TensegrityError(f"{what}: not for networks whose bonds have mass")
 
 
 def time_signals(scene: Any) -> list[Any]:
@@ -372,7 +381,8 @@ def forcing_of(scene: Any, t_end: float, timed: Any = None, as_forces: bool = Fa
         forced = np.append(forced, [entry for entry, _ in more]).astype(int)
         pulls = (*pulls, *(signal for _, signal in more))
     check_signals((*motions, *pulls), t_end)
-    bonds, mass = dyn.loop_bonds, per_coordinate(scene, scene.mass).flatten()
+    bonds, mass = dyn.loop_bonds, per_coordinate(scene, dyn.diagonal_mass).flatten()
+    ties = _ties(dyn, motions, moved, np.flatnonzero(held))
     driven_mass = mass[moved]
     mass[moved] = 0.0
     if timed is not None:
@@ -392,4 +402,20 @@ def forcing_of(scene: Any, t_end: float, timed: Any = None, as_forces: bool = Fa
         bond,
         timed,
         applied,
+        ties,
     )
+
+
+def _ties(dyn: Any, motions: Any, moved: Any, held: Any) -> Ties | None:
+    """Mass of bonds between driven sites and others; refuses motions whose velocity may jump."""
+    if dyn.loop_bonds.coupling is None or not len(moved):
+        return None
+    ties = Ties.of(dyn.mass_matrix, moved, held, dyn.dim)
+    for number in [*ties.free[:, 0].tolist(), *np.unique(ties.among.nonzero()[0]).tolist()]:
+        if motions[number].order_limit <= KINK_ORDER:
+            site = int(moved[number]) // dyn.dim
+            raise TensegrityError(
+                f"the velocity of site {site}, driven by {motions[number]}, may jump, and a bond "
+                "with mass there would transmit an impulse: give a smooth expression, or samples"
+            )
+    return ties

@@ -17,7 +17,7 @@ import numpy as np
 from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.notebook import page
-from tensegrity.scenes.acting import per_coordinate
+from tensegrity.readonly import fixed
 from tensegrity.scenes.clearance import Clearance
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.forcing import start_driven_sites
@@ -29,6 +29,7 @@ from tensegrity.scenes.network_input import (
     contact_ends,
     contact_geometry,
     held_sites,
+    masses,
     numbers,
     per_site,
     plane_walls,
@@ -69,14 +70,14 @@ class Network(Scene):
     positions : array_like, (sites, dim)
         Reference positions [m], from which displacements are measured; dim is 1, 2 or 3.
     bonds : array_like of int, (bonds, 2)
-        The two sites of each bond.
+        The two sites of each bond; several bonds may join the same two.
     spring : Potential or sequence of Potential
         One spring for all bonds, or one for each bond.  Some may change with time, with "fixed"
         contacts only; see `Potential.over_time`.
     lengths : float or array_like (bonds,), optional
         Distance [m] at which a bond's elongation is 0; by default its distance in `positions`.
     mass : float or array_like (sites,), optional
-        Mass of each site [kg], > 0.
+        Mass of each site [kg], > 0; by default 1 kg.  With `bond_mass` >= 0, by default 0.
     walls : sequence of Wall, optional
         Walls that sites can touch.
     wall_contacts : array_like of int, (wall contacts, 2), optional
@@ -108,6 +109,9 @@ class Network(Scene):
         {site: Drive}: prescribed motions, and forces that depend on time.
     damping : Damping, optional
         Dashpots in the bonds and to the ground; in the bonds with "fixed" contacts only.
+    bond_mass : float or array_like (bonds,), optional
+        Mass of each bond [kg], >= 0, which is distributed uniformly along the straight line between
+        its sites: a consistent mass matrix.  By default bonds have no mass.
     forces : sequence of Force, optional
         Forces of time, displacement and velocity on sites, in bonds, or at walls; on all bonds or
         walls of a network that follows its contacts they act in those that form, too, and must be 0
@@ -141,7 +145,7 @@ class Network(Scene):
         bonds: ArrayLike,
         spring: Potential | Sequence[Potential],
         lengths: ArrayLike | None = None,
-        mass: ArrayLike = 1.0,
+        mass: ArrayLike | None = None,
         walls: Sequence[Wall] = (),
         *,
         wall_contacts: ArrayLike = (),
@@ -156,6 +160,7 @@ class Network(Scene):
         drive: Mapping[int, Drive] | None = None,
         damping: Damping | None = None,
         forces: Sequence[Force] = (),
+        bond_mass: ArrayLike | None = None,
     ) -> None:
         if isinstance(positions, np.ndarray) and positions.ndim:
             refuse_too_many(len(positions))
@@ -168,9 +173,15 @@ class Network(Scene):
         check.whole("sites", self.sites, least=1)
         pairs = checked_bonds(bonds, self.sites)
         of_ends = is_pair_law(spring)
-        self.mass = (
-            inertias(mass, self.shape) if of_ends else per_site("mass", mass, "kg", self.sites)
-        )
+        if bond_mass is not None:
+            moving = np.setdiff1d(np.arange(self.sites), held_sites(held, self.sites))
+            self.mass, of_bonds = masses(mass, bond_mass, pairs, self.sites, moving)
+            self.__dict__.update(bond_mass=fixed(of_bonds))
+        else:
+            mass = 1.0 if mass is None else mass
+            self.mass = (
+                inertias(mass, self.shape) if of_ends else per_site("mass", mass, "kg", self.sites)
+            )
         self.radius = None if radius is None else per_site("radius", radius, "m", self.sites)
         self.walls = plane_walls(walls, self.dim)
         touching = whole_pairs("wall_contacts", wall_contacts)
@@ -200,10 +211,10 @@ class Network(Scene):
         )  # fmt: skip
         self.lengths = self._lengths[: len(self.bonds)]
         self._law = new_contact_law(contacts, law, self.radius)
+        self._set_forcing(drive, damping, forces)
         of = dynamics(self)
         _ = of.loop_bonds  # refuses springs that the compiled loop cannot take
         of.refuse_unlisted(none)
-        self._set_forcing(drive, damping, forces)
         if of_ends:
             refuse_beside_pair_laws(of)
         if of.follows:
@@ -312,11 +323,11 @@ class Network(Scene):
 
     def site_energy(self, state: Motion) -> Array:
         """Energy of each site [J], of a state or of the rows of a run; (..., sites): its kinetic
-        energy, half the energy of its bonds, the energy of its wall contacts, and the potential of
+        energy (with bonds of mass the part v.(M v)/2, which may be below 0 at a site), half the
+        energy of its bonds, the energy of its wall contacts, and the potential of
         its load."""
         u, v = self._checked_rows(state)
-        kinetic = 0.5 * per_coordinate(self, self.mass) * v**2
-        result = np.sum(kinetic - self.loads * u, axis=-1)
+        result = np.sum(dynamics(self).kinetic(v) - self.loads * u, axis=-1)
         bonds, walls = np.split(dynamics(self).evaluate("energy", u), [len(self.bonds)], axis=-1)
         bonds = bonds / 2
         result += np.sum(dynamics(self).acting.stored(0, u), axis=-1)
@@ -368,7 +379,7 @@ class Network(Scene):
         return picture.ax
 
     def _repr_html_(self) -> str:
-        lines = str(self), f"mass: {self.mass.sum():.6g} kg"
+        lines = str(self), f"mass: {dynamics(self).row_mass.sum():.6g} kg"
         return page(lines, lambda figure: self.plot(figure.subplots()), size=(3.4, 3.4))
 
     def __repr__(self) -> str:

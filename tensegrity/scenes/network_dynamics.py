@@ -60,7 +60,10 @@ class NetworkDynamics(Dynamics):
             normals=normals,
             crowding=self.neighbour_counts,
         )
-        return Bonds(*springs.table, springs.group, self.inverse_mass, contacts, springs.kinks)
+        weights, coupling = self.inverse
+        heavy = () if coupling is None else tuple(np.flatnonzero(scene.bond_mass).tolist())
+        table, kinks = springs.table, springs.kinks
+        return Bonds(*table, springs.group, weights, contacts, kinks, coupling, heavy)
 
     @cached_property
     def loop_bonds(self) -> Bonds:
@@ -68,7 +71,7 @@ class NetworkDynamics(Dynamics):
         scene, bonds, count = self.scene, self.contact_bonds, np.arange(len(self.scene.bonds))
         row = [count, count + 1]
         if (
-            self.dim == 1 and scene.mass.ndim == 1
+            self.dim == 1 and scene.mass.ndim == 1 and scene.bond_mass is None
             and self.sites == len(count) + 1 and scene.radius is None
             and np.array_equal(scene.bonds.T, row) and not scene.walls and not scene.loads.any()
             and np.all(np.diff(scene.positions[:, 0]) > 0) and not scene._gaps.any()
@@ -147,7 +150,10 @@ class NetworkDynamics(Dynamics):
     @property
     def unchanged(self) -> dict[str, Any]:
         """Cached quantities that do not depend on springs, by name."""
-        return {"neighbour_counts": self.neighbour_counts}
+        kept: dict[str, Any] = {"neighbour_counts": self.neighbour_counts}
+        if self.mass_matrix is not None:
+            kept |= {"mass_matrix": self.mass_matrix, "inverse": self.inverse}
+        return kept
 
     # the engine's view
 
@@ -170,6 +176,12 @@ class NetworkDynamics(Dynamics):
             return super().energies(u, v)
         parts = [listed.energies(u[rows], v[rows]) for rows, listed in self.listings(u)]
         return np.concatenate(parts) if parts else np.zeros(0)
+
+    def _of_bonds(self, u: Array, v: Array) -> Array:
+        if self.mass_matrix is None:
+            return super()._of_bonds(u, v)
+        kinetic = np.sum(self.kinetic(v).reshape(len(v), -1), axis=-1)
+        return super()._of_bonds(u, np.zeros_like(v)) + kinetic
 
     # bounds, and descriptions of places for messages
 

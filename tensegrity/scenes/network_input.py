@@ -146,16 +146,59 @@ def per_site(name: str, value: ArrayLike, unit: str, sites: int) -> Array:
     TensegrityError
         Another shape, or a value below the smallest mass.
     """
+    return _per_item(name, value, unit, sites, "site", SMALLEST_MASS)
+
+
+def _per_item(name: str, value: ArrayLike, unit: str, count: int, of: str, least: float) -> Array:
+    """Values of all sites or bonds, named by `of`, each at least `least`."""
     given = numbers(name, value)
-    if given.ndim and given.shape != (sites,):
-        raise TensegrityError(f"{name} has shape {given.shape}, must be ({sites},)")
-    values = np.broadcast_to(given, (sites,)).copy()
-    bad = np.flatnonzero(~(values >= SMALLEST_MASS))
+    if given.ndim and given.shape != (count,):
+        raise TensegrityError(f"{name} has shape {given.shape}, must be ({count},)")
+    values = np.broadcast_to(given, (count,)).copy()
+    bad = np.flatnonzero(~(values >= least))
     if bad.size:
         raise TensegrityError(
-            f"{name} {values[bad[0]]:g} {unit} of site {bad[0]} must be at least {SMALLEST_MASS:g}"
+            f"{name} {values[bad[0]]:g} {unit} of {of} {bad[0]} must be at least {least:g}"
         )
     return values
+
+
+def masses(
+    mass: ArrayLike | None, bond_mass: ArrayLike, bonds: Indices, sites: int, moving: Indices
+) -> tuple[Array, Array]:
+    """Masses at the sites and of the bonds.
+
+    Parameters
+    ----------
+    mass : float or array_like (sites,), or None
+        None for 0.
+    bond_mass : float or array_like (bonds,)
+    bonds : ndarray of int, (bonds, 2)
+    sites : int
+    moving : ndarray of int
+        Sites that are not held.
+
+    Returns
+    -------
+    ndarray, (sites,) and (bonds,)
+        [kg]
+
+    Raises
+    ------
+    TensegrityError
+        A mass below 0, or a site without mass that moves.
+    """
+    at_sites = _per_item("mass", 0.0 if mass is None else mass, "kg", sites, "site", 0.0)
+    of_bonds = _per_item("bond_mass", bond_mass, "kg", len(bonds), "bond", 0.0)
+    total = at_sites.copy()
+    np.add.at(total, bonds, of_bonds[:, None] / 2)
+    bad = moving[~(total[moving] >= SMALLEST_MASS)]
+    if bad.size:
+        raise TensegrityError(
+            f"site {bad[0]} has mass {total[bad[0]]:g} kg with half of its bonds', must be at "
+            f"least {SMALLEST_MASS:g}: a site without mass cannot move"
+        )
+    return at_sites, of_bonds
 
 
 def held_sites(held: Iterable[int], sites: int) -> list[int]:

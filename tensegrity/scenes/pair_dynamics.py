@@ -105,6 +105,7 @@ def refuse_beside_pair_laws(of: Any) -> None:
     scene = of.scene
     others = {"walls": len(scene.walls), "radius": scene.radius is not None}
     others |= {"damping": scene.damping, "forces": scene._forces}
+    others |= {"bond_mass": scene.bond_mass is not None}
     others |= {"springs that change": of.springs.changing}
     for name in (name for name, given in others.items() if given):
         raise TensegrityError(f"{name} must not be given with a pair law")

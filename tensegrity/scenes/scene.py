@@ -113,11 +113,14 @@ class Scene(HasDynamics):
         Prescribed motions of sites, and forces that depend on time.
     damping : Damping or None
         Dashpots.
+    bond_mass : ndarray, (bonds,), or None
+        Of a network whose bonds have mass [kg].
     """
 
     __str__ = concise
     drive: Mapping[int, Drive] = FixedDict()
     damping: Damping | None = None
+    bond_mass: Array | None = None
     _forces: tuple[Force, ...] = ()
     _arguments_of_sites: tuple[str, ...] = ()
     sites: int
@@ -287,7 +290,7 @@ def momenta(scene: Any, v: Array) -> Array:
     """Total momenta of rows of velocities, (rows,) or (rows, dim); with a `PairLaw` of its free
     coordinates."""
     if scene.mass.ndim == 1:
-        return np.einsum("s,ts...->t...", scene.mass, v)
+        return np.einsum("s,ts...->t...", dynamics(scene).row_mass, v)
     law = scene.springs[0]
     free = np.array(law.free)
     if not free.any():

@@ -41,9 +41,12 @@ class Expression:
         self.order_limit = KINK_ORDER if is_piecewise(expression) else np.inf
 
     def __call__(self, t: Array, order: int = 0, by: str | None = None) -> Array:
-        """Values, or rates for order 1, or the derivatives of these by a parameter; of the shape
-        of t."""
-        made = _functions(self.expression, tuple(self.parameters), by)[order]
+        """Values, rates for order 1 and their rates for order 2, or the derivatives of these by a
+        parameter; of the shape of t."""
+        of, names = self.expression, tuple(self.parameters)
+        made = (
+            _functions(_rate(of), names, by)[1] if order == 2 else _functions(of, names, by)[order]
+        )
         with np.errstate(all="ignore"):
             values = np.broadcast_to(made(t, *self.parameters.values()), np.shape(t))
         bad = ~np.isfinite(values)
@@ -51,7 +54,7 @@ class Expression:
             where = np.atleast_1d(t)[np.atleast_1d(bad)]
             value = values[bad].flat[0] if where.size else "complex"
             at = f" at t = {where[0]:.6g} s" if where.size else ""
-            words = ("", "rate of the ")[order]
+            words = ("", "rate of the ", "second rate of the ")[order]
             raise TensegrityError(f"{words}{self.name} {self.expression} is {value}{at}")
         return values
 
@@ -215,6 +218,15 @@ def _functions(expression: Any, names: tuple[str, ...] = (), by: str | None = No
     except Exception as error:  # SymPy's printers and NumPy raise many types here
         raise TensegrityError(f"expression {expression} cannot be translated: {error}") from error
     return functions
+
+
+@once
+def _rate(expression: Any) -> Any:
+    """The derivative in t."""
+    import sympy as sp
+
+    t = [s for s in expression.free_symbols if str(s) == "t"]
+    return sp.diff(expression, t[0]) if t else sp.Integer(0)
 
 
 def check_signals(signals: Sequence[Any], t_end: float) -> None:

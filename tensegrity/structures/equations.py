@@ -35,7 +35,8 @@ class SmoothPiece:
     def __init__(self, loading: Loading, above: Flags, critical: Indices, strains: Array) -> None:
         self.loading, self.above, self.leaving = loading, above, critical
         members, kinks = loading.members, loading.members.kinks
-        self.kinks = kinks
+        self.kinks, self.winds = kinks, bool(loading.kept.any())
+        self.elsewhere = bool(kinks.place.any())  # than at the natural lengths
         below = kinks.member[~above & (kinks.kind < 2)]
         part = np.ones(len(members.natural))
         part[below] = np.broadcast_to(members.plateau, part.shape)[below]
@@ -67,7 +68,7 @@ class SmoothPiece:
     def pulls(self, u: Array, lengths: Array) -> tuple[Array, Array]:
         """Tensions [N] and stiffnesses [N/m] of the members at lengths [m], (..., members) each."""
         loading, natural, stiffness = self.loading, self.natural(u), self.stiffness
-        if loading.kept.any():
+        if self.winds:
             stiffness = stiffness * np.where(loading.kept, loading.members.natural / natural, 1.0)
         tensions = stiffness * (lengths - natural)
         if self.constant is not None:
@@ -84,7 +85,7 @@ class SmoothPiece:
         and constant length [N], (members,): T, and T + T^2/(2 EA) where EA is kept."""
         lengths, loading = self.lengths(u), self.loading
         tensions, kept = self.pulls(u, lengths)[0], loading.kept
-        if not kept.any():
+        if not self.winds:
             return tensions
         members = loading.members_at(u[-1])
         density = members.stored(lengths) / members.natural
@@ -113,12 +114,11 @@ class SmoothPiece:
 
     def _strains(self, u: Array, lengths: Array) -> Array:
         member, natural = self.kinks.member, self.natural(u)
-        places = self.kinks.place / self._over(natural)[member]
-        return np.asarray((lengths / natural - 1)[member] - places)
-
-    def _over(self, natural: Array) -> Array:
-        """Lengths over which kinks are strains [m]: members that keep EA keep those strains."""
-        return np.where(self.loading.kept, self.loading.members.natural, natural)
+        strains = (lengths / natural - 1)[member]
+        if self.elsewhere:  # members that keep EA keep the strains of their kinks
+            over = np.where(self.loading.kept, self.loading.members.natural, natural)
+            strains = strains - self.kinks.place / over[member]
+        return np.asarray(strains)
 
     def residual(self, u: Array) -> Array:
         """Unbalanced forces on the motions over their scale, (m - 1,)."""
@@ -155,7 +155,7 @@ class SmoothPiece:
         jacobian = stiff[moves]
         if loading.pattern is None:
             change = loading.change
-            if loading.kept.any():  # dT/dl0 = -EA l/l0^2
+            if self.winds:  # dT/dl0 = -EA l/l0^2
                 change = change * np.where(loading.kept, lengths / self.natural(u), 1.0)
             jacobian[:, -1] = (-stiffness * change) @ along
         else:

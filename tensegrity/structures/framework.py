@@ -17,9 +17,10 @@ from numpy.typing import ArrayLike
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
-from tensegrity.readonly import FixedDict, ReadOnly, fixed
+from tensegrity.readonly import FixedDict, fixed
 from tensegrity.springs.potential import Potential
 from tensegrity.structures import laws
+from tensegrity.structures.masses import Masses, positive_for_each
 from tensegrity.structures.members import NO_LENGTH, Members
 from tensegrity.structures.segments import Segments
 from tensegrity.typing import Array, Flags, Indices
@@ -27,7 +28,7 @@ from tensegrity.typing import Array, Flags, Indices
 PLAIN = {"bar": 100.0, "string": 1.0}  # spring constants where none are given [N/m]
 
 
-class Framework(ReadOnly):
+class Framework(Masses):
     """Nodes joined by bars and strings; see `Structure` and `Lattice`."""
 
     positions: Array
@@ -38,7 +39,6 @@ class Framework(ReadOnly):
     stiffnesses: Array
     keeps_EA: Flags
     natural_lengths: Array
-    mass: Array
     shift: Array | float  # from the second end of each member to its image [m]
     buckling: Array | None
     plateau: float
@@ -55,7 +55,7 @@ class Framework(ReadOnly):
         self,
         pairs: Sequence[Indices],
         stiff: Mapping[str, tuple[ArrayLike | None, ArrayLike | None]],
-        mass: ArrayLike,
+        masses: Sequence[ArrayLike | None],
         natural_lengths: ArrayLike | None,
         size: float,
         law: Any = None,
@@ -63,30 +63,22 @@ class Framework(ReadOnly):
         plateau: float = 0.0,
         cables: Sequence[tuple[int, ...]] = (),
     ) -> None:
-        """Set the members and masses, checked; `pairs` are the ends of bars and of strings, and
-        `stiff` has for each of the two k and EA, one of which is given."""
+        """Set the members and masses, checked; `pairs` are the ends of bars and of strings, `stiff`
+        has for each of the two k and EA, one of which is given; `masses` those of `_set_masses`."""
         self.cables = tuple(cables)
-        pairs = [
-            pairs[0],
-            np.array(
-                [*pairs[1].tolist(), *((c[0], c[-1]) for c in cables)], dtype=np.int64
-            ).reshape(-1, 2),
-        ]
-        self.ends = np.concatenate(pairs)
+        self.ends, self.segments = with_cables(np.concatenate(pairs), cables)
         self.is_string = np.arange(len(self.ends)) >= len(pairs[0])
         if not len(self.ends):
             raise TensegrityError("0 bars and strings, must be at least 1")
-        of_cables = [pair for c in cables for pair in pairwise(c)]
-        direct = self.ends[: len(self.ends) - len(cables)]
-        self.segments = np.concatenate([direct, np.array(of_cables, dtype=np.int64).reshape(-1, 2)])
         alone = sorted(set(range(self.nodes)) - set(self.segments.ravel().tolist()))
         if alone:
             raise TensegrityError(f"node {alone[0]} is in no member")
-        numbers = [
-            _stiffness(*given, len(ends)) for given, ends in zip(stiff.items(), pairs, strict=True)
-        ]
-        self.mass = positive_for_each("mass", mass, self.nodes, "kg")
-        self._refuse_no_length(size)
+        counts = len(pairs[0]), len(pairs[1]) + len(cables)
+        numbers = [_stiffness(*of, n) for of, n in zip(stiff.items(), counts, strict=True)]
+        self._set_masses(*masses)
+        if cables:
+            parts = self._segment_lengths()
+            self.cable_segments.refuse_together(parts, self.segments, 1e-12 * size)
         lengths = natural = self.lengths
         long_enough = lengths > 1e-12 * size
         if natural_lengths is not None:
@@ -126,10 +118,6 @@ class Framework(ReadOnly):
             for member in [m for m in self.law if m < self.bars]:
                 raise TensegrityError(f"bar {member} has a law and a buckling load: give one")
         self.buckling, self.plateau = buckling, plateau
-
-    def _refuse_no_length(self, size: float) -> None:
-        """Refuse segments without length of cables over nodes."""
-        self.cable_segments.refuse_together(self._segment_lengths(), self.segments, 1e-12 * size)
 
     def _stiff_unless(self, other: Mapping[str, Any]) -> dict[str, Array]:
         """The arguments that gave the stiffnesses, without those that `other` replaces."""
@@ -171,26 +159,6 @@ class Framework(ReadOnly):
         cable = member >= len(self.ends) - len(self.cables)
         kind = "cable" if cable else "string" if member >= self.bars else "bar"
         return f"{kind} {member}"
-
-    @property
-    def nodes(self) -> int:
-        """Number of nodes."""
-        return len(self.positions)
-
-    @property
-    def dim(self) -> int:
-        """Dimension of space, 2 or 3."""
-        return int(self.positions.shape[1])
-
-    @property
-    def bars(self) -> int:
-        """Number of bars."""
-        return int(np.sum(~self.is_string))
-
-    @property
-    def strings(self) -> int:
-        """Number of strings, without cables."""
-        return int(np.sum(self.is_string)) - len(self.cables)
 
     @cached_property
     def members(self) -> Members:
@@ -305,38 +273,13 @@ def member_ends(name: str, given: Any, nodes: int) -> Indices:
     return np.array(listed, dtype=np.int64).reshape(-1, 2)
 
 
-def positive_for_each(
-    name: str, given: ArrayLike, count: int, unit: str, zero: bool = False
-) -> Array:
-    """Positive numbers, one per item, from one number for all or an array.
-
-    Parameters
-    ----------
-    name, unit : str
-        Quantity and unit, for messages.
-    given : array_like, () or (count,)
-    count : int
-    zero : bool, optional
-        Whether 0 is allowed.
-
-    Returns
-    -------
-    ndarray, (count,)
-
-    Raises
-    ------
-    TensegrityError
-        If a number is not finite and positive, or the shape does not fit.
-    """
-    values = check.floats(name, given)
-    if values.shape not in ((), (count,)):
-        raise TensegrityError(f"{name} has shape {values.shape}, must be one or ({count},)")
-    bad = np.flatnonzero(~((values >= 0 if zero else values > 0) & np.isfinite(values)))
-    if bad.size:
-        worst = values.ravel()[bad[0]]
-        bound = "at least" if zero else "above"
-        raise TensegrityError(f"{name} {worst:g} {unit} must be finite and {bound} 0")
-    return np.broadcast_to(values, (count,)).copy()
+def with_cables(ends: Indices, cables: Sequence[tuple[int, ...]]) -> tuple[Indices, Indices]:
+    """Ends of all members, and those of all segments, from the ends of bars and strings."""
+    if not cables:
+        return ends, ends
+    whole = [(path[0], path[-1]) for path in cables]
+    parts = [pair for path in cables for pair in pairwise(path)]
+    return np.concatenate([ends, whole]), np.concatenate([ends, parts])
 
 
 def _stiffness(kind: str, given: tuple[Any, Any], count: int) -> tuple[Flags, Array]:

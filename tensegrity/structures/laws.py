@@ -45,7 +45,20 @@ class Kinks:
 
     @classmethod
     def of(cls, tension_only: Flags, least: Array | None, laws: Laws | None) -> Kinks:
-        """The kinks of strings, of bars that give way at elongations `least`, and of laws."""
+        """The kinks of strings, bars and laws.
+
+        Parameters
+        ----------
+        tension_only : ndarray of bool, (members,)
+            Which members are strings.
+        least : ndarray, (members,), or None
+            Elongations at which bars give way [m].
+        laws : Laws or None
+
+        Returns
+        -------
+        Kinks
+        """
         rows = [(m, 0.0, 0) for m in np.flatnonzero(tension_only).tolist()]
         if least is not None:
             bars = np.flatnonzero(~tension_only).tolist()
@@ -117,6 +130,10 @@ class Laws:
             Elongations of all members [m].
         low, high : ndarray, (laws,)
             Elongations beyond which tangents continue the law [m].
+
+        Returns
+        -------
+        tuple of three ndarray, (..., laws)
         """
         r = r[..., self.member]
         inside = np.clip(r, low + self._margin, high - self._margin)
@@ -128,14 +145,38 @@ class Laws:
         return energy, tension + stiffness * beyond, stiffness
 
     def between(self, kinks: Kinks, above: Flags) -> tuple[Array, Array]:
-        """The kinks on either side of members [m], for kinks that they are `above`; (laws,)."""
+        """The kinks on either side of the members with laws.
+
+        Parameters
+        ----------
+        kinks : Kinks
+        above : ndarray of bool, (kinks,)
+            Which kinks the members are above.
+
+        Returns
+        -------
+        low, high : ndarray, (laws,)
+            [m]; infinite where there is none.
+        """
         low, high = np.full((2, len(self.natural)), np.inf) * [[-1.0], [1.0]]
         np.maximum.at(low, kinks.member[above], kinks.place[above])
         np.minimum.at(high, kinks.member[~above], kinks.place[~above])
         return low[self.member], high[self.member]
 
     def refuse_beyond(self, r: Array, name_of: Any) -> None:
-        """Refuse elongations of all members [m] outside the domains of their laws."""
+        """Refuse elongations outside the domains of the laws.
+
+        Parameters
+        ----------
+        r : ndarray, (members,)
+            Of all members [m].
+        name_of : callable int -> str
+            Names of members, for messages.
+
+        Raises
+        ------
+        LockingError
+        """
         (low, high), mine = self.domain, r[self.member]
         low = np.where(self.tension_only[self.member], -np.inf, low)
         out = np.flatnonzero((mine < low - self._margin) | (mine > high + self._margin))
@@ -189,7 +230,22 @@ def laws_of(given: Any, strings: Flags, name_of: Any) -> dict[int, Potential]:
 
 
 def checked(laws: Laws, name_of: Any) -> Laws:
-    """Laws, refused if they have tension at the natural length or do not resist there."""
+    """Laws, refused if they have tension at the natural length or do not resist there.
+
+    Parameters
+    ----------
+    laws : Laws
+    name_of : callable int -> str
+        Names of members, for messages.
+
+    Returns
+    -------
+    Laws
+
+    Raises
+    ------
+    TensegrityError
+    """
     stiffness = laws.stiffness
     for member, law, k in zip(laws.member.tolist(), laws.of.values(), stiffness, strict=True):
         rest = float(law.tension(0.0))

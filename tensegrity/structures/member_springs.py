@@ -245,6 +245,8 @@ def network(structure: Any, natural_lengths: Any, **given: Any) -> Network:
         member = structure.member_number(key)
         springs[member] = wound(structure, member).over_time(natural=expression)
     at, ends, natural = structure.positions, structure.ends, structure.natural_lengths
+    if structure.has_heavy_members:
+        given["bond_mass"] = structure.member_mass
     return Network(at, ends, springs, lengths=natural, mass=structure.mass, **given)
 
 

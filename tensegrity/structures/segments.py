@@ -99,7 +99,15 @@ class Segments:
         return gradient @ gradient.T
 
     def refuse_together(self, lengths: Array, ends: Indices, least: float) -> None:
-        """Refuse segments of cables over nodes that are not longer than `least` [m].
+        """Refuse segments of cables over nodes without length.
+
+        Parameters
+        ----------
+        lengths : ndarray, (segments,)
+            [m]
+        ends : ndarray of int, (segments, 2)
+        least : float
+            Length that counts as 0 [m].
 
         Raises
         ------

@@ -117,8 +117,10 @@ class LoadedMembers:
         return bool(np.abs(left).max() < BALANCED * np.abs(tensions).max())
 
     def refuse(self, x: Array, f: Array) -> None:
-        lengths = self.members.separations(x)[1]
-        self.members.segments.refuse_together(lengths, self.members.ends, TOGETHER * self.span)
+        members = self.members
+        if len(members.segments.cables):
+            lengths = members.separations(x)[1]
+            members.segments.refuse_together(lengths, members.ends, TOGETHER * self.span)
         if np.ptp(x, axis=0).max() > FARTHEST * self.span:
             raise EquilibriumError(
                 "no equilibrium: under these loads the structure grows beyond "

@@ -172,6 +172,8 @@ def equilibrium_matrix(
     ends : ndarray of int, (members, 2)
     shift : ndarray, (members, dim), optional
         As of `Members`.
+    segments : Segments, optional
+        Of which cables over nodes consist; `ends` and `shift` are those of segments then.
 
     Returns
     -------

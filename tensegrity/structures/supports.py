@@ -351,15 +351,15 @@ class Freedom:
         """Orthonormal basis of the motions orthogonal to the rigid ones, (free, free - count)."""
         return complement(self.rigid)
 
-    def lowest(self, tangent: Any, mass: Array, count: int) -> tuple[Array, Array]:
+    def lowest(self, tangent: Any, mass: Any, count: int) -> tuple[Array, Array]:
         """The lowest eigenvalues of M^-1 K without rigid motions, and the modes.
 
         Parameters
         ----------
         tangent : ndarray or sparse array, (nodes dim, nodes dim)
             Tangent stiffness K [N/m].
-        mass : ndarray, (nodes dim,)
-            Diagonal of M, of each node the same in all directions [kg].
+        mass : ndarray, (nodes dim,), or sparse array, (nodes dim, nodes dim)
+            Diagonal of M, of each node the same in all directions, or M [kg].
         count : int
 
         Returns
@@ -368,10 +368,12 @@ class Freedom:
             Eigenvalues in ascending order [1/s^2], and vectors of unit modal mass.
         """
         motions = self.motions
-        if motions.shape[1] == len(mass):  # the identity
+        if motions.shape[1] == mass.shape[0]:  # the identity
             return lowest(tangent, mass, self.rigid, count, NEGLIGIBLE)
-        # as a node has the same mass in all directions, M stays diagonal
-        own = np.add.reduceat(motions.data**2 * mass[motions.indices], motions.indptr[:-1])
+        if mass.ndim > 1:
+            own = self.reduced(mass)
+        else:  # as a node has the same mass in all directions, M stays diagonal
+            own = np.add.reduceat(motions.data**2 * mass[motions.indices], motions.indptr[:-1])
         values, vectors = lowest(self.reduced(tangent), own, self.rigid, count, NEGLIGIBLE)
         return values, motions @ vectors
 

@@ -33,6 +33,7 @@ import numpy as np
 from tensegrity.errors import TensegrityError
 from tensegrity.root import root
 from tensegrity.scenes.acting import per_coordinate
+from tensegrity.scenes.forcing import refuse_heavy_bonds
 from tensegrity.scenes.network import Network
 from tensegrity.springs.pair_law import PairLaw
 from tensegrity.waves.cosines import complement
@@ -125,6 +126,11 @@ class CoupledLaw:
         follow = follow + np.linalg.solve(self._own, left.astype(float))
         soft = basis.T @ self.at_rest[:n, :n].astype(wide) @ basis - 2 * self._coupling.T @ follow
         self.lag = (1 - np.diag(soft)).astype(float)
+
+    @property
+    def steepest(self) -> float:
+        """Decay above which a grid ends no earlier; lower beside wave trains, to measure these."""
+        return 2.5 if len(self.others) else 6.0
 
     @property
     def named(self) -> str:
@@ -326,6 +332,7 @@ def unit_of(column: Network) -> Network:
     TensegrityError
         Sites, bonds or masses differ, or something else acts on them.
     """
+    refuse_heavy_bonds(column, "waves of permanent form")
     n = column.sites
     apart = np.diff(column.positions, axis=0)
     line = np.column_stack([np.arange(n - 1), np.arange(1, n)])

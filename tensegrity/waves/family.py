@@ -41,7 +41,6 @@ TAIL_LEFT = 1e-14  # largest computed elongation there, over the peak
 NO_TAIL = 1e-2  # the same on the longest grid, above which the wave is not solitary
 LONGEST = 8  # half-length over that of the linear tail, during the search
 CORE = 3.0  # sites within which a wave has decayed to its linear tail
-SLOWEST_DECAY = 6.0  # per site: faster tails end within the core
 FLAT = 0.02  # relative distance to a front below which a wave is extended from one farther away
 STROKE = 0.9995  # fraction of the stroke in which waves are sought
 NO_STIFFNESS = 1e-12  # stiffness at a front over m c^2 that is round-off
@@ -362,7 +361,7 @@ def half_length(law, nu, tail=TAIL):
     float
         Sites.
     """
-    return CORE - math.log(tail) / min(law.decay(nu), SLOWEST_DECAY)
+    return CORE - math.log(tail) / min(law.decay(nu), law.steepest)
 
 
 def refined(profile, condition):

@@ -23,6 +23,7 @@ from tensegrity.root import root
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.network import Network
 from tensegrity.scenes.scene import State
+from tensegrity.springs.pair_law import PairLaw
 from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array, Fraction, Mass
 from tensegrity.unit_names import in_units
@@ -333,8 +334,9 @@ def solitary_wave(
     Returns
     -------
     SolitaryWave
-        With a residual of at most 1e-12, where forces of turning units cancel of at most ten times
-        their round-off and 1e-9.  Those of a line of units have its coordinates as a last axis.
+        With a residual of at most 1e-12, where forces of turning units cancel of their round-off:
+        1e-11, near sound 1e-9 at excesses of 1e-4.  Those of a line of units have its coordinates
+        as a last axis.
 
     Raises
     ------
@@ -376,6 +378,10 @@ def solitary_wave(
     if isinstance(potential, Network):
         return _of_line(potential, mass, family, name, value)
     check.kind("potential", potential, Potential)
+    if isinstance(potential, PairLaw):
+        raise TensegrityError(
+            "a wave of a pair law needs its inertias: give a row of it, Chain(pair, 2, mass=...)"
+        )
     label, sound = f"{name} {value:g}", potential.sound_speed(mass)
     sign, number = sign_and_number(potential, family, value if name == "amplitude" else None)
     side = Family(potential, sign, number or 0)

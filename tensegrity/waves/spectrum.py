@@ -160,7 +160,7 @@ def modes(scene: Scene, about: State | None = None, count: Count = 10) -> Modes:
     moves.reshape(-1)[driven_entries(scene, True)[0]] = False
     free = np.flatnonzero(moves.ravel())
     count = min(count, free.size)
-    mass = per_coordinate(scene, scene.mass).ravel()[free]
+    mass = _inertia(scene, free)
     of = stiffness[free][:, free], mass
     squares, vectors = lowest(*of, np.zeros((free.size, 0)), count, BOUND)
     if squares.min(initial=0.0) < 0:
@@ -173,6 +173,16 @@ def modes(scene: Scene, about: State | None = None, count: Count = 10) -> Modes:
     largest = shapes[np.arange(count), np.abs(shapes).argmax(axis=1)]
     shapes *= np.sign(largest)[:, None]
     return Modes(np.sqrt(squares), shapes.reshape(count, *scene.shape), scene, free.size)
+
+
+def _inertia(scene: Scene, free: Any) -> Any:
+    """Masses of the free coordinates [kg], or of bonds with mass their mass matrix."""
+    if scene.bond_mass is None:
+        return per_coordinate(scene, scene.mass).ravel()[free]
+    from scipy.sparse import eye_array, kron
+
+    whole = kron(dynamics(scene).mass_matrix, eye_array(scene.dim), format="csr")
+    return whole[free][:, free]
 
 
 def _equilibrium(scene: Scene, about: State) -> Array:

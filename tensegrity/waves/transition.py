@@ -21,6 +21,7 @@ from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.forcing import Damping
 from tensegrity.scenes.scene import State
+from tensegrity.springs.pair_law import PairLaw
 from tensegrity.springs.potential import Potential
 from tensegrity.typing import Fraction, Mass
 from tensegrity.waves.front import (
@@ -208,6 +209,11 @@ def transition_wave(
     >>> f"{front.speed:.9f} sites/s, {front.released:.6f} J/site"
     '0.566415511 sites/s, 0.025000 J/site'
     """
+    if isinstance(spring, PairLaw) or isinstance(ground, PairLaw):
+        raise TensegrityError(
+            "fronts of a pair law are not computed: between two unloaded states they stand, by "
+            "Rankine and Hugoniot, and moving ones need dashpots, which a pair law does not take"
+        )
     damping = Damping() if damping is None else damping
     if damping.bond.ndim or damping.ground.ndim:
         raise TensegrityError("damping of a front must have one coefficient for all bonds or sites")

@@ -54,6 +54,8 @@ class NoWaveError(TensegrityError):
 class Scaled:
     """f, g, g' and the scaled energy of a potential, for a reference elongation A [m]."""
 
+    steepest = 6.0  # decay of a tail per site: steeper ones end within the core
+
     def __init__(self, potential, reference) -> None:
         self.potential, self.reference = potential, reference
         self._nonlinear = nonlinear_part(potential)
