@@ -82,7 +82,7 @@ def draw(figure, tables):
     for k, height in enumerate(HEIGHTS):
         t, force = tables[f"{height} m"].values()
         times.plot(1e3 * t, force - 520 * k, f"C{k}", lw=1)
-        times.annotate(f"from {height} m", (1e3 * t[-1], 360 - 520 * k), color=f"C{k}", ha="right")
+        times.annotate(f"from {height} m", (1e3 * t[-1], 330 - 520 * k), color=f"C{k}", ha="right")
         times.axhline(-520 * k, color="0.8", lw=0.6, zorder=0)
     times.set(xlabel="time since the first touch [ms]", ylabel="force on the floor [N], shifted")
     times.set_yticks([0, 200, 400])

@@ -210,7 +210,6 @@ def test_a_landing_is_saved_and_read_again(tmp_path):
     run.save(tmp_path / "landing.npz")
     again = Run.load(tmp_path / "landing.npz")
     assert again.scene == scene
-    assert again.scene.press == "walls"
     assert_array_equal(again.final.u, run.final.u)
 
 
@@ -219,7 +218,6 @@ def test_lattices_press_walls_as_structures_do():
                   (1, 0, 1)], k_bar=100.0)  # fmt: skip
     floor = Wall((0, -0.5), (0, 1))
     scene = row.network(3, walls=[floor], wall_law=50.0, gravity=1.0)
-    assert scene.press == "walls"
     assert scene.loads[:, 1] == pytest.approx(-1.0)
     assert len(scene.wall_contacts) == scene.sites
 

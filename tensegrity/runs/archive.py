@@ -412,7 +412,7 @@ def _network(x):
         "positions": x.positions, "bonds": x.bonds, "springs": _shared(x.springs),
         "lengths": x.lengths if opening.any() else None,  # else to the bits of the positions
         "mass": x.mass, "walls": x.walls, "wall_contacts": x.wall_contacts, "wall_gaps": gaps,
-        "radius": x.radius, "loads": x.loads, "held": x.held, "press": x.press, **followed,
+        "radius": x.radius, "loads": x.loads, "held": x.held, "press": x._press, **followed,
         **in_time(x),
         **({} if x.bond_mass is None else {"bond_mass": x.bond_mass}),
     }  # fmt: skip

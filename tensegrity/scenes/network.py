@@ -185,7 +185,7 @@ class Network(Scene):
         self.radius = None if radius is None else per_site("radius", radius, "m", self.sites)
         self.walls = plane_walls(walls, self.dim)
         touching = whole_pairs("wall_contacts", wall_contacts)
-        self.press = press
+        self._press = press
         if not isinstance(press, str) or press not in ("all", "walls"):
             raise TensegrityError(f"press {check.shown(press)} must be 'all' or 'walls'")
         if press == "walls":
@@ -235,7 +235,7 @@ class Network(Scene):
 
     def _clearance(self, follows: bool) -> Clearance | None:
         """Detector of unlisted contacts; None if sites have no radius, or press walls alone."""
-        if self.radius is None or self.press == "walls":
+        if self.radius is None or self._press == "walls":
             return None
         kind = NeighbourList if follows else Clearance
         return kind(self.positions, self.radius, self.bonds, self.walls, self.wall_contacts)

@@ -97,8 +97,6 @@ def _given_lengths(lengths: ArrayLike, count: int) -> Array:
 
 CUT = 1e-12  # distance behind a wall that is round-off, over the distance from its point
 GAP_TOLERANCE = 0.1  # largest difference of `wall_gaps` from the positions' gaps, over the radius
-
-
 LARGEST = 2**29  # sites and walls: the loop numbers their rows, of four numbers, with 32 bits
 
 
