@@ -12,14 +12,28 @@ from functools import partial
 
 import numpy as np
 
-from benchmarks._timing import record
-from tensegrity import Prism, State, catalogue, equilibrium_path, plates
+from benchmarks import _against
+from benchmarks._timing import record, table
+from tensegrity import (
+    Prism,
+    Record,
+    State,
+    Structure,
+    Wall,
+    catalogue,
+    equilibrium,
+    equilibrium_path,
+    held,
+    plates,
+    simulate,
+)
 from tensegrity.engine import methods
 from tensegrity.scenes.dynamics import dynamics
 
 STAGES = (10, 100, 1000)
 SMALL = (2, 8, 16, 32)  # stages of towers whose modes are found from the full matrix
 REPEATS, OFTEN = 2, 30
+BEFORE = "9746a0f0"
 MEMBERS = 300_000  # member evaluations of a timed advance
 PRISM = Prism(1.0, 1.0, 0.1, 1.0, 5.0, 50.0)
 BALL = {"lower": (0, 4, 8), "upper": (3, 7, 11)}
@@ -180,6 +194,72 @@ def ball_path():
     )
 
 
+def chains():
+    """Hanging chains of steel, over the commit before strings settled in tensions."""
+    found = _against.against(BEFORE, _against.CABLES, rounds=2)
+    rows = [[name, *pair, pair[0] / pair[1]] for name, pair in found.items()]
+    table(f"hanging [us], against {BEFORE}", ["", "here", "there", "ratio"], rows, ["ratio"])
+
+
+def cable_net(sides=31):
+    """A flat net of steel strings on a square border, 2 % too long, and the weight that it takes:
+    the structure, loads and supports."""
+    grid = np.arange((sides + 1) ** 2).reshape(sides + 1, -1)
+    places = np.column_stack([*np.divmod(grid.ravel(), sides + 1), 0 * grid.ravel()]).astype(float)
+    inner = set(grid[1:-1, 1:-1].ravel().tolist())
+    pairs = [
+        *zip(grid[:-1].ravel().tolist(), grid[1:].ravel().tolist(), strict=True),
+        *zip(grid[:, :-1].ravel().tolist(), grid[:, 1:].ravel().tolist(), strict=True),
+    ]
+    pairs = [pair for pair in pairs if inner & set(pair)]
+    used = sorted({k for pair in pairs for k in pair})
+    number = {k: n for n, k in enumerate(used)}
+    strings = [(number[i], number[j]) for i, j in pairs]
+    net = Structure(places[used], strings=strings, k_string=1e7 / 1.02,
+                    natural_lengths=[1.02] * len(strings))  # fmt: skip
+    fixed = [number[k] for k in used if k not in inner]
+    return net, {number[k]: (0.0, 0.0, -1.0) for k in inner}, held(fixed)
+
+
+def net():
+    """Steps and time of the equilibrium of 1,860 steel strings, over a sparse solve."""
+    from tensegrity.minimum import downhill
+    from tensegrity.structures import settling
+
+    s, loads, supports = cable_net()
+    steps, step = [], settling.LoadedMembers.newton_with
+    settling.LoadedMembers.newton_with = lambda *given: steps.append(1) or step(*given)
+    try:
+        state = equilibrium(s, loads, supports)
+    finally:
+        settling.LoadedMembers.newton_with = step
+    motions = s.freedom(supports).motions
+    tangent = motions.T @ (state.structure.stiffness() @ motions)
+    force, rigid = motions.T @ np.ones(s.positions.size), np.zeros((motions.shape[1], 0))
+    solve, _ = least_time(lambda: downhill(tangent, rigid, force), OFTEN)
+    seconds, _ = least_time(lambda: equilibrium(s, loads, supports))
+    each = seconds / len(steps)
+    record("net", f"{len(s.ends)} strings", "step over solve", each, solve)
+    print(f"net of {len(s.ends)} strings: {len(steps)} Newton steps, one {each / solve:.3g} solves")
+
+
+def landing():
+    """A fall of 12 nodes on a floor over the same steps of the network without one."""
+    from figures.structures_landing import DT, FLOOR, GRAVITY, dropped
+
+    s = dropped(0.5)
+    walls = {"walls": [Wall((0, 0, 0), (0, 0, 1))], "wall_law": FLOOR}
+    scenes = [s.network(**given, gravity=GRAVITY) for given in (walls, {})]
+    ends = Record(times=[0.0, 0.6])
+    times = [
+        least_time(lambda x=x: simulate(x, x.at_rest(), 0.6, method="rkn6", dt=DT, record=ends), 7)
+        for x in scenes
+    ]
+    (ours, _), (bare, _) = times
+    record("landing", f"{s.nodes} nodes", "over no floor", ours, bare)
+    print(f"landing of {s.nodes} nodes: {ours / bare:.3g} times the run without a floor")
+
+
 def heavy_members():
     """Verlet steps of structures with the mass in bars, or in all members, over those of the same
     with all masses at the nodes: the loop alone, alternately."""
@@ -214,6 +294,9 @@ def heavy_members():
 def main():
     heavy_members()
     densities()
+    landing()
+    chains()
+    net()
     ball_path()
     small_towers()
     towers()

@@ -56,7 +56,9 @@ class Energy(Protocol):
         """Raise an error where x is out of range."""
 
 
-def settle(of: Energy, x: Array, steps: int = STEPS, shift: float = 0.0) -> tuple[Array, Array]:
+def settle(
+    of: Energy, x: Array, steps: int = STEPS, shift: float = 0.0, within: float = ROUND_OFF
+) -> tuple[Array, Array]:
     """Find a minimum of the energy below x, where the forces vanish to round-off.
 
     Parameters
@@ -68,6 +70,8 @@ def settle(of: Energy, x: Array, steps: int = STEPS, shift: float = 0.0) -> tupl
         Largest number of steps.
     shift : float, optional
         Shift of the first step.
+    within : float, optional
+        Residual over the largest force at which to stop.
 
     Returns
     -------
@@ -79,7 +83,7 @@ def settle(of: Energy, x: Array, steps: int = STEPS, shift: float = 0.0) -> tupl
     best = x, f
     for _ in range(steps):
         of.refuse(x, f)
-        if calm == CALM or np.abs(f).max(initial=0.0) <= ROUND_OFF * of.largest(x):
+        if calm == CALM or np.abs(f).max(initial=0.0) <= within * of.largest(x):
             break
         newton, first = of.newton(x, f), shift
         for _ in range(TRIES):

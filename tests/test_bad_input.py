@@ -92,6 +92,7 @@ LINE = ts.Chain(SPRING, 24)
 LANES = ts.Ensemble(ts.Chain(SPRING, 4), 2)
 ROW = ts.Lattice([(0, 0)], [(1, 0)], strings=[(0, 0, 1)]).prestressed([0.1])
 TRUSS = ts.Structure([[-1, 0], [1, 0], [0, 1]], bars=[(0, 2), (1, 2)])
+FLAT = TRUSS.at([[-1, 0], [1, 0], [0.1, 0.0]], natural_lengths=None)
 WALL = ts.Wall((0, 0), (0, 1))
 NET = ts.Network([[0, 1], [1, 1], [2, 1]], [(0, 1), (1, 2)], SPRING, walls=[WALL], radius=0.4,
               wall_contacts=[(0, 0)], wall_spring=ts.PowerLaw(1.0, 1.5))  # fmt: skip
@@ -231,6 +232,9 @@ CALLS = [  # where other arguments are needed, or several in one call
                     "keep": "EA",
                     "supports": ts.held([0, 1]), "loads": {0: (0.0, -0.1)}}),
     (TRUSS.prestressed, {"force_densities": [0.0, 0.0]}),
+    (FLAT.prestressed, {"tension": {0: -0.1}, "supports": ts.held([0, 1]), "groups": [[0, 1]]}),
+    (TRUSS.self_stress, {"supports": ts.held([0, 1]), "groups": [[0, 1]], "tolerance": 1e-9}),
+    (FLAT.nearest_form, {"supports": ts.held([0, 1])}),
     (ROW.prestressed, {"force_densities": [0.1]}),
     (ELASTIC.problem, {"min_height": 0.4, "max_load": 1.0, "max_height": 0.75,
                        "past_contact": False}),

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 from structures import stiff_state
+from test_self_stress import dome
 
 from tensegrity import (
     EquilibriumError,
@@ -121,8 +122,9 @@ EA, WEIGHT = 200e9 * AREA, 9.81 * DENSITY * AREA * 2
 def hanging(pieces, shape, ea=EA, dim=2):
     """A cable of 2 m between ends 1.6 m apart, its weight at the inner nodes."""
     part = np.arange(pieces + 1) / pieces
+    noise = np.random.default_rng(pieces).normal(size=pieces + 1) * np.minimum(part, 1 - part)
     y = {"V": -1.2 * np.minimum(part, 1 - part), "straight": 0 * part,
-         "above": 0.3 * np.sin(np.pi * part)}[shape]  # fmt: skip
+         "above": 0.3 * np.sin(np.pi * part), "random": noise}[shape]  # fmt: skip
     x = np.column_stack([1.6 * part, *[0 * part] * (dim - 2), y])
     s = Structure(x, strings=[(n, n + 1) for n in range(pieces)], k_string=ea * pieces / 2,
                   natural_lengths=[2 / pieces] * pieces)  # fmt: skip
@@ -154,13 +156,86 @@ def test_a_steel_cable_hangs_as_the_chain_in_closed_form(pieces):
     assert state.stable
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("shape", ["V", "straight", "above"])
+@pytest.mark.parametrize("shape", ["V", "straight", "above", "random"])
 @pytest.mark.parametrize("ea", [1e-3 * EA, EA, 1e3 * EA])
 def test_cables_of_any_stiffness_hang_from_any_start(shape, ea):
-    for pieces, dim in ((20, 2), (50, 3), (100, 2), (200, 2), (200, 3)):
+    """48 chains: the closed form to 1e-9 m."""
+    for pieces, dim in ((20, 2), (50, 3), (100, 2), (200, 3)):
         state = hanging(pieces, shape, ea, dim)
         assert np.abs(state.positions[:, [0, -1]] - chain(pieces, ea)[1]).max() < 1e-9
+        assert state.stable or ea > EA  # where the sway is round-off beside EA
+
+
+def random_net(rng):
+    """A net of steel strings, slack or tight, on a border, at corners, along two edges or anywhere;
+    with loads that hang or are random; from a start that is flat, above or random."""
+    m, n = (int(k) for k in rng.integers(3, 10, 2))
+    number = np.arange(m * n).reshape(m, n)
+    pairs = [*zip(number[:-1].ravel(), number[1:].ravel(), strict=True),
+             *zip(number[:, :-1].ravel(), number[:, 1:].ravel(), strict=True)]  # fmt: skip
+    rim = np.ones((m, n), dtype=bool)
+    rim[1:-1, 1:-1] = False
+    some = rng.choice(m * n, max(4, m * n // 3), replace=False)
+    fixed = (number[rim], number[[0, 0, -1, -1], [0, -1, 0, -1]], number[[0, -1]].ravel(), some)[
+        rng.integers(4)
+    ]
+    x = np.column_stack([number.ravel() // n, number.ravel() % n, np.zeros(m * n)]).astype(float)
+    lengths = rng.uniform(*((1.0, 1.3), (0.9, 1.3), (1.05, 1.1))[rng.integers(3)], len(pairs))
+    loads = (np.tile([0, 0, -1.0], (m * n, 1)), rng.normal(size=(m * n, 3)))[rng.integers(2)]
+    start = x + (0 * x, 0.3 * rng.normal(size=x.shape), [0, 0, 1.0] + 0 * x)[rng.integers(3)]
+    start[fixed] = x[fixed]
+    s = Structure(start, strings=[(int(i), int(j)) for i, j in pairs], natural_lengths=lengths,
+                  k_string=10 ** rng.uniform(3, 7) / lengths)  # fmt: skip
+    free = sorted(set(range(m * n)) - set(fixed.tolist()))
+    return s, {k: tuple(loads[k]) for k in free}, held(sorted(set(fixed.tolist())))
+
+
+@pytest.mark.parametrize("seeds", [range(40), pytest.param(range(40, 200), marks=pytest.mark.slow)])
+def test_of_200_random_nets_of_steel_none_is_refused(seeds):
+    """The energy of strings is convex: forces that balance are those of its minimum."""
+    for seed in seeds:
+        s, loads, supports = random_net(np.random.default_rng(seed))
+        state = equilibrium(s, loads, supports)
+        left = state.reactions[list(loads)]
+        size = max(np.abs(state.tensions).max(), 1.0)
+        allowed = 1e-10 * size + 1e-14 * s.stiffnesses.max() * 100
+        assert np.abs(left).max() < allowed, seed
+        assert state.stable, seed
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_net_settles_where_newtons_method_in_positions_ends(seed):
+    """Where EA is moderate that finds the state, too: from the state itself, moved a little."""
+    s, loads, supports = random_net(np.random.default_rng(seed))
+    s = s.at(s.positions, k_string=300 / s.natural_lengths)
+    state = equilibrium(s, loads, supports)
+    moved = s.at(state.positions * (1 + 1e-3 * np.sign(state.positions)))
+    fixed = [node for node, _ in supports.holds]
+    at = moved.positions.copy()
+    at[fixed] = s.positions[fixed]
+    again = equilibrium(s.at(at), loads, supports)
+    assert again.positions == pytest.approx(state.positions, abs=1e-9)
+
+
+@pytest.mark.parametrize(("n", "load"), [(6, 10.0), (8, 8.0)])
+def test_a_prestressed_dome_is_not_softened(n, load):
+    """A load under which it is stable, at once, by degrees, and from a start
+    where some strings are slack, leads to one state."""
+    s, supports, groups = dome(n, False)
+    s = s.at(s.positions, k_bar=1e6, k_string=1e5)
+    tight = s.prestressed(tension={len(s.ends) - 1: 50.0}, supports=supports, groups=groups)
+    top, last = range(3 * n, 4 * n), tight
+    for part in np.linspace(0.1, 1, 10):
+        loads = {k: (0.0, 0.0, -load * part) for k in top}
+        state = equilibrium(tight.at(last.positions), loads, supports)
+        last = state.structure
+    moved = tight.positions + 1e-3 * np.random.default_rng(n).normal(size=tight.positions.shape)
+    moved[:n] = tight.positions[:n]
+    assert tight.at(moved).slack.any()
+    for start in (tight, tight.at(moved)):
+        at_once = equilibrium(start, loads, supports)
+        assert at_once.positions == pytest.approx(state.positions, abs=1e-9)
+        assert not at_once.slack.any()
 
 
 @pytest.mark.parametrize("pieces", [2, 3, 8, 20, 40])

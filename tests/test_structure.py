@@ -277,7 +277,7 @@ def test_supports_and_numbers_that_do_not_exist_are_refused(ball):
         (lambda: plates([0], [1], normal=(0, 0, 0)), "vector other than 0"),
         (lambda: ball.modes(2, "held"), "made by held"),
         (lambda: ball.prestressed(prestrain={0: 0.1}), "strings are numbered from 6 to 29"),
-        (lambda: ball.prestressed(), "give force_densities or prestrain"),
+        (lambda: ball.prestressed(), "give one of force_densities, prestrain"),
         (lambda: ball.prestressed(force_densities=np.ones(30)), "are no self-stress"),
         (lambda: ball.prestressed(prestrain={6: 0.1, 7: 0.1}), "must be of 1"),
         (lambda: ball.prestressed(prestrain={6: -0.1}), "strings do not push"),

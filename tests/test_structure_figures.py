@@ -10,6 +10,7 @@ from figures import (
     structures_columns,
     structures_deployment,
     structures_front,
+    structures_landing,
     structures_lattices,
     structures_plates,
     structures_struck,
@@ -297,3 +298,17 @@ def test_the_wave_of_the_chain_decays_among_alternating_plates():
     assert shares[0] == pytest.approx(shares[1], abs=1e-5)
     assert 0.3 < shares[1][-1] < 0.7
     assert (np.diff(shares[1]) < 0).all()
+
+
+def test_a_higher_fall_presses_less_where_fewer_nodes_press_at_once(monkeypatch):
+    picture = structures_landing
+    low, high = (picture.peaks(height) for height in (1.5, 1.8))
+    assert high["floor [N]"] < 0.8 * low["floor [N]"]
+    assert high["nodes at once"] < low["nodes at once"]
+    assert high["node [N]"] > 1.05 * low["node [N]"]
+    assert high["bar [N]"] > low["bar [N]"] > picture.buckling()
+    assert max(low["energy error"], high["energy error"]) < 1e-5
+    monkeypatch.setattr(picture, "DT", picture.DT / 2)
+    finer = picture.peaks(1.5)
+    for name in ("floor [N]", "node [N]", "bar [N]"):
+        assert finer[name] == pytest.approx(low[name], rel=1e-3)

@@ -71,6 +71,9 @@ def structures() -> ts.Structure:
     assert_type(
         ts.equilibrium_path(s, supports=fixed, loads=load, max_shortening=0.1), StructurePath
     )
+    assert_type(s.nearest_form(ts.held([0, 1, 2])), ts.Structure)
+    assert_type(s.self_stress(fixed, groups=[[0, 1, 2]]).mechanism_stiffness, Array)
+    assert_type(s.prestressed(tension={6: 0.1}, supports=fixed), ts.Structure)
     assert_type(first_loss(prism, "tilting").load, float)
     lowest(prism, path, support="plates", count=2)
     touch = ts.bar_contact(path, diameter=8e-3)

@@ -10,7 +10,7 @@ self-stress and mechanisms; Born & Huang, Dynamical Theory of Crystal Lattices, 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Annotated, Any, Self
@@ -26,6 +26,7 @@ from tensegrity.springs.kinks import TAUT
 from tensegrity.structures import statics
 from tensegrity.structures.framework import Framework
 from tensegrity.structures.members import Members
+from tensegrity.structures.shape import prestress
 from tensegrity.structures.statics import SelfStress
 from tensegrity.structures.supports import orthonormal
 from tensegrity.typing import Array, Indices
@@ -226,6 +227,34 @@ class Cell(Framework):
         }
         return type(self)(positions, self.vectors if vectors is None else vectors, **(own | other))
 
+    def prestressed(
+        self,
+        force_densities: ArrayLike | None = None,
+        prestrain: Mapping[int, float] | None = None,
+        *,
+        tension: Mapping[int, float] | None = None,
+    ) -> Self:
+        """The same shape under prestress, which may not buckle a bar.
+
+        Parameters
+        ----------
+        force_densities, prestrain, tension : optional
+            One of them, as of `Structure.prestressed`.
+
+        Returns
+        -------
+        Lattice
+
+        Raises
+        ------
+        TensegrityError, EquilibriumError
+            As `Structure.prestressed`, or if a bar would buckle.
+        """
+        return prestress(
+            self, lambda: self._equilibrium_matrix(False), self.self_stress,
+            force_densities, prestrain, tension,
+        )  # fmt: skip
+
     # the shape alone
 
     def _equilibrium_matrix(self, strain: bool) -> Array:
@@ -279,13 +308,12 @@ class Cell(Framework):
         SelfStress
         """
         carry = self.lengths > 0  # a spring without length has its stiffness as force density
-        found = statics.null_states(
-            self._equilibrium_matrix(strain)[:, carry], self.is_string[carry]
-        )
-        states = np.zeros((len(found.states), len(carry)))
-        states[:, carry] = found.states
-        sizes = np.append(found.singular_values, np.zeros(int(np.sum(~carry))))
-        return replace(found, states=states, singular_values=sizes, pulls_only=self.is_string)
+        tied = None if carry.all() else np.eye(len(carry))[:, carry]
+        return statics.null_states(self._equilibrium_matrix(strain), self, strain, tied)
+
+    def _rates(self, motions: Array) -> Array:
+        """Differences of motions of the ends of members, as in `Framework`, of vectors too."""
+        return np.einsum("mr,crk->cmk", self.incidence[:, : motions.shape[1]], motions)
 
     def mechanisms(self, strain: bool = False) -> Array:
         """Inextensional mechanisms: orthonormal motions that change no length, without rigid ones.
@@ -300,7 +328,8 @@ class Cell(Framework):
         ndarray, (count, nodes, dim) or (count, nodes + d, dim)
         """
         rigid = self.rigid_motions(strain)
-        motions = statics.free_motions(self._equilibrium_matrix(strain), rigid)
+        longest = self.lengths.max()
+        motions = statics.free_motions(self._equilibrium_matrix(strain), rigid, longest)
         return motions.reshape(len(motions), len(rigid) // self.dim, self.dim)
 
     # the state

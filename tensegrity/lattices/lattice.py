@@ -18,8 +18,10 @@ from tensegrity.minimum import downhill, refuse_unbalanced, settle
 from tensegrity.scenes.force import Force
 from tensegrity.scenes.forcing import Damping, Drive
 from tensegrity.scenes.network import Network
+from tensegrity.scenes.walls import Wall
 from tensegrity.springs.kinks import TAUT
-from tensegrity.structures.members import FARTHEST, STEP
+from tensegrity.springs.potential import Potential
+from tensegrity.structures.settling import FARTHEST, STEP
 from tensegrity.structures.structure import Structure
 from tensegrity.typing import Array, Indices
 
@@ -285,6 +287,9 @@ class Lattice(Cell):
         damping: Damping | None = None,
         forces: Sequence[Force] = (),
         natural_lengths: Mapping[int, Any] | None = None,
+        walls: Sequence[Wall] = (),
+        wall_law: Potential | float | None = None,
+        gravity: float = 0.0,
     ) -> Network:
         """A block of cells for `simulate`, in equilibrium, with its border held.
 
@@ -297,6 +302,8 @@ class Lattice(Cell):
         natural_lengths : dict, optional
             {member: expression of t}, of members numbered as those of `tile`; see
             `Structure.network`.
+        walls, wall_law, gravity : optional
+            As of `Structure.network`.
 
         Returns
         -------
@@ -317,6 +324,7 @@ class Lattice(Cell):
         moved = set(drive) if isinstance(drive, Mapping) else set()
         held = sorted(border - moved)
         given: dict[str, Any] = {"drive": drive, "damping": damping, "forces": forces}
+        given |= {"walls": walls, "wall_law": wall_law, "gravity": gravity}
         return self.tile(counts).network(held=held, natural_lengths=natural_lengths, **given)
 
     def _copied(self, copies: list[list[Any]], cells: int) -> dict[str, Any]:

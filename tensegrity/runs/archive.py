@@ -412,7 +412,8 @@ def _network(x):
         "positions": x.positions, "bonds": x.bonds, "springs": _shared(x.springs),
         "lengths": x.lengths if opening.any() else None,  # else to the bits of the positions
         "mass": x.mass, "walls": x.walls, "wall_contacts": x.wall_contacts, "wall_gaps": gaps,
-        "radius": x.radius, "loads": x.loads, "held": x.held, **followed, **in_time(x),
+        "radius": x.radius, "loads": x.loads, "held": x.held, "press": x._press, **followed,
+        **in_time(x),
         **({} if x.bond_mass is None else {"bond_mass": x.bond_mass}),
     }  # fmt: skip
 
@@ -420,8 +421,9 @@ def _network(x):
 def _make_network(bonds, springs, wall_contacts, wall_gaps, **others):
     each, count = _spread(springs), len(bonds)
     if len(wall_contacts):
-        others |= {"wall_contacts": wall_contacts, "wall_spring": each[count:]}
-        others |= {"wall_gaps": wall_gaps}
+        others |= {"wall_spring": each[count:]}
+        if others.get("press") != "walls":
+            others |= {"wall_contacts": wall_contacts, "wall_gaps": wall_gaps}
     return Network(bonds=bonds, spring=each[:count], **others)
 
 

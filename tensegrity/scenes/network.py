@@ -33,6 +33,7 @@ from tensegrity.scenes.network_input import (
     numbers,
     per_site,
     plane_walls,
+    pressing,
     refuse_too_many,
     site_number,
     springs_of,
@@ -94,6 +95,10 @@ class Network(Scene):
         Constant forces [N].
     held : sequence of int, optional
         Sites that are fixed at u = 0.
+    press : {"all", "walls"}, optional
+        "walls": every site may press every wall, by `wall_spring` as a function of its distance
+        from the wall less its radius, which is 0 unless given; sites never touch each other, and
+        walls are unbounded.  Contacts are "fixed" then.
     contacts : {"fixed", "follow"}, optional
         "follow": in addition to the bonds, sites that approach each other or a wall get a contact
         before they touch, which is removed when they separate; requires `radius` and `law`.
@@ -149,6 +154,7 @@ class Network(Scene):
         radius: ArrayLike | None = None,
         loads: ArrayLike | None = None,
         held: Sequence[int] = (),
+        press: str = "all",
         contacts: str = "fixed",
         law: Potential | Callable[[int, int | Wall], Potential] | None = None,
         drive: Mapping[int, Drive] | None = None,
@@ -179,7 +185,14 @@ class Network(Scene):
         self.radius = None if radius is None else per_site("radius", radius, "m", self.sites)
         self.walls = plane_walls(walls, self.dim)
         touching = whole_pairs("wall_contacts", wall_contacts)
-        if len(touching) and self.radius is None:
+        self._press = press
+        if not isinstance(press, str) or press not in ("all", "walls"):
+            raise TensegrityError(f"press {check.shown(press)} must be 'all' or 'walls'")
+        if press == "walls":
+            given = {"wall_contacts": len(touching), "wall_gaps": wall_gaps is not None}
+            given |= {"contacts='follow'": contacts == "follow"}
+            touching = pressing(self.positions, self.radius, self.walls, given)
+        elif len(touching) and self.radius is None:
             raise TensegrityError(f"{len(touching)} wall contacts need the radius of the sites")
         self.wall_contacts = checked_wall_contacts(touching, self.walls, self.positions)
         self._ends, self.bonds = contact_ends(pairs, self.wall_contacts, self.sites)
@@ -221,8 +234,8 @@ class Network(Scene):
         return {}
 
     def _clearance(self, follows: bool) -> Clearance | None:
-        """Detector of unlisted contacts; None if sites have no radius."""
-        if self.radius is None:
+        """Detector of unlisted contacts; None if sites have no radius, or press walls alone."""
+        if self.radius is None or self._press == "walls":
             return None
         kind = NeighbourList if follows else Clearance
         return kind(self.positions, self.radius, self.bonds, self.walls, self.wall_contacts)

@@ -71,7 +71,7 @@ def contact_geometry(
         if given is not None:
             gaps[:count][some] = distance - given[some]
     heights = WallArrays(walls, positions.shape[1]).height(x[site], wall)
-    radii = np.zeros(0) if radius is None else radius[site]
+    radii = np.zeros(len(site)) if radius is None else radius[site]
     gaps[count:] = heights - radii
     if wall_gaps is not None:
         gaps[count:] = checked_wall_gaps(wall_gaps, gaps[count:], radii)
@@ -95,9 +95,8 @@ def _given_lengths(lengths: ArrayLike, count: int) -> Array:
     return lengths
 
 
+CUT = 1e-12  # distance behind a wall that is round-off, over the distance from its point
 GAP_TOLERANCE = 0.1  # largest difference of `wall_gaps` from the positions' gaps, over the radius
-
-
 LARGEST = 2**29  # sites and walls: the loop numbers their rows, of four numbers, with 32 bits
 
 
@@ -255,6 +254,46 @@ def plane_walls(walls: Iterable[Wall], dim: int) -> tuple[Wall, ...]:
                 f"wall {number} has {wall.point.size} coordinates, the sites have {dim}"
             )
     return walls
+
+
+def pressing(
+    positions: Array, radius: Array | None, walls: Sequence[Wall], given: dict[str, Any]
+) -> Indices:
+    """The contacts of all sites with all walls, where sites press walls alone.
+
+    Parameters
+    ----------
+    positions : ndarray, (sites, dim)
+        [m].
+    radius : ndarray, (sites,), or None
+        [m]; None for points.
+    walls : sequence of Wall
+    given : dict
+        {argument: whether it is given} of arguments that exclude this.
+
+    Returns
+    -------
+    ndarray of int, (sites walls, 2)
+        Site and wall of each.
+
+    Raises
+    ------
+    TensegrityError
+        One of these arguments, a bounded wall, or a wall that cuts the positions.
+    """
+    for name, excluded in given.items():
+        if excluded:
+            raise TensegrityError(f"press 'walls' excludes {name}: all sites press all walls")
+    for number, wall in enumerate(walls):
+        if wall.extent is not None:
+            raise TensegrityError(f"wall {number} is bounded, must be unbounded: press is 'walls'")
+        heights = wall.height(positions) - (0.0 if radius is None else radius)
+        lowest = int(np.argmin(heights))
+        if heights[lowest] < -CUT * np.abs(positions - wall.point).max():
+            raise TensegrityError(
+                f"wall {number} cuts the start: site {lowest} is {-heights[lowest]:.6g} m behind it"
+            )
+    return np.indices((len(positions), len(walls))).reshape(2, -1).T
 
 
 def checked_wall_contacts(contacts: Indices, walls: Sequence[Wall], positions: Array) -> Indices:

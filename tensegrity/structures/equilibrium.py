@@ -16,8 +16,8 @@ from tensegrity import check
 from tensegrity.branches.problem import trace
 from tensegrity.printing import Lines, Printed, listed, span
 from tensegrity.readonly import fixed
-from tensegrity.structures.members import equilibrium_positions
 from tensegrity.structures.path import controlled, nodal
+from tensegrity.structures.settling import equilibrium_positions
 from tensegrity.structures.structure import Structure
 from tensegrity.structures.structure_path import StructurePath
 from tensegrity.structures.supports import Supports

@@ -16,14 +16,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity import check
-from tensegrity.errors import EquilibriumError, TensegrityError
+from tensegrity.errors import TensegrityError
 from tensegrity.readonly import FixedDict, fixed
 from tensegrity.springs.potential import Potential
-from tensegrity.structures import laws, statics
+from tensegrity.structures import laws
 from tensegrity.structures.masses import Masses, positive_for_each
 from tensegrity.structures.members import NO_LENGTH, Members
 from tensegrity.structures.segments import Segments
-from tensegrity.structures.statics import SelfStress
 from tensegrity.typing import Array, Flags, Indices
 
 PLAIN = {"bar": 100.0, "string": 1.0}  # spring constants where none are given [N/m]
@@ -139,10 +138,21 @@ class Framework(Masses):
         """A copy with other masses of the nodes [kg]."""
         return self.at(self.positions, mass=mass)
 
-    def self_stress(self) -> SelfStress:
-        """States of self-stress of the shape; they do not depend on the stiffnesses."""
-        own = self.segments, self.is_string, self.shift, self.cable_segments
-        return statics.self_stress(self.positions, *own)
+    def _rates(self, motions: Array) -> Array:
+        """Differences of motions (count, nodes, dim) of the ends of segments, (count, segments,
+        dim)."""
+        first, second = self.segments.T
+        return np.asarray(motions[:, second] - motions[:, first])
+
+    def _stiffening(self, densities: Array, motions: Array) -> Array:
+        """Stiffness [N/m] that force densities [N/m] give motions that change no length of a
+        member, (count, count)."""
+        rates, of = self._rates(motions), self.cable_segments
+        if len(of.cables):  # their segments do change lengths, which the tension does not resist
+            d, lengths = self.members.separations(self.positions)
+            along, densities = d / lengths[:, None], of.each(densities * self.lengths) / lengths
+            rates = rates - np.einsum("amk,mk->am", rates, along)[..., None] * along
+        return np.einsum("m,amk,bmk->ab", densities, rates, rates)
 
     def name_of(self, member: int) -> str:
         """The name of a member in messages, such as "string 4"."""
@@ -205,70 +215,6 @@ class Framework(Masses):
     def buckled(self) -> Flags:
         """Which bars are buckled, (members,), by more than 1e-10 of their natural length."""
         return ~self.members.taut(self.lengths) & ~self.is_string
-
-    def prestressed(
-        self,
-        force_densities: ArrayLike | None = None,
-        prestrain: Mapping[int, float] | None = None,
-    ) -> Self:
-        """The same shape with natural lengths for which this shape is a prestressed equilibrium.
-
-        Parameters
-        ----------
-        force_densities : array_like, (members,), optional
-            A state of self-stress, tension over length [N/m], tension > 0.
-        prestrain : dict, optional
-            {member: (length - natural length)/natural length} for as many strings as there are
-            independent states of self-stress; members are numbered bars first.
-
-        Returns
-        -------
-        Structure or Lattice
-
-        Raises
-        ------
-        TensegrityError
-            If not exactly one of the two is given, or a value is outside its bounds.
-        EquilibriumError
-            If the shape has no self-stress, the force densities are not in equilibrium, or a
-            string would be compressed, or a bar would buckle.
-        """
-        if (force_densities is None) == (prestrain is None):
-            raise TensegrityError("give force_densities or prestrain, one of them")
-        for member in self.law:
-            raise TensegrityError(
-                f"{self.name_of(member)} has a law: give natural_lengths, prestress finds those of "
-                "linear members only"
-            )
-        if prestrain is None:
-            q = statics.checked(self, force_densities)
-        else:
-            q = statics.of_prestrain(self, prestrain)
-        statics.refuse_pushing(self, q)
-        kept = self.keeps_EA
-        least = np.where(kept, -self.EA, -np.inf)
-        strain = np.divide(q * self.lengths, self.EA, where=kept, out=np.zeros_like(q))
-        with np.errstate(divide="ignore"):
-            natural = self.lengths * np.where(kept, 1 / (1 + strain), 1 - q / self.stiffnesses)
-        bad = np.flatnonzero(~((natural > 0) & (q * self.lengths > least) | (self.lengths == 0)))
-        if bad.size:
-            number = int(bad[0])
-            bound = f"below its stiffness {self.stiffnesses[number]:g} N/m"
-            if kept[number]:
-                bound = (
-                    f"above -EA over its length, {-self.EA[number] / self.lengths[number]:g} N/m"
-                )
-            raise TensegrityError(
-                f"force density {q[number]:.6g} N/m of {self.name_of(number)} must be {bound}"
-            )
-        made = self.at(self.positions, natural_lengths=natural)
-        for n in np.flatnonzero(made.buckled):
-            load = 0.0 if made.buckling is None else made.buckling[n]
-            raise EquilibriumError(
-                f"bar {n} would carry {-q[n] * made.lengths[n]:.6g} N, must be below its "
-                f"buckling load {load:.6g} N"
-            )
-        return made
 
     def member_number(self, member: object) -> int:
         """The number of a member, checked to be one."""

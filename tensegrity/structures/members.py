@@ -1,4 +1,4 @@
-"""The members of a structure as arrays: tensions, energy, tangent stiffness and equilibria.
+"""The members of a structure as arrays: tensions, energy and tangent stiffness.
 
 The forms are those of `derivations.member`; arrays have one row per member.  A string has tension
 where it is longer than its natural length, without any margin.  Its stiffness jumps there, and
@@ -8,32 +8,21 @@ length therefore counts as taut, with the stiffness that it has when lengthened.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from tensegrity.engine import forces
-from tensegrity.errors import EquilibriumError
-from tensegrity.minimum import DENSE, ROUND_OFF, STEPS, downhill, refuse_unbalanced
-from tensegrity.minimum import settle as minimised
+from tensegrity.minimum import DENSE, ROUND_OFF
 from tensegrity.springs.kinks import TAUT
 from tensegrity.structures.laws import Kinks, Laws
 from tensegrity.structures.segments import WHOLE, Segments
-from tensegrity.structures.supports import Freedom
 from tensegrity.typing import Array, Flags, Indices
 
 SETTLED = 1e-10  # unbalanced force of an equilibrium, over the forces of members and loads
 NO_LENGTH = 1e-300  # of a spring between nodes at one place, to divide by [m]
-QUICK = (
-    400  # steps that are tried first where strings are slack: they stay on the side of the start
-)
-SOFTER = 3.0  # largest stiffness times natural length, over the loads, of softer members
-TOGETHER = 1e-6  # of the size of the structure: length of a cable's segment that counts as 0
-STEP, FARTHEST = 0.2, 100.0  # largest step and largest size, over the structure's own size
 
 
 @dataclass(frozen=True)
@@ -251,172 +240,3 @@ class Members:
         first, second = self.ends.T
         all_of = forces.assembled(first, second, forces.of_both_ends(ones), nodes)
         return all_of.data.reshape(4, -1)[:, :1], *all_of.coords
-
-
-@dataclass
-class _LoadedMembers:
-    """Members under constant loads, over the permitted motions: a `minimum.Energy`."""
-
-    members: Members
-    freedom: Freedom
-    start: Array
-    loads: Array
-
-    @property
-    def span(self) -> float:
-        """Size of the structure [m]."""
-        return float(np.ptp(self.start, axis=0).max())
-
-    @property
-    def longest(self) -> float:
-        return STEP * self.span
-
-    def freedom_at(self, x: Array) -> Freedom:
-        """The permitted motions; only those on which the loads do no work count as rigid.
-
-        None does if there is none at the start: a cable that is straight between its ends may turn
-        about them once it hangs.
-        """
-        return self.freedom.at(x).under(self.loads) if self.freedom.rigid.size else self.freedom
-
-    def energy(self, x: Array) -> tuple[float, float]:
-        stored, work = self.members.energy(x), float(np.sum(self.loads * (x - self.start)))
-        pull = np.abs(self.members.tensions(x)).sum() + np.abs(self.loads).sum()
-        return stored - work, float(pull * self.members.reach(x))
-
-    def forces(self, x: Array) -> Array:
-        motions, rigid = self.freedom.motions, self.freedom_at(x).rigid
-        left = motions.T @ (self.loads - self.members.gradient(x)).ravel()
-        return np.asarray(motions @ (left - rigid @ (rigid.T @ left))).reshape(x.shape)
-
-    def largest(self, x: Array) -> float:
-        return float(max(np.abs(self.members.tensions(x)).max(), np.abs(self.loads).max()))
-
-    def allowed(self, x: Array) -> float:
-        return self.members.unbalanced(x, self.largest(x))
-
-    def newton(self, x: Array, f: Array) -> Callable[[float], Array | None]:
-        # the margin makes the first step frame-independent; later it would slow convergence down
-        within = TAUT if x is self.start else 0.0
-        return self.newton_with(self.members.tangent(x, within), x, f)
-
-    def newton_with(self, tangent: Any, x: Array, f: Array) -> Callable[[float], Array | None]:
-        """As `newton`, with a given tangent (nodes dim, nodes dim) [N/m]."""
-        from scipy.sparse import eye_array
-
-        freedom = self.freedom_at(x)
-        force = freedom.motions.T @ f.ravel()
-        tangent = freedom.reduced(tangent)
-        softest = float(self.members.stiffness.min()) * eye_array(len(force))
-
-        def step(shift: float) -> Array | None:
-            move = downhill(tangent + shift * softest, freedom.rigid, force)
-            return None if move is None else (freedom.motions @ move).reshape(x.shape)
-
-        return step
-
-    def refuse(self, x: Array, f: Array) -> None:
-        members = self.members
-        if len(members.segments.cables):
-            lengths = members.separations(x)[1]
-            members.segments.refuse_together(lengths, members.ends, TOGETHER * self.span)
-        if np.ptp(x, axis=0).max() > FARTHEST * self.span:
-            raise EquilibriumError(
-                "no equilibrium: under these loads the structure grows beyond "
-                f"{FARTHEST * self.span:g} m"
-            )
-
-
-@dataclass
-class _StiffMembers(_LoadedMembers):
-    """The same for Newton's method in positions and tensions, for members that hardly stretch.
-
-    Each step predicts the tensions after it, from the elongations to first order, and the next
-    tangent contains these instead of those at the positions, which are k times an error of the
-    lengths.  The energy rises in between, and no step is refused.
-    """
-
-    tensions: Array
-
-    @classmethod
-    def settled(cls, of: _LoadedMembers) -> Array:
-        """The positions of a stable equilibrium, from that of softer members.
-
-        Raises
-        ------
-        EquilibriumError
-            If it is not found, or is not stable.
-        """
-        members = of.members
-        softer = SOFTER * np.linalg.norm(of.loads, axis=1).sum() / members.natural
-        soft = replace(members, stiffness=np.minimum(members.stiffness, softer))
-        x, _ = minimised(replace(of, members=soft), of.start)
-        x, f = minimised(cls(members, of.freedom, of.start, of.loads, soft.tensions(x)), x)
-        refuse_unbalanced(of, x, f)
-        if of.newton(x, f)(0.0) is None:
-            raise EquilibriumError("no equilibrium found: that of softer members is not stable")
-        return x
-
-    def energy(self, x: Array) -> tuple[float, float]:
-        return 0.0, 0.0
-
-    def newton(self, x: Array, f: Array) -> Callable[[float], Array | None]:
-        members, (first, second) = self.members, self.members.ends.T
-        d, lengths = members.separations(x)
-        along, over = d / lengths[:, None], members.stiffness * (lengths - members.natural)
-        strings = members.tension_only
-        pull = np.where(strings & (self.tensions <= 0), 0.0, over)[:, None] * along
-        left = self.loads + forces.scattered(first, second, pull, len(x))
-        newton = self.newton_with(members.tangent(x, tensions=self.tensions), x, left)
-
-        def step(shift: float) -> Array | None:
-            move = newton(shift)
-            if move is not None:
-                longer = np.einsum("ij,ij->i", along, move[second] - move[first])
-                linear = over + members.stiffness * longer
-                self.tensions = np.where(strings, np.maximum(linear, 0.0), linear)
-            return move
-
-        return step
-
-
-def equilibrium_positions(
-    members: Members, freedom: Freedom, positions: Array, loads: Array
-) -> Array:
-    """Equilibrium positions under constant loads, by minimising the energy from given positions.
-
-    Parameters
-    ----------
-    members : Members
-    freedom : Freedom
-        The permitted motions.
-    positions : ndarray, (nodes, dim)
-        Initial positions [m].
-    loads : ndarray, (nodes, dim)
-        Forces on the nodes [N].
-
-    Returns
-    -------
-    ndarray, (nodes, dim)
-        Positions [m].
-
-    Raises
-    ------
-    EquilibriumError
-        If there is no equilibrium nearby: the loads do work on a rigid motion, or the energy has
-        no lower bound.
-    """
-    freedom.refuse_unbalanced(positions, loads)
-    of = _LoadedMembers(members, freedom, positions, loads)
-    loose = members.tension_only & (members.tensions(positions) <= 0)
-    x, f = minimised(of, positions, QUICK if loose.any() and loads.any() else STEPS)
-    try:
-        refuse_unbalanced(of, x, f)
-    except EquilibriumError:
-        if not (loads.any() and members.linear):
-            raise
-        with suppress(EquilibriumError):
-            return _StiffMembers.settled(of)
-        x, f = minimised(of, x)
-        refuse_unbalanced(of, x, f)
-    return x

@@ -1,14 +1,15 @@
 """States of self-stress and mechanisms of a shape, by singular values; the softest modes.
 
 With force densities q (tension over length) the nodes are in equilibrium where A q = 0; A contains
-differences of coordinates and no stiffness (Pellegrino & Calladine 1986).  A measured shape has no
-state of self-stress to round-off; `SelfStress.gap` says how far it is from one.  The user selects
-a state by force densities, or by the prestrains of strings.
+differences of coordinates and no stiffness (Pellegrino & Calladine 1986).  On supports, A is that
+along the motions B that they permit, B^T A; then the numbers of states and of mechanisms differ by
+that of members less that of motions, rigid ones not counted.  A measured shape has no state of
+self-stress to round-off; `SelfStress.gap` says how far it is from one.  The user selects a state by
+force densities, or by the prestrains of strings or the tensions of members.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -18,9 +19,10 @@ import numpy as np
 from tensegrity import check, plotting
 from tensegrity.engine import forces
 from tensegrity.errors import EquilibriumError, TensegrityError
+from tensegrity.minimum import complement
 from tensegrity.printing import Lines, Printed, span
 from tensegrity.structures.segments import WHOLE, Segments
-from tensegrity.structures.supports import orthonormal, rigid_motions
+from tensegrity.structures.supports import Freedom, orthonormal
 from tensegrity.typing import Array, Flags, Indices
 
 if TYPE_CHECKING:
@@ -31,7 +33,6 @@ ZERO = 1e-11  # singular values below this fraction of the largest are round-off
 LEAST = 1e-9  # force density, over the mean one, below which a member is unstressed
 STEPS = 100
 SETTLED = 1e-14
-SAME = 1e-9  # largest residual force of a self-stress, over the forces of members
 
 
 @dataclass(frozen=True, repr=False)
@@ -45,13 +46,22 @@ class SelfStress(Printed):
         with the sign that makes the sum over strings at least that over bars.
     singular_values : ndarray, (members,)
         Singular values of the equilibrium matrix in descending order [m].
+        With groups of members, as many as there are groups.
     pulls_only : ndarray of bool, (members,)
         Which members are strings.
+    zero : float
+        Singular values up to this one count as zero [m].
+    of : Structure or Lattice
+    permitted : Supports, bool or None
+        What `of.mechanisms` takes: the supports, or whether the lattice vectors move.
     """
 
     states: Array
     singular_values: Array
     pulls_only: Flags
+    zero: float
+    of: Any = field(repr=False, compare=False)
+    permitted: Any = None
 
     def _lines(self) -> Lines:
         count, members = self.states.shape
@@ -65,6 +75,35 @@ class SelfStress(Printed):
             kinds = (("bars", ~self.pulls_only), ("strings", self.pulls_only))
             parts = [f"{name} {span(state[of], 'N/m')}" for name, of in kinds if of.any()]
             yield f"  state {number}: force densities of {', of '.join(parts)}"
+        if count:
+            yield f"  {self._stiffening()}"
+
+    def _stiffening(self) -> str:
+        """Whether the feasible state stiffens the mechanisms, in words."""
+        try:
+            values = self.mechanism_stiffness
+        except EquilibriumError:
+            return "no state has bars <= 0 <= strings"
+        if not values.size:
+            return "no mechanisms"
+        stiffens = values[0] > ZERO * np.abs(values).max()
+        return (
+            f"the feasible state {'stiffens' if stiffens else 'does not stiffen'} the mechanism"
+            f"{'s' * (len(values) > 1)}: {len(values)} of stiffness {span(values, 'N/m')}"
+        )
+
+    @cached_property
+    def mechanism_stiffness(self) -> Array:
+        """Stiffness that the `feasible` state gives the mechanisms, (mechanisms,) [N/m].
+
+        Eigenvalues in ascending order of sum_m q_m |v_m|^2 over motions of unit norm (product
+        force; Pellegrino & Calladine 1986), v_m being the difference of the motions of the ends of
+        member m; of cables over nodes, its part across each segment.  Where all are
+        positive, prestress stiffens every mechanism; where one is negative the shape leaves the
+        equilibrium along it.
+        """
+        motions = self.of.mechanisms(self.permitted)
+        return np.linalg.eigvalsh(self.of._stiffening(self.feasible, motions))
 
     @property
     def gap(self) -> float:
@@ -74,7 +113,7 @@ class SelfStress(Printed):
         `Structure.nearest_form`.
         """
         values = self.singular_values
-        nonzero = values[values > ZERO * values[0]]
+        nonzero = values[values > self.zero]
         return float(nonzero[-1] / values[0]) if nonzero.size else 1.0
 
     @cached_property
@@ -93,10 +132,10 @@ class SelfStress(Printed):
 
         count, members = self.states.shape
         if not count:
-            smallest, largest = self.singular_values[-1], self.singular_values[0]
+            smallest = self.singular_values[-1]
             raise EquilibriumError(
-                f"no self-stress: the smallest singular value {smallest:.3g} m is above "
-                f"{ZERO:g} of the largest {largest:.3g} m; see Structure.nearest_form"
+                f"no self-stress: the smallest singular value {smallest:.3g} m must be at most "
+                f"{self.zero:.3g} m; give the supports, or see Structure.nearest_form"
             )
         signed = np.where(self.pulls_only, 1.0, -1.0) * self.states
         least = np.zeros(count + 1)
@@ -156,44 +195,75 @@ def equilibrium_matrix(
     return segments.over(whole / lengths) * segments.over(lengths)
 
 
-def self_stress(
-    positions: Array,
-    ends: Indices,
-    pulls_only: Flags,
-    shift: Array | float = 0.0,
-    segments: Segments = WHOLE,
+def null_states(
+    matrix: Array,
+    of: Any,
+    permitted: Any,
+    tied: Array | None = None,
+    tolerance: float = ZERO,
 ) -> SelfStress:
-    """States of self-stress of a shape.
+    """The force densities without resultant of an equilibrium matrix.
 
     Parameters
     ----------
-    positions : ndarray, (nodes, dim)
-        Positions of the nodes [m].
-    ends : ndarray of int, (members, 2)
-        The two nodes of each member.
-    pulls_only : ndarray of bool, (members,)
-        Which members are strings.
-    shift, segments : optional
-        As of `equilibrium_matrix`.
+    matrix : ndarray, (rows, members)
+        [m]
+    of, permitted
+        As of `SelfStress`.
+    tied : ndarray, (members, groups), optional
+        Orthonormal force densities, one column for each group of members.
+    tolerance : float, optional
+        Singular values up to this fraction of the largest count as zero, or of the longest member:
+        all of a matrix along permitted motions may be round-off.
 
     Returns
     -------
     SelfStress
     """
-    return null_states(equilibrium_matrix(positions, ends, shift, segments), pulls_only)
-
-
-def null_states(matrix: Array, pulls_only: Flags) -> SelfStress:
-    """The force densities without resultant of an equilibrium matrix (rows, members) [m]."""
-    members = matrix.shape[1]
+    matrix = matrix if tied is None else matrix @ tied
     _, sizes, right = np.linalg.svd(matrix)
-    sizes = np.concatenate([sizes, np.zeros(members - len(sizes))])
-    states = right[sizes <= ZERO * sizes[0]]
-    turned = states @ np.where(pulls_only, 1.0, -1.0) < 0
-    return SelfStress(np.where(turned[:, None], -states, states), sizes, pulls_only)
+    sizes = np.concatenate([sizes, np.zeros(matrix.shape[1] - len(sizes))])
+    zero = tolerance * float(max(sizes.max(), of.lengths.max()))
+    states = right[sizes <= zero]
+    states = states if tied is None else states @ tied.T
+    turned = states @ np.where(of.is_string, 1.0, -1.0) < 0
+    states = np.where(turned[:, None], -states, states)
+    return SelfStress(states, sizes, of.is_string, zero, of, permitted)
 
 
-def free_motions(matrix: Array, rigid: Array) -> Array:
+def of_equal_tensions(shape: Any, groups: Any) -> Array:
+    """Orthonormal force densities, (members, groups): the members of a group have equal tensions,
+    and each one of no group is its own.
+
+    Parameters
+    ----------
+    shape : Structure
+    groups : sequence of sequences of int
+        Members.
+
+    Returns
+    -------
+    ndarray, (members, groups)
+
+    Raises
+    ------
+    TensegrityError
+    """
+    listed = [
+        [shape.member_number(m) for m in check.sequence("group", group, "members")]
+        for group in check.sequence("groups", groups, "sequences of members")
+    ]
+    count = np.bincount([m for group in listed for m in group], minlength=len(shape.ends))
+    if count.max() > 1:
+        raise TensegrityError(f"member {count.argmax()} is in two groups, must be in one at most")
+    listed = [group for group in listed if group] + np.flatnonzero(count == 0)[:, None].tolist()
+    tied = np.zeros((len(shape.ends), len(listed)))
+    for column, group in enumerate(listed):
+        tied[group, column] = 1 / shape.lengths[group]
+    return np.asarray(tied / np.linalg.norm(tied, axis=0))
+
+
+def free_motions(matrix: Array, rigid: Array, length: float) -> Array:
     """Orthonormal motions, (count, rows), that change no length and are no rigid ones.
 
     Parameters
@@ -202,128 +272,64 @@ def free_motions(matrix: Array, rigid: Array) -> Array:
         Equilibrium matrix [m].
     rigid : ndarray, (rows, motions)
         Orthonormal rigid motions.
+    length : float
+        Of the longest member [m].
 
     Returns
     -------
     ndarray, (count, rows)
     """
     left, sizes, _ = np.linalg.svd(matrix)
-    free = left[:, int(np.sum(sizes > ZERO * sizes[0])) :]
-    inside = orthonormal(free.T @ rigid)
-    return np.asarray(np.linalg.svd(inside.T)[2][inside.shape[1] :] @ free.T)
+    free = left[:, int(np.sum(sizes > ZERO * sizes.max(initial=length))) :]
+    return np.asarray(complement(orthonormal(free.T @ rigid)).T @ free.T)
 
 
-def mechanisms(positions: Array, ends: Indices, segments: Segments = WHOLE) -> Array:
-    """Inextensional mechanisms; see `Structure.mechanisms`.
+def nearest_form(positions: Array, ends: Indices, freedom: Freedom) -> Array:
+    """The nearest positions that admit a self-stress.
+
+    Newton's method on A(x) q = 0, |q| = 1; each step makes the distance from the given shape least.
 
     Parameters
     ----------
-    positions, ends, segments
-        As of `equilibrium_matrix`.
+    positions : ndarray, (nodes, dim)
+        [m]
+    ends : ndarray of int, (members, 2)
+    freedom : Freedom
+        The motions by which the positions may change.
 
     Returns
     -------
-    ndarray, (count, nodes, dim)
+    ndarray, (nodes, dim)
+        [m]
+
+    Raises
+    ------
+    EquilibriumError
     """
-    nodes, dim = positions.shape
-    matrix = equilibrium_matrix(positions, ends, 0.0, segments)
-    motions = free_motions(matrix, orthonormal(rigid_motions(positions)))
-    return motions.reshape(-1, nodes, dim)
-
-
-def nearest_form(positions: Array, ends: Indices) -> Array:
-    """The nearest positions that admit a state of self-stress [m], (nodes, dim).
-
-    Newton's method on A(x) q = 0, |q| = 1; each step makes the distance from the given shape least.
-    """
-    dim, members = positions.shape[1], len(ends)
+    dim, members, motions = positions.shape[1], len(ends), freedom.motions
     start = equilibrium_matrix(positions, ends)
-    q = np.linalg.svd(start)[2][members - 1]
+    q = np.linalg.svd(motions.T @ start)[2][members - 1]
     x, size = positions, np.linalg.norm(start)
     for _ in range(STEPS):
-        matrix = equilibrium_matrix(x, ends)
+        matrix = motions.T @ equilibrium_matrix(x, ends)
         blocks = forces.of_both_ends(q[:, None, None] * np.eye(dim))
-        slope = forces.assembled(ends[:, 0], ends[:, 1], blocks, len(x)).toarray()  # of A(x) q in x
+        # of A(x) q in x
+        slope = freedom.reduced(forces.assembled(ends[:, 0], ends[:, 1], blocks, len(x))).toarray()
         # a change of q orthogonal to q compensates all but this component of the residual
         out = np.linalg.svd(matrix)[0][:, members - 1 :]
-        moved = (x - positions).ravel()
+        moved = motions.T @ (x - positions).ravel()
         residual = out.T @ (matrix @ q - slope @ moved)
         target = -np.linalg.lstsq(out.T @ slope, residual, rcond=1e-10)[0]
-        new = positions + target.reshape(x.shape)
+        new = positions + (motions @ target).reshape(x.shape)
         change = np.linalg.norm(new - x)
         x = new
-        q = np.linalg.svd(equilibrium_matrix(x, ends))[2][members - 1]
+        q = np.linalg.svd(motions.T @ equilibrium_matrix(x, ends))[2][members - 1]
         if change <= SETTLED * size:
             return x
     raise EquilibriumError(
         f"no shape with self-stress found near the given one: the last of {STEPS} steps moved "
         f"{change:.3g} m"
     )
-
-
-def checked(structure: Any, force_densities: Any) -> Array:
-    """Force densities [N/m], (members,), checked to be a self-stress of the structure."""
-    q = check.vector("force_densities", force_densities, (len(structure.ends),))
-    matrix = equilibrium_matrix(
-        structure.positions, structure.segments, structure.shift, structure.cable_segments
-    )
-    left = np.abs(matrix @ q).max()
-    size = (np.abs(matrix) @ np.abs(q)).max()
-    if left > SAME * size:
-        raise EquilibriumError(
-            f"these force densities are no self-stress: a force of {left:.3g} N is unbalanced, "
-            f"forces are up to {size:.3g} N"
-        )
-    return q
-
-
-def refuse_pushing(structure: Any, q: Array) -> None:
-    """Refuse compressive force densities of strings."""
-    pushed = np.where(structure.is_string, q, 0.0)
-    worst = int(pushed.argmin())
-    if pushed[worst] < -SAME * np.abs(q).max():
-        raise EquilibriumError(
-            f"force density {q[worst]:.6g} N/m of {structure.name_of(worst)} must be at least 0: "
-            "strings do not push"
-        )
-
-
-def of_prestrain(structure: Any, prestrain: Any) -> Array:
-    """The force densities [N/m], (members,), at which some strings have given prestrains."""
-    if not isinstance(prestrain, Mapping) or not prestrain:
-        raise TensegrityError(
-            f"prestrain {check.shown(prestrain)} must be a dict {{string: value}}"
-        )
-    stress = structure.self_stress()
-    if not len(stress.states):
-        return stress.feasible  # which raises the reason
-    numbers = [structure.member_number(m) for m in prestrain]
-    for number in numbers:
-        if not structure.is_string[number]:
-            raise TensegrityError(
-                f"prestrain of bar {number}: strings are numbered from {structure.bars} to "
-                f"{len(structure.ends) - 1}"
-            )
-    if len(numbers) != len(stress.states):
-        raise TensegrityError(
-            f"prestrain of {len(numbers)} strings, must be of {len(stress.states)}: the shape has "
-            "that many states of self-stress"
-        )
-    values = np.array(
-        [check.number(f"prestrain of string {m}", x, above=-1) for m, x in prestrain.items()]
-    )
-    wanted = np.where(
-        structure.keeps_EA[numbers],
-        structure.EA[numbers] * values / structure.lengths[numbers],
-        structure.stiffnesses[numbers] * values / (1 + values),
-    )
-    part = stress.states[:, numbers].T
-    if np.linalg.cond(part) > 1e10:
-        raise TensegrityError(
-            f"the prestrains of strings {', '.join(map(str, numbers))} do not determine the "
-            "self-stress: choose others"
-        )
-    return np.asarray(np.linalg.solve(part, wanted) @ stress.states)
 
 
 SHOWN = 0.15  # of the size of the structure: the largest displacement in a picture

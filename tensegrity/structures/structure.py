@@ -10,25 +10,27 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from functools import cached_property, lru_cache, partial
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensegrity import plotting
+from tensegrity import check, plotting
 from tensegrity.checked import checked
 from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.printing import Lines, Printed, listed, span
+from tensegrity.scenes.network import Network
+from tensegrity.scenes.walls import Wall
 from tensegrity.springs.potential import Potential
-from tensegrity.structures import statics
-from tensegrity.structures.framework import Framework, member_ends, rigid_plates
+from tensegrity.springs.power_law import PowerLaw
+from tensegrity.structures.framework import member_ends, rigid_plates
 from tensegrity.structures.member_springs import network
-from tensegrity.structures.members import equilibrium_positions
 from tensegrity.structures.segments import paths
+from tensegrity.structures.settling import equilibrium_positions
+from tensegrity.structures.shape import Shape
 from tensegrity.structures.statics import StructureModes
-from tensegrity.structures.supports import Freedom, Supports
-from tensegrity.typing import Array, Count
+from tensegrity.structures.supports import Supports
+from tensegrity.typing import Count
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,11 +41,17 @@ if TYPE_CHECKING:
     from tensegrity.structures.problem import StructureProblem
 
 
-KEPT = 4  # supports of a structure whose permitted motions are kept
+def floor_law(stiffness: Any) -> Potential:
+    """The force law of a wall that a stiffness [N/m] stands for."""
+    if stiffness is None:
+        raise TensegrityError("walls need a wall_law: a Potential of the distance, or a stiffness")
+    return PowerLaw(check.number("wall_law", stiffness, above=0, unit="N/m"), 1.0)
+
+
 SOFT = 1e-12  # eigenvalues below this fraction of the largest stiffness are round-off
 
 
-class Structure(Printed, Framework):
+class Structure(Printed, Shape):
     """Nodes joined by bars and strings.
 
     Parameters
@@ -166,30 +174,6 @@ class Structure(Printed, Framework):
         given = stiff, (mass, bar_mass, string_mass), natural_lengths, size, law
         self._set_members(pairs, *given, buckling, plateau, paths(cables, nodes))
 
-    # the shape alone
-
-    def mechanisms(self) -> Array:
-        """Inextensional mechanisms, (count, nodes, dim): orthonormal infinitesimal motions that
-        change no length, without rigid motions."""
-        return statics.mechanisms(self.positions, self.segments, self.cable_segments)
-
-    def nearest_form(self) -> Structure:
-        """The structure at the nearest positions that admit a state of self-stress.
-
-        It serves shapes known from measurement; see `SelfStress.gap`.  The natural lengths become
-        the lengths of the new shape.
-
-        Raises
-        ------
-        EquilibriumError
-            If Newton's method finds no such positions near the given ones.
-        """
-        if len(self.self_stress().states):
-            return self
-        if len(self.cable_segments.cables):
-            raise TensegrityError("cables run over nodes: the nearest form is found without them")
-        return self.at(statics.nearest_form(self.positions, self.ends), natural_lengths=None)
-
     # structures made from this one
 
     def at(self, positions: ArrayLike, **other: Any) -> Structure:
@@ -275,27 +259,6 @@ class Structure(Printed, Framework):
         values = freedom.lowest(tangent, np.ones(self.positions.size), 1)[0]
         return bool(values[0] > SOFT * self.stiffnesses.max())
 
-    @checked
-    def freedom(self, supports: Supports | None) -> Freedom:
-        """The motions that supports and platforms permit."""
-        return self._freedom(supports)
-
-    @cached_property
-    def _freedom(self) -> Any:
-        at, platforms, parts = self.positions, self.platforms, self.parts
-        return lru_cache(KEPT)(partial(Freedom.of, positions=at, platforms=platforms, parts=parts))
-
-    @cached_property
-    def parts(self) -> tuple[Any, ...]:
-        """Node numbers of each connected component."""
-        from scipy.sparse import coo_matrix
-        from scipy.sparse.csgraph import connected_components
-
-        pairs = self.segments
-        joined = coo_matrix((np.ones(len(pairs)), pairs.T), shape=(self.nodes,) * 2)
-        count, label = connected_components(joined, directed=False)
-        return tuple(np.flatnonzero(label == k) for k in range(count))
-
     def problem(
         self,
         supports: Supports | None = None,
@@ -327,6 +290,7 @@ class Structure(Printed, Framework):
 
         return loaded(self, supports, branch, loads, max_load, max_shortening)
 
+    @checked
     def network(
         self,
         *,
@@ -335,6 +299,9 @@ class Structure(Printed, Framework):
         damping: Damping | None = None,
         forces: Sequence[Force] = (),
         natural_lengths: Mapping[int, Any] | None = None,
+        walls: Sequence[Wall] = (),
+        wall_law: Potential | float | None = None,
+        gravity: float = 0.0,
     ) -> Network:
         """The structure as a network for `simulate`.
 
@@ -353,6 +320,13 @@ class Structure(Printed, Framework):
             The member keeps EA if that was given, and else k.  The run records the work done on
             what hangs outside the drum, at the rate -(T + T^2/(2 EA)) or, where k is kept, -T times
             that of the natural length.
+        walls : sequence of Wall, optional
+            Unbounded walls that the nodes press, without friction; nodes do not touch each other.
+        wall_law : Potential or float, optional
+            The force of a node on a wall as a function of its distance from it, or the stiffness
+            [N/m] of one in proportion to the depth behind it.
+        gravity : float, optional
+            Acceleration against the last axis [m/s^2], as loads.
 
         Returns
         -------
@@ -361,15 +335,24 @@ class Structure(Printed, Framework):
         Raises
         ------
         TensegrityError
-            If there are platforms, which a network cannot have, a natural length is not above 0
-            at the start or that of a member with a law or a buckling load, or an argument is
-            refused by `Network`.  `simulate` refuses natural lengths that reach 0 within the run.
+            If there are platforms, which a network cannot have, a wall cuts the positions, a
+            natural length is not above 0 at the start or that of a member with a law or a buckling
+            load, or an argument is refused by `Network`.  `simulate` refuses natural lengths that
+            reach 0 within the run.
         """
         if self.platforms:
             raise TensegrityError(
                 f"{len(self.platforms)} platforms: a structure with rigid plates has statics only"
             )
-        given = {"held": held, "drive": drive, "damping": damping, "forces": forces}
+        given: dict[str, Any] = {"held": held, "drive": drive, "damping": damping, "forces": forces}
+        if len(check.sequence("walls", walls, "Walls")):
+            law = wall_law if isinstance(wall_law, Potential) else floor_law(wall_law)
+            given |= {"walls": walls, "wall_spring": law, "press": "walls"}
+        elif wall_law is not None:
+            raise TensegrityError("wall_law given, but no walls")
+        if gravity:
+            given["loads"] = np.zeros(self.positions.shape)
+            given["loads"][:, -1] = -gravity * self.weighing_mass
         return network(self, natural_lengths, **given)
 
     def plot(self, ax: Axes | None = None) -> Axes:

@@ -282,7 +282,7 @@ def remaining_rigid_motions(motions: Any, positions: Array, parts: Any) -> Array
 def orthonormal(columns: Array) -> Array:
     """An orthonormal basis of the span of the columns."""
     left, sizes, _ = np.linalg.svd(columns, full_matrices=False)
-    return left[:, sizes > REMAINING * sizes[0]]
+    return left[:, sizes > REMAINING * sizes[:1]]
 
 
 @dataclass(frozen=True)
