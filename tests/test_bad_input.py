@@ -544,7 +544,7 @@ def beside_bounds(said):
 
 def takes_others(name, kind):
     """Whether an argument is one number or several of them."""
-    several = ("r", "x", "mass", "bond", "rate")
+    several = ("r", "x", "mass", "string_mass", "bond", "rate")
     return name in {"array": several, "list": several, "dict": ("preload",)}.get(kind, ())
 
 
