@@ -69,7 +69,6 @@ def test_what_has_no_gradient_is_refused_with_the_reason(match, other):
     ("match", "spring"),
     [
         ("is a fit of another spring", Polynomial(SPRING, -0.02, 0.02, 1e-6)),
-        ("inner equilibrium", Prism(1.0, 0.7, 0.01, 1.0, 10.0, 100.0).potential()),
         ("exponent 0.5", PowerLaw(1.0, 0.5, 0.1)),
     ],
 )

@@ -269,7 +269,7 @@ def reference(t_end):
 def test_a_tolerance_is_kept_with_polynomials_that_get_better_with_it():
     """Against the exact law in extended precision; fitted to more than all that was met."""
     (chain, state), degrees = soft_blow(), []
-    for tol in (1e-4, 1e-7, 1e-10):
+    for tol in (1e-5, 1e-7, 1e-10):  # at 1e-4 the exact law is as cheap
         run = simulate(chain, state, 15.0, tol=tol)
         degrees.append(fitted_degree(run))
         assert error_of(run, *reference(15.0)) < tol
