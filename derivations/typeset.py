@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from html import escape
 
 import sympy as sp
+from sympy.printing.latex import LatexPrinter, translate
 from sympy.printing.mathml import MathMLPresentationPrinter
 
 TYPOGRAPHY = {
@@ -55,8 +57,34 @@ def mathml(expression: sp.Basic | str) -> str:
     )
 
 
+class _Latex(LatexPrinter):
+    """Prints names of words or several parts, as "slender", "domain of V", "V(r_*)", by parts."""
+
+    def _print_Symbol(self, expr, style="plain"):
+        name = expr.name.rstrip("'")
+        primes = expr.name[len(name) :]
+        if not re.search(r"[ (/]|^[a-z]{4,}$", name):
+            return super()._print_Symbol(sp.Symbol(name), style) + primes
+        return re.sub(r"( )|([A-Za-z]+)(?:_([*\w]+))?", _part, name) + primes
+
+
+def _part(match):
+    space, word, index = match.groups()
+    if space:
+        return r"\ "
+    letters = translate(word)
+    if letters == word and (len(word) > 2 or word == "of"):
+        letters = rf"\text{{{word}}}"
+    return letters + (f"_{{{index}}}" if index else "")
+
+
 def latex(expression: sp.Basic | str) -> str:
     """One formula as LaTeX, without delimiters; a sentence as text."""
     if isinstance(expression, str):
-        return rf"\text{{{expression}}}"
-    return str(sp.latex(expression))
+        return rf"\text{{{latex_text(expression)}}}"
+    return str(_Latex().doprint(expression))
+
+
+def latex_text(text: str) -> str:
+    """Plain text with the characters escaped that have a meaning in LaTeX."""
+    return re.sub(r"([_&%#$])", r"\\\1", text).replace("^", r"\^{}")
