@@ -8,10 +8,12 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
+import sympy as sp
 from browser import CHROMIUM
 
 from derivations import argument, ledger
 from derivations.__main__ import main
+from derivations.typeset import latex, mathml
 
 pytestmark = pytest.mark.unchanged()
 
@@ -130,6 +132,17 @@ def test_every_derivation_and_formula_of_the_ledger_has_latex(name, capsys):
         assert expected == []
         words = re.sub(r"\\(text|operatorname)\{[^}]*\}|\\[A-Za-z]+|\{[a-z]+\}", "", formula)
         assert not re.search("[a-z]{4}", words), words
+
+
+def test_names_of_several_parts_are_set_part_by_part():
+    front, slope = sp.Symbol("m c_*^2, V(r_*)"), sp.Symbol("Q''(r_*)")
+    assert latex(front) == r"m\ c^{2}_{*},\ V(r_{*})"
+    assert latex(slope) == r"Q''(r_{*})"
+    assert latex(sp.Symbol("change of (g, psi)")) == r"\text{change}\ \text{of}\ (g,\ \psi)"
+    assert latex(sp.Symbol("u_1''")) == "u_{1}''"
+    at = "<mo>(</mo><msub><mi>r</mi><mi>*</mi></msub><mo>)</mo></mrow></math>"
+    assert "<mi>V</mi>" + at in mathml(front)
+    assert "<mi>Q''</mi>" + at in mathml(slope)
 
 
 def test_claims_of_the_ledger_without_formula_are_refused_as_such(capsys):
