@@ -101,7 +101,8 @@ def draw(figure, tables):
     (load,) = tables["buckling"]["load [N]"]
     bars.plot(height, push, "C3o-", ms=4)
     bars.axhline(load, color="k", ls="--", lw=1)
-    bars.annotate(f"buckling load {load:.0f} N", (height[-1], load), ha="right", va="top")
+    bars.annotate(f"buckling load {load:.0f} N", (height[-1], load), (0, -5), ha="right", va="top",
+                  textcoords="offset points")  # fmt: skip
     bars.set(xlabel="height of the fall [m]", ylabel="largest compression of a bar [N]")
     bars.set_ylim(0)
     bars.set_title("bars come to their buckling load")

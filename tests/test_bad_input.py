@@ -223,6 +223,8 @@ CALLS = [  # where other arguments are needed, or several in one call
                   "bars": [(0, 1, (0, 0))], "strings": [(1, 0, (1, 0)), (0, 0, (0, 1))],
                   "k_bar": 1.0, "k_string": [1.0, 1.0], "mass": 1.0, "natural_lengths": [1.0] * 3,
                   "bar_mass": [1.0], "string_mass": 0.1}),
+    (ts.Lattice, {"positions": [[0, 0]], "vectors": [[1, 0]], "bars": [(0, 0, 1)],
+                  "strings": [(0, 0, 1)], "EA_bar": 1.0, "EA_string": [1.0]}),
     (ROW.equilibrium, {"gradient": [[1.1, 0], [0, 1]]}),
     (ts.bands, {"lattice": ROW, "wavenumbers": [[0.1], [2.0]]}),
     (ts.decay, {"lattice": ts.catalogue.square(), "frequencies": [0.1, 2.0], "axis": 0,
@@ -542,7 +544,7 @@ def beside_bounds(said):
 
 def takes_others(name, kind):
     """Whether an argument is one number or several of them."""
-    several = ("r", "x", "mass", "bond", "rate")
+    several = ("r", "x", "mass", "string_mass", "bond", "rate")
     return name in {"array": several, "list": several, "dict": ("preload",)}.get(kind, ())
 
 

@@ -9,8 +9,10 @@ from structures import Frame, cross, stiff_state
 
 from tensegrity import (
     Drive,
+    Lattice,
     Structure,
     TensegrityError,
+    bands,
     catalogue,
     control_path,
     equilibrium,
@@ -113,6 +115,47 @@ def test_two_parallel_members_move_as_one_and_have_a_state_of_self_stress():
     np.testing.assert_allclose(runs[0].u, runs[1].u, atol=1e-14)
     (state,) = two.self_stress().states
     assert np.abs(state) == pytest.approx([0.5**0.5, 0.5**0.5, 0, 0], abs=1e-15)
+
+
+@pytest.mark.parametrize("cells", [1, 3])
+def test_parallel_members_of_a_lattice_add_their_tensions(cells):
+    """A band of k 40 N/m beside a cable of EA 600 N, 1 and 1.2 m long: 30 N at 1.24074074074 m."""
+    row = Lattice([(0, 0)], [(1.0, 0)], bars=[(0, 0, 1)], strings=[(0, 0, 1)], k_bar=40.0,
+                  EA_string=600.0, natural_lengths=[1.0, 1.2])  # fmt: skip
+    assert row.slack.tolist() == [False, True]
+    long = 1.24074074074
+    taut = row.at([(0, 0)], [(long, 0)]).repeated(cells)
+    assert taut.stress[0, 0] == pytest.approx(30.0, rel=1e-10)
+    (k,) = {x.sum() for x in taut.stiffnesses.reshape(2, cells).T}
+    assert k == pytest.approx(40 + 600 / 1.2, rel=1e-14)
+    wavenumbers = [[0.3], [2.0]]
+    own = bands(taut, wavenumbers).frequencies[:, -1]
+    one = Lattice([(0, 0)], [(long, 0)], bars=[(0, 0, 1)], k_bar=k, natural_lengths=[long - 30 / k])
+    alone = bands(one.repeated(cells), wavenumbers).frequencies[:, -1]
+    np.testing.assert_allclose(own, alone, rtol=1e-9)
+    block = taut.tile(4).network(held=[0, 4 * cells - 1])
+    assert block.bond_tension(0 * block.at_rest().u).sum() == pytest.approx(30.0 * (4 * cells - 1))
+
+
+def test_axial_stiffness_of_a_lattice_is_another_spelling_and_is_kept():
+    of = catalogue.x_strip(prestrain=0.1, k_string=3.0)
+    given = {"EA_bar": of.EA[: of.bars], "EA_string": of.EA[of.bars :]}
+    other = of.at(of.positions, **given)
+    np.testing.assert_allclose(other.stiffnesses, of.stiffnesses, rtol=1e-15)
+    assert other.keeps_EA.all()
+    assert not of.keeps_EA.any()
+    longer = 1.25 * of.natural_lengths
+    wound, k_kept = (x.at(x.positions, natural_lengths=longer) for x in (other, of))
+    np.testing.assert_allclose(wound.EA, of.EA, rtol=1e-15)
+    np.testing.assert_allclose(k_kept.stiffnesses, of.stiffnesses, rtol=1e-15)
+    half = other.at(other.positions, k_bar=7.0)
+    assert half.keeps_EA.tolist() == [False] * of.bars + [True] * of.strings
+    for made in (other.repeated(2), other.tile(2)):
+        assert made.keeps_EA.all()
+        assert set(made.EA.round(12)) == set(of.EA.round(12))
+    state = other.at(other.positions, natural_lengths=None).prestressed(2 * of.densities)
+    np.testing.assert_allclose(state.tensions, 2 * of.tensions, rtol=1e-12)
+    np.testing.assert_allclose(state.EA, of.EA, rtol=1e-15)
 
 
 def test_axial_stiffness_is_another_spelling_of_spring_constants_at_any_scale(rng):

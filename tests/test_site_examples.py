@@ -48,7 +48,7 @@ with ProcessPoolExecutor(1) as pool:
 
 def test_each_job_has_a_page_with_code():
     jobs = {"curve", "wave", "impact", "beads", "protector", "structure", "gradients"}
-    jobs |= {"potential", "method", "runs", "fits", "unit", "formula"}
+    jobs |= {"potential", "method", "runs", "fits", "unit", "formula", "real-structure"}
     assert {f"guide/{job}" for job in jobs} | {"index", "extend", "house"} <= set(PAGES)
     assert len(examples.BLOCK.findall(PAGES["extend"])) == 11
 

@@ -10,6 +10,7 @@ from figures import (
     structures_columns,
     structures_deployment,
     structures_front,
+    structures_geiger,
     structures_landing,
     structures_lattices,
     structures_plates,
@@ -312,3 +313,26 @@ def test_a_higher_fall_presses_less_where_fewer_nodes_press_at_once(monkeypatch)
     finer = picture.peaks(1.5)
     for name in ("floor [N]", "node [N]", "bar [N]"):
         assert finer[name] == pytest.approx(low[name], rel=1e-3)
+
+
+@pytest.mark.parametrize("sectors", [5, 8, 12])
+def test_the_pull_of_one_cable_fixes_the_geiger_dome_and_stiffens_it(sectors):
+    s, supports, groups = structures_geiger.dome(sectors)
+    exact = structures_geiger.closed(sectors)
+    assert len(s.self_stress(supports).states) == 1
+    for chosen in (0, 2, 5, 10):  # any member fixes all
+        tight = s.prestressed(tension={groups[chosen][0]: 50 * exact[chosen]}, supports=supports)
+        for group, force in zip(groups, exact, strict=True):
+            assert tight.tensions[list(group)] == pytest.approx(50 * force, rel=1e-9)
+    assert tight.is_stable(supports)
+    assert len(s.mechanisms(supports)) > 0
+
+
+def test_the_picture_of_the_geiger_dome_says_what_it_computed():
+    tables = structures_geiger.data()
+    of, counts = tables["groups"], tables["counts"]
+    assert sum(of["members"]) == len(tables["members"]["force"]) == 81
+    assert np.max(of["spread"]) < 1e-9
+    assert np.array(of["computed"]) == pytest.approx(np.array(of["closed form"]), rel=1e-11)
+    assert (counts["states"], counts["of symmetry"], counts["mechanisms"]) == ([1], [1], [22])
+    assert counts["least stiffness over hoop"][0] == pytest.approx(0.11590413200610157, rel=1e-12)

@@ -114,8 +114,8 @@ def ends_and_offsets(name: str, given: Any, nodes: int, d: int) -> tuple[Indices
     )
 
 
-def refuse_repeated(ends: Indices, offsets: Indices, bars: int) -> None:
-    """Refuse a member that is given twice, possibly with its ends exchanged.
+def refuse_reversed(ends: Indices, offsets: Indices, bars: int) -> None:
+    """Refuse a member that is given again from its other end, which is a slip in most lattices.
 
     Parameters
     ----------
@@ -127,16 +127,16 @@ def refuse_repeated(ends: Indices, offsets: Indices, bars: int) -> None:
     ------
     TensegrityError
     """
-    first: dict[tuple[Any, ...], int] = {}
+    first: dict[tuple[int, ...], int] = {}
     for number, ((i, j), offset) in enumerate(zip(ends.tolist(), offsets.tolist(), strict=True)):
-        back = [-n for n in offset]
-        key = min((i, j, *offset), (j, i, *back))
-        if key in first:
-            words = [f"{'bar' if m < bars else 'string'} {m}" for m in (first[key], number)]
+        other = first.get((j, i, *(-n for n in offset)))
+        if other is not None:
+            words = [f"{'bar' if m < bars else 'string'} {m}" for m in (other, number)]
             raise TensegrityError(
-                f"{words[0]} and {words[1]} both join nodes {i} and {j} at offset {tuple(offset)}"
+                f"{words[0]} and {words[1]} both join nodes {i} and {j} at offset {tuple(offset)}, "
+                "one from its other end: give parallel members with the same ends and offset"
             )
-        first[key] = number
+        first.setdefault((i, j, *offset), number)
 
 
 AT_REST = 1e-6  # residual force on a node in equilibrium, over the tensions
@@ -156,13 +156,15 @@ class Cell(Framework):
         vectors: ArrayLike,
         bars: Sequence[Any] = (),
         strings: Sequence[Any] = (),
-        k_bar: ArrayLike = 100.0,
-        k_string: ArrayLike = 1.0,
+        k_bar: ArrayLike | None = None,
+        k_string: ArrayLike | None = None,
         mass: ArrayLike | None = None,
         natural_lengths: ArrayLike | None = None,
         buckling: ArrayLike | None = None,
         plateau: Annotated[float, ">= 0", "< 1"] = 0.0,
         *,
+        EA_bar: ArrayLike | None = None,
+        EA_string: ArrayLike | None = None,
         bar_mass: ArrayLike | None = None,
         string_mass: ArrayLike | None = None,
     ) -> None:
@@ -174,8 +176,8 @@ class Cell(Framework):
         ]
         self.offsets = np.concatenate([offsets for _, offsets in listed])
         pairs = [ends for ends, _ in listed]
-        refuse_repeated(np.concatenate(pairs), self.offsets, len(pairs[0]))
-        stiff = {"bar": (k_bar, None), "string": (k_string, None)}
+        refuse_reversed(np.concatenate(pairs), self.offsets, len(pairs[0]))
+        stiff = {"bar": (k_bar, EA_bar), "string": (k_string, EA_string)}
         given = stiff, (mass, bar_mass, string_mass), natural_lengths, self.span
         self._set_members(pairs, *given, buckling=buckling, plateau=plateau)
         self._refuse_massless(range(self.nodes))
@@ -213,19 +215,19 @@ class Cell(Framework):
         return np.asarray((self.densities[:, None] * d).T @ self.shift / self.size)
 
     def at(self, positions: ArrayLike, vectors: ArrayLike | None = None, **other: Any) -> Self:
-        """A copy of the lattice at other positions, with other arguments replaced by name."""
+        """A copy of the lattice at other positions, with other arguments replaced by name; where
+        natural lengths change, EA stays as it is if it was given, and else the spring constant."""
         members = [(i, j, tuple(o)) for (i, j), o in zip(self.ends, self.offsets, strict=True)]
         own: dict[str, Any] = {
             "bars": members[: self.bars],
             "strings": members[self.bars :],
-            "k_bar": self.stiffnesses[: self.bars],
-            "k_string": self.stiffnesses[self.bars :],
             **self._masses(),
             "natural_lengths": self.natural_lengths,
             "buckling": self.buckling,
             "plateau": self.plateau,
         }
-        return type(self)(positions, self.vectors if vectors is None else vectors, **(own | other))
+        vectors = self.vectors if vectors is None else vectors
+        return type(self)(positions, vectors, **(own | self._stiff_unless(other) | other))
 
     def prestressed(
         self,

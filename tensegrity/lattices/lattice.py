@@ -95,10 +95,11 @@ class Lattice(Cell):
         Lattice vectors [m], independent; d is 1 (strip, column), 2 (plate) or 3 (solid).
     bars, strings : sequence of (int, int, offset)
         The nodes that each member joins, and the offset of the second one's cell: d integers, or
-        an integer for d = 1; (i, j) lies in one cell.  A member and its reverse, or its image in
-        another cell, are the same and are given once.  Arrays hold bars first, then strings.
-    k_bar, k_string : float or array_like, (bars,) or (strings,)
-        Spring constants [N/m], > 0.
+        an integer for d = 1; (i, j) lies in one cell.  A member and its reverse are the same and
+        are given once; members that are given several times alike are parallel.  Arrays hold bars
+        first, then strings.
+    k_bar, k_string : float or array_like, (bars,) or (strings,), optional
+        Spring constants, EA over natural length [N/m], > 0; by default 100 and 1.
     mass : float or array_like, (nodes,), optional
         At the nodes [kg], > 0; by default 1.  Where members have mass >= 0, and by default 0.
     natural_lengths : array_like, (members,), optional
@@ -109,6 +110,8 @@ class Lattice(Cell):
         Loads at which bars buckle [N], > 0; by default none does.
     plateau : float, optional
         Stiffness of a bar after buckling over that before, >= 0 and < 1.
+    EA_bar, EA_string : float or array_like, (bars,) or (strings,), optional
+        Axial stiffnesses [N], > 0, instead of k_bar, k_string; see `Structure`.
     bar_mass, string_mass : float or array_like, (bars,) or (strings,), optional
         Mass of each bar and string [kg], >= 0, uniform along it; by default 0, which lumps all
         masses at the nodes (see the notes of `Structure`).
@@ -123,7 +126,8 @@ class Lattice(Cell):
     ------
     TensegrityError
         If the vectors are dependent, an offset is not d integers, a member has no length or is
-        given twice, a node is in no member or without mass, or a number is outside its bounds.
+        given from both ends, both k and EA of bars or strings are given, a node is in no member or
+        without mass, or a number is outside its bounds.
 
     Examples
     --------
@@ -331,14 +335,17 @@ class Lattice(Cell):
         """Values given for each member and node, repeated for their copies."""
         numbers = [len(each) for each in copies]
         mass = np.repeat(self.member_mass, numbers)
-        k, flat = np.repeat(self.stiffnesses, numbers), [p for each in copies for p in each]
-        in_bars = numbers[: self.bars]
+        flat = [p for each in copies for p in each]
+        in_bars, in_strings = numbers[: self.bars], numbers[self.bars :]
+        stiff = {
+            name: np.repeat(value, in_bars if name.endswith("bar") else in_strings)
+            for name, value in self._stiff_unless({}).items()
+        }
         bars = sum(in_bars)
         return {
             "bars": flat[:bars],
             "strings": flat[bars:],
-            "k_bar": k[:bars],
-            "k_string": k[bars:],
+            **stiff,
             "natural_lengths": np.repeat(self.natural_lengths, numbers),
             "mass": np.tile(self.mass, cells),
             **({"bar_mass": mass[:bars], "string_mass": mass[bars:]} if mass.any() else {}),

@@ -100,19 +100,20 @@ class Framework(Masses):
         keeps[[*self.law]] = False
         self.keeps_EA = keeps
         values = np.concatenate([of for _, of in numbers])
-        stiffnesses = values / np.where(keeps, natural, 1.0)
+        with np.errstate(divide="ignore"):  # EA over a natural length of 0, refused below
+            stiffnesses = values / np.where(keeps, natural, 1.0)
         if self.law:
             of = laws.Laws(self.law, natural, self.is_string)
             laws.checked(of, self.name_of).refuse_beyond(lengths - natural, self.name_of)
             stiffnesses[of.member] = of.stiffness
         self.stiffnesses = stiffnesses
-        self.EA = np.where(keeps, values, stiffnesses * natural)
         bad = np.flatnonzero(~((self.stiffnesses > 0) & (self.stiffnesses < np.inf)))
         if bad.size:
             raise TensegrityError(
                 f"{self.name_of(int(bad[0]))} has EA {values[bad[0]]:g} N over natural length "
                 f"{natural[bad[0]]:g} m, which must be finite and above 0"
             )
+        self.EA = np.where(keeps, values, stiffnesses * natural)
         if buckling is not None:
             buckling = positive_for_each("buckling", buckling, self.bars, "N")
             for member in [m for m in self.law if m < self.bars]:
