@@ -11,11 +11,11 @@ import math
 
 import numpy as np
 import sympy as sp
+from scipy.optimize import brentq
 
 from figures._draw import note
 from figures._files import lines, side_by_side
 from tensegrity import Chain, PairLaw, dispersion, solitary_wave
-from tensegrity.root import root
 
 GROUP = "units"
 
@@ -46,7 +46,7 @@ def long_wave_peak(speed):
         return (math.cos(TILT) - math.cos(TILT + a)) / math.cos(TILT) / a - level
 
     slow = level > math.tan(TILT)
-    return root(gap, 1e-9, 1.2) if slow else root(gap, -1e-9, -1.5)
+    return brentq(gap, *((1e-9, 1.2) if slow else (-1.5, -1e-9)), xtol=1e-15)
 
 
 def described(wave):

@@ -402,18 +402,18 @@ def _make_wall(point, normal, extent):
 
 
 def _network(x):
-    bonds = len(x.bonds)
-    opening, gaps = np.split(dynamics(x).contact_bonds.contacts.gap, [bonds])
+    opening, gaps = np.split(dynamics(x).contact_bonds.contacts.gap, [len(x.bonds)])
     law = dynamics(x).law
     if law is not None and not isinstance(law.given, Potential):
         return None  # a function, which no file holds
     followed = {} if law is None else {"contacts": "follow", "law": law.given}
+    touching = len(x.wall_contacts) if x.radius is None else dynamics(x).clearance is None
     return {
         "positions": x.positions, "bonds": x.bonds, "springs": _shared(x.springs),
         "lengths": x.lengths if opening.any() else None,  # else to the bits of the positions
         "mass": x.mass, "walls": x.walls, "wall_contacts": x.wall_contacts, "wall_gaps": gaps,
-        "radius": x.radius, "loads": x.loads, "held": x.held, "press": x._press, **followed,
-        **in_time(x),
+        "radius": x.radius, "loads": x.loads, "held": x.held, **followed, **in_time(x),
+        "press": "walls" if touching else "all",
         **({} if x.bond_mass is None else {"bond_mass": x.bond_mass}),
     }  # fmt: skip
 
