@@ -8,7 +8,7 @@ Source: the talk, part III, "Compatibility equations" and "Elastic problem".
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import sympy as sp
@@ -112,6 +112,11 @@ CROSS = Member("cross", k_cross, natural_cross, -1, True)
 BASE = Member("base", k_base, natural_base, 1, False)
 BAR = Member("bar", k_bar, natural_bar, 0, True)
 MEMBERS = (CROSS, BASE, BAR)
+
+
+def members(connectivity: int = 1) -> tuple[Member, Member, Member]:
+    """`MEMBERS` of a prism whose cross strings end that many nodes before the bars."""
+    return replace(CROSS, step=-connectivity), BASE, BAR
 
 
 @cache

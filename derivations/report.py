@@ -12,10 +12,11 @@ from html import escape
 from typing import Any, NamedTuple
 
 import sympy as sp
+from sympy.logic.boolalg import Boolean
 
 from derivations import ledger
 from derivations.argument import NAMES, SOURCES, Step, derivation
-from derivations.typeset import latex, mathml
+from derivations.typeset import latex, latex_text, mathml
 
 STYLE = """
 body { font: 1.05rem/1.5 Georgia, 'DejaVu Serif', serif; max-width: 60rem; margin: 2rem auto;
@@ -79,7 +80,7 @@ def tex(steps: Iterable[Step]) -> str:
     """Steps of an argument as text of LaTeX, each formula displayed."""
     parts = []
     for step in steps:
-        parts.append(re.sub(r"([_^&%#$])", r"\\\1", step.text))
+        parts.append(latex_text(step.text))
         parts += [rf"\[ {latex(formula)} \]" for formula in step.formulas]
     return "\n".join([*parts, ""])
 
@@ -94,12 +95,21 @@ def tex_of(name: str) -> str:
     """
     if name in NAMES:
         return tex(derivation(name).argument())
-    entry = next((one for one in ledger.entries() if one.name == name and one.derive), None)
+    left, form = _formula(name)
+    relation = isinstance(form, Boolean)
+    return f"{'' if relation else latex(left) + ' = '}{latex(form)}\n"
+
+
+def _formula(name):
+    """Left and right side of a ledger entry: as derived, or, where that is long or a relation that
+    was decided on cases, the printed one as it agrees with the derivation."""
+    entry = next((one for one in ledger.entries() if one.name == name), None)
     if entry is None:
         raise ValueError(f"{name!r} is neither a derivation nor a formula of the ledger")
+    if not entry.derive:
+        raise ValueError(f"{name!r} is a claim of the ledger without formula: {entry.left}")
     form = ledger.derived(entry)
-    left = f"{latex(entry.left)} = " if isinstance(entry.left, sp.Basic) else ""
-    return f"{left}{latex(form if isinstance(form, sp.Basic) else entry.printed)}\n"
+    return entry.left, form if _short(form) else entry.reading(entry.printed)
 
 
 def _equation(left, right):
@@ -123,12 +133,7 @@ def formula(name: str) -> str:
     ValueError
         If no entry has this name, or the entry is a claim without formula.
     """
-    by_name = {entry.name: entry for entry in ledger.entries() if entry.derive}
-    if name not in by_name:
-        raise ValueError(f"{name!r} is no formula of the ledger")
-    entry = by_name[name]
-    form = ledger.derived(entry)
-    return _equation(entry.left, form if _short(form) else entry.reading(entry.printed))
+    return _equation(*_formula(name))
 
 
 def _entry(check):

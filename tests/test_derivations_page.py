@@ -8,10 +8,12 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
+import sympy as sp
 from browser import CHROMIUM
 
 from derivations import argument, ledger
 from derivations.__main__ import main
+from derivations.typeset import latex, mathml
 
 pytestmark = pytest.mark.unchanged()
 
@@ -108,6 +110,53 @@ def test_no_source_is_visible(read):
         r"sqrt\(|\*\*|\\frac|<lambda|Derivative|Subs\(|\bpi\b|\bphi\b|subs\(|nan\b|False|True", text
     )
     assert found == []
+
+
+FORMULAS = [entry.name for entry in ledger.entries() if entry.derive]
+
+
+@pytest.mark.parametrize("name", [*argument.NAMES, *FORMULAS])
+def test_every_derivation_and_formula_of_the_ledger_has_latex(name, capsys):
+    assert main([name, "--latex"]) == 0
+    text = capsys.readouterr().out
+    formulas = re.findall(r"\\\[ (.*?) \\\]", text) if name in argument.NAMES else [text.strip()]
+    assert formulas
+    for formula in formulas:
+        assert not re.search(r"\*\*|Derivative|Subs\(|\bnan\b|zoo|False|True", formula)
+        closing, expected = {"{": "}", "(": ")"}, []
+        for sign in formula:
+            if sign in closing:
+                expected.append(closing[sign])
+            elif sign in closing.values():
+                assert expected.pop() == sign, formula
+        assert expected == []
+        words = re.sub(r"\\(text|operatorname)\{[^}]*\}|\\[A-Za-z]+|\{[a-z]+\}", "", formula)
+        assert not re.search("[a-z]{4}", words), words
+
+
+def test_names_of_several_parts_are_set_part_by_part():
+    front, slope = sp.Symbol("m c_*^2, V(r_*)"), sp.Symbol("Q''(r_*)")
+    assert latex(front) == r"m\ c^{2}_{*},\ V(r_{*})"
+    assert latex(slope) == r"Q''(r_{*})"
+    assert latex(sp.Symbol("change of (g, psi)")) == r"\text{change}\ \text{of}\ (g,\ \psi)"
+    assert latex(sp.Symbol("u_1''")) == "u_{1}''"
+    at = "<mo>(</mo><msub><mi>r</mi><mi>*</mi></msub><mo>)</mo></mrow></math>"
+    assert "<mi>V</mi>" + at in mathml(front)
+    assert "<mi>Q''</mi>" + at in mathml(slope)
+
+
+def test_claims_of_the_ledger_without_formula_are_refused_as_such(capsys):
+    claims = {entry.name for entry in ledger.entries()} - set(FORMULAS)
+    assert claims
+    for name in claims:
+        with pytest.raises(SystemExit):
+            main([name, "--latex"])
+        assert f"'{name}' is a claim of the ledger without formula: " in capsys.readouterr().err
+
+
+def test_the_latex_of_a_slip_is_its_corrected_form(capsys):
+    assert main(["talk.tent_speed", "--latex"]) == 0
+    assert capsys.readouterr().out.strip() == r"\text{fast} \wedge c \geq c_{s}"
 
 
 def test_one_derivation_has_its_own_page_in_the_current_folder(tmp_path, monkeypatch, capsys):

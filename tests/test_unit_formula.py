@@ -3,10 +3,11 @@
 import ctypes
 import subprocess
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 
 import pytest
 import sympy as sp
-from units import arch, class_two, d_bar, icosahedron, kresling, prism, x_module
+from units import HALF, arch, class_two, d_bar, icosahedron, kresling, prism, x_module
 
 from derivations.__main__ import main
 from tensegrity import Member, Prism, TensegrityError, Unit
@@ -175,6 +176,19 @@ def test_command_makes_a_page_and_latex_of_units_in_a_file(tmp_path, monkeypatch
     assert r"{T}_{0} = \frac{k p w_{0}}{p + 1}" in text
     assert "For rigid members, s without bound" in text
     assert r"\infty" not in text
+
+
+def test_a_unit_with_values_shows_them_and_the_limit_of_rigid_members():
+    """Stiffness of both kinds without bound would be infinite, and is left out."""
+    s = sp.Symbol("s", positive=True)
+    values = {s: 50, KV: 2, KC: 1, W0: 1, H0: HALF, P: HALF / 5}
+    unit = replace(x_module(s, W0, H0, P, (KC, KV)), parameters=values)
+    steps = {step.text: step.formulas for step in unit.argument()}
+    assert sp.Eq(KV, 2, evaluate=False) in steps["with the parameters"]
+    limits = [words for words in steps if words.startswith("For rigid members")]
+    assert limits == ["For rigid members, s without bound, it becomes"]
+    rigid = x_module(sp.oo, W0, H0, P, (KC, KV)).formula(STIFFNESS).whole
+    assert sp.simplify(steps[limits[0]][0].rhs - rigid) == 0
 
 
 def test_derivations_and_entries_of_the_ledger_are_printed_as_latex(capsys):

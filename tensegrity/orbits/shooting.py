@@ -234,7 +234,8 @@ class Shooting:
 
 
 def symmetries(scene: Scene, u: Array) -> Array:
-    """Rigid motions of a whole scene that change neither its contacts nor the energy of its loads.
+    """Rigid motions of a whole scene that change neither its contacts nor the energy of its loads;
+    with a pair law, uniform shifts of its free coordinates.
 
     Parameters
     ----------
@@ -249,13 +250,17 @@ def symmetries(scene: Scene, u: Array) -> Array:
     """
     dim, sites = scene.dim, scene.sites
     at = u.reshape(sites, dim) + getattr(scene, "positions", 0.0)
-    motions = rigid_motions(at) if sites > 1 else np.eye(dim)
+    free = getattr(dynamics(scene), "free", None)  # of a pair law
+    rigid = sites > 1 and free is None
+    motions = rigid_motions(at) if rigid else np.tile(np.eye(dim), (sites, 1))
     loads = np.broadcast_to(scene.loads, scene.shape).reshape(sites, dim)
     walls: Any = getattr(scene, "walls", ())
     touched = np.unique(getattr(scene, "wall_contacts", np.zeros((0, 2), int))[:, 1])
     normals = np.reshape([walls[wall].normal for wall in touched], (-1, dim))
     held = motions.reshape(sites, dim, -1)[list(scene.held)].reshape(-1, motions.shape[1])
     rows, turning = [held], motions.shape[1] - dim
+    if free is not None:
+        rows.append(np.eye(dim)[~free])
     for kept, pulled in ((normals, normals), (loads[loads.any(axis=1)], loads.sum(axis=0)[None])):
         rows.append(np.hstack([pulled, np.zeros((len(pulled), turning))]))
         if len(kept) and turning:  # vectors that a rotation must not turn

@@ -11,10 +11,12 @@ from dataclasses import replace
 from typing import Any
 
 from tensegrity.branches.problem import DerivedProblem, Problem
+from tensegrity.checked import checked
 from tensegrity.engine.law import to_casadi
+from tensegrity.errors import TensegrityError
 from tensegrity.once import once
 from tensegrity.prisms.closed import polygon
-from tensegrity.typing import Members
+from tensegrity.typing import Members, Sides
 from tensegrity.unit.forms import Mixed, changes, mixed_of
 from tensegrity.unit.member import Member
 from tensegrity.unit.unit import Unit
@@ -28,19 +30,70 @@ UNKNOWNS = ("half turn", "base tension", "bar tension", "rise")
 @once
 def unit(any_sides: bool) -> Unit:
     """The prism of base 1 and k_cross 1, its other numbers as symbols."""
-    from derivations import prism as derived
     from derivations.elastic import bar_compliance, base_compliance
 
-    of = polygon(any_sides)
-    stiffness = (1, 1 / base_compliance, 1 / bar_compliance)
+    return _unit(polygon(any_sides), 1, (1, 1 / base_compliance, 1 / bar_compliance))
+
+
+@checked
+def symbolic_unit(
+    sides: Sides, connectivity: int = 1, rigid_base: bool = False, rigid_bars: bool = False
+) -> Unit:
+    """A prism all of whose sizes are symbols, for its formulas.
+
+    Parameters
+    ----------
+    sides : int
+        Sides n of the polygons, at least 3.
+    connectivity : int, optional
+        Nodes from the upper end of a bar back to that of the cross string from the same lower
+        node; below n/2, beyond which are the mirror images.  At rest the twist is
+        pi/2 + connectivity pi/n.
+    rigid_base, rigid_bars : bool, optional
+        Whether base strings, or bars, are rigid; their spring constants are symbols otherwise.
+
+    Returns
+    -------
+    Unit
+        In l_0, h_0, p_0 and k_1, k_2, k_3 of cross strings, base strings and bars.  The angle
+        alpha = pi/n and its sine S are parameters, unless they are simple: for 3, 4 and 6 sides.
+
+    Raises
+    ------
+    TensegrityError
+        An argument is outside its bounds.
+    """
+    import sympy as sp
+
+    from derivations import prism as derived
+    from derivations.regular import Polygon, half_angle, half_sine
+
+    most = (sides - 1) // 2
+    if not 1 <= connectivity <= most:
+        raise TensegrityError(
+            f"connectivity {connectivity} of a prism with {sides} sides must be from 1 to {most}"
+        )
+    of = Polygon(sides)
+    values = {}
+    if not (of.sine**2).is_rational:
+        values = {half_angle: of.angle, half_sine: of.sine}
+        of = Polygon(sides, half_angle, half_sine)
+    base = sp.Symbol("l_0", positive=True)
+    k_base, k_bar = sp.oo if rigid_base else derived.k_base, sp.oo if rigid_bars else derived.k_bar
+    return _unit(of, base, (derived.k_cross, k_base, k_bar), connectivity, values)
+
+
+def _unit(of: Any, base: Any, stiffness: Any, connectivity: int = 1, values: Any = None) -> Unit:
+    from derivations import prism as derived
+
     cross, *others = (
         Member(one.length(of), k, one.count(of))
-        for one, k in zip(derived.MEMBERS, stiffness, strict=True)
+        for one, k in zip(derived.members(connectivity), stiffness, strict=True)
     )
-    rest = {derived.base: 1, derived.twist: of.reference_twist}
-    rest |= {derived.height: derived.reference_height}
-    return Unit([derived.base, derived.twist], derived.height, [cross, *others], rest=rest,
-                prestrain={cross: derived.prestrain})  # fmt: skip
+    twist = of.reference_twist + (connectivity - 1) * of.angle
+    rest = {derived.base: base, derived.twist: twist, derived.height: derived.reference_height}
+    return Unit([derived.base, derived.twist], derived.height, [cross, *others], parameters=values,
+                rest=rest, prestrain={cross: derived.prestrain})  # fmt: skip
 
 
 def numbers_of(any_sides: bool, stiff: tuple[bool, ...] = STIFF) -> Any:

@@ -20,6 +20,7 @@ from typing import Any
 
 from tensegrity.engine.law import to_casadi
 from tensegrity.once import once
+from tensegrity.readonly import as_fixed
 from tensegrity.unit import rest as at_rest
 from tensegrity.unit.rest import Described
 
@@ -411,8 +412,9 @@ def exact_numbers(unit: Described, taut: tuple[bool, ...] | None = None) -> list
     return [*constants, *rest.tensions, *ease, *active, *count]
 
 
+@once
 def numbers(unit: Described, taut: tuple[bool, ...] | None = None) -> Any:
-    """Parameters of `mixed`, as `exact_numbers`, (parameters,)."""
+    """Parameters of `mixed`, as `exact_numbers`, (parameters,), read-only."""
     import numpy as np
 
-    return np.array([float(x) for x in exact_numbers(unit, taut)])
+    return as_fixed(np.array([float(x) for x in exact_numbers(unit, taut)]))

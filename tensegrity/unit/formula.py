@@ -14,8 +14,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
+from string import ascii_lowercase
 from typing import Any
 
 from tensegrity import check
@@ -142,14 +143,14 @@ def _value(unit: Described, name: str) -> Any:
     return sp.Float(rest.tensions[k] if what == "tension" else rest.lengths[k] - strain, 17)
 
 
-def _shortened(form: Any) -> tuple[Any, dict[Any, Any]]:
+def _shortened(form: Any, letter: str = "a") -> tuple[Any, dict[Any, Any]]:
     """An expression and definitions of its parts, if it is long."""
     import sympy as sp
 
     if form.count_ops() <= LONGEST:
         return form, {}
     taken = {str(x) for x in form.free_symbols}
-    fresh = (x for x in sp.numbered_symbols("a_", start=1) if str(x) not in taken)
+    fresh = (x for x in sp.numbered_symbols(f"{letter}_", start=1) if str(x) not in taken)
     shared, (short,) = sp.cse([form], symbols=fresh)
     return short, dict(shared)
 
@@ -190,6 +191,7 @@ def argument(unit: Described) -> list[Any]:
         "The energy is": [(sp.Symbol("U"), sum(stored, energy))],
         "Without load the forces on the coordinates vanish,": [(x, 0) for x in forces],
         "at rest, where": [*unit.rest.items()],
+        "with the parameters": [*unit.parameters.items()],
         "The tensions of the self-stress are": _by_member(unit, tension, "tension"),
         "and the natural lengths": _by_member(unit, natural, "natural_length"),
     }
@@ -200,11 +202,35 @@ def argument(unit: Described) -> list[Any]:
         Step(words, *(sp.Eq(a, b, evaluate=False) for a, b in pairs))
         for words, pairs in given.items() if pairs
     ]  # fmt: skip
-    for k in dict.fromkeys(m.k for m in members if m.k.is_Symbol):
-        limit = sp.limit(made.whole, k, sp.oo) if not made.where else sp.oo
-        if limit.is_finite is not False:
-            steps.append(Step(f"For rigid members, {k} without bound, it becomes", limit))
+    for letter, soft in zip(ascii_lowercase[1:], _softnesses(unit), strict=False):
+        try:
+            form = _form(_rigid(unit, soft), STIFFNESS)
+        except (TensegrityError, TooLongError):  # without bound itself, or with no closed form
+            continue
+        short, where = _shortened(form, letter)
+        pairs = [(sp.Symbol("K"), short), *where.items()]
+        words = f"For rigid members, {' and '.join(map(str, soft))} without bound, it becomes"
+        steps.append(Step(words, *(sp.Eq(a, b, evaluate=False) for a, b in pairs)))
     return steps
+
+
+def _softnesses(unit: Described) -> list[tuple[Any, ...]]:
+    """Spring constants, each and all of them, whose members the self-stress finds a tension for
+    if they are rigid."""
+    free = [m for m in unit.members if m.natural is None and m not in unit.prestrain]
+    others = [unit.energy, *unit.rest.values(), *(m.k for m in unit.members if m not in free)]
+    bound = set().union(*(x.free_symbols for x in others))
+    each = [k for k in dict.fromkeys(m.k for m in free) if k.is_Symbol and k not in bound]
+    return [*((k,) for k in each), *[tuple(each)] * (len(each) > 1)]
+
+
+def _rigid(unit: Any, soft: Sequence[Any]) -> Any:
+    """The unit whose members of these spring constants are rigid."""
+    import sympy as sp
+
+    members = [replace(m, k=m.k.subs(dict.fromkeys(soft, sp.oo))) for m in unit.members]
+    known = {x: value for x, value in unit.parameters.items() if x not in soft}
+    return replace(unit, members=members, parameters=known)
 
 
 def _by_member(unit: Described, symbol: Any, what: str) -> list[tuple[Any, Any]]:

@@ -212,7 +212,7 @@ def unit_problem(
     UnitProblem
     """
     at_rest.check_inner(unit)
-    name, start = str(unit.control), float(at_rest.values(unit, [unit.control])[0])
+    name, start = str(unit.control), at_rest.coordinates(unit)[-1]
     lowest = 0.0 if start > 0 else -math.inf
     if min_height is not None:
         lowest = check.number("min_height", min_height, below=start)
@@ -298,8 +298,7 @@ def equations(unit: Described, reduced: bool = False) -> Problem:
     names = [f"change of {q[k]}" for k in of.free]
     names += [f"change of tension_{k}" for k, one in enumerate(of.stiff) if one]
     z = [*ca.vertsplit(of.z), of.h] if of.z.numel() else [of.h]
-    at = [float(x) for x in at_rest.values(unit, q)]
-    *inner, control = (x + of.changes[k] for k, x in enumerate(at))
+    *inner, control = (x + of.changes[k] for k, x in enumerate(at_rest.coordinates(unit)))
     columns = {str(unit.control): control, "load": of.loads}
     columns |= dict(zip(map(str, unit.inner), inner, strict=True)) | {"energy": of.energy}
     columns |= {f"tension_{k}": of.tensions[k] for k in range(len(unit.members))}
@@ -341,8 +340,7 @@ def _at(unit: Described, of: Mixed, expression: Any) -> Any:
     """An expression of the coordinates in CasADi."""
     from tensegrity.engine.law import to_casadi
 
-    at = [float(x) for x in at_rest.values(unit, unit.coordinates)]
-    values = [x + of.changes[k] for k, x in enumerate(at)]
+    values = [x + of.changes[k] for k, x in enumerate(at_rest.coordinates(unit))]
     numbers = {s: x for s, x in unit.parameters.items()}
     return to_casadi(expression.xreplace(numbers), unit.coordinates)(*values)
 
@@ -358,6 +356,7 @@ def _length(unit: Described) -> float:
     return max((abs(float(x)) for x in rest.lengths), default=0.0) or 1.0
 
 
+@once
 def _force(unit: Described) -> float:
     """A force by which members change their lengths to a large part."""
     rest = at_rest.at_rest(unit)
@@ -371,5 +370,5 @@ def _force(unit: Described) -> float:
 
 def _scale(unit: Described, k: int) -> float:
     """Typical size of the change of a coordinate."""
-    value = abs(float(at_rest.values(unit, [unit.coordinates[k]])[0]))
+    value = abs(at_rest.coordinates(unit)[k])
     return 1.0 if changes(unit).angles[k] else _power(value or _length(unit))

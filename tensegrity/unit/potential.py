@@ -60,7 +60,7 @@ class UnitPotential(CondensedPotential):
         at_rest.check_inner(unit)
         self._unit, self._preload, self.made_of = unit, preload, (given, preload, state)
         self._p, self._scale = numbers(unit), np.array(self._problem.scale)
-        start = float(at_rest.values(unit, [unit.control])[0])
+        start = at_rest.coordinates(unit)[-1]
         self._origin = self._described = f"{unit!r}.potential(preload={preload:g})"
         strings = [x for x in self._problem.events if x.startswith("string ")]
         name, (low, high) = f"change of {unit.control}", box_of(unit, reach=REACH)[-1]

@@ -70,6 +70,12 @@ def values(unit: Described, expressions: Sequence[Any]) -> list[Any]:
     return found
 
 
+@once
+def coordinates(unit: Described) -> tuple[float, ...]:
+    """The coordinates at rest, the controlled one last."""
+    return tuple(float(x) for x in values(unit, unit.coordinates))
+
+
 def as_rational(value: Any) -> Any:
     """A number of type mpf as the SymPy number that it is."""
     import sympy as sp
@@ -278,6 +284,7 @@ def condensed_stiffness(unit: Described) -> Any:
         return whole[at, at] - (column.T * mpmath.lu_solve(inner, column))[0]
 
 
+@once
 def check_inner(unit: Described) -> None:
     """Refuse a unit whose inner coordinates have a motion without stiffness at rest."""
     whole, at = hessian(unit), len(unit.inner)

@@ -37,7 +37,7 @@ SAME = 1e-7  # distance over the width of the box, below which states are one
 def equilibria(unit: Described, given: Mapping[Any, Any] | None) -> tuple[Event, ...]:
     """See `Unit.equilibria`."""
     low, high = np.array(box_of(unit, given or {})).T
-    start = np.array([float(x) for x in at_rest.values(unit, unit.coordinates)])
+    start = np.array(at_rest.coordinates(unit))
     dim, free, p = len(start), len(unit.inner), numbers(unit)
     width, of = high - low, functions(unit)
     size = dim + sum(is_stiff(unit))
@@ -132,7 +132,7 @@ def box_of(
     unknown = wanted.keys() - {str(q) for q in unit.coordinates}
     if unknown:
         raise TensegrityError(f"box: {check.shown(min(unknown))} is no coordinate of the unit")
-    start = [float(x) for x in at_rest.values(unit, unit.coordinates)]
+    start = at_rest.coordinates(unit)
     largest = max(map(abs, start)) or 1.0
     box = []
     for k, (q, at) in enumerate(zip(unit.coordinates, start, strict=True)):
