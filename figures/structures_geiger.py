@@ -124,7 +124,7 @@ def draw(figure, tables):
             if "post" in name:
                 shift = (14 if "crown" in name else -16, -4)
         words = f"{of['computed'][k]:.0f}"
-        plane.annotate(words, middle, shift, textcoords="offset points", ha="center", fontsize=9)
+        plane.annotate(words, middle, shift, textcoords="offset points", ha="center", fontsize=10)
     plane.set(
         aspect="equal",
         xlabel="distance from the axis [m]",
@@ -138,7 +138,7 @@ def draw(figure, tables):
     bars.plot(place, of["closed form"], "o", mfc="none", mec="C3", ms=9, mew=1.6,
               label="in closed form")  # fmt: skip
     bars.axhline(0, color="0.2", lw=0.8)
-    bars.set_xticks(place, [name.replace(" ", "\n") for name in of["group"]], fontsize=9)
+    bars.set_xticks(place, [name.replace(" ", "\n") for name in of["group"]], fontsize=10)
     bars.set(ylabel="force [kN], tension > 0")
     bars.legend(loc="upper left", frameon=False)
     off = np.abs(np.array(of["computed"]) - of["closed form"]).max() / PULL
