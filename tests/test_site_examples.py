@@ -117,6 +117,6 @@ def test_formulas_of_the_ledger_are_shown_as_they_were_derived():
     assert "<mi>sech</mi>" in formula("talk.sech2")
     assert "<math" in formula("talk.axial_stiffness")  # long: as printed, in agreement
     assert "<math" in formula("talk.H1_zero")  # a relation
-    for name in ("talk.no_such", "talk.mitigation"):
-        with pytest.raises(ValueError, match=f"'{name}' is no formula"):
-            formula(name)
+    for name, why in (("no_such", "neither a derivation nor a formula"), ("mitigation", "a claim")):
+        with pytest.raises(ValueError, match=f"'talk.{name}' is {why}"):
+            formula(f"talk.{name}")
