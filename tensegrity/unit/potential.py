@@ -7,7 +7,7 @@ of half their changes, so that the law is algebraic where lengths are.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -101,19 +101,11 @@ class UnitPotential(CondensedPotential):
         of = self.made_of[0].parameters
         return {str(x): float(value) for x, value in of.items()} | {"preload": self._preload}
 
-    def varied(self, values: Mapping[str, float]) -> Potential:
-        """The same unit with other values of its parameters, or of the preload."""
-        unit, preload, state = self.made_of
-        known = self.parameters
-        for name in check.kind("values", values, dict):
-            if name not in known:
-                raise TensegrityError(
-                    f"{name!r} is not an argument of {check.shown(self)} that may change: "
-                    f"{', '.join(known)}"
-                )
-        others = {x: values.get(str(x), value) for x, value in unit.parameters.items()}
-        load = values.get("preload", preload)
-        return replace(unit, parameters=others).potential(preload=load, at=state)
+    def _with(self, parameters: dict[str, float]) -> Potential:
+        unit, _, state = self.made_of
+        given = {x: parameters[str(x)] for x in unit.parameters}
+        others = {x: y if float(y) == given[x] else given[x] for x, y in unit.parameters.items()}
+        return replace(unit, parameters=others).potential(parameters["preload"], state)
 
     def _rates_by(self, name: str) -> tuple[Sequence[float], Array]:
         """By differences in multiple precision, about the same state."""
