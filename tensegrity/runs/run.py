@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING
 
@@ -59,6 +60,7 @@ def energy_density(run: Any, ax: Axes | None = None) -> Axes:
 
 
 SHOWN = 300  # most instants in the picture of a notebook
+AT_ONCE = 1_000_000  # most numbers in v of rows whose kinetic energies are computed at once
 
 
 def unchecked_replace(one: Frozen, **values: Any) -> Frozen:
@@ -157,19 +159,35 @@ class Run(Printed):
 
     @property
     def energy_error(self) -> float:
-        """Largest relative deviation of the total energy from its initial value.
+        """Largest deviation of the total energy from its initial value, relative to the initial
+        energy or to the largest kinetic energy of the recorded sites, whichever is larger.
 
         Where there are work and loss, the deviation of energy - work + loss, relative to the
-        largest of the three; absolute [J] where this scale is 0.
+        largest of the three and of the kinetic energy; absolute [J] where this scale is 0.  The
+        kinetic energy is the scale of motions whose energy is 0 at the start, such as a fall from
+        rest.  Of a file without its scene, whose masses are not known, it does not count.
         """
         if not len(self.energy):
             return 0.0
-        conserved, size = self.energy, abs(self.energy[0])
+        conserved, sizes = self.energy, [abs(self.energy[0]), self._largest_kinetic()]
         if self.work is not None and self.loss is not None:
             conserved = self.energy - self.work + self.loss
-            size = max(np.max(np.abs(x)) for x in (self.energy, self.work, self.loss))
-        deviation = np.max(np.abs(conserved - conserved[0]))
+            sizes += [np.max(np.abs(x)) for x in (self.energy, self.work, self.loss)]
+        deviation, size = np.max(np.abs(conserved - conserved[0])), max(sizes)
         return float(deviation / size) if size else float(deviation)
+
+    def _largest_kinetic(self) -> float:
+        """Largest kinetic energy of the recorded sites [J]; 0 without the scene."""
+        if isinstance(self.scene, archive.PrintedScene):
+            return 0.0
+        largest, sites = 0.0, list(self.sites)
+        some = max(1, AT_ONCE // max(1, math.prod(self.scene.shape)))
+        for k in range(0, len(self.v), some):
+            v = np.zeros((len(self.v[k : k + some]), *self.scene.shape))
+            v[:, sites] = self.v[k : k + some]
+            each = dynamics(self.scene).kinetic(v).reshape(len(v), -1).sum(axis=1)
+            largest = max(largest, float(each.max()))
+        return largest
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write the run to one .npz file, completely or not at all, without pickle.

@@ -201,7 +201,7 @@ def new_contact_law(contacts: str, law: Any, radius: Array | None) -> Any:
 
     Parameters
     ----------
-    contacts : {"fixed", "follow"}
+    contacts : {"fixed", "follow", "walls"}
     law : Potential or callable (site, other) -> Potential, or None
     radius : ndarray, (sites,), or None
         [m]; required for "follow".
@@ -209,19 +209,19 @@ def new_contact_law(contacts: str, law: Any, radius: Array | None) -> Any:
     Returns
     -------
     NewContactLaw or None
-        None for "fixed".
+        None unless they follow.
 
     Raises
     ------
     TensegrityError
-        Another word, "follow" without radius or law, or "fixed" with a law.
+        Another word, "follow" without radius or law, or another with a law.
     """
-    if not isinstance(contacts, str) or contacts not in ("fixed", "follow"):
-        raise TensegrityError(f"contacts {contacts!r} must be 'fixed' or 'follow'")
+    if not isinstance(contacts, str) or contacts not in ("fixed", "follow", "walls"):
+        raise TensegrityError(f"contacts {contacts!r} must be 'fixed', 'follow' or 'walls'")
     if contacts == "follow" and radius is None:
         raise TensegrityError("contacts 'follow' need the radius of the sites")
-    if contacts == "fixed" and law is not None:
-        raise TensegrityError("law given, but contacts are 'fixed'")
+    if contacts != "follow" and law is not None:
+        raise TensegrityError(f"law given, but contacts are {contacts!r}")
     return NewContactLaw(law) if contacts == "follow" else None
 
 

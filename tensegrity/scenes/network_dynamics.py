@@ -30,13 +30,15 @@ class NetworkDynamics(Dynamics):
     ----------
     law : NewContactLaw or None
         Force law of contacts that form during the run; None if the list of contacts is fixed.
+    walls_alone : bool
+        Whether sites press all walls, and never touch each other.
     """
 
     def __init__(self, scene: Any) -> None:
         super().__init__(scene)
         self.wall_count = len(scene.walls)
         self.spring_lengths = scene._lengths
-        self.law = scene._law
+        self.law, self.walls_alone = scene._law, scene._walls_alone
         self.follows = self.law is not None
         self._lists: tuple[Any, ...] = ()
 
