@@ -101,6 +101,8 @@ class Dynamics(Inertia):
         Whether bonds can rotate, so that their tension contributes to the transverse stiffness.
     follows : bool
         Whether contacts form and open during a run, so that only near ones are listed.
+    law : NewContactLaw or None
+        Force law of these.
     clearance : Clearance or None
         Detector of unlisted contacts.
     ranges : list of (ndarray, ndarray, float)
@@ -122,6 +124,7 @@ class Dynamics(Inertia):
     spring_lengths: Array | None = None
     turns: bool = False
     follows: bool = False
+    law: Any = None
     clearance: Any = None
 
     def __init__(self, scene: Any) -> None:
@@ -142,6 +145,11 @@ class Dynamics(Inertia):
                 self._surrogates.pop(next(iter(self._surrogates)), None)
             surrogate = self._surrogates[springs] = self.with_springs(springs)
         return surrogate
+
+    @property
+    def kinked(self) -> Any:
+        """What knows the kinks of the forces: the springs."""
+        return self.springs
 
     def with_springs(self, springs: Sequence[Potential]) -> Any:
         """The same scene with one new spring for each distinct spring in `springs`."""
@@ -165,17 +173,8 @@ class Dynamics(Inertia):
     ) -> Array:
         """Derivatives by what a scene is made of, from those by what its motion depends on.
 
-        Parameters
-        ----------
-        name : str
-            An argument, such as the diameters of beads.
-        by_mass : ndarray, (sites,)
-        by_spring : callable, name of a spring's parameter -> ndarray, (bonds,)
-        by_gap : ndarray, (bonds,), or None
-
-        Returns
-        -------
-        ndarray, (sites,)
+        Those by an argument such as the diameters of beads, (sites,), of derivatives by masses,
+        (sites,), by the named parameters of springs, and by gaps, (bonds,) or None.
         """
         return self.scene._by_argument(name, by_mass, by_spring, by_gap)
 
@@ -191,6 +190,12 @@ class Dynamics(Inertia):
         """Whether forces depend on time or velocity, or motion is prescribed."""
         scene = self.scene
         return bool(scene.drive or scene.damping or scene._forces or self.springs.changing)
+
+    @cached_property
+    def sums(self) -> dict[str, tuple[int, ...]]:
+        """The sums that a run takes, work and loss [J], and the shape of each; none unless forces
+        depend on time or velocity, or motion is prescribed."""
+        return dict.fromkeys(("work", "loss") * self.is_driven, self.batch)
 
     @cached_property
     def acting(self) -> Acting:

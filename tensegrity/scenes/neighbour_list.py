@@ -21,6 +21,7 @@ from tensegrity.scenes.clearance import Clearance, ClearanceMonitor
 from tensegrity.scenes.near_pairs import keys
 from tensegrity.scenes.network_input import contact_ends, contact_geometry
 from tensegrity.springs.potential import Potential
+from tensegrity.springs.power_law import PowerLaw
 from tensegrity.typing import Array
 
 SKIN = 0.25  # gap over the mean radius up to which pairs are listed
@@ -182,6 +183,7 @@ class NewContactLaw:
     """The spring of a contact that forms: a potential, or a function of the two partners."""
 
     given: Potential | Callable[..., Any]
+    has_kinks = jumps = True
 
     def __post_init__(self) -> None:
         if not (isinstance(self.given, Potential) or callable(self.given)):
@@ -194,6 +196,15 @@ class NewContactLaw:
         spring = self.given if isinstance(self.given, Potential) else self.given(site, other)
         check.kind(f"law of {site!r} and {other!r}", spring, Potential)
         return spring
+
+    def kinks_within(self, ranges: Array) -> list[tuple[Potential, Any]]:
+        """Pairs of a spring and a kink of its force, of contacts that open at any elongation."""
+        spring = self.given if isinstance(self.given, Potential) else PowerLaw(1.0, 1.0)
+        return [(spring, kink) for kink in spring.kinks]
+
+    def exponents_within(self, ranges: Array) -> set[float]:
+        """Exponents of these kinks."""
+        return {kink[2] for _, kink in self.kinks_within(ranges)}
 
 
 def new_contact_law(contacts: str, law: Any, radius: Array | None) -> Any:

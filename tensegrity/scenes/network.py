@@ -22,7 +22,7 @@ from tensegrity.scenes.clearance import Clearance
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.forcing import start_driven_sites
 from tensegrity.scenes.neighbour_list import NeighbourList, new_contact_law
-from tensegrity.scenes.network_dynamics import NetworkDynamics
+from tensegrity.scenes.network_dynamics import FollowingDynamics, NetworkDynamics
 from tensegrity.scenes.network_input import (
     checked_bonds,
     checked_wall_contacts,
@@ -236,6 +236,8 @@ class Network(Scene):
         return kind(self.positions, self.radius, self.bonds, self.walls, self.wall_contacts)
 
     def _dynamics(self) -> NetworkDynamics:
+        if self._law is not None:
+            return FollowingDynamics(self)
         return (PairDynamics if self._of_ends else NetworkDynamics)(self)
 
     @property
