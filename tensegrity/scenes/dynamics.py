@@ -245,18 +245,12 @@ class Dynamics(Inertia):
         return aligned_copy(u, odd), aligned_copy(v, odd)
 
     def bind(self, u: Array, v: Array, method: Method, dt: float) -> Any:
-        """The compiled loop that advances the `arrays` of a state in place.
-
-        Parameters
-        ----------
-        u, v, method, dt
-            As of `tensegrity.engine.kernel.bind`; `u` in m, `v` in m/s.
-
-        Returns
-        -------
-        Bound
-        """
+        """The compiled loop that advances the `arrays` of a state in place; see `kernel.bind`."""
         return kernel.bind(u, v, self.loop_bonds, method, dt)
+
+    def parts(self, method: Method) -> Sequence[Any]:
+        """The groups of scenes that run in one loop each; none of a single scene."""
+        return ()
 
     def listed(self, u: Array) -> Dynamics:
         """Dynamics with the contacts that can act near displacements u: all, for fixed bonds."""
@@ -436,6 +430,10 @@ class Dynamics(Inertia):
 
     def _where(self, bond: int) -> str:
         return f"between sites {bond} and {bond + 1}"
+
+    def where_fastest(self, ranges: Array) -> str:
+        """Name the scene of an ensemble with the largest bound on its frequency."""
+        return ""
 
     def where_stiffest(self, u: Array, ranges: Array) -> str:
         """Describe the bond with the largest elongation in magnitude."""
