@@ -15,7 +15,6 @@ from tensegrity.runs import archive
 from tensegrity.runs.record import require_all_sites
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.ensemble import Ensemble
-from tensegrity.scenes.network import Network
 from tensegrity.scenes.picture import Picture
 from tensegrity.scenes.scene import Scene, State, momenta, unchecked_state
 from tensegrity.unit_names import in_units, unit_text
@@ -39,7 +38,7 @@ def energy_density(run: Any, ax: Axes | None = None) -> Axes:
     require_all_sites(run, " to plot")
     drawn: Axes = plotting.axes(ax)
     density = scene.site_energy(run)
-    if isinstance(scene, Network):
+    if len(scene.shape) > 1:
         largest = density.max(axis=0, initial=0.0)
         style = plotting.logarithmic(largest)
         picture = Picture(scene, drawn, order=np.argsort(largest), facecolors=None, **style)
