@@ -168,15 +168,12 @@ class Dynamics(Inertia):
         returns derivatives."""
         return self.scene._arguments_of_sites
 
-    def by_argument(
-        self, name: str, by_mass: Array, by_spring: Callable[[str], Array], by_gap: Any
-    ) -> Array:
-        """Derivatives by what a scene is made of, from those by what its motion depends on.
-
-        Those by an argument such as the diameters of beads, (sites,), of derivatives by masses,
-        (sites,), by the named parameters of springs, and by gaps, (bonds,) or None.
-        """
-        return self.scene._by_argument(name, by_mass, by_spring, by_gap)
+    @property
+    def by_argument(self) -> Callable[..., Array]:
+        """Function of the name of such an argument, and of derivatives by masses, (sites,), by the
+        named parameters of springs, and by gaps, (bonds,) or None; returns those by the argument,
+        (sites,)."""
+        return self.scene._by_argument
 
     # the scene's data in the form of the compiled loop
 
@@ -245,7 +242,17 @@ class Dynamics(Inertia):
         return aligned_copy(u, odd), aligned_copy(v, odd)
 
     def bind(self, u: Array, v: Array, method: Method, dt: float) -> Any:
-        """The compiled loop that advances the `arrays` of a state in place; see `kernel.bind`."""
+        """The compiled loop that advances the `arrays` of a state in place.
+
+        Parameters
+        ----------
+        u, v, method, dt
+            As of `tensegrity.engine.kernel.bind`; `u` in m, `v` in m/s.
+
+        Returns
+        -------
+        Bound
+        """
         return kernel.bind(u, v, self.loop_bonds, method, dt)
 
     def parts(self, method: Method) -> Sequence[Any]:
@@ -272,8 +279,6 @@ class Dynamics(Inertia):
     def cost(self) -> int:
         """Cost of one evaluation of all forces, in bonds of a chain."""
         return len(self.scene.springs)
-
-    # functions of displacements
 
     def elongations(self, u: ArrayLike) -> Array:
         """Elongation of each bond and gap of each wall contact [m]; (..., springs), nan where u is
@@ -311,8 +316,6 @@ class Dynamics(Inertia):
     def energies_in_one_call(self) -> Energies | None:
         """Compiled energies of many states in one call; None if some law has no compiled form."""
         return self.springs.energies(self.scene.mass, self.contact_bonds.contacts)
-
-    # bounds
 
     @cached_property
     def is_loaded(self) -> bool:
