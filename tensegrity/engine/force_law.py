@@ -367,7 +367,7 @@ def largest_decay(
         for end in ends:
             free = end < sites
             np.add.at(total, end[free], rate[free] * len(ends))
-    weights = np.asarray(bonds.mobility)[:sites]
+    weights = np.asarray(bonds.mobility)[:sites].reshape(sites, -1).max(axis=1)
     frequency = np.sqrt(np.max(stiffness * weights, initial=0.0))
     return float(np.max(total * weights, initial=0.0) + frequency)
 
