@@ -119,7 +119,8 @@ def moving(where, n):
 
 
 @pytest.mark.parametrize(("where", "n"), [
-    pytest.param(where, n, marks=[pytest.mark.slow] * (where == PLANE and n in (1.5, 2.0, 3.0)))
+    pytest.param(where, n, marks=[pytest.mark.slow] * (where == PLANE and n in (1.5, 2.0, 3.0)
+                                                       or where == "space" and n in (1.0, 2.5)))
     for where in ("chain", PLANE, "space") for n in EXPONENTS
 ])  # fmt: skip
 def test_order_is_the_exponent_and_three_not_and_one(where, n):
