@@ -16,7 +16,7 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
-from tensegrity.notebook import page
+from tensegrity.printing import page
 from tensegrity.readonly import fixed
 from tensegrity.scenes.clearance import Clearance
 from tensegrity.scenes.dynamics import dynamics
