@@ -21,7 +21,7 @@ from tensegrity.springs.potential import Potential
 
 SMALLEST = 1e-100  # elongation above which a string has tension [m]
 UNBOUNDED = -math.inf, math.inf
-NUMBERS = ("buckling", "plateau", "natural", "length")  # parameters besides those of the tension
+NUMBERS = ("squeeze", "plateau", "natural", "length")  # parameters besides those of the tension
 
 
 @dataclass(frozen=True)
@@ -32,14 +32,15 @@ class MemberLaw:
     ----------
     of : Law or None
         Of the elongation from the natural length; None for tensions in proportion to it.
-    kinked : bool
-        Whether there is a kink: of strings at 0, of bars that buckle at -buckling/stiffness.
+    kink : {"", "slack", "buckling"}
+        What becomes of the member at elongation 0, or at minus `squeeze`: its load over k [m] or,
+        times the natural length, over EA.
     winds, keeps_EA : bool
         Whether the natural length changes, and whether EA [N] is given in place of k [N/m].
     """
 
     of: Any
-    kinked: bool
+    kink: str
     winds: bool
     keeps_EA: bool
     compiled = DERIVATIVES
@@ -59,7 +60,7 @@ class MemberLaw:
         from tensegrity.engine.law import to_casadi
 
         r, e = ca.SX.sym("r"), ca.SX.sym("e")
-        buckling, plateau, natural, length = more = [ca.SX.sym(name) for name in NUMBERS]
+        squeeze, plateau, natural, length = more = [ca.SX.sym(name) for name in NUMBERS]
         longer = r + (length - natural) if self.winds else r
         if self.of is None:
             own = ca.SX.sym("k")
@@ -68,31 +69,36 @@ class MemberLaw:
             stretched = to_casadi(energy, (member.stiffness, member.length))(k, e)
             tension = ca.gradient(stretched, e)
             forms = [stretched, tension, ca.gradient(tension, e), ca.SX(0)]
-            least = -buckling / k
+            least = -(natural * squeeze if self.keeps_EA else squeeze)
         else:
             e, own, forms = self.of.forms()
-            least, k = ca.SX(0), ca.SX(0)
-        if self.kinked:
-            forms = _beyond(forms, e, least, buckling, plateau * k, TAUT * length)
+        if self.kink == "slack":
+            forms = _slackening(forms, e, TAUT * length)
+        elif self.kink:
+            forms = _buckling(forms, e, least, plateau * k, TAUT * length)
         return r, ca.vertcat(own, *more), ca.substitute(list(forms), [e], [longer])
 
 
-def _beyond(forms: Any, e: Any, least: Any, load: Any, slope: Any, margin: Any) -> list[Any]:
-    """Forms with minus a load and a slope below a least elongation, from where on energies count;
-    stiffnesses count down to a margin below."""
+def _slackening(forms: Any, e: Any, margin: Any) -> list[Any]:
+    """Forms without tension below elongation 0, from where on energies count; stiffnesses go on
+    down to a margin below."""
     import casadi as ca
 
     energy, tension, *higher = forms
     (at_rest,) = ca.substitute([energy], [e], [ca.SX(0)])
-    (at_kink,) = ca.substitute([energy], [e], [ca.SX(least)])
-    past, above, taut = ca.fmin(e - least, 0), e - least > SMALLEST, e - least > -margin
-    below = at_kink - at_rest - load * past + slope * past**2 / 2
-    return [
-        ca.if_else(above, energy - at_rest, below),
-        ca.if_else(above, tension, slope * past - load),
-        ca.if_else(taut, higher[0], slope),
-        ca.if_else(taut, higher[1], 0),
-    ]
+    above, taut = e > SMALLEST, e > -margin
+    values = [ca.if_else(above, energy - at_rest, 0), ca.if_else(above, tension, 0)]
+    return [*values, *(ca.if_else(taut, form, 0) for form in higher)]
+
+
+def _buckling(forms: Any, e: Any, least: Any, slope: Any, margin: Any) -> list[Any]:
+    """Linear forms that go on with a slope below a least elongation; as `_slackening`."""
+    import casadi as ca
+
+    past, taut = ca.fmin(e - least, 0), e - least > -margin
+    energy, tension = ca.substitute(list(forms[:2]), [e], [e - past])
+    values = [energy + (tension + slope * past / 2) * past, tension + slope * past]
+    return [*values, ca.if_else(taut, forms[2], slope), ca.SX(0)]
 
 
 class MemberSpring(Potential):
@@ -129,16 +135,17 @@ class MemberSpring(Potential):
         law: Potential | None = None,
         member: str = "",
     ) -> None:
-        given = {"stiffness": stiffness, "length": length, "string": string, "keeps_EA": keeps_EA}
-        given |= {"buckling": buckling, "plateau": plateau, "law": law, "member": member}
+        given: dict[str, Any] = {"stiffness": stiffness, "length": length, "string": string}
+        given |= {"keeps_EA": keeps_EA, "buckling": buckling, "plateau": plateau}
+        given |= {"law": law, "member": member}
         self.given = {key: x for key, x in given.items() if x not in (False, None, "", 0.0)}
         self.tension_only, self._name, self._of = string, member, law
-        kinked = string or (buckling is not None and plateau < 1)
+        kink = "slack" if string else "" if buckling is None else "buckling"
         low, self._high = UNBOUNDED if law is None else law.domain
         self._low = -math.inf if string else low
         own = [stiffness] if law is None else law.values.tolist()
-        numbers = [0.0 if buckling is None else buckling, plateau, length, length]
-        form = MemberLaw(None if law is None else law.law, kinked, bool(member), keeps_EA)
+        numbers = [0.0 if buckling is None else buckling / stiffness, plateau, length, length]
+        form = MemberLaw(None if law is None else law.law, kink, bool(member), keeps_EA)
         ends = ("lowest", "highest") if law is None else law.ends
         self._set(form, [*own, *numbers], length, (self._low, self._high), ends)
         self._varied = ("natural",) if member else form.parameters[: len(own)]
@@ -147,12 +154,11 @@ class MemberSpring(Potential):
     @property
     def kinks(self) -> tuple[Kink, ...]:
         """See `Potential.kinks`."""
-        *own, buckling, plateau, natural, length = self.values.tolist()
+        *own, squeeze, plateau, natural, length = self.values.tolist()
         found: tuple[Kink, ...] = ()
-        if self._of is None and self.law.kinked:
-            k = own[0] / natural if self.law.keeps_EA else own[0]
-            side = 1.0 if self.tension_only else -1.0
-            found = ((-buckling / k, (1 - plateau) * k, 1.0, side),)
+        if self._of is None and self.law.kink:
+            size, side = natural if self.law.keeps_EA else 1.0, 1.0 if self.tension_only else -1.0
+            found = ((-squeeze * size, (1 - plateau) * own[0] / size, 1.0, side),)
         elif self._of is not None:
             if self.tension_only:
                 inside = min(TAUT * length, self._high / 2)
@@ -206,7 +212,20 @@ def network(structure: Any, natural_lengths: Any, **given: Any) -> Network:
 
 
 def spring_of(structure: Any, member: int, winds: bool = False) -> Potential:
-    """The spring of a member of a structure, by its number, whose natural length may change."""
+    """The spring of a member of a structure.
+
+    Parameters
+    ----------
+    structure : Structure
+    member : int
+        Its number.
+    winds : bool, optional
+        Whether its natural length may change.
+
+    Returns
+    -------
+    Potential
+    """
     natural, string = float(structure.natural_lengths[member]), bool(structure.is_string[member])
     length = natural if winds else float(f"{natural:.3g}")  # equal springs up to round-off
     law, keeps = structure.law.get(member), winds and bool(structure.keeps_EA[member])
