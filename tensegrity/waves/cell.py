@@ -33,7 +33,7 @@ BINADES = 300  # powers of 2 between which that scale is sought [m]
 SLOWEST, FASTEST, RATES = 1e-2, 60.0, 4000  # decay of a tail: over that of long waves; per site
 FINE = 0.01  # steps of wave numbers between which a branch meets c k once
 HIGHER = 1.01  # than frequencies at some wave numbers, the largest of all
-STEP = 1e-30  # of a wave number, imaginary, for a derivative by it
+STEP = 1e-5  # of a wave number, for a derivative by it: an error of 1e-11
 BOXES, APART = 12, 0.02  # half-lengths tried; distance of other poles from wave numbers of the grid
 WIDE = np.clongdouble
 
@@ -246,8 +246,8 @@ class Cell:
         one = np.array([k])
         vectors = np.linalg.eigh(self._elastic(one))[1][0]
         mode = vectors[:, branch]
-        turned = self._elastic(one + 1j * STEP)[0]
-        bend = float((mode.conj() @ turned @ mode).imag / STEP)
+        ends = self._elastic(k + STEP * np.array([1.0, -1.0]))
+        bend = float((mode.conj() @ (ends[0] - ends[1]) @ mode).real / (2 * STEP))
         shape = mode / np.sqrt(self.inertia)
         basis = np.linalg.inv(self.base) @ shape
         basis[: self.translations] *= 1j * k
