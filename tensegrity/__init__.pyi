@@ -76,6 +76,7 @@ from .waves.transition import transition_wave
 
 __all__ = [
     "METHODS",
+    "CellWave",
     "Chain",
     "CompilerError",
     "ContactError",
@@ -130,6 +131,7 @@ __all__ = [
     "first_peak",
     "fit",
     "floquet",
+    "genuine",
     "gradient",
     "held",
     "interface",

@@ -16,7 +16,6 @@ from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.printing import Lines, Printed
 from tensegrity.root import root
-from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.scene import State
 from tensegrity.typing import Array
 from tensegrity.waves.by_target import stiffness_above
@@ -266,9 +265,7 @@ def cell_wave(springs: Any, mass: Any, inner: Any, name: str, value: float) -> C
     )  # fmt: skip
 
 
-def genuine(
-    make: Callable[[float], CellWave], low: float, high: float, count: int = 5
-) -> Array:
+def genuine(make: Callable[[float], CellWave], low: float, high: float, count: int = 5) -> Array:
     """Parameters at which the tail of a wave vanishes.
 
     Parameters

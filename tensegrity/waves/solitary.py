@@ -23,10 +23,10 @@ from tensegrity.printing import Lines, Printed, drawn
 from tensegrity.root import root
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.network import Network
-from tensegrity.scenes.scene import SMALLEST_MASS, State
+from tensegrity.scenes.scene import State
 from tensegrity.springs.pair_law import PairLaw
 from tensegrity.springs.potential import Potential
-from tensegrity.typing import Array, Fraction, Mass
+from tensegrity.typing import Array, Fraction
 from tensegrity.unit_names import in_units
 from tensegrity.waves.by_target import by_speed, near, sign_and_number, stiffness_above
 from tensegrity.waves.cell_wave import cell_wave
@@ -385,7 +385,7 @@ def solitary_wave(
         return _of_line(potential, mass, family, name, value)
     if inner or np.ndim(mass) or isinstance(potential, (list, tuple)):
         return cell_wave(potential, mass, inner, name, value)
-    mass = check.number("mass", mass, least=SMALLEST_MASS, unit="kg")
+    mass = check.number("mass", mass, above=0, unit="kg")
     check.kind("potential", potential, Potential)
     if isinstance(potential, PairLaw):
         raise TensegrityError(
