@@ -68,7 +68,7 @@ from .structures.supports import held, plates
 from .unit.member import Member
 from .unit.unit import Unit
 from .waves.asymptotics import sech2, tent
-from .waves.cell_wave import CellWave, genuine
+from .waves.cell_wave import genuine
 from .waves.prediction import predict
 from .waves.solitary import SolitaryWave, solitary_wave
 from .waves.spectrum import dispersion, modes
@@ -76,7 +76,6 @@ from .waves.transition import transition_wave
 
 __all__ = [
     "METHODS",
-    "CellWave",
     "Chain",
     "CompilerError",
     "ContactError",

@@ -166,14 +166,14 @@ class Cell:
 
     def _on(self, grid: Any, nu: float) -> tuple[Any, list[Any]]:
         key = grid, nu
-        if key not in self._kept:
-            if len(self._kept) > 3:
-                self._kept.clear()
-            self._kept[key] = self.symbol(grid.wave_numbers, nu), []
-        return self._kept[key]
+        if key not in self._symbols:
+            if len(self._symbols) > 3:
+                self._symbols.clear()
+            self._symbols[key] = self.symbol(grid.wave_numbers, nu), []
+        return self._symbols[key]
 
     @cached_property
-    def _kept(self) -> dict[Any, tuple[Any, list[Any]]]:
+    def _symbols(self) -> dict[Any, tuple[Any, list[Any]]]:
         return {}
 
     @cached_property

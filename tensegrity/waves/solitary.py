@@ -382,7 +382,8 @@ def solitary_wave(
         )
     ((name, value),) = targets.items()
     if isinstance(potential, Network):
-        return _of_line(potential, mass, family, name, value)
+        fields = line_wave(potential, mass, family, name, value)
+        return SolitaryWave(**fields)
     if inner or np.ndim(mass) or isinstance(potential, (list, tuple)):
         return cell_wave(potential, mass, inner, name, value)
     mass = check.number("mass", mass, above=0, unit="kg")
@@ -418,16 +419,6 @@ def solitary_wave(
             raise
         solution = multidomain_wave(side, name, value)
     return _wave(side, mass, sound, *solution)
-
-
-def _of_line(line, mass, family, name, value):
-    """The wave of a line of units with a given speed."""
-    if mass != 1.0 or name in ("amplitude", "energy"):
-        raise TensegrityError(
-            f"{name if mass == 1.0 else 'mass'} given: a wave of a line of units is given by its "
-            "speed, speed_ratio or excess alone"
-        )
-    return SolitaryWave(**line_wave(unit_of(line), family, name, value))
 
 
 def _characteristics(profile, residual):
