@@ -1,6 +1,7 @@
 """Where no orbit is, or another one than was sought: what is said, and what is found."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from tensegrity import (
     Drive,
     Network,
     PowerLaw,
+    ResolutionError,
     State,
     TensegrityError,
     floquet,
@@ -116,3 +118,11 @@ def test_a_path_that_has_no_end_or_no_period_there_is_refused(until, words):
     chain = Chain(PRISM, 2, ends=ends, damping=damping, drive={1: shaker})
     with pytest.raises(TensegrityError, match=words):
         orbit_path(periodic_orbit(chain, chain.at_rest()), by="W", until=until)
+
+
+def test_multipliers_of_a_state_that_does_not_return_are_refused():
+    orbit = breather(20, 1.05)
+    assert floquet(orbit).neutral.size
+    off = replace(orbit, state=State(1.01 * orbit.state.u, orbit.state.v))
+    with pytest.raises(ResolutionError, match=r"neutral multipliers .* from 1 with \d+ steps"):
+        floquet(off)

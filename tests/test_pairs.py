@@ -6,11 +6,13 @@ import mpmath
 import numpy as np
 import pytest
 import sympy as sp
+from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from tensegrity import (
     Chain,
     Damping,
+    Force,
     Member,
     Network,
     PairLattice,
@@ -335,6 +337,53 @@ def test_parameters_have_derivatives_of_a_displacement_alone():
     assert found(KS).by("Ks").sum() == pytest.approx(slope, rel=1e-7)
 
 
+def lossy(loss=0.1, pull=0.02, ks=KS, masses=(1.0, INERTIA)):
+    """A row whose units turn against friction and a load, and move against dashpots."""
+    c, load, t, v = sp.symbols("c load t v_y")
+    turn = Force(
+        (0, load * sp.sin(2 * t) - c * v * (1 + v**2)), parameters={"c": 0.01, "load": pull}
+    )
+    damping = Damping(ground=loss)
+    return Chain(rotating(ks=ks), 6, mass=masses, forces=[turn], damping=damping)
+
+
+def test_forces_and_dashpots_of_sites_act_on_each_of_their_coordinates():
+    row, inertia = lossy(), np.array([1.0, INERTIA])
+    start = row.at_rest({0: (0.1, 0.0), 3: (0.0, 0.2)})
+
+    def rates(t, state):
+        place, speed = state[:-1].reshape(2, 6, 2)
+        force = row.forces(place) - 0.1 * speed
+        turn = speed[:, 1]
+        of_turn = 0.02 * math.sin(2 * t) - 0.01 * turn * (1 + turn**2)
+        force[:, 1] += of_turn
+        lost = 0.1 * np.sum(speed**2) - of_turn @ turn
+        return [*speed.ravel(), *(force / inertia).ravel(), lost]
+
+    begin = np.array([*start.u.ravel(), *start.v.ravel(), 0.0])
+    exact = solve_ivp(rates, (0, 8), begin, "DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
+    for tol in (1e-4, 1e-8):
+        run = simulate(row, start, 8.0, tol=tol)
+        assert np.abs([*run.final.u.ravel(), *run.final.v.ravel()] - exact[:-1]).max() < tol
+    assert run.energy_error < 1e-8
+    assert run.loss[-1] == pytest.approx(exact[-1], rel=1e-8)
+
+    def found(**changed):
+        return gradient(objective.displacement(5, 1), lossy(**changed), start, 8.0, dt=0.05)
+
+    here, step, masses = found(), 1e-5, np.tile(inertia, (6, 1))
+    for name, value, slope in (
+        ("ks", KS, here.by("Ks").sum()),
+        ("pull", 0.02, here.by("load").sum()),
+        ("loss", 0.1, here.by("ground").sum()),
+    ):
+        up, down = (found(**{name: value + x}).value for x in (step, -step))
+        assert slope == pytest.approx((up - down) / (2 * step), rel=1e-6)
+    one = step * np.eye(12)[7].reshape(6, 2)
+    up, down = (found(masses=masses + x).value for x in (one, -one))
+    assert here.mass[3, 1] == pytest.approx((up - down) / (2 * step), rel=1e-6)
+
+
 def wrong():
     k = sp.Symbol("k")
     spring = (U - u) ** 2 / 2 + (A - a) ** 2 / 2
@@ -357,7 +406,11 @@ def wrong():
     yield "rest 3 must be a dict", lambda: PairLaw(spring, FIRST, SECOND, rest=3)
     yield "inertias of one site", lambda: Chain(pair, 5, mass=np.ones((5, 3)))
     yield "mass 0 of coordinate 1 of site 0", lambda: Chain(pair, 5, mass=(1.0, 0.0))
-    yield "damping must not be given", lambda: Chain(pair, 5, damping=Damping(bond=0.1))
+    yield "dashpots in bonds must not", lambda: Chain(pair, 5, damping=Damping(bond=0.1))
+    yield (
+        "a force on bonds must not",
+        lambda: Chain(pair, 5, forces=[Force(sp.Symbol("rate"), "bonds")]),
+    )
     yield "must be two of", lambda: Chain(pair, 5, ends=("free", "loose"))
     yield (
         "no coordinate of the pair law .a. is free",

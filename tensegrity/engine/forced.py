@@ -128,15 +128,16 @@ def pull_back(
     by_weight : ndarray, (objectives, more than sites, dim)
         Of the forces alone.
     """
-    dim, weight = max(bonds.dim, 1), np.zeros(slopes.shape[2])
-    weight[: len(bonds.inverse_mass)] = bonds.inverse_mass
+    dim, given = max(bonds.dim, 1), bonds.inverse_mass
+    weight = np.zeros(slopes.shape[2:])
+    weight[: len(given)] = given.reshape(len(given), -1)
     by_parameters, by_gap, by_weight = [], [], np.zeros(slopes.shape[1:])
     for one in applied:
         ends, values = _evaluated(one, "values", bonds, t, u, v)
         by, pull = _evaluated(one, "slopes", bonds, t, u, v)[1][:, :, 2 * dim :], 0.0
         for end, sign in zip(ends, (1.0, -1.0), strict=True):
             of_end = sign * slopes[:, :, end]
-            pull = pull + weight[end, None] * of_end
+            pull = pull + weight[end] * of_end
             parts = np.einsum("topi,tpi->opi", of_end, values[:, :, 0])
             np.add.at(by_weight.swapaxes(0, 1), end, parts.swapaxes(0, 1))
         products = np.einsum("topi,tpki->okp", pull, by)

@@ -40,6 +40,7 @@ from tensegrity.waves.transition import TransitionWave
 FIRST, MOST = 4, 2048  # steps per site passed
 ORDER, MARGIN = 3, 1.2  # of the double multiplier 1, split by the root of the error; of steps
 CLOSED = 1e-6  # largest distance of the neutral multipliers from 1
+RETURNED = 1e-5  # the same of an orbit, whose steps are given
 AGREE = 1e-7  # difference of equal multipliers in two windows
 TAIL, FRONT_TAIL = 1e-12, 1e-9  # fraction of the peak or step outside of the window
 SHORTER = 0.08  # part of the sites by which the second window is shorter at each end
@@ -97,8 +98,8 @@ def floquet(of: SolitaryWave | TransitionWave | Orbit) -> Floquet:
     TensegrityError
         Not a wave or an orbit, a wave of several components, or one too wide for a window.
     ResolutionError
-        The neutral multipliers deviate from 1 by more than 1e-6 with the smallest steps, or an
-        unstable multiplier depends on the window.
+        The neutral multipliers deviate from 1 by more than 1e-6 with the smallest steps, or by more
+        than 1e-5 for an orbit, or an unstable multiplier depends on the window.
 
     Examples
     --------
@@ -168,7 +169,14 @@ def _of_orbit(orbit: Orbit) -> Floquet:
     """The multipliers of one period, without those of the neutral motions."""
     of = family_of(orbit)
     of.flow.steps = orbit.steps
-    return _verdict(*of.multipliers(of.guess), 1 / orbit.period)
+    others, neutral = of.multipliers(of.guess)
+    off = float(np.abs(neutral - 1).max(initial=0.0))
+    if not off <= RETURNED:
+        raise ResolutionError(
+            f"the neutral multipliers of the orbit are {off:.1e} from 1 with {orbit.steps} steps a "
+            f"period, must be within {RETURNED:g}: its state does not return to itself"
+        )
+    return _verdict(others, neutral, 1 / orbit.period)
 
 
 def _window_of_bonds(front: TransitionWave, half: int) -> tuple[Array, Array, Array, Array]:

@@ -104,7 +104,8 @@ def refuse_beside_pair_laws(of: Any) -> None:
     """Refuse arguments that exclude pair laws, of the dynamics of a network."""
     scene = of.scene
     others = {"walls": len(scene.walls), "radius": scene.radius is not None}
-    others |= {"damping": scene.damping, "forces": scene._forces}
+    others |= {"dashpots in bonds": scene.damping is not None and scene.damping.bond.any()}
+    others |= {f"a force on {force.on}": force.on != "sites" for force in scene._forces}
     others |= {"bond_mass": scene.bond_mass is not None}
     others |= {"springs that change": of.springs.changing}
     for name in (name for name, given in others.items() if given):
