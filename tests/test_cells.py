@@ -35,7 +35,7 @@ def test_least_tails_of_dimers(light, k, least, phase):
     square = 1 + 1 / light + np.sqrt((1 + 1 / light) ** 2 - 4 / light * np.sin(own / 2) ** 2)
     assert np.sqrt(square) == pytest.approx(wave.speed / 2 * own, rel=1e-13)
     assert wave.tail * abs(wave.amplitude) == pytest.approx(least, rel=1e-4)
-    assert wave.tail_phase == pytest.approx(phase, abs=1e-4)
+    assert wave.tail_phase == pytest.approx(phase, abs=2e-4)  # given to 3 or 5 decimals
 
 
 @pytest.mark.parametrize(
