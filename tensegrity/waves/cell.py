@@ -242,7 +242,18 @@ class Cell:
 
     def resonant(self, k: float, branch: int, nu: float) -> tuple[Any, Any, float, float]:
         """A linear wave at a resonance: coordinates with the inertia 1, rows, the slope of
-        D - and of w^2 - between them."""
+        D - and of w^2 - between them.
+
+        Parameters
+        ----------
+        k, branch : float, int
+            Of the resonance.
+        nu : float
+
+        Returns
+        -------
+        tuple
+        """
         one = np.array([k])
         vectors = np.linalg.eigh(self._elastic(one))[1][0]
         mode = vectors[:, branch]
@@ -257,6 +268,14 @@ class Cell:
     def boxed(self, length: float, nu: float, part: float = 0.5) -> float:
         """A half-length of at least `length` for which the pole at the longest resonance lies at
         this part of a distance between wave numbers, and others not close to one.
+
+        Parameters
+        ----------
+        length, nu, part : float
+
+        Returns
+        -------
+        float
 
         Raises
         ------

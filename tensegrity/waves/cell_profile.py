@@ -124,7 +124,18 @@ class Train:
 
 
 def train(profile: CellProfile, k: float, branch: int) -> Train:
-    """The tail at a resonance, by its residue."""
+    """The tail at a resonance, by its residue.
+
+    Parameters
+    ----------
+    profile : CellProfile
+    k, branch : float, int
+        Of the resonance.
+
+    Returns
+    -------
+    Train
+    """
     law, grid = profile.law, profile.grid
     shape, rows, slope, _ = law.resonant(k, branch, profile.nu)
     if k > RESOLVED * grid.wave_numbers[-1]:
@@ -179,6 +190,11 @@ def wave_at(law: Any, nu: float, near: CellProfile | None = None) -> tuple[CellP
     near : CellProfile, optional
         A wave from which Newton's method converges.
 
+    Returns
+    -------
+    profile : CellProfile
+    residual : float
+
     Raises
     ------
     NoWaveError
@@ -200,7 +216,19 @@ def wave_at(law: Any, nu: float, near: CellProfile | None = None) -> tuple[CellP
 
 
 def from_sound(law: Any, goal: float, kind: Any) -> Any:
-    """The wave with nu = goal, by way of others nearer to sound."""
+    """The wave with nu = goal, by way of others nearer to sound.
+
+    Parameters
+    ----------
+    law : Cell
+    goal : float
+    kind : type
+        Of the profile.
+
+    Returns
+    -------
+    Profile
+    """
     sign = math.copysign(1.0, goal)
     profile = near_sound(law, sign * min(abs(goal), LONG), kind)
     factor, power = FASTER, 1.0
@@ -238,7 +266,17 @@ def _coarse(law: Any, nu: float) -> Grid:
 
 def near_sound(law: Any, nu: float, kind: Any) -> Any:
     """A wave that starts from the profile of Korteweg and de Vries, at nu or the nearest speed to
-    sound at which that is close enough."""
+    sound at which that is close enough.
+
+    Parameters
+    ----------
+    law, nu, kind
+        As of `from_sound`.
+
+    Returns
+    -------
+    Profile
+    """
     law.reference = 3 * law.secant * nu / law.curvature
     grid = _coarse(law, nu)
     rho = 1 / np.cosh(np.minimum(math.sqrt(nu / law.spread) / 2 * grid.x, 300)) ** 2
