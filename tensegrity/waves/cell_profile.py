@@ -228,6 +228,11 @@ def from_sound(law: Any, goal: float, kind: Any) -> Any:
     Returns
     -------
     Profile
+
+    Raises
+    ------
+    NoWaveError
+        None is found.
     """
     sign = math.copysign(1.0, goal)
     profile = near_sound(law, sign * min(abs(goal), LONG), kind)
@@ -276,6 +281,11 @@ def near_sound(law: Any, nu: float, kind: Any) -> Any:
     Returns
     -------
     Profile
+
+    Raises
+    ------
+    NoWaveError
+        None is found.
     """
     law.reference = 3 * law.secant * nu / law.curvature
     grid = _coarse(law, nu)
