@@ -68,6 +68,7 @@ from .structures.supports import held, plates
 from .unit.member import Member
 from .unit.unit import Unit
 from .waves.asymptotics import sech2, tent
+from .waves.cell_wave import genuine
 from .waves.prediction import predict
 from .waves.solitary import SolitaryWave, solitary_wave
 from .waves.spectrum import dispersion, modes
@@ -129,6 +130,7 @@ __all__ = [
     "first_peak",
     "fit",
     "floquet",
+    "genuine",
     "gradient",
     "held",
     "interface",
