@@ -47,6 +47,7 @@ from .prisms.fit import fit
 from .prisms.measured import read_curve
 from .prisms.path import equilibrium_path, equilibrium_paths
 from .prisms.prism import Prism
+from .proofs.prove import prove, verify
 from .runs.integrate import resume, simulate
 from .runs.record import Record
 from .runs.run import Run

@@ -1,0 +1,1 @@
+"""Theorems about folds and waves, in ball arithmetic."""
