@@ -67,7 +67,7 @@ def shown(run: Any) -> Shown:
     u, v = run.u[rows], run.v[rows]
     speed = np.abs(v) if v.ndim == 2 else np.linalg.norm(v, axis=-1)
     data = {"t": run.t[rows].tolist(), "shade": _packed(speed / (speed.max() or 1.0))}
-    if not isinstance(scene, Chain):
+    if u.ndim > 2:
         places = scene.positions + u
         return Shown(data | drawing(scene, places) | {"places": _packed(places)})
     springs = [scene.springs[k].at(0.0) for k in range(scene.sites - 1)]
