@@ -144,6 +144,7 @@ __all__ = [
     "phase_shift",
     "plates",
     "predict",
+    "prove",
     "pulses",
     "read_curve",
     "resume",
@@ -159,6 +160,7 @@ __all__ = [
     "transition_wave",
     "transmission",
     "units",
+    "verify",
     "wall_gaps",
     "width",
 ]

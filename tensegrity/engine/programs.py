@@ -16,7 +16,12 @@ from tensegrity.once import once
 
 SUMS = {"Add": operator.add, "Mul": operator.mul}
 FUNCTIONS = ("sqrt", "sin", "cos", "tan", "asin", "acos", "atan", "exp", "log")
-CHOICES = {"Max": "maximum", "Min": "minimum", "Abs": "absolute", "Heaviside": "heaviside"}  # NumPy's
+CHOICES = {
+    "Max": "maximum",
+    "Min": "minimum",
+    "Abs": "absolute",
+    "Heaviside": "heaviside",
+}  # NumPy's
 CONSTANTS = {"Pi": "pi"}
 
 

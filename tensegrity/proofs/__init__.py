@@ -1,1 +1,1 @@
-"""Theorems about folds and waves, in ball arithmetic."""
+"""Theorems about folds and travelling waves, proved in ball arithmetic: `prove`, `verify`."""

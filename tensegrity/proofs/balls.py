@@ -95,7 +95,9 @@ class Balls:
     def raised(self, x: Any, power: Any) -> Any:
         if isinstance(power, int):
             return self._ball(x) ** power
-        return self._cut("pow", x, power) if isinstance(x, self._flint.acb) else self._ball(x) ** power
+        return (
+            self._cut("pow", x, power) if isinstance(x, self._flint.acb) else self._ball(x) ** power
+        )
 
     def exp(self, x: Any) -> Any:
         return self._ball(x).exp()
@@ -120,9 +122,9 @@ class Balls:
 
     def _inside(self, name: str, x: Any, across: Any, along: Any) -> Any:
         """A function with branch cuts beyond -1 and 1 along an axis."""
-        if isinstance(x, self._flint.acb):
-            if not (abs(along(x)) < 1 or not across(x).contains(0)):
-                return x * math.nan
+        of_box = isinstance(x, self._flint.acb)
+        if of_box and not (abs(along(x)) < 1 or not across(x).contains(0)):
+            return x * math.nan
         return getattr(self._ball(x), name)()
 
     def _sign(self, x: Any) -> int:
@@ -211,7 +213,7 @@ class BallSpring:
             prism, preload = made
             numbers = prism.base, prism.height, prism.prestrain, prism.k_cross, prism.sides
             given = (*numbers, potential.length, preload)
-            return cls.of_prism([str(fraction(x, read)) for x in given])
+            return cls.of_prism([str(fraction(x, read)) for x in map(float, given)])
         texts = [str(fraction(x, read)) for x in potential.values.tolist()]
         return cls.of_program(_energy(law), texts)
 
@@ -228,8 +230,11 @@ class BallSpring:
 
         *of, sides, height, preload = texts
         exact = [ball(x) for x in of]
-        prism = Prism(*(float(Fraction(x)) for x in of), sides=int(sides))
-        values, _ = rigid_parameters(exact_prism(prism, exact), ball(height), ball(preload), Balls())
+        base, h, prestrain, k_cross = (float(Fraction(x)) for x in of)
+        prism = Prism(base, h, prestrain, k_cross, sides=int(sides))
+        values, _ = rigid_parameters(
+            exact_prism(prism, exact), ball(height), ball(preload), Balls()
+        )
         law = rigid_law(prism.sides != 3)
         return cls(_energy(law), tuple(values[str(x)] for x in law.parameters), {"prism": texts})
 
@@ -289,7 +294,9 @@ class BallSpring:
                     size = abs(value) if value.is_finite() else None
                     if size is None:
                         h = half / 2
-                        open_ += [(x + a, y + b, h) for a in (-h, h) for b in (-h, h) if y + b + h > 0]
+                        open_ += [
+                            (x + a, y + b, h) for a in (-h, h) for b in (-h, h) if y + b + h > 0
+                        ]
                     else:
                         greatest = greatest.max(arb(size.abs_upper()))
                 boxes, halvings = open_, halvings + 1

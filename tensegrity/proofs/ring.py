@@ -51,7 +51,17 @@ class Even:
         return [*found, *[flint().arb(0)] * (count - len(found))]
 
     def times(self, other: Even, count: int) -> Even:
-        """The product, of at most so many modes."""
+        """The product, of at most so many modes.
+
+        Parameters
+        ----------
+        other : Even
+        count : int
+
+        Returns
+        -------
+        Even
+        """
         of, middle, both = flint().arb_poly, 0, []
         for x in (self.modes.coeffs(), other.modes.coeffs()):
             both.append(of([*x[:0:-1], *x]))
@@ -92,13 +102,22 @@ class Taylor:
 
     def derivative(self, order: int) -> list[Any]:
         """Coefficients of a derivative."""
-        return [
-            x * math.perm(j, order) for j, x in enumerate(self.coefficients) if j >= order
-        ]
+        return [x * math.perm(j, order) for j, x in enumerate(self.coefficients) if j >= order]
 
     def rest(self, order: int, norm: Any) -> Any:
-        """A bound on the other coefficients of a derivative times powers of a norm; inf beyond the
-        disc."""
+        """A bound on the other coefficients of a derivative times powers of a norm.
+
+        Parameters
+        ----------
+        order : int
+        norm : arb
+            [m]
+
+        Returns
+        -------
+        arb
+            inf beyond the disc.
+        """
         if not norm < self.radius:
             return flint().arb("inf")
         with precision(flint().ctx.prec, order + 1):
@@ -108,7 +127,20 @@ class Taylor:
         return flint().arb(found.abs_upper())
 
     def of(self, order: int, series: Even, count: int) -> Even:
-        """A derivative of the energy, of a series, as one of at most so many modes."""
+        """A derivative of the energy, of a series, as one of at most so many modes.
+
+        Parameters
+        ----------
+        order : int
+            1 for the tension.
+        series : Even
+            Elongations [m].
+        count : int
+
+        Returns
+        -------
+        Even
+        """
         terms, of = self.derivative(order), flint().arb_poly
         block = math.isqrt(len(terms)) + 1  # Paterson and Stockmeyer's order of products
         powers = [Even(of([1]), flint().arb(0)), series]
@@ -124,7 +156,18 @@ class Taylor:
         return total
 
     def bound(self, order: int, norm: Any) -> Any:
-        """A bound on the norm of a derivative of series of a given norm."""
+        """A bound on the norm of a derivative of series of a given norm.
+
+        Parameters
+        ----------
+        order : int
+        norm : arb
+            [m]
+
+        Returns
+        -------
+        arb
+        """
         total = flint().arb(0)
         for x in reversed(self.derivative(order)):
             total = total * norm + abs(x)
@@ -161,6 +204,10 @@ def taylor(spring: BallSpring, norm: float, ends: tuple[float, float]) -> Taylor
         [m]
     ends : tuple of float
         Domain of the elongation [m].
+
+    Returns
+    -------
+    Taylor or None
     """
     end = min(-ends[0], ends[1], 8 * norm)
     for part in REACH:
@@ -183,6 +230,10 @@ def multipliers(count: int, period: Any, momentum: Any) -> list[Any]:
         [sites]
     momentum : fmpq
         m c^2 [N/m]
+
+    Returns
+    -------
+    list of arb, (count,)
     """
     halves = [flint().arb.pi() * n / period for n in range(count)]
     return [1 / flint().arb(momentum), *((x.sin() / x) ** 2 / momentum for x in halves[1:])]
@@ -192,7 +243,7 @@ def _floats(modes: list[Any]) -> Array:
     return np.array([float(x) for x in modes])
 
 
-def prove_wave(law: Taylor, guess: Array, period: Any, momentum: Any, refine: bool = True) -> Bounds:
+def prove_wave(law: Taylor, guess: Any, period: Any, momentum: Any, refine: bool = True) -> Bounds:
     """Bounds for a wave near given coefficients.
 
     Parameters
@@ -218,7 +269,8 @@ def prove_wave(law: Taylor, guess: Array, period: Any, momentum: Any, refine: bo
     w = _floats(law.of(2, centre, 2 * count).listed(2 * count))
     k, n = np.indices((count, count))
     product = w[np.abs(k - n)] + np.where(n > 0, w[k + n], 0.0)
-    inverse = np.linalg.inv(np.eye(count) - _floats(mu[:count])[:, None] * product)
+    system = np.eye(count) - _floats(mu[:count])[:, None] * product
+    inverse = np.linalg.pinv(system) if np.isfinite(system).all() else np.eye(count)
     exact = of.arb_mat(count, count, inverse.ravel().tolist())
     for step in range(NEWTON + 1 if refine else 1):
         image = law.of(1, centre, 2 * count)
