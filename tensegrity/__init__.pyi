@@ -47,6 +47,7 @@ from .prisms.fit import fit
 from .prisms.measured import read_curve
 from .prisms.path import equilibrium_path, equilibrium_paths
 from .prisms.prism import Prism
+from .proofs.prove import prove, verify
 from .runs.integrate import resume, simulate
 from .runs.record import Record
 from .runs.run import Run
@@ -145,6 +146,7 @@ __all__ = [
     "phase_shift",
     "plates",
     "predict",
+    "prove",
     "pulses",
     "read_curve",
     "resume",
@@ -160,6 +162,7 @@ __all__ = [
     "transition_wave",
     "transmission",
     "units",
+    "verify",
     "wall_gaps",
     "width",
 ]
