@@ -47,6 +47,7 @@ from .prisms.fit import fit
 from .prisms.measured import read_curve
 from .prisms.path import equilibrium_path, equilibrium_paths
 from .prisms.prism import Prism
+from .proofs.prove import prove, verify
 from .runs.integrate import resume, simulate
 from .runs.record import Record
 from .runs.run import Run
@@ -68,6 +69,7 @@ from .structures.supports import held, plates
 from .unit.member import Member
 from .unit.unit import Unit
 from .waves.asymptotics import sech2, tent
+from .waves.cell_wave import genuine
 from .waves.prediction import predict
 from .waves.solitary import SolitaryWave, solitary_wave
 from .waves.spectrum import dispersion, modes
@@ -129,6 +131,7 @@ __all__ = [
     "first_peak",
     "fit",
     "floquet",
+    "genuine",
     "gradient",
     "held",
     "interface",
@@ -143,6 +146,7 @@ __all__ = [
     "phase_shift",
     "plates",
     "predict",
+    "prove",
     "pulses",
     "read_curve",
     "resume",
@@ -158,6 +162,7 @@ __all__ = [
     "transition_wave",
     "transmission",
     "units",
+    "verify",
     "wall_gaps",
     "width",
 ]

@@ -12,7 +12,9 @@ import math
 import signal
 import tempfile
 import warnings
+from importlib.util import find_spec
 from inspect import signature
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -312,6 +314,10 @@ CALLS = [  # where other arguments are needed, or several in one call
     (ts.Record, {"interval": 0.1, "path": FILE, "checkpoint": 1.0}),
     (ts.resume, {"path": FILE, "scene": None}),
     (ts.Run.load, {"path": f"{FOLDER.name}/kept"}),
+    *([] if find_spec("flint") is None else [
+        (ts.prove, {"of": WAVE, "period": 30.0, "exact": "decimals"}),
+        (ts.verify, {"path": str(Path(__file__).with_name("wave.json"))}),
+    ]),
     (ts.gradient, {"dt": 0.1, "method": "verlet", "wanted": ("prestrain",), "checkpoints": 5}),
     (objective.load, {"wall": 1}),
     (objective.load, {"bond": 1}),
@@ -380,6 +386,8 @@ CALLS = [  # where other arguments are needed, or several in one call
     (y_layout, LAYOUT | {"gap": 0.0, "through": 0.0}),
     (diamond_layout, LAYOUT | {"gap": 0.0, "through": 0.0}),
 ]  # fmt: skip
+if find_spec("flint") is None:
+    INNER = {*INNER, "prove", "verify"}
 
 
 def public():

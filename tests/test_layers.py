@@ -40,6 +40,7 @@ ROOMS = [  # inside tensegrity: each may import what stands before it
     "catalogue",
     "runs",
     "waves",
+    "proofs",
     "orbits",
     "measure",
     "gradients",

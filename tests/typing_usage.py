@@ -28,6 +28,7 @@ from tensegrity.prisms.stability import first_loss, lowest
 from tensegrity.structures.structure_path import StructurePath
 from tensegrity.typing import Array, Flags
 from tensegrity.waves.prediction import Prediction
+from tensegrity.waves.solitary import SolitaryWave
 from tensegrity.waves.spectrum import Modes
 
 
@@ -191,7 +192,8 @@ def networks(spring: ts.Potential) -> Array:
 
 
 def waves(spring: ts.Potential, chain: ts.Chain) -> ts.State:
-    wave = ts.solitary_wave(spring, speed_ratio=2, family="compression")
+    wave: SolitaryWave = ts.solitary_wave(spring, speed_ratio=2, family="compression")
+    ts.genuine(lambda light: ts.solitary_wave(spring, [1, light], speed_ratio=2), 0.1, 0.9)
     assert_type(wave.energy_slope + ts.floquet(wave).growth, float)
     assert_type(ts.floquet(wave).stable, bool)
     ts.floquet(chain)  # type: ignore[arg-type]

@@ -16,7 +16,12 @@ from tensegrity.once import once
 
 SUMS = {"Add": operator.add, "Mul": operator.mul}
 FUNCTIONS = ("sqrt", "sin", "cos", "tan", "asin", "acos", "atan", "exp", "log")
-CHOICES = {"Max": "maximum", "Min": "minimum", "Abs": "absolute"}  # NumPy's
+CHOICES = {
+    "Max": "maximum",
+    "Min": "minimum",
+    "Abs": "absolute",
+    "Heaviside": "heaviside",
+}  # NumPy's
 CONSTANTS = {"Pi": "pi"}
 
 
@@ -69,9 +74,9 @@ def run(program: dict[str, list[Any]], context: Any, values: Sequence[Any]) -> l
     ----------
     program : dict
         Result of the function `program`.
-    context : mpmath.MPContext, or the module numpy
-        Its functions and, of mpmath, its numbers are used.
-    values : sequence of mpf, or of float or ndarray
+    context : mpmath.MPContext, proofs.balls.Balls, or the module numpy
+        Its functions and, but of NumPy, its numbers are used.
+    values : sequence of mpf, of balls, or of float or ndarray
         Values of the symbols.
 
     Returns
@@ -84,7 +89,7 @@ def run(program: dict[str, list[Any]], context: Any, values: Sequence[Any]) -> l
     ValueError
         An operation that is not listed here.
     """
-    number = getattr(context, "mpf", float)
+    number, raised = getattr(context, "mpf", float), getattr(context, "raised", operator.pow)
     results: list[Any] = []
     for name, *numbers in program["steps"]:
         if name == "Given":
@@ -98,7 +103,7 @@ def run(program: dict[str, list[Any]], context: Any, values: Sequence[Any]) -> l
         elif name == "Pow":
             base, power = (results[i] for i in numbers)
             power = int(power) if power == int(power) else power
-            value = 1 / base if power == -1 else base**power  # a float's power may overflow
+            value = 1 / base if power == -1 else raised(base, power)  # a float's may overflow
         elif name in FUNCTIONS or name in CHOICES:
             value = getattr(context, CHOICES.get(name, name))(*(results[i] for i in numbers))
         else:

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import replace
 from functools import partial
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
@@ -50,8 +50,10 @@ def _decimals() -> Any:
     return context
 
 
-def exact(name: str, prism: Any, height: float = 1.0, preload: float = 0.0) -> list[Any]:
-    """Values of a quantity of `_of_fields` to `DIGITS` decimal digits.
+def exact(
+    name: str, prism: Any, height: float = 1.0, preload: float = 0.0, own: Any = None
+) -> list[Any]:
+    """Values of a quantity of `_of_fields` to `DIGITS` decimal digits, or in another context.
 
     Parameters
     ----------
@@ -63,14 +65,16 @@ def exact(name: str, prism: Any, height: float = 1.0, preload: float = 0.0) -> l
         Loaded height [m], for "parameters".
     preload : float, optional
         Axial load at rest [N], compression > 0, for "parameters".
+    own : mpmath.MPContext or proofs.balls.Balls, optional
+        What numbers are computed in.
 
     Returns
     -------
-    list of mpmath.mpf
+    list of mpmath.mpf, or of numbers of the context
         In SI units.
     """
     fields = (prism.base, prism.height, prism.prestrain, prism.k_cross, prism.k_base, prism.k_bar)
-    own = _decimals()
+    own = own or _decimals()
     angle = own.pi / prism.sides
     sides = (own.mpf(prism.sides), own.sin(angle), own.cos(angle))
     values = [own.mpf(x) for x in (*fields, height, preload)]
@@ -89,6 +93,7 @@ def _of_fields(name: str, any_sides: bool) -> tuple[list[Any], tuple[Any, ...]]:
         "locking height squared": r.locking_height_squared,  # [m^2]; below 0 if flat before that
         "axial stiffness": elastic.axial_stiffness_of_prism,  # at the reference state [N/m]
         "parameters": r.parameter_expressions,  # of `rigid_law`
+        "twist": r.loaded_twist,  # at the loaded height [rad]
     }
     form = forms[name](polygon(any_sides))
     form = form.values() if isinstance(form, dict) else form
@@ -114,24 +119,46 @@ def rigid_potential(prism: Any, preload: float) -> Potential:
 
 def _about(prism: Any, height: float, preload: float) -> Potential:
     law, role = rigid_law(prism.sides != 3), _roles()
-    numbers = exact("parameters", prism, height, preload)
-    if prism.prestrain == 0:  # terms proportional to it are round-off
-        sizes = exact("parameters", replace(prism, prestrain=0.1), height, preload)
-        pairs = zip(numbers, sizes, strict=True)
-        numbers = [x if abs(x) > NEGLIGIBLE * abs(y) else x * 0 for x, y in pairs]
-    values = dict(zip(law.parameters, numbers, strict=True))
-    (locking_squared,) = exact("locking height squared", prism)
-    if locking_squared <= 0:
-        values |= {role["lock"]: height, role["far_lock"]: height}
-        values |= {role["no_lock"]: -locking_squared}
+    values, locks = rigid_parameters(prism, height, preload)
     ends = (
-        "the bars meet (twist pi)" if locking_squared > 0 else "the prism is flat (height 0)",
+        "the bars meet (twist pi)" if locks else "the prism is flat (height 0)",
         "the bars stand upright (twist 0)",
     )
     numbers = [float(value) for value in values.values()]
     domain = -float(values[role["lock"]]), float(values[role["stroke"]])
     origin = call(f"{prism!r}.potential", preload=preload)
     return potential_of_law(law, numbers, height, domain, ends, origin, (prism, preload))
+
+
+def rigid_parameters(
+    prism: Any, height: float, preload: float, own: Any = None
+) -> tuple[dict[str, Any], bool]:
+    """Values of the parameters of `rigid_law`, and whether the bars can meet.
+
+    Parameters
+    ----------
+    prism, height, preload, own
+        As of `exact`.
+
+    Returns
+    -------
+    dict of str to number
+    bool
+    """
+    role, numbers = _roles(), exact("parameters", prism, height, preload, own)
+    if prism.prestrain == 0:  # terms proportional to it are round-off
+        other = SimpleNamespace(**{**vars(prism), "prestrain": 0.1})
+        sizes = exact("parameters", other, height, preload, own)
+        pairs = zip(numbers, sizes, strict=True)
+        numbers = [x if abs(x) > NEGLIGIBLE * abs(y) else x * 0 for x, y in pairs]
+    names = map(str, rigid_law(prism.sides != 3).parameters)
+    values = dict(zip(names, numbers, strict=True))
+    (locking_squared,) = exact("locking height squared", prism, own=own)
+    locks = bool(locking_squared > 0)
+    if not locks:
+        values |= {role["lock"]: height, role["far_lock"]: height}
+        values |= {role["no_lock"]: -locking_squared}
+    return values, locks
 
 
 def _loaded_shift(unloaded: Potential, preload: float) -> float:

@@ -94,6 +94,34 @@ class Grid:
         matrix[:, [0, -1]] /= 2
         return matrix
 
+    def between(self, symbol, odd):
+        """Matrix of a convolution on grid values between functions that are even or odd.
+
+        Parameters
+        ----------
+        symbol : ndarray, (N + 1,)
+            Factor of the coefficients.
+        odd : (bool, bool)
+            Whether results and arguments are sums of sines.
+        """
+        if not any(odd):
+            return self.matrix(symbol)
+        n, mixed = self.points, odd[0] != odd[1]
+        waves = symbol * (-1j if mixed else 1.0)
+        kernel = np.resize(np.fft.irfft(waves, 2 * n), 2 * n + 1)
+        sign = -1.0 if mixed else 1.0
+        around = np.concatenate([sign * kernel[n:0:-1], kernel[: n + 1]])
+        difference, total = (sliding_window_view(x, n + 1) for x in (around, kernel))
+        if odd == (True, False):
+            matrix = total - difference[::-1]
+        else:
+            matrix = difference[::-1] + (1.0 if mixed else -1.0) * total
+        if odd[1]:
+            matrix[:, [0, -1]] = 0.0
+        else:
+            matrix[:, [0, -1]] /= 2
+        return matrix
+
     def moved(self, values, other):
         """Values on another grid by the cosine series of these; 0 beyond this grid."""
         a = self.coefficients(values)

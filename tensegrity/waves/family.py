@@ -361,7 +361,7 @@ def half_length(law, nu, tail=TAIL):
     float
         Sites.
     """
-    return CORE - math.log(tail) / min(law.decay(nu), law.steepest)
+    return law.boxed(CORE - math.log(tail) / min(law.decay(nu), law.steepest), nu)
 
 
 def refined(profile, condition):
@@ -378,7 +378,7 @@ def refined(profile, condition):
             round_off = 4 * np.finfo(float).eps
             if profile.tail <= TAIL_LEFT + round_off or profile.tail > tail / 2:
                 return profile, profile.residual()
-            tail, length = profile.tail, 1.3 * length
+            tail, length = profile.tail, law.boxed(1.3 * length, profile.nu)
         else:
             previous, density = defect, 2 * density
     raise ResolutionError(

@@ -34,7 +34,7 @@ from tensegrity.scenes.network import Network
 from tensegrity.waves.by_target import stiffness_above
 from tensegrity.waves.components import CoupledProfile
 from tensegrity.waves.cosines import Grid
-from tensegrity.waves.coupled import CoupledLaw
+from tensegrity.waves.coupled import CoupledLaw, unit_of
 from tensegrity.waves.family import SIGNS, half_length, refined
 from tensegrity.waves.spectrum import dispersion
 from tensegrity.waves.travelling import NoWaveError, newton, speed_is
@@ -78,16 +78,21 @@ class Tail:
     change: float
 
 
-def line_wave(unit: Network, family: str | None, name: str, value: float) -> dict[str, Any]:
+def line_wave(
+    line: Network, mass: Any, family: str | None, name: str, value: float
+) -> dict[str, Any]:
     """The wave of a line of units with a given speed.
 
     Parameters
     ----------
-    unit : Network
-        From `coupled.unit_of`.
+    line : Network
+        Of equal units.
+    mass : float
+        1, as a line has its own.
     family : {"compression", "rarefaction"}, optional
         By the sign of the first coordinate at the peak; by default that of the smaller peak.
     name : {"speed", "speed_ratio", "excess"}
+        Others are refused.
     value : float
 
     Returns
@@ -100,6 +105,12 @@ def line_wave(unit: Network, family: str | None, name: str, value: float) -> dic
     TensegrityError
         The law is not suited, or no wave is found.
     """
+    if mass != 1.0 or name in ("amplitude", "energy"):
+        raise TensegrityError(
+            f"{name if mass == 1.0 else 'mass'} given: a wave of a line of units is given by its "
+            "speed, speed_ratio or excess alone"
+        )
+    unit = unit_of(line)
     if family not in (None, *SIGNS):
         raise TensegrityError(
             f"family {check.shown(family)} of a column must be 'compression' or 'rarefaction'"

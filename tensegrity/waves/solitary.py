@@ -8,6 +8,7 @@ G. Friesecke, J. Wattis, Commun. Math. Phys. 161, 391 (1994) (existence); the ta
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -25,9 +26,10 @@ from tensegrity.scenes.network import Network
 from tensegrity.scenes.scene import State
 from tensegrity.springs.pair_law import PairLaw
 from tensegrity.springs.potential import Potential
-from tensegrity.typing import Array, Fraction, Mass
+from tensegrity.typing import Array, Fraction
 from tensegrity.unit_names import in_units
 from tensegrity.waves.by_target import by_speed, near, sign_and_number, stiffness_above
+from tensegrity.waves.cell_wave import cell_wave
 from tensegrity.waves.cosines import Series
 from tensegrity.waves.coupled import same, unit_of
 from tensegrity.waves.family import Family, refined
@@ -300,17 +302,18 @@ class SolitaryWave(TravellingWave):
 
 @checked
 def solitary_wave(
-    potential: Potential | Network,
-    mass: Mass = 1.0,
+    potential: Potential | Network | Sequence[Potential],
+    mass: Any = 1.0,
     *,
+    inner: Mapping[int, tuple[float, Potential]] | None = None,
     speed: float | None = None,
     speed_ratio: float | None = None,
     excess: float | None = None,
     amplitude: float | None = None,
     energy: float | None = None,
     family: str | None = None,
-) -> SolitaryWave:
-    """The solitary wave of a chain of equal masses and springs, to round-off.
+) -> Any:
+    """The solitary wave of a chain of equal masses and springs, or of a cell, to round-off.
 
     Parameters
     ----------
@@ -318,7 +321,10 @@ def solitary_wave(
         Of each spring; or a line of equal units, such as `Prism.column(plates=...)` of one
         handedness, in which waves have several components.
     mass : float, optional
-        Of each site [kg]; a line has its own.
+        Of each site [kg]; a line has its own.  Several springs or masses, one or one for each
+        bond and site, are a cell that repeats, as in `dispersion`; it must have a mirror.
+    inner : dict of int to (float, Potential), optional
+        Mass [kg] and spring of what hangs on a site of the cell.
     speed, speed_ratio, excess, amplitude, energy : float
         Exactly one of: speed [sites/s]; speed over sound speed; that ratio minus 1, which keeps
         its relative precision near the sound speed; peak elongation [m], negative in compression;
@@ -333,7 +339,7 @@ def solitary_wave(
 
     Returns
     -------
-    SolitaryWave
+    SolitaryWave, or `CellWave` of a cell
         With a residual of at most 1e-12, where forces of turning units cancel of their round-off:
         1e-11, near sound 1e-9 at excesses of 1e-4.  Those of a line of units have its coordinates
         as a last axis.
@@ -376,7 +382,11 @@ def solitary_wave(
         )
     ((name, value),) = targets.items()
     if isinstance(potential, Network):
-        return _of_line(potential, mass, family, name, value)
+        fields = line_wave(potential, mass, family, name, value)
+        return SolitaryWave(**fields)
+    if inner or np.ndim(mass) or isinstance(potential, (list, tuple)):
+        return cell_wave(potential, mass, inner, name, value)
+    mass = check.number("mass", mass, above=0, unit="kg")
     check.kind("potential", potential, Potential)
     if isinstance(potential, PairLaw):
         raise TensegrityError(
@@ -409,16 +419,6 @@ def solitary_wave(
             raise
         solution = multidomain_wave(side, name, value)
     return _wave(side, mass, sound, *solution)
-
-
-def _of_line(line, mass, family, name, value):
-    """The wave of a line of units with a given speed."""
-    if mass != 1.0 or name in ("amplitude", "energy"):
-        raise TensegrityError(
-            f"{name if mass == 1.0 else 'mass'} given: a wave of a line of units is given by its "
-            "speed, speed_ratio or excess alone"
-        )
-    return SolitaryWave(**line_wave(unit_of(line), family, name, value))
 
 
 def _characteristics(profile, residual):

@@ -84,6 +84,10 @@ class Scaled:
         """Decay of the tail [1/site]."""
         return decay_rate(nu / self.rest if self.rest > 0 else math.inf)
 
+    def boxed(self, length, nu):
+        """The half-length of a grid: any will do."""
+        return length
+
     def energy(self, rho):
         beyond = self._nonlinear.energy(self.reference * rho) / self.reference / self.reference
         return self.rest * rho * rho / 2 + beyond / self.secant

@@ -1,0 +1,1 @@
+"""Theorems about folds and travelling waves, proved in ball arithmetic: `prove`, `verify`."""

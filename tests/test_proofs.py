@@ -1,0 +1,247 @@
+"""Proofs: enclosures of folds and waves hold the true values, and what is false is not proved."""
+
+import json
+from dataclasses import replace
+from fractions import Fraction
+
+import mpmath
+import numpy as np
+import pytest
+import sympy as sp
+
+flint = pytest.importorskip("flint")
+
+from tensegrity import (  # noqa: E402
+    Chain,
+    Potential,
+    PowerLaw,
+    Prism,
+    TensegrityError,
+    equilibrium_path,
+    prove,
+    simulate,
+    solitary_wave,
+    verify,
+)
+from tensegrity.proofs.balls import BallSpring, precision  # noqa: E402
+from tensegrity.waves.cosines import Series  # noqa: E402
+
+HARD, SOFT = Prism(1.0, 0.7, 0.01, 1.0), Prism(1.0, 0.25, 0.1, 1.0)
+FOLDS = [  # height and load, found by other programs
+    (SOFT, "0.096239805736005023394219803423641928793",
+     "0.0440847996090815743581826664290242554460979"),
+    (Prism(1.0, 0.29, 0.02, 1.0), "0.06792123661066992199", "0.12337253444922067125"),
+]  # fmt: skip
+
+
+def wave_of(prism, ratio):
+    return solitary_wave(prism.potential(), speed_ratio=ratio)
+
+
+@pytest.mark.parametrize(("prism", "height", "load"), FOLDS)
+def test_folds_lie_in_their_enclosures(prism, height, load):
+    (fold,) = prove(equilibrium_path(prism))
+    digits = len(height) - 2
+    assert fold.height.radius < 1e-60
+    assert abs(Fraction(fold.height.mid) - Fraction(height)) <= Fraction(10) ** -digits
+    assert abs(Fraction(fold.load.mid) - Fraction(load)) <= Fraction(10) ** -(len(load) - 2)
+
+
+def fold_height(prism):
+    """Where dF/dh = 0, by the chain rule in the twist and 60 digits, without this package."""
+    with mpmath.workdps(60):
+        base, rest, p, _ = (
+            mpmath.mpf(repr(x)) for x in (prism.base, prism.height, prism.prestrain, 1.0)
+        )
+        radius2 = base**2 / 3
+        bar2 = 2 * radius2 * (1 - mpmath.cos(5 * mpmath.pi / 6)) + rest**2
+        natural = mpmath.sqrt(
+            2 * radius2 * (1 - mpmath.cos(5 * mpmath.pi / 6 - 2 * mpmath.pi / 3)) + rest**2
+        ) / (1 + p)
+
+        def energy(h):
+            twist = mpmath.acos(1 - (bar2 - h**2) / (2 * radius2))
+            cross = mpmath.sqrt(2 * radius2 * (1 - mpmath.cos(twist - 2 * mpmath.pi / 3)) + h**2)
+            return 3 * (cross - natural) ** 2 / 2
+
+        guess = equilibrium_path(prism).events[0].height
+        h = mpmath.re(mpmath.findroot(lambda h: mpmath.re(mpmath.diff(energy, h, 2)), guess))
+        twist = mpmath.acos(1 - (bar2 - h**2) / (2 * radius2))
+        found = h, -mpmath.re(mpmath.diff(energy, h)), twist
+        return [mpmath.nstr(x, 28) for x in found]
+
+
+@pytest.mark.parametrize("prism", [Prism(2.0, 0.5, 0.05, 3.0), Prism(0.01, 0.0025, 0.2, 1e4), SOFT])
+def test_folds_are_those_of_many_digits(prism):
+    prism = replace(prism, k_cross=1.0) if prism.k_cross == 1.0 else prism
+    (fold,) = prove(equilibrium_path(prism))
+    height, load, twist = fold_height(prism)
+    assert abs(Fraction(fold.height.mid) - Fraction(height)) < 1e-24
+    assert abs(Fraction(fold.twist.mid) - Fraction(twist)) < 1e-22
+    assert float(fold.load) == pytest.approx(prism.k_cross * float(load), rel=1e-14)
+
+
+def test_decimals_and_binary_values_are_told_apart():
+    path = equilibrium_path(SOFT)
+    (one,), (other,) = prove(path), prove(path, exact="double")
+    assert one.height.mid.startswith("0.096239805736005023394219")
+    assert other.height.mid.startswith("0.096239805736005023932")
+
+
+CASES = [  # ring, speed over sound, peak of another program, digits of its speed allow
+    (HARD, 20.0, 1.3275, -0.02680015087, 1e-8),
+    (HARD, 20.0, 2.0, -0.04508046357, 2e-8),
+    (SOFT, 40.0, 1.01507, 0.017288453218833, 1e-6),
+    (SOFT, 40.0, 1.06109, 0.049467459661735, 1e-7),
+]
+
+
+@pytest.mark.parametrize(("prism", "period", "ratio", "peak", "near"), CASES)
+def test_waves_of_hardening_and_softening_prisms_exist(prism, period, ratio, peak, near):
+    wave = wave_of(prism, ratio)
+    proof = prove(wave, period=period)
+    assert proof.proved, proof.reason
+    assert float(proof.peak) == pytest.approx(peak, rel=near)
+    assert proof.centre_radius < 1e-17 * abs(peak) * 10
+    assert proof.z1 < 0.1
+    size = abs(wave.amplitude)
+    assert abs(float(proof.peak) - wave.amplitude) <= proof.radius + proof.tail + 1e-12 * size
+
+
+@pytest.mark.parametrize("ratio", [1.05, 1.5, 2.0])
+def test_on_its_own_ring_a_wave_is_within_round_off_of_a_true_one(ratio):
+    wave = wave_of(HARD, ratio)
+    proof = prove(wave)
+    assert proof.proved, proof.reason
+    assert proof.radius < 1e-11 * abs(wave.amplitude)
+    assert proof.peak.contains(Fraction(proof.peak.mid))
+    assert proof.tail < 1e-12 * abs(wave.amplitude)
+
+
+def test_a_certificate_is_verified_from_its_file(tmp_path):
+    proof = prove(wave_of(SOFT, 1.03), period=40.0)
+    proof.save(tmp_path / "wave.json")
+    again = verify(tmp_path / "wave.json")
+    assert again.peak.contains(proof.peak.mid)
+    assert again.centre_radius < 2 * proof.centre_radius
+    stored = json.loads((tmp_path / "wave.json").read_text())
+
+    def refused(words, **changed):
+        (tmp_path / "edited.json").write_text(json.dumps(stored | changed))
+        with pytest.raises(TensegrityError, match=words):
+            verify(tmp_path / "edited.json")
+
+    refused("does not hold", speed=str(Fraction(stored["speed"]) * Fraction(101, 100)))
+    refused("does not hold", centre_radius="1e-30")
+    refused("does not hold", centre_radius="1e-3")
+    refused("does not hold", peak={"mid": "0.03", "radius": "1e-20"})
+    centre = stored["centre"]
+    refused("does not hold", centre=[str(Fraction(centre[0]) * 2), *centre[1:]])
+    refused("does not hold|not analytic", centre=[str(Fraction(x) / 2) for x in centre])
+    refused("no certificate", format="another")
+    refused("no certificate", centre=["x"])
+    refused("no certificate", spring={"energy": {"steps": [["open", 0]], "results": [0]},
+                                      "parameters": []})  # fmt: skip
+    text = (tmp_path / "wave.json").read_text()
+    (tmp_path / "cut.json").write_text(text[: len(text) // 2])
+    with pytest.raises(TensegrityError, match="no certificate"):
+        verify(tmp_path / "cut.json")
+    with pytest.raises(TensegrityError):
+        verify(tmp_path / "none.json")
+
+
+def test_what_is_false_is_not_proved():
+    wave = wave_of(SOFT, 1.03)
+    series = wave._shape
+    half = replace(wave, _shape=Series(series.grid, series.rates / 2))
+    fast = replace(wave, speed=1.01 * wave.speed)
+    for false in (half, fast):
+        proof = prove(false, period=40.0)
+        assert not proof.proved
+        assert proof.reason
+        assert proof.radius == np.inf
+        with pytest.raises(TensegrityError, match="nothing is proved"):
+            proof.save("never.json")
+    with pytest.raises(TensegrityError, match="the wave is 0"):
+        prove(replace(wave, _shape=Series(series.grid, 0 * series.rates)), period=40.0)
+
+
+def test_a_perturbed_wave_is_as_far_from_the_true_one_as_it_was_moved():
+    wave = wave_of(SOFT, 1.03)
+    grid, rates = wave._shape.grid, wave._shape.rates.copy()
+    rates[6] += 1e-6 / grid.box[6]
+    moved = replace(wave, _shape=Series(grid, rates))
+    true, proof = prove(wave), prove(moved)
+    assert 1e-6 <= proof.radius < 1.01e-6
+    assert proof.peak.contains(true.peak.mid)
+    assert true.radius < 1e-13
+
+
+def test_what_is_not_analytic_is_refused():
+    r = sp.Symbol("r")
+    for potential in (PowerLaw(1.0, 1.5), Potential(r**2 / 2 + sp.Abs(r) ** 3 / 3, r)):
+        wave = solitary_wave(potential, speed=1.2)
+        with pytest.raises(TensegrityError, match="not analytic"):
+            prove(wave)
+    elastic = Prism(1.0, 0.7, 0.1, 1.0, k_base=20.0, k_bar=20.0)
+    with pytest.raises(TensegrityError, match="no expression"):
+        prove(solitary_wave(elastic.potential(), speed_ratio=1.1))
+    with pytest.raises(TensegrityError, match="rigid bases and bars"):
+        prove(equilibrium_path(elastic))
+    with pytest.raises(TensegrityError, match="exact 'binary'"):
+        prove(wave, exact="binary")
+    with pytest.raises(TensegrityError, match="is not a SolitaryWave"):
+        prove(1.0)
+    with pytest.raises(TensegrityError, match="period"):
+        prove(wave_of(SOFT, 1.03), period=1.0)
+
+
+def test_springs_of_ones_own_and_precompressed_contacts_have_proofs(tmp_path):
+    r, k = sp.symbols("r k")
+    own = Potential(k * r**2 / 2 + r**3 / 6, r, {"k": 1.0})
+    toda = Potential(sp.exp(-r) + r - 1, r)
+    for potential, ratio in ((own, 1.1), (toda, 1.01), (PowerLaw(1.0, 1.5, preload=1.0), 1.01)):
+        proof = prove(solitary_wave(potential, speed_ratio=ratio))
+        assert proof.proved, proof.reason
+        proof.save(tmp_path / "own.json")
+        assert verify(tmp_path / "own.json").proved
+    kappa = mpmath.findroot(lambda x: mpmath.sinh(x) / x - 1.01, 0.25)
+    wave = solitary_wave(toda, speed=float(mpmath.sinh(kappa) / kappa))
+    proof, peak = prove(wave), -mpmath.log(1 + mpmath.sinh(kappa) ** 2)  # Toda's closed form
+    assert abs(float(proof.peak) - peak) < 1e-11
+
+
+def test_balls_of_the_energy_hold_its_value_and_slopes():
+    """At random elongations of random prisms, against 50 digits of the same geometry."""
+    random = np.random.default_rng(5)
+    for _ in range(20):
+        h, p = (round(float(x), 3) for x in random.uniform([0.2, 0.01], [1.0, 0.5]))
+        prism = Prism(1.0, h, p, 1.0)
+        spring = prism.potential()
+        low, high = spring.domain
+        at = Fraction(repr(round(float(random.uniform(0.9 * low, 0.9 * high)), 6)))
+        with precision(200):
+            found = BallSpring.of(spring, "decimals").series(
+                flint.arb(flint.fmpq(at.numerator, at.denominator)), 3, 200
+            )
+        floats = (
+            spring.energy(float(at)),
+            spring.tension(float(at)),
+            spring.stiffness(float(at)) / 2,
+        )
+        scale = [abs(x) + 1e-3 for x in floats]
+        for ball, value, size in zip(found, floats, scale, strict=True):
+            assert float(ball.rad()) < 1e-40 * size
+            assert float(ball) == pytest.approx(float(value), abs=1e-10 * size)
+
+
+def test_a_certified_wave_runs_unchanged():
+    wave = wave_of(SOFT, 1.03)
+    proof = prove(wave)
+    chain = Chain(SOFT.potential(), 160)
+    start = wave.launch(chain, at=40.0)
+    run = simulate(chain, start, 60.0 / wave.speed, tol=1e-9)
+    later = wave.launch(chain, at=100.0)
+    drift = np.abs(np.diff(run.final.u) - np.diff(later.u)).max()
+    assert drift < 1e-8
+    assert proof.radius < drift
