@@ -101,6 +101,7 @@ NET = ts.Network([[0, 1], [1, 1], [2, 1]], [(0, 1), (1, 2)], SPRING, walls=[WALL
 HERTZ = ts.PowerLaw(1.0, 1.5, preload=0.1)
 FAMILY = ts.predict(HERTZ)["compression"]
 WAVE = ts.solitary_wave(SPRING, speed_ratio=2.0)
+CELL = ts.solitary_wave(ts.Potential(R**2 / 2 + R**3 / 3, R), [1.0, 0.25], speed_ratio=1.05)
 LINEAR, CUBIC = ts.Potential(R**2 / 2, R), ts.Potential(R**2 / 2 + R**3 / 3 - R**4 / 4, R)
 WELLS = ts.Potential(R**4 / 4 - 0.45 * R**3 + 0.175 * R**2, R)
 FRONT = ts.transition_wave(CUBIC, ahead=0.0, behind=2 / 3)
@@ -335,6 +336,7 @@ CALLS = [  # where other arguments are needed, or several in one call
     (FRONT.launch, {"chain": ts.Chain(CUBIC, 101), "at": 50.0, "direction": 1, "tail": 1e-6}),
     (ts.solitary_wave, {"energy": WAVE.energy}),
     (ts.solitary_wave, {"excess": 0.5}),
+    (ts.genuine, {"make": lambda light: CELL, "low": 0.1, "high": 0.9, "count": 2}),
     (FAMILY.small_peak, {"excess": 1e-3}),
     (ts.predict, {"potential": HERTZ}),
     (ts.predict(LENNARD_JONES)["compression"].wall_peak, {"speed": 100.0}),

@@ -196,6 +196,8 @@ def waves(spring: ts.Potential, chain: ts.Chain) -> ts.State:
     ts.genuine(lambda light: ts.solitary_wave(spring, [1, light], speed_ratio=2), 0.1, 0.9)
     assert_type(wave.energy_slope + ts.floquet(wave).growth, float)
     assert_type(ts.floquet(wave).stable, bool)
+    ts.prove(wave, period=40, exact="double")
+    assert_type(ts.verify("wave.json").proved, bool)
     ts.floquet(chain)  # type: ignore[arg-type]
     orbit = ts.periodic_orbit(chain, chain.at_rest(), period=1.0)
     assert_type(ts.floquet(orbit).growth + orbit.energy + orbit.residual, float)
@@ -233,7 +235,7 @@ def waves(spring: ts.Potential, chain: ts.Chain) -> ts.State:
     assert_type(ts.interface(spring, spring, (40, 60), mass=(1.0, 2.0)), ts.Chain)
     assert_type(spring.sound_speed(), float)
     assert_type(ts.sech2(spring, 1.1, 0.0) - ts.tent(spring, [0.0]), Array)
-    ts.solitary_wave(spring, 1.0, 2.0)  # type: ignore[call-arg]
+    ts.solitary_wave(spring, 1.0, 2.0)  # type: ignore[call-arg, arg-type]
     ts.transition_wave(spring, ahead=0.0, behind=1, ground=spring, damping=ts.Damping(0.1))
     ts.transition_wave(spring, 1.0, ahead=0.0)  # type: ignore[call-arg]
     wave.launch(spring, at=40)  # type: ignore[arg-type]

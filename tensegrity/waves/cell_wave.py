@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -253,7 +253,9 @@ def cell_wave(springs: Any, mass: Any, inner: Any, name: str, value: float) -> C
         raise TensegrityError(
             f"{name} given: a wave of a cell is given by its speed, speed_ratio or excess alone"
         )
-    law = cell_of(springs, mass, inner)
+    if inner is not None and not isinstance(inner, Mapping):
+        raise TensegrityError(f"inner {check.shown(inner)} must be a dict of sites")
+    law = cell_of(springs, check.finite("mass", check.floats("mass", mass)), inner)
     if not law.at_rest.any():
         raise TensegrityError("a cell without stiffness at rest has no sound speed: precompress it")
     above = stiffness_above(name, value, law.sound_speed, law.unit_mass, law.secant)
@@ -287,8 +289,13 @@ def genuine(make: Callable[[float], CellWave], low: float, high: float, count: i
     TensegrityError
         Bad input, or a wave does not exist or has no resonance.
     """
+    if not callable(make):
+        raise TensegrityError(f"make {check.shown(make)} must be a function of a number")
     low = check.number("low", low)
-    high, count = check.number("high", high, above=low), check.whole("count", count, least=2)
+    high, count = (
+        check.number("high", high, above=low),
+        check.whole("count", count, least=2, below=10_000),
+    )
     known: dict[float, float] = {}
     token = _near.set(None)
 

@@ -384,7 +384,8 @@ def solitary_wave(
     if isinstance(potential, Network):
         fields = line_wave(potential, mass, family, name, value)
         return SolitaryWave(**fields)
-    if inner or np.ndim(mass) or isinstance(potential, (list, tuple)):
+    several = isinstance(mass, (list, tuple)) or (isinstance(mass, np.ndarray) and mass.ndim > 0)
+    if several or inner is not None or isinstance(potential, (list, tuple)):
         return cell_wave(potential, mass, inner, name, value)
     mass = check.number("mass", mass, above=0, unit="kg")
     check.kind("potential", potential, Potential)

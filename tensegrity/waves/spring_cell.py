@@ -107,10 +107,13 @@ class SpringCell(Cell):
 
     def _geometry(self, k: Any) -> Any:
         n, found = self.sites, np.zeros((len(k), len(self.springs), len(self.base)), WIDE)
-        half, each = k / 2, np.arange(self.sites)
+        half = k / 2
+        each: Any = np.arange(self.sites)
         ahead, behind = (np.exp(sign * 1j * half)[:, None] for sign in (1, -1))
-        np.add.at(found, (slice(None), each, (each + 1) % n), np.broadcast_to(ahead, (len(k), n)))
-        np.add.at(found, (slice(None), each, each), -np.broadcast_to(behind, (len(k), n)))
+        ends: Any = [(each + 1) % n, each]
+        for end, phase in zip(ends, (ahead, -behind), strict=True):
+            places: Any = (slice(None), each, end)
+            np.add.at(found, places, np.broadcast_to(phase, (len(k), n)))
         for i, host in enumerate(self.hosts):
             found[:, n + i, [n + i, host]] = 1.0, -1.0
         found[:, :, 0] = 0.0
