@@ -31,6 +31,7 @@ from derivations.rigid_response import (
     elongation,
     force,
     height,
+    loaded_cosine,
     loaded_height,
     locking_height_squared,
     potential_energy,
@@ -188,19 +189,6 @@ def half_turn() -> sp.Expr:
 
 
 @cache
-def loaded_cosine(of: Polygon = TRIANGLE) -> sp.Expr:
-    """cos phi at the loaded height."""
-    radius_squared = prism.CIRCUMRADIUS**2 if of is TRIANGLE else of.circumradius**2
-    bar_squared = prism.at_reference(prism.bar_length_squared(None, of), of)
-    cosine = cos_twist().subs({circumradius**2: radius_squared, bar: sp.sqrt(bar_squared)})
-    return sp.expand(cosine).subs(height, loaded_height)
-
-
-def loaded_twist(of: Polygon = TRIANGLE) -> sp.Expr:
-    """phi at the loaded height."""
-    return sp.acos(loaded_cosine(of))
-
-
 def parameter_expressions(of: Polygon = TRIANGLE) -> dict[sp.Symbol, sp.Expr]:
     """The parameters in terms of l, h0, p0, k1, the loaded height h1 and F0.
 

@@ -31,6 +31,19 @@ def cos_twist() -> sp.Expr:
     return sp.solve(compatibility - bar**2, cosine)[0]
 
 
+def loaded_cosine(of: Polygon = TRIANGLE) -> sp.Expr:
+    """cos phi at the loaded height."""
+    radius_squared = prism.CIRCUMRADIUS**2 if of is TRIANGLE else of.circumradius**2
+    bar_squared = prism.at_reference(prism.bar_length_squared(None, of), of)
+    cosine = cos_twist().subs({circumradius**2: radius_squared, bar: sp.sqrt(bar_squared)})
+    return sp.expand(cosine).subs(height, loaded_height)
+
+
+def loaded_twist(of: Polygon = TRIANGLE) -> sp.Expr:
+    """phi at the loaded height."""
+    return sp.acos(loaded_cosine(of))
+
+
 @cache
 def cross_length(of: Polygon = TRIANGLE) -> sp.Expr:
     """s(h), with the twist eliminated, on the branch 0 < phi < pi."""

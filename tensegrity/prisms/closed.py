@@ -83,7 +83,7 @@ def exact(
 
 def _of_fields(name: str, any_sides: bool) -> tuple[list[Any], tuple[Any, ...]]:
     """Expressions of a quantity, and the symbols of fields, loaded height, preload and sides."""
-    from derivations import elastic, regular
+    from derivations import elastic, regular, rigid_response
     from derivations import prism as p
     from derivations import rigid_elastic as r
 
@@ -93,7 +93,7 @@ def _of_fields(name: str, any_sides: bool) -> tuple[list[Any], tuple[Any, ...]]:
         "locking height squared": r.locking_height_squared,  # [m^2]; below 0 if flat before that
         "axial stiffness": elastic.axial_stiffness_of_prism,  # at the reference state [N/m]
         "parameters": r.parameter_expressions,  # of `rigid_law`
-        "twist": r.loaded_twist,  # at the loaded height [rad]
+        "twist": rigid_response.loaded_twist,  # at the loaded height [rad]
     }
     form = forms[name](polygon(any_sides))
     form = form.values() if isinstance(form, dict) else form
