@@ -1,6 +1,9 @@
 """Proofs: enclosures of folds and waves hold the true values, and what is false is not proved."""
 
+import copy
 import json
+import pickle
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from fractions import Fraction
 
@@ -24,6 +27,7 @@ from tensegrity import (  # noqa: E402
     verify,
 )
 from tensegrity.proofs.balls import BallSpring, precision  # noqa: E402
+from tensegrity.proofs.ring import Even, Taylor  # noqa: E402
 from tensegrity.waves.cosines import Series  # noqa: E402
 
 HARD, SOFT = Prism(1.0, 0.7, 0.01, 1.0), Prism(1.0, 0.25, 0.1, 1.0)
@@ -245,3 +249,51 @@ def test_a_certified_wave_runs_unchanged():
     drift = np.abs(np.diff(run.final.u) - np.diff(later.u)).max()
     assert drift < 1e-8
     assert proof.radius < drift
+
+
+def test_what_a_taylor_polynomial_leaves_out_is_in_the_bound():
+    """Of 1/(1 - r), whose coefficients come near Cauchy's bound, at constant series."""
+    random = np.random.default_rng(7)
+    for _ in range(100):
+        terms, order = int(random.integers(4, 30)), int(random.integers(1, 4))
+        radius = flint.arb(float(random.uniform(0.8, 0.95)))
+        at = flint.arb(float(random.uniform(-0.6, 0.6)))
+        with precision(200):
+            law = Taylor([flint.arb(1)] * terms, radius, 1 / (1 - radius))
+            found = law.of(order, Even(flint.arb_poly([at]), flint.arb(0)), 5)
+            true = flint.arb(order).fac() / (1 - at) ** (order + 1)
+            assert abs(found.modes[0] - true) <= found.rest
+            assert abs(true) <= law.bound(order, abs(at))
+
+
+def test_a_series_that_loses_terms_is_refused_and_not_filled_up():
+    r = sp.Symbol("r")
+    spring = BallSpring.of(Potential(r**2 / 2 + r**3, r), "decimals")
+    quotient = replace(spring, energy=_program(sp.sin(r) / r, r), parameters=())
+    with pytest.raises(TensegrityError, match="no Taylor series"):
+        quotient.series(flint.arb(0), 6)
+
+
+def _program(expression, r):
+    from tensegrity.engine.programs import program
+
+    return program([expression], [r])
+
+
+def test_proofs_from_four_threads_copied_and_in_other_units_are_the_same():
+    wave, path = wave_of(SOFT, 1.03), equilibrium_path(SOFT)
+    alone = prove(wave, period=40.0), prove(path)
+    tasks = [lambda: prove(wave, period=40.0), lambda: prove(path)] * 4
+    with ThreadPoolExecutor(4) as pool:
+        found = [task.result() for task in [pool.submit(task) for task in tasks]]
+    assert all(str(x) == str(alone[k % 2]) for k, x in enumerate(found))
+    again = pickle.loads(pickle.dumps(alone[0]))
+    assert str(again) == str(copy.deepcopy(alone[0])) == str(alone[0])
+    for size in (1e-6, 100.0):  # heights and peaks scale with lengths, at the stiffness of steel
+        prism = Prism(size, 0.25 * size, 0.1, 1e7)
+        (fold,) = prove(equilibrium_path(prism))
+        scaled = Fraction(fold.height.mid) / Fraction(repr(size))
+        assert abs(scaled - Fraction(alone[1][0].height.mid)) < 1e-15
+        other = prove(wave_of(prism, 1.03), period=40.0)
+        assert other.proved, other.reason
+        assert float(other.peak) / size == pytest.approx(float(alone[0].peak), rel=1e-12)

@@ -10,6 +10,7 @@ Source: F. Johansson, IEEE Trans. Comput. 66, 1281 (2017) (Arb).
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -30,6 +31,8 @@ if TYPE_CHECKING:
 
 BITS = 128  # of the precision of balls, unless more is asked for
 HALVINGS = 7  # of the boxes that cover a disc
+DYADIC = 20  # bits of their size, so that all their corners are exact
+_ONE_THREAD = threading.RLock()
 
 
 def flint() -> Any:
@@ -39,14 +42,16 @@ def flint() -> Any:
 
 @contextmanager
 def precision(bits: int, terms: int = 2) -> Iterator[None]:
-    """Balls of so many bits, and power series of so many terms."""
-    context = flint().ctx
-    before = context.prec, context.cap
-    context.prec, context.cap = bits, terms
-    try:
-        yield
-    finally:
-        context.prec, context.cap = before
+    """Balls of so many bits, and power series of so many terms; in one thread at a time, as both
+    are settings of the whole process."""
+    with _ONE_THREAD:
+        context = flint().ctx
+        before = context.prec, context.cap
+        context.prec, context.cap = bits, terms
+        try:
+            yield
+        finally:
+            context.prec, context.cap = before
 
 
 def ball(text: str) -> Any:
@@ -261,10 +266,24 @@ class BallSpring:
         Returns
         -------
         list of arb, (terms,)
+
+        Raises
+        ------
+        TensegrityError
+            An operation loses terms, such as a quotient of two series that begin at 0.
         """
         with precision(bits, terms):
-            found = self(flint().arb_series([r, 1])).coeffs()
-        return [*found, *[flint().arb(0)] * (terms - len(found))]
+            try:
+                found = self(flint().arb_series([r, 1]))
+            except ValueError as error:
+                raise TensegrityError(f"the energy has no Taylor series: {error}") from error
+        if found.prec < terms:
+            raise TensegrityError(
+                f"the energy has {found.prec} terms of its Taylor series, not {terms}: it divides "
+                "by what begins at 0"
+            )
+        coefficients = found.coeffs()  # those after the last are exactly 0
+        return [*coefficients, *[flint().arb(0)] * (terms - len(coefficients))]
 
     def largest(self, radius: Any) -> Any:
         """A bound on |V| on the disc about r = 0, in which V is analytic [J].
@@ -280,7 +299,8 @@ class BallSpring:
             None where the disc has a point at which V may not be analytic.
         """
         arb, acb = flint().arb, flint().acb
-        side = float(radius.abs_upper()) / 2
+        mantissa, exponent = math.frexp(float(radius.abs_upper()) / 2)
+        side = math.ldexp(math.floor(mantissa * 2**DYADIC) + 1, exponent - DYADIC)
         boxes = [(x, y, side) for x in (-side, side) for y in (0.0, side)]  # V(z*) = V(z)*
         greatest, halvings = arb(0), 0
         with precision(BITS):

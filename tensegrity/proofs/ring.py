@@ -89,7 +89,6 @@ class Taylor:
 
     Attributes
     ----------
-    spring : BallSpring
     coefficients : list of arb
         Of the energy.
     radius, largest : arb
@@ -146,14 +145,14 @@ class Taylor:
         powers = [Even(of([1]), flint().arb(0)), series]
         while len(powers) <= block:
             powers.append(powers[-1].times(series, count))
-        total = Even(of([0]), self.rest(order, series.norm))
+        total = Even(of([0]), flint().arb(0))
         for first in range((len(terms) - 1) // block * block, -1, -block):
             total = total.times(powers[block], count) if first < len(terms) - block else total
             modes, rest = total.modes, total.rest
             for x, power in zip(terms[first : first + block], powers, strict=False):
                 modes, rest = modes + x * power.modes, rest + abs(x) * power.rest
             total = Even(modes, rest)
-        return total
+        return Even(total.modes, total.rest + self.rest(order, series.norm))
 
     def bound(self, order: int, norm: Any) -> Any:
         """A bound on the norm of a derivative of series of a given norm.

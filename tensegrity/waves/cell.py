@@ -27,9 +27,8 @@ import numpy as np
 
 from tensegrity.errors import TensegrityError
 from tensegrity.root import root
+from tensegrity.waves.components import DIFFERENCE, scale_of
 
-DIFFERENCE = 1e-4  # relative change of the stiffness that makes the scale of elongations
-BINADES = 300  # powers of 2 between which that scale is sought [m]
 SLOWEST, FASTEST, RATES = 1e-2, 60.0, 4000  # decay of a tail: over that of long waves; per site
 FINE = 0.01  # steps of wave numbers between which a branch meets c k once
 HIGHER = 1.01  # than frequencies at some wave numbers, the largest of all
@@ -300,24 +299,8 @@ class Cell:
 
     @cached_property
     def scale(self) -> float:
-        """Elongation of the long wave [m] at which its stiffness changes by a part `DIFFERENCE`, to
-        a factor of 2: a law states no length.  `inf` where it never does."""
-
-        def changes(exponent: int) -> bool:
-            try:
-                with np.errstate(all="ignore"):
-                    change = np.abs(self._along(2.0**exponent) - 1)
-            except TensegrityError:  # beyond a domain
-                return True
-            return not np.all(change <= DIFFERENCE)
-
-        low, high = -BINADES, BINADES
-        if not changes(high):
-            return math.inf
-        while high - low > 1:
-            middle = (low + high) // 2
-            low, high = (low, middle) if changes(middle) else (middle, high)
-        return 2.0**low
+        """Elongation of the long wave [m] at which its stiffness changes; see `scale_of`."""
+        return scale_of(self._along)
 
     def _along(self, size: float) -> Any:
         """Stiffness along the long wave over that at rest, at two opposite elongations [m]."""

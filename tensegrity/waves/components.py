@@ -7,18 +7,55 @@ ends of a bond are their mean, even, and minus and plus half their difference, o
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from tensegrity.errors import TensegrityError
 from tensegrity.waves.cosines import Series, cosine_sum
 from tensegrity.waves.travelling import LARGEST, Profile
 
 AIM = 4e-14  # defect, as a wave at sites has second derivatives
 ROUND_OFF, LARGEST_DEFECT = 10, 1e-8  # defect over that on the own grid, where forces cancel; most
+DIFFERENCE = 1e-4  # relative change of the stiffness that makes the scale of elongations
+BINADES = 300  # powers of 2 between which that scale is sought [m]
 LEAST = 1e-6  # force of a coordinate over the largest of all, by which residuals are divided
+
+
+def scale_of(along: Callable[[float], Any]) -> float:
+    """Elongation at which a stiffness changes by a part `DIFFERENCE`, to a factor of 2.
+
+    A law states no length by which elongations are small.
+
+    Parameters
+    ----------
+    along : callable (elongation [m]) -> ndarray
+        The stiffness over that at rest, which may raise beyond a domain.
+
+    Returns
+    -------
+    float
+        [m]; inf where it never does.
+    """
+
+    def changes(exponent: int) -> bool:
+        try:
+            with np.errstate(all="ignore"):
+                change = np.abs(along(2.0**exponent) - 1)
+        except TensegrityError:  # beyond a domain
+            return True
+        return not np.all(change <= DIFFERENCE)
+
+    low, high = -BINADES, BINADES
+    if not changes(high):
+        return math.inf
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if changes(middle) else (middle, high)
+    return 2.0**low
 
 
 @dataclass(frozen=True)

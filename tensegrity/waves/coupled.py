@@ -36,11 +36,10 @@ from tensegrity.scenes.acting import per_coordinate
 from tensegrity.scenes.forcing import refuse_heavy_bonds
 from tensegrity.scenes.network import Network
 from tensegrity.springs.pair_law import PairLaw
+from tensegrity.waves.components import DIFFERENCE, scale_of
 from tensegrity.waves.cosines import complement
 
 EQUAL = 1e-12  # relative difference of equal separations and masses
-DIFFERENCE = 1e-4  # relative change of the stiffness that makes the scale of elongations
-BINADES = 300  # powers of 2 between which that scale is sought [m]
 SLOWEST, FASTEST, RATES = 1e-2, 60.0, 4000  # decay of a tail: over that of long waves; per site
 ALIKE, WIDE = 1e-12, 100.0  # energies when ends are exchanged, at so many scales from rest
 SMALL = 300.0  # strains in scales below which forces are integrated from their slopes
@@ -143,24 +142,8 @@ class CoupledLaw:
 
     @cached_property
     def scale(self) -> float:
-        """Elongation of the fastest component [m] at which its stiffness changes by a part
-        `DIFFERENCE`, to a factor of 2: a law states no length.  `inf` where it never does."""
-
-        def changes(exponent: int) -> bool:
-            try:
-                with np.errstate(all="ignore"):
-                    change = np.abs(self._along(2.0**exponent) - 1)
-            except TensegrityError:  # beyond a domain
-                return True
-            return not np.all(change <= DIFFERENCE)
-
-        low, high = -BINADES, BINADES
-        if not changes(high):
-            return math.inf
-        while high - low > 1:
-            middle = (low + high) // 2
-            low, high = (low, middle) if changes(middle) else (middle, high)
-        return 2.0**low
+        """That of the fastest component at which its stiffness changes [m]; see `scale_of`."""
+        return scale_of(self._along)
 
     def _along(self, size: float) -> Any:
         """Stiffness of the fastest component over that at rest, at two opposite elongations [m]."""
@@ -218,6 +201,15 @@ class CoupledLaw:
                 return about or FASTEST
             at = int(ends[0])
             return root(lambda k: float(singular(k)[0]), float(rates[at]), float(rates[at + 1]))
+
+    @cached_property
+    def long(self) -> Any:
+        """Components of long waves, over the first; (n,)."""
+        return np.concatenate([[1.0], np.zeros(len(self.free) - 1), self.follow[:, 0]])
+
+    def resonances(self, nu: float) -> list[Any]:
+        """Those by which a grid is chosen: none."""
+        return []
 
     def boxed(self, length: float, nu: float) -> float:
         """The half-length of a grid: any will do."""

@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -32,6 +32,7 @@ from tensegrity.errors import TensegrityError
 from tensegrity.root import root
 from tensegrity.scenes.network import Network
 from tensegrity.waves.by_target import stiffness_above
+from tensegrity.waves.cell_profile import FEW, from_sound
 from tensegrity.waves.components import CoupledProfile
 from tensegrity.waves.cosines import Grid
 from tensegrity.waves.coupled import CoupledLaw, unit_of
@@ -39,11 +40,6 @@ from tensegrity.waves.family import SIGNS, half_length, refined
 from tensegrity.waves.spectrum import dispersion
 from tensegrity.waves.travelling import NoWaveError, newton, speed_is
 
-LONG, FASTER = 0.04, 2.0  # |nu| of a first wave; factor to the next
-FEW, ROUGHLY = 96, 1e-4  # points, and last Newton step, on the way
-SHORTEST = 1e-4  # |nu| of the first wave, if its profile is not near that of long waves before
-GROWS = 0.9  # of the peak, where it would grow
-SHORTER = 5  # roots of the factor
 FARTHEST, PLACES = 1e6, 3000  # values at which the peak of a long wave is sought, over the scale
 SPREAD = 6.0  # of its profile
 POINTS = 600  # of it
@@ -154,7 +150,7 @@ def _beginnings(law: CoupledLaw, nu: float) -> Iterator[tuple[str, Any]]:
     if law.curvature == 0:
         raise NoWaveError("no wave of long ones: the tension of the fastest sound has no curvature")
     if nu * law.spread > 0:
-        yield "", lambda: _from_sound(law, nu)
+        yield "", lambda: refined(from_sound(law, nu, CoupledProfile), speed_is(nu))[0]
     if len(law.others) == 1:
         long = _LongWaves(law, nu)
         with np.errstate(all="ignore"):  # where a long wave is not a number, it ends
@@ -162,50 +158,6 @@ def _beginnings(law: CoupledLaw, nu: float) -> Iterator[tuple[str, Any]]:
         for peak in peaks:
             turn = law.reference * peak / law.root[law.others[0]]
             yield f"near the long wave of peak {turn:.4g}, ", lambda peak=peak: long.wave(peak)
-
-
-def _from_sound(law: CoupledLaw, goal: float) -> CoupledProfile:
-    """The wave with nu = goal, by way of others nearer to sound."""
-    sign = math.copysign(1.0, goal)
-    profile, factor, power = _near_sound(law, sign * min(abs(goal), LONG)), FASTER, 1.0
-    while abs(profile.nu) < abs(goal):
-        nu = sign * min(abs(profile.nu) * factor, abs(goal))
-        guess = profile.on(Grid(FEW, half_length(law, nu)))
-        guess = replace(guess, rho=guess.rho * (nu / profile.nu) ** power, nu=nu)
-        try:
-            next_profile = newton(guess, speed_is(nu), ROUGHLY)
-            grown = next_profile.rho[0, 0] / profile.rho[0, 0]
-            if grown < GROWS:
-                raise NoWaveError("no wave found: Newton's method goes to the state of rest")
-            power = math.log(grown) / math.log(nu / profile.nu)
-            law.reference *= float(next_profile.rho[0, 0])
-            profile = replace(next_profile, rho=next_profile.rho / next_profile.rho[0, 0])
-        except TensegrityError:
-            factor = math.sqrt(factor)
-            if factor < FASTER ** (0.5**SHORTER):
-                ratios = (math.sqrt(1 + x) for x in (goal, profile.nu))
-                raise NoWaveError(
-                    "no wave with a speed ratio of {:.6g} found, which must be at {} about {:.6g}: "
-                    "there the family ends, or its waves grow too fast".format(
-                        next(ratios), "most" if sign > 0 else "least", next(ratios)
-                    )
-                ) from None
-    return refined(profile, speed_is(goal))[0]
-
-
-def _near_sound(law: CoupledLaw, nu: float) -> CoupledProfile:
-    """A wave that starts from the profile of Korteweg and de Vries, at nu or the nearest speed to
-    sound at which that is close enough."""
-    law.reference = 3 * law.secant * nu / law.curvature
-    grid = Grid(FEW, half_length(law, nu))
-    rho = 1 / np.cosh(np.minimum(math.sqrt(nu / law.spread) / 2 * grid.x, 300)) ** 2
-    rho = np.concatenate([rho[None], np.zeros((len(law.free) - 1, len(rho))), law.follow * rho])
-    try:
-        return newton(CoupledProfile(law, grid, rho, nu), speed_is(nu), ROUGHLY)
-    except TensegrityError:
-        if abs(nu) < SHORTEST:
-            raise
-        return _near_sound(law, nu / FASTER)
 
 
 class _LongWaves:
