@@ -384,6 +384,22 @@ def test_forces_and_dashpots_of_sites_act_on_each_of_their_coordinates():
     assert here.mass[3, 1] == pytest.approx((up - down) / (2 * step), rel=1e-6)
 
 
+def test_forces_of_coordinates_in_other_units_are_not_taken_to_be_stiffer():
+    """A row in micrometres at the stiffness of steel has the motion of one in metres."""
+    (v_x, v_y), found = sp.symbols("v_x v_y"), []
+    for size, k in ((1.0, 1.0), (1e-6, 1e7), (100.0, 1e7)):
+        energy = k * ((U - u) ** 2 / 2 + (U - u) ** 3 / (3 * size) + size**2 * (A - a) ** 2 / 2)
+        pair = PairLaw(energy + k * size * (U - u) * (A - a) / 4, FIRST, SECOND)
+        w = math.sqrt(k)
+        drag = Force((-0.1 * w * v_x, -0.1 * w * size**2 * v_y * (1 + v_y**2 / k)))
+        row = Chain(pair, 8, mass=(1.0, size**2), forces=[drag])
+        start = row.at_rest({0: (0.05 * size * w, 0.0)})
+        run = simulate(row, start, 6 / w, dt=0.05 / w, method="rk8")
+        found.append(run.final.u / (size, 1.0))
+    for other in found[1:]:
+        assert other == pytest.approx(found[0], rel=1e-9, abs=1e-12)
+
+
 def wrong():
     k = sp.Symbol("k")
     spring = (U - u) ** 2 / 2 + (A - a) ** 2 / 2

@@ -342,6 +342,8 @@ def largest_decay(
     """
     sites, dim = len(u), max(bonds.dim, 1)
     total, stiffness = np.zeros((2, sites))
+    weights = (each := np.asarray(bonds.mobility)[:sites].reshape(sites, -1)).max(axis=1)
+    relative = np.sqrt(each.T / np.where(weights > 0, weights, 1)) * np.ones((dim, 1))
     for one in applied:
         law, at = one.law, one.places
         if law.law is not None:
@@ -353,12 +355,12 @@ def largest_decay(
             x = np.concatenate([x, np.linalg.norm(x[dim:], axis=0)[None]])
             ends: Any = [at]
         else:
-            ends = _ends(bonds, at)
-            x = _relative(bonds, at, u, v)
+            ends, x = _ends(bonds, at), _relative(bonds, at, u, v)
         slopes = np.abs(np.array(_slopes(law)(t, x, one.values)))
         slopes = slopes.reshape(len(law.state), -1, len(at))[-len(law.rates) :]
-        if law.on == SITE:  # a sum of components is at most sqrt(dim) of their norm
-            slopes[-1] *= np.sqrt(dim)
+        if law.on == SITE:  # coordinates may differ in inertia; that of the speed is their norm
+            by = relative[:, at]
+            slopes *= np.concatenate([by, np.linalg.norm(by, axis=0)[None]])[:, None] * by
         elif len(law.expressions) > 1:  # a force across the slip turns with it
             force = np.abs(np.array(law.function()(t, x, one.values))[1])
             slip = np.where(x[2] > 0, x[2], np.inf)
@@ -367,9 +369,7 @@ def largest_decay(
         for end in ends:
             free = end < sites
             np.add.at(total, end[free], rate[free] * len(ends))
-    weights = np.asarray(bonds.mobility)[:sites].reshape(sites, -1).max(axis=1)
-    frequency = np.sqrt(np.max(stiffness * weights, initial=0.0))
-    return float(np.max(total * weights, initial=0.0) + frequency)
+    return float((total * weights).max() + np.sqrt((stiffness * weights).max()))
 
 
 def _ends(bonds: Bonds, at: Indices) -> tuple[Indices, Indices]:
