@@ -30,7 +30,7 @@ def check(progress: Callable[[Iterable[Any]], Iterable[Any]]) -> int:
         checks.append(ledger.check(entry))
         tqdm.write(str(checks[-1]), file=sys.stdout)
     failed = [c for c in checks if not c.confirmed]
-    for verdict in (Verdict.SLIP, Verdict.CONVENTION):
+    for verdict in (Verdict.MISPRINT, Verdict.CONVENTION):
         print(f"\n{verdict.value}:")
         for c in checks:
             if c.entry.verdict is verdict:

@@ -1,8 +1,8 @@
 """The form of a derivation: sentences, each with the formulas that the program derived.
 
 An entry of the ledger compares a printed formula with the derivation.  It holds the printed form in
-SymPy, the reading under which it is correct (a sign convention, or the correction of a slip), and
-the function that derives it.
+SymPy, the reading under which it is correct (a sign convention, or the correction of a misprint),
+and the function that derives it.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ class Verdict(Enum):
 
     HOLDS = "holds"
     CONVENTION = "holds under a convention"
-    SLIP = "slip"
+    MISPRINT = "misprint"
     NO_DATA = "no data in the source"
 
 

@@ -50,7 +50,7 @@ def check(entry: Entry, printed: Any = None) -> Check:
     how = agree(entry.reading(printed), derived(entry), dict(entry.domain))
     if not how:
         return Check(entry, False, "the printed form is not the derived one")
-    needs_reading = entry.verdict in (Verdict.CONVENTION, Verdict.SLIP)
+    needs_reading = entry.verdict in (Verdict.CONVENTION, Verdict.MISPRINT)
     if needs_reading and agree(printed, derived(entry), dict(entry.domain)):
         return Check(entry, False, "no convention or correction is needed")
     return Check(entry, entry.verdict is not Verdict.NO_DATA, how)

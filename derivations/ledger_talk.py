@@ -106,7 +106,7 @@ arc = (h - h_old) ** 2 + (f - f_old) ** 2 - step**2
 COMPAT = 'talk, part III, "Compatibility equations"'
 BALANCE = 'talk, part III, "Equilibrium problem"'
 ELASTIC, RIGID = 'talk, part III, "Elastic problem"', 'talk, part III, "Rigid-elastic model"'
-CONV, SLIP, NO_DATA = Verdict.CONVENTION, Verdict.SLIP, Verdict.NO_DATA
+CONV, MISPRINT, NO_DATA = Verdict.CONVENTION, Verdict.MISPRINT, Verdict.NO_DATA
 
 ENTRIES = (
     Entry("talk.power_law_waves", "talk, overview", "contact", sp.Symbol("sign(strain)"),
@@ -127,12 +127,12 @@ ENTRIES = (
           "their potential energy", lambda e: e.subs({w: -w for w in (W_0, W_1, W_2)})),
     Entry("talk.contact_energy", PART_II, "contact", sp.Symbol("V_ij"),
           alpha * pressed ** (n + 1) / (n + 1),
-          lambda: contact.power_law_energy().subs(contact.overlap, -pressed), SLIP,
+          lambda: contact.power_law_energy().subs(contact.overlap, -pressed), MISPRINT,
           "delta^- <= 0 needs an absolute value before the power",
           lambda e: e.subs(pressed, sp.Abs(pressed)), negative),
     Entry("talk.contact_force", PART_II, "contact", sp.Symbol("F_ij"), alpha * pressed**n,
           lambda: sp.diff(contact.power_law_energy(), contact.overlap).subs(
-              contact.overlap, -pressed), SLIP,
+              contact.overlap, -pressed), MISPRINT,
           "delta^- <= 0 needs an absolute value before the power; it is then the contact force, "
           "compression > 0, and -V'", lambda e: e.subs(pressed, sp.Abs(pressed)), negative),
     Entry("talk.negative_part", PART_II, "contact", pressed, sp.Min(0, gap),

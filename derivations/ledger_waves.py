@@ -10,7 +10,7 @@ from derivations import hardening, one_well, prism, regular, rigid_response, wav
 from derivations import softening as own
 from derivations.argument import Entry, Verdict
 
-CONV, SLIP, NO_DATA = Verdict.CONVENTION, Verdict.SLIP, Verdict.NO_DATA
+CONV, MISPRINT, NO_DATA = Verdict.CONVENTION, Verdict.MISPRINT, Verdict.NO_DATA
 PLACE = 'talk, part III, "Properties of the elastic potential"'
 OWN = "not in the sources: stated and derived here"
 slender, stressed, fast = sp.symbols("slender stressed fast")  # conditions, true or false
@@ -144,7 +144,7 @@ tent = sp.Piecewise((0, x / h_0 <= -1), (d / h_0 * (1 - sp.Abs(x / h_0)), x / h_
 
 ENTRIES = (
     Entry("talk.H1_domain", PLACE, "hardening", sp.Symbol("domain of V"), sp.Tuple(-d, sp.oo),
-          _domain, SLIP, "the rigid prism locks in extension too: (-d, b - h0)", _read_domain,
+          _domain, MISPRINT, "the rigid prism locks in extension too: (-d, b - h0)", _read_domain,
           locks),
     Entry("talk.H1_positive", PLACE, "hardening", "H1", V >= 0, _never_negative),
     Entry("talk.H1_zero", PLACE, "hardening", "H1", sp.Eq(V_0, 0), _zero_at_rest),
@@ -152,8 +152,8 @@ ENTRIES = (
           "needs a positive prestrain: V''(0) is proportional to q",
           lambda e: sp.Implies(stressed, e)),
     Entry("talk.H2", PLACE, "hardening", sp.Symbol("lower bound of V"), c_0 * (r + d) ** -1,
-          _growth, SLIP, "the energy stays finite at locking, only the force diverges; what holds "
-          "is V >= c0 close to -d", lambda e: e.replace(c_0 / (r + d), c_0)),
+          _growth, MISPRINT, "the energy stays finite at locking, only the force diverges; what "
+          "holds is V >= c0 close to -d", lambda e: e.replace(c_0 / (r + d), c_0)),
     Entry("talk.H3_derivative", PLACE, "hardening", "H3", V_3 < 0,
           _third_derivative, CONV,
           "proved for slender prisms, eta0^2 > sqrt3/6; thicker ones soften first",
@@ -178,7 +178,7 @@ ENTRIES = (
     Entry("talk.sound_speed", PLACE, "waves", c_s, h_0 * sp.sqrt(a / m), waves.sound_speed),
     Entry("talk.tent_speed", PLACE, "waves", "speeds of the tent", sp.Ge(c, c_s),
           lambda: [({c: sp.Rational(21, 20) * c_s, fast: False}, False),
-                   ({c: 100 * c_s, fast: True}, True)], SLIP,
+                   ({c: 100 * c_s, fast: True}, True)], MISPRINT,
           "requires c much larger than c_s: slightly above it the sech^2 wave is many sites wide",
           lambda e: sp.And(fast, e)),
     Entry("talk.tent", PLACE, "waves", sp.Symbol("epsilon"), tent,

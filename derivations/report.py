@@ -27,7 +27,7 @@ math { font-family: 'STIX Two Math', 'Latin Modern Math', 'Cambria Math', math; 
 .formula { overflow-x: auto; overflow-y: hidden; margin: .5rem 0 .5rem 1.5rem; padding: .2rem 0; }
 .entry { border-left: .3rem solid #2e7d32; padding: .1rem 0 .1rem .8rem; margin: 1rem 0;
   break-inside: avoid; }
-.entry.slip, .entry.failed { border-color: #b3261e; }
+.entry.misprint, .entry.failed { border-color: #b3261e; }
 .entry.convention { border-color: #a86400; }
 .entry.no_data { border-color: #777; }
 .entry p { margin: .2rem 0; } .verdict { font-weight: bold; } .place { color: #555; }
@@ -169,7 +169,7 @@ def _signs():
 
 
 def _summary(checks):
-    exceptions = [c for c in checks if c.entry.verdict.name in ("CONVENTION", "SLIP")]
+    exceptions = [c for c in checks if c.entry.verdict.name in ("CONVENTION", "MISPRINT")]
     rows = "".join(
         f'<tr><td><a href="#{c.entry.name}">{c.entry.name}</a></td>'
         f"<td>{escape(c.entry.verdict.value)}</td><td>{prose(c.entry.note)}</td></tr>"

@@ -51,7 +51,7 @@ def changes(number, output):
 
 
 def numbers(claim, output):
-    """Each number of a claim with its value and error, in words; None where nothing was made.
+    """Each number of a claim with its value and error, in words.
 
     Raises
     ------
@@ -62,9 +62,6 @@ def numbers(claim, output):
         name = number["picture"]
         path = output / pictures()[name].GROUP / f"{name}.csv"
         columns = _table(path, number.get("table", PRINTED))
-        if columns is None:
-            yield number, None, None
-            continue
         value, error = _cell(columns, number["row"], number["column"]), None
         if "error" in number:
             of_line = number["error"] in columns

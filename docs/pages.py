@@ -1,7 +1,7 @@
 """Pages generated from the figures, their printed tables, the ledger, and the public names.
 
-They are written as Markdown when the site is built and are not under version control.  The numbers
-of a figure are read from its files; a figure that was not made is named.
+They are written as Markdown when the site is built and are not under version control.  A figure and
+its numbers are those that were made here, or else those kept in `docs/pictures/kept`.
 """
 
 from __future__ import annotations
@@ -22,14 +22,15 @@ from pathlib import Path
 from claims import VERDICTS, changes, claims, numbers
 
 from derivations import ledger, report
-from figures import FIRST, claims_inputs, pictures
+from figures import FIRST, _kept, claims_inputs, pictures
 from figures._files import read_printed
 from figures._gallery import named, short, title
 from figures._gallery import words as _words
 from tensegrity.check import replacing
 
 ROOT = Path(__file__).parent.parent
-OUTPUT = ROOT / "figures" / "output"
+DRAWN = ROOT / "figures" / "output"
+OUTPUT = ROOT / "docs" / "_made" / "pictures"  # gathered from those drawn and those kept
 FORMULAS = tomllib.loads((Path(__file__).parent / "formulas.toml").read_text())["formulas"]
 SEEN = tomllib.loads((Path(__file__).parent / "gallery.toml").read_text(encoding="utf-8"))
 ROOMS = {  # page: (title, modules whose public names it holds, modules documented whole)
@@ -117,7 +118,7 @@ def limits_text(path):
 
 
 def picture_page(name, module, folder):
-    """One page of the gallery; whether its picture was made."""
+    """One page of the gallery."""
     made = OUTPUT / module.GROUP
     image, film, data = (made / f"{name}.{kind}" for kind in ("png", "gif", "csv"))
     lines = read_printed(data) if data.is_file() else []
@@ -127,8 +128,7 @@ def picture_page(name, module, folder):
         folder / f"{name}.md",
         f"# {head}",
         *words(module),
-        f"![{head}]({copied(image, folder)})" if image.is_file() else
-        ":::{note}\nThis figure was not made before the site was built.\n:::",
+        f"![{head}]({copied(image, folder)})",
         f"![{head}, in motion]({copied(film, folder)})" if film.is_file() else "",
         limits_text(made / f"{name}.md"),
         table(map(escape, lines[0]), [list(map(cell, line.values())) for line in lines])
@@ -140,7 +140,6 @@ def picture_page(name, module, folder):
         f"```{{literalinclude}} code/{name}.py\n:language: python\n```",
         raw("</details>"),
     )  # fmt: skip
-    return image.is_file()
 
 
 def what_to_see(name, module):
@@ -159,34 +158,25 @@ def in_groups(found):
 
 
 def gallery(source):
-    """A page for each figure, and an overview with the first ones in front.
-
-    Returns the names of figures that were not made.
-    """
+    """A page for each figure, and an overview with the first ones in front."""
     folder, found = source / "gallery", pictures()
-    missing = [name for name, module in found.items() if not picture_page(name, module, folder)]
+    for name, module in found.items():
+        picture_page(name, module, folder)
     parts = [
         "# Gallery",
         "Every figure is made by a module of `figures` from public calls only; its page contains "
         "a description, the printed table, the data and the code.",
     ]
-    if missing:
-        parts.append(
-            f":::{{note}}\n{len(missing)} of {len(pictures())} figures were not made before this "
-            "site was built: `make gallery` makes them all.\n:::"
-        )
     for group, names in in_groups(found).items():
         cards = []
         for name in names:
             image = f'<img src="../_images/{name}.png" alt="" loading="lazy">'
-            shown = '<span class="none">not made</span>' if name in missing else image
             head, seen = escape(title(found[name])), escape(what_to_see(name, found[name]))
-            cards.append(f'<a href="{name}.html">{shown}<b>{head}</b><span>{seen}</span></a>')
+            cards.append(f'<a href="{name}.html">{image}<b>{head}</b><span>{seen}</span></a>')
         heading = group.replace("_", " ").capitalize() or "What to see first"
         parts += [f"## {heading}", raw(f'<div class="cards">{"".join(cards)}</div>')]
         parts.append("```{toctree}\n:hidden:\n\n" + "\n".join(names) + "\n```")
     write(folder / "index.md", *parts)
-    return missing
 
 
 def derived(source):
@@ -234,7 +224,7 @@ def _claim(claim):
     ]
     for number, value, error in numbers(claim, OUTPUT):
         what = escape(f"{number['row']}, {number['of']}" if "of" in number else number["row"])
-        shown = f"<strong>{escape(short(value))}</strong>" if value else "figure not made"
+        shown = f"<strong>{escape(short(value))}</strong>"
         spread = f" (error {escape(short(error))})" if error else ""
         pieces.append(
             f"<p>{what}: {shown}{spread} · "
@@ -269,7 +259,7 @@ def claim_page(source):
     for head in dict.fromkeys(claim["about"] for claim in everything):
         parts.append(f"## {head}")
         parts += [raw(_claim(claim)) for claim in everything if claim["about"] == head]
-    kinds = {"HOLDS": "holds", "CONVENTION": "under", "SLIP": "no", "NO_DATA": "open"}
+    kinds = {"HOLDS": "holds", "CONVENTION": "under", "MISPRINT": "no", "NO_DATA": "open"}
     by_name = {x: c for c in everything for x in c.get("ledger", ())}
     rows = []
     for entry in ledger.entries():
@@ -286,7 +276,7 @@ def claim_page(source):
 
 def limits(source):
     """The page on limits: as `python -m figures` wrote it, or as it is under version control."""
-    made, shown = OUTPUT / "limits" / "limits.md", source / "pictures" / "limits.md"
+    made, shown = DRAWN / "limits" / "limits.md", source / "pictures" / "limits.md"
     page = made if made.is_file() else shown
     text = page.read_text(encoding="utf-8")
     for name in re.findall(r"\]\(([\w.]+\.png)\)", text):
@@ -396,10 +386,9 @@ def copy_live(out):
 
 def make(source):
     """All pages that are made."""
-    missing = gallery(source)
+    _kept.gather(DRAWN, OUTPUT)
+    gallery(source)
     derived(source)
     claim_page(source)
     limits(source)
     reference(source)
-    if missing:
-        print(f"pictures not made ({len(missing)}): {', '.join(missing)}")

@@ -104,7 +104,7 @@ def draw_curves(axes, table, divisions, title):
             f"{part}\nbead {bead}\n{division:g} N/div", (1.01, base),
             xycoords=("axes fraction", "data"), va="bottom", fontsize=9, color=f"C{k}",
         )  # fmt: skip
-    axes.set_yticks(np.arange(apart * len(names) + 1), [])
+    axes.set_yticks(np.arange(apart * len(names) + 1), [])  # of N/div beside each curve
     axes.set(xlabel="time [ms]", ylabel="force [divisions]")
     axes.set_title(title, fontsize=9)
     axes.set_ylim(-0.5, apart * len(names))

@@ -138,10 +138,14 @@ def draw(axes, tables, title):
     curves = tables["curves"]
     axes.plot(curves["x"], -curves["sech2"], "C1--", label="sech$^2$")
     axes.plot(curves["x"], -curves["tent"], "C2:", lw=2, label="tent (locking stroke)")
-    axes.plot(curves["x"], -curves["exact"], "C7", lw=1, label="exact wave")
-    marks = {"emerged": ("C0.", "chain, after an impact"), "launched": ("C3+", "chain, launched")}
+    axes.plot(curves["x"], -curves["exact"], "0.4", lw=1, label="exact wave")
+    marks = {
+        "emerged": ({"color": "C0", "marker": "o", "mfc": "none", "ms": 6}, "after an impact"),
+        "launched": ({"color": "C4", "marker": "x", "ms": 3.5}, "launched"),
+    }
     for name, (mark, label) in marks.items():
-        axes.plot(tables[name]["x"], -tables[name]["strain"], mark, ms=4, label=label)
+        shown, few = tables[name], slice(None, None, 1 + len(tables[name]["x"]) // 60)
+        axes.plot(shown["x"][few], -shown["strain"][few], ls="", label=f"chain, {label}", **mark)
     axes.set(xlabel="distance from the peak [sites]", ylabel="compressive strain", title=title)
     tops = [-curves[name].min() for name in ("exact", "sech2", "tent")]
     axes.set_ylim(-0.05 * tops[0], 1.15 * max(top for top in tops if top < 3 * tops[0]))

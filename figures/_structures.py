@@ -31,7 +31,6 @@ def show(axes, table, frame=0):
     callable (int) -> list of matplotlib.artist.Artist
         Shows another frame there; returns what it changes.
     """
-    from matplotlib import colormaps
     from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
     along, count = list(table)[1], 1 + max(table["frame"])
@@ -46,7 +45,7 @@ def show(axes, table, frame=0):
     low, high = ends[..., 2].min(), ends[..., 2].max()
     axes.set(xlim=(-wide, wide), ylim=(-wide, wide), zlim=(low, high), xlabel="x [m]",
              ylabel="y [m]", zlabel="z [m]")  # fmt: skip
-    axes.set_box_aspect((2 * wide, 2 * wide, high - low), zoom=0.72)  # with its labels
+    axes.set_box_aspect((2 * wide, 2 * wide, high - low), zoom=1.0)
     axes.locator_params(nbins=4)
     axes.zaxis.labelpad = 8
     axes.M = axes.get_proj()
@@ -56,7 +55,7 @@ def show(axes, table, frame=0):
         for kind, chosen in zip(kinds, (~string[frame], taut, slack[frame]), strict=True):
             kind.set_segments(ends[frame, chosen])
             kind.do_3d_projection()
-        kinds[1].set_color(colormaps["viridis"](tension[frame, taut] / largest))
+        kinds[1].set_color(plotting.dark()(tension[frame, taut] / largest))
         value = abs(table[along][frame * ends.shape[1]])
         words = f"{along} {value:.2f}{unit}; slack strings dashed\ncolour: tension, 0 to "
         return [*kinds, axes.set_title(f"{words}{largest:.2f} N", fontsize=8, y=0.97)]

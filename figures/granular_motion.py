@@ -10,6 +10,7 @@ import numpy as np
 import tensegrity
 from figures import _guide
 from figures._disks import disks
+from figures._draw import note
 from figures._guide import PARYLENE, STEEL
 from granular import diamond_guide, sensor_force
 
@@ -18,8 +19,9 @@ GROUP = "granular"
 
 END = 1.5e-3  # s
 FRAMES = 100  # of the GIF
-SHOWN = {9: "fork", 14: "fork", 42: "rejoined", 86: "rejoined"}  # frames of the picture, and where
+SHOWN = {9: "fork", 14: "fork", 42: "rejoined", 94: "rejoined"}  # frames of the picture, and where
 SEEN = {"fork": (-45, 55), "rejoined": (150, 250)}  # mm
+STEM = 0.196  # m: where stem 2 begins
 HELD = 6.0  # N: upper end of the colour scale
 
 
@@ -55,17 +57,21 @@ def draw(figure, tables):
     forces, t = _forces(tables), tables["forces"]["t [s]"]
     panels = figure.subplots(2, 2)
     *places, soft = tables["beads"].values()
-    style = {"cmap": "inferno_r", "lw": 0.5, "edgecolors": np.where(soft == 1, "C2", "0.6")}
+    style = {"cmap": "BuPu", "lw": 0.6, "edgecolors": np.where(soft == 1, "C1", "0.5")}
     for axes, (frame, where) in zip(panels.flat, SHOWN.items(), strict=True):
         for x0, y0, x1, y1 in zip(*tables["walls"].values(), strict=True):
             axes.plot([1e3 * x0, 1e3 * x1], [1e3 * y0, 1e3 * y1], "0.4", lw=1)
         beads = disks(axes, np.stack(places, axis=1), STEEL.diameter, **style)
         beads.set(array=forces[frame], clim=(0, HELD))
+        if where == "rejoined":  # in stem 2, of which the first beads follow the branches
+            there = np.where(places[0] > STEM, forces[frame], 0.0).argmax()
+            at = 1e3 * places[0][there], 1e3 * places[1][there]
+            note(axes, "it arrives", at, (12, 16), arrowprops={"arrowstyle": "->"})
         axes.set(title=f"{1e3 * t[frame]:.2f} ms after the blow", xlim=SEEN[where], ylim=(-32, 32),
                  ylabel="y [mm]")  # fmt: skip
     for side, name, y in (("top", "steel branch", 30), ("bottom", "Parylene branch", -30)):
         panels[0, 0].text(-42, y, name, va=side)
-    label = "force on a bead [N]; green outlines: Parylene branch"
+    label = "force on a bead [N]; orange outlines: Parylene branch"
     figure.colorbar(beads, ax=panels, label=label, shrink=0.7, extend="max")
 
 

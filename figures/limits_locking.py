@@ -1,4 +1,4 @@
-"""Time steps near locking: the step required against the stroke left, and runs of fixed step."""
+"""Near locking the usable step shrinks with the stroke left; steps far beyond it are refused."""
 
 import numpy as np
 

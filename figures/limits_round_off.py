@@ -1,4 +1,4 @@
-"""Growth of round-off: the time loop in double precision against extended precision."""
+"""Round-off of elongations grows as steps to the power 1.5 at rest, 2.5 in a drifting chain."""
 
 import numpy as np
 
@@ -113,7 +113,7 @@ def draw(figure, tables):
             label = f"{key}: power {powers(tables, name)[k]:.2f}"
             axes.loglog(steps, t[key], f"C{k}o", ms=4, label=label)
             middle = np.exp(np.mean((np.log(t[key]) - power * np.log(steps))[late]))
-            axes.loglog(steps, middle * steps**power, f"C{k}--", lw=1, label=f"power {power:g}")
+            axes.loglog(steps, middle * steps**power, f"C{k}--", lw=1, label=f"dashed: {power:g}")
         axes.set_title(f"chain {name.replace('_', ' ')} as a whole")
         axes.set(xlabel="steps", ylabel="double minus extended precision, relative")
         axes.set_xlim(steps[0] / 2, 300 * steps[-1])

@@ -109,7 +109,7 @@ def draw(figure, tables):
         (c, values, "beads", "beads, PTFE sides"),
     ):
         for k, found in enumerate(shown.values()):
-            axes.plot(100 * np.array(found), np.full(len(found), -k), "C0o", ms=5, alpha=0.7)
+            axes.plot(100 * np.array(found), np.full(len(found), -k), "C0o", ms=5, mec="w", mew=0.4)
         axes.axvline(70, color="C3", lw=1, ls="--")
         axes.set_yticks(-np.arange(len(shown)), list(shown), fontsize=9)
         axes.set(title=title, xlabel="1 - peak / direct hit [%]", ylabel=name, xlim=(-25, 100))

@@ -78,7 +78,7 @@ def _moving(axes, label=""):
 
 def draw(figure, tables):
     """Three instants, and the distribution of the energy over time."""
-    figure.set_size_inches(9, 5.4)
+    figure.set_size_inches(9, 4.7)
     *panels, last = figure.subplots(1, len(SHOWN) + 1, width_ratios=[1] * len(SHOWN) + [1.4])
     for axes, k in zip(panels, SHOWN, strict=True):
         _moving(axes, "" if k == SHOWN[-1] else None)(k)
@@ -89,9 +89,9 @@ def draw(figure, tables):
     names = ["layers 12 to 17", "layers 7 to 11", "layers 1 to 6", "striker"]
     last.stackplot(1e3 * t["t [s]"], [t[name] for name in names], alpha=0.6)
     last.plot(1e3 * t["t [s]"], t["lateral part of the motion"], "k--", lw=1.2)
-    for k, (y, name) in enumerate(zip((0.47, 0.64, 0.8), names, strict=False)):
-        last.text(0.97, y, name, ha="right", color=f"C{k}", fontweight="bold")
-    last.text(0.03, 0.92, names[-1], color="C3", fontweight="bold", ha="left")
+    for y, name in zip((0.47, 0.64, 0.8), names, strict=False):
+        last.text(0.97, y, name, ha="right", fontweight="bold")
+    last.text(0.03, 0.92, names[-1], fontweight="bold", ha="left")
     last.text(0.5, 0.2, "dashed: lateral part of\nthe kinetic energy", ha="center")
     last.set(xlabel="time [ms]", ylabel="fraction of the energy", ylim=(0, 1), title="where it is")
     last.margins(x=0)

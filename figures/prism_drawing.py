@@ -91,7 +91,8 @@ def draw(figure, tables):
     nodes = np.column_stack(list(tables["nodes"].values()))
     from_side(side, nodes, tables)
     from_above(top, nodes, tables)
-    for axes in (side, top):
+    for axes, words in ((side, "from the side"), (top, "from above")):
+        axes.set_title(words)
         axes.set_aspect("equal")
         axes.set_axis_off()
 

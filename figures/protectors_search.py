@@ -82,9 +82,9 @@ def draw(figure, tables):
     for axes, (name, scene) in zip(figure.subplots(2, 2).flat, common.SCENES.items(), strict=True):
         known = dict(zip(*tables[f"{name} compared"].values(), strict=True))
         words = {"ga": "evolution", "cma": "evolution (cma)"}[scene.method]
-        for kind, colour, said, up in (
-            (scene.method, "C1" if scene.method == "cma" else "C0", words, -14),
-            ("random", "0.5", "random", 10),
+        for kind, colour, said, up, side in (
+            (scene.method, "C1" if scene.method == "cma" else "C0", words, -14, "right"),
+            ("random", "0.4", "random", 0, "left"),
         ):
             marks, *several = tables[f"{name} {kind}"].values()
             marks = marks[: min(map(len, several))]
@@ -94,7 +94,7 @@ def draw(figure, tables):
                 marks, several.min(axis=0), several.max(axis=0), color=colour, alpha=0.3, lw=0
             )
             axes.plot(marks, middle, color=colour)
-            axes.annotate(said, (marks[-1], middle[-1]), (0, up), ha="right",
+            axes.annotate(said, (marks[-1], middle[-1]), (4, up), ha=side, va="center",
                           textcoords="offset points", color=colour)  # fmt: skip
         words = {known[kind]: kind for kind in ("random, median", "stepped")}
         for force, side in zip(sorted(words), ("top", "bottom"), strict=True):

@@ -44,21 +44,22 @@ def draw(figure, tables):
     figure.set_size_inches(9, 7.5)
     axes = figure.subplot_mosaic([[*SHAPES], ["limit"] * 2])
     for shape, height in SHAPES.items():
-        ax, shown = axes[shape], set()
+        ax = axes[shape]
         for index, prestrain in enumerate(PRESTRAINS):
             table, events = (tables[f"{shape}_p{prestrain:g}{end}"] for end in ("", "_events"))
             x, y, stable = table["shortening"], table["load"], np.array(table["stable_load"])
             ax.plot(x, y, f"C{index}--", lw=0.9, label=f"prestrain {prestrain:g}")
             ax.plot(x, np.where(stable, y, np.nan), f"C{index}", lw=1.7)
+            if shape == "thick":  # at the fold, above the unstable part
+                top = np.argmax(y)
+                note(ax, f"prestrain {prestrain:g}", (x[top], y[top]), (8, 8), color=f"C{index}")
             for kind, at, load in zip(*events.values(), strict=True):
                 ax.plot(at, load, MARKS[kind], color=f"C{index}", ms=5)
-                if kind not in shown:
-                    note(ax, kind, (at, load), (-4, 6), ha="right")
-                    shown.add(kind)
         ax.axhline(0, color="0.7", lw=0.8)
         ax.set(xlabel="shortening [m]", ylabel="axial load [N], compression > 0")
         ax.set_title(f"{shape}: height {height:g} m, base 1 m")
-        name_curves(ax)
+        if shape == "slender":
+            name_curves(ax)
     ax = axes["limit"]
     for height in HEIGHTS:
         table = tables[f"h{height:g}"]
@@ -66,3 +67,5 @@ def draw(figure, tables):
     ax.set(xlabel="prestrain of the cross strings", ylabel="limit load [N]", xlim=(0, 0.47))
     ax.set_title("softer members: the limit load grows with prestrain at every height")
     name_curves(ax, at=0)
+    words = "triangle up: fold, the limit load; square: bars touch; triangle down: flat"
+    figure.supxlabel(f"{words}; dashed: unstable under a prescribed load", fontsize=9)

@@ -1,4 +1,4 @@
-"""Width, energy and peak of exact solitary waves against speed, for rigid and elastic prisms."""
+"""Faster solitary waves are narrower, have more energy and a higher peak, in all these prisms."""
 
 import numpy as np
 
@@ -44,8 +44,12 @@ def draw(figure, tables):
     excess = np.geomspace(2e-3, 0.05, 2)
     axes[0].loglog(excess, 9.0 * (24 * excess) ** -0.5, "k:", lw=1)
     axes[0].annotate("slope -1/2", (0.026, 13))
-    labels = "width at 5 % of the peak [sites]", "energy [k$_{cross}$ l$^2$]", "peak elongation [l]"
-    titles = "Faster waves are narrower", "have more energy", "and a higher peak"
+    labels = (
+        "width at 5 % of the peak [sites]",
+        "energy over $k_{cross} l^2$, base $l$",
+        "peak elongation over the base",
+    )
+    titles = "width", "energy", "peak"
     for one, label, title in zip(axes, labels, titles, strict=True):
         one.set(xlabel="speed over that of sound, less 1", ylabel=label, title=title)
     ticks = (2, 3, 5, 10, 20, 40)

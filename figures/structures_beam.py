@@ -1,4 +1,4 @@
-"""Prestress steers a beam of waves on a plate by twenty degrees, on the way too; red is its path.
+"""Prestress steers a beam of waves on a plate by twenty degrees, on the way too; line is its path.
 
 A Gaussian packet of the lower branch starts with its crests at 20 degrees to the rows of a plate.
 Its path is compared with the mean of the group velocities over its spectrum, weighted by energy.

@@ -14,7 +14,7 @@ import numpy as np
 
 from figures._files import lines, side_by_side
 from figures._structures import ENDS
-from tensegrity import Structure, held
+from tensegrity import Structure, held, plotting
 
 GROUP = "structures"
 
@@ -87,7 +87,6 @@ def data():
 
 def draw(figure, tables):
     """The dome, one radial plane with its forces, and both computations."""
-    from matplotlib import colormaps
     from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
     figure.set_size_inches(11, 6.4)
@@ -97,7 +96,7 @@ def draw(figure, tables):
     table, of = tables["members"], tables["groups"]
     ends = np.stack([table[name] for name in ENDS], axis=1).reshape(-1, 2, 3)
     force, string = np.array(table["force"]), np.array(table["string"], dtype=bool)
-    colour = colormaps["viridis"](0.95 * np.clip(force, 0, None) / force.max())
+    colour = plotting.dark()(np.clip(force, 0, None) / force.max())
     colour[~string] = (0.1, 0.1, 0.1, 1)
     wide = 0.8 + 3.2 * np.abs(force) / force.max()
     space.add_collection(Line3DCollection(ends, colors=colour, linewidths=wide), autolim=False)
@@ -107,10 +106,10 @@ def draw(figure, tables):
     space.locator_params(nbins=4)
     space.set_zticks([])
     held_at = ends[np.isclose(np.hypot(*ends[:, 0, :2].T), RADII[0]), 0]
-    space.plot(*held_at.T, "^", color="C3", ms=5)
+    space.plot(*held_at.T, "^", color="C1", ms=5)
     count = {name: int(one[0]) for name, one in tables["counts"].items()}
     words = f"{count['states']} state of self-stress, {count['mechanisms']} mechanisms"
-    space.set_title(f"the dome, held at its edge (red): {words}")
+    space.set_title(f"the dome, held at its edge (triangles): {words}")
     first = np.cumsum([0, *of["members"]])[:-1].astype(int)
     for k, name in enumerate(of["group"]):
         a, b = ends[first[k]][:, [0, 2]]

@@ -39,7 +39,8 @@ def data():
 
 def draw(figure, tables):
     """Load against shortening on both branches; the structure before and after slackening."""
-    axes = figure.add_subplot(1, 2, 1)
+    left, right = figure.add_gridspec(1, 2, width_ratios=(1, 1.25))
+    axes = figure.add_subplot(left)
     for branch, style in (("symmetric", "C1--"), ("stable", "C0-")):
         table = tables[branch]
         axes.plot(table["shortening"], table["load"], style, lw=1.8, label=branch)
@@ -52,7 +53,7 @@ def draw(figure, tables):
             note(axes, kind, places[0], (-4, 7), ha="right")
     axes.set(xlabel="shortening [m]", ylabel="load [N], compression > 0")
     name_curves(axes)
-    space = figure.add_subplot(1, 2, 2, projection="3d")
+    space = figure.add_subplot(right, projection="3d")
     show(space, tables["frames"], FRAMES - 1)
 
 

@@ -109,7 +109,7 @@ def profiles(axes, of):
     """Changes of height and twist along the column, at first and at the end."""
     for name, words, colour in (("du", "height [m]", "C0"), ("dphi", "twist [rad]", "C1")):
         exact = of[f"{name}, exact"]
-        axes.plot(of["bond"], of[f"{name}, begin"], color=colour, alpha=0.35)
+        axes.plot(of["bond"], of[f"{name}, begin"], color=colour, lw=0.8, ls="--")
         axes.plot(of["bond"], exact, color=colour)
         axes.plot(of["bond"][::EVERY], of[f"{name}, run"][::EVERY], ".", color=colour, ms=5)
         peak = int(np.abs(exact).argmax())

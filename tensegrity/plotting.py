@@ -90,7 +90,15 @@ def rooted(largest: float) -> dict[str, Any]:
     by their square root."""
     from matplotlib.colors import PowerNorm
 
-    return {"cmap": "GnBu", "norm": PowerNorm(0.5, 0.0, largest or 1.0, clip=True)}
+    return {"cmap": "Greys", "norm": PowerNorm(0.5, 0.0, largest or 1.0, clip=True)}
+
+
+def dark() -> Any:
+    """A colour map of which every colour stands out from white: lines may have it."""
+    from matplotlib import colormaps
+    from matplotlib.colors import ListedColormap
+
+    return ListedColormap(colormaps["plasma"](np.linspace(0.0, 0.6, 256)))
 
 
 def clearing(name: str) -> Any:
@@ -135,7 +143,7 @@ def members(
     taut, largest = is_string & ~slack, tensions[is_string].max(initial=0.0)
     colours: dict[str, Any] = {"colors": "C0"}
     if largest > 0:
-        colours = {"array": tensions[taut], "cmap": "viridis", "clim": (0.0, largest)}
+        colours = {"array": tensions[taut], "cmap": dark(), "clim": (0.0, largest)}
     styles: list[tuple[Any, str, dict[str, Any]]] = [
         (~is_string, "bars", {"colors": "0.15", "linewidths": 3.0}),
         (taut, "strings", {"linewidths": 1.6, **colours}),

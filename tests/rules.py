@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import re
-from itertools import combinations, pairwise
+from itertools import combinations, pairwise, zip_longest
 
 import numpy as np
+from matplotlib.collections import PathCollection
+from matplotlib.colors import to_hex, to_rgb, to_rgba
 from matplotlib.text import Text
 
 from figures._draw import panels
@@ -15,6 +17,7 @@ SMALLEST = 8.0  # pt
 PANELS = CURVES = 6
 TOUCH = 1.5  # px that two texts may share
 SAME = 1.0  # px between curves that coincide
+CONTRAST = 3.0  # least ratio of luminances of what is drawn and what lies behind it
 MATH = re.compile(r"\$[^$]*\$")
 NOT_UNITS = re.compile(r"(?<![A-Za-z])(?:u(?:m|s|N|J)|k_[a-z]+|V_?[tir]|F_?[tir])(?![A-Za-z])")
 NAMED = re.compile(r"[A-Za-z]{3}|^[xyz] \[")  # a word, or a coordinate
@@ -36,7 +39,7 @@ def broken(figure):
     """
     figure.canvas.draw()
     several = panels(figure)
-    rules = (sizes, words, letters, named_axes, curves, legends, overlaps)
+    rules = (sizes, words, letters, named_axes, curves, legends, overlaps, colours)
     return [line for rule in rules for line in rule(figure, several)]
 
 
@@ -196,6 +199,50 @@ def passes(path, box):
         if inside.all(axis=1).any():
             return True
     return False
+
+
+def contrast(one, other):
+    """Ratio of the relative luminances of two colours, of which the first may let the other show
+    through (WCAG 2, 1.4.3)."""
+    *one, alpha = to_rgba(one)
+    other = np.array(to_rgb(other))
+    both = np.stack([alpha * np.array(one) + (1 - alpha) * other, other])
+    linear = np.where(both <= 0.04045, both / 12.92, ((both + 0.055) / 1.055) ** 2.4)
+    low, high = sorted(linear @ [0.2126, 0.7152, 0.0722])
+    return (high + 0.05) / (low + 0.05)
+
+
+def colours(figure, several):
+    """Curves, marks and texts stand out from what is behind them."""
+    faint = {}
+    for k, axes in enumerate(several):
+        behind = axes.get_facecolor() if axes.axison else figure.get_facecolor()
+        behind = behind if to_rgba(behind)[3] else figure.get_facecolor()
+        found = [(line.get_color(), line.get_alpha(), line) for line, _ in drawn_curves(axes)]
+        for line in axes.lines:
+            if line.get_marker() not in ("None", None, "", " ") and line.get_visible():
+                edge, face = line.get_markeredgecolor(), line.get_markerfacecolor()
+                edge = edge if line.get_markeredgewidth() > 0 else face
+                best = max((edge, face), key=lambda one: contrast(one, behind))
+                found.append((best, line.get_alpha(), line))
+        for points in axes.collections:
+            if isinstance(points, PathCollection):
+                for face, edge in zip_longest(points.get_facecolors(), points.get_edgecolors()):
+                    both = [one for one in (face, edge) if one is not None]
+                    best = max(both, key=lambda one: contrast(one, behind), default=None)
+                    found += [(best, points.get_alpha(), points)] if best is not None else []
+        for colour, alpha, artist in found:
+            ratio = contrast(to_rgba(colour, alpha), behind)
+            if ratio < CONTRAST:
+                faint.setdefault((k, to_hex(colour)), (ratio, artist.get_label()))
+    for (k, colour), (ratio, label) in faint.items():
+        yield f"{colour} in panel {k} has a contrast of {ratio:.1f}: {label}"
+    for one, _ in texts(figure):
+        patch = one.get_bbox_patch()
+        plain = one.axes is None or not (one.axes.images or one.axes.patches)
+        behind = patch.get_facecolor() if patch else "white"
+        if (patch or plain) and (ratio := contrast(one.get_color(), behind)) < CONTRAST:
+            yield f"{one.get_text()!r} has a contrast of {ratio:.1f}"
 
 
 def overlaps(figure, _):

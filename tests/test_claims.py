@@ -9,13 +9,12 @@ from claims import VERDICTS, changes, claims, numbers
 
 from derivations import ledger
 from derivations.argument import Verdict
-from figures import _composite, _guide, _measure, _packs, claims_inputs, pictures
+from figures import _composite, _guide, _kept, _measure, _packs, claims_inputs, pictures
 from figures._files import PRINTED, write_tables
 
 pytestmark = pytest.mark.unchanged("docs")
 
 ROOT = Path(__file__).parent.parent
-OUTPUT = ROOT / "figures" / "output"
 HELPERS = (_composite, _guide, _measure, _packs)  # have the columns of lines that are printed
 ENTRIES = {entry.name: entry for entry in ledger.entries()}
 NUMBERS = [(claim["name"], one) for claim in claims() for one in claim.get("numbers", ())]
@@ -44,9 +43,11 @@ def test_a_number_names_a_picture_table_and_column_that_exist(name, one):
     assert f'"{one["column"]}"' in text
 
 
-def test_numbers_of_pictures_that_were_made_are_found():
+def test_every_number_is_found_in_its_picture(tmp_path):
+    _kept.gather(ROOT / "figures" / "none", tmp_path)
     for claim in claims():
-        list(numbers(claim, OUTPUT))  # a KeyError otherwise
+        for _, value, _ in numbers(claim, tmp_path):  # a KeyError where it is not in its table
+            assert value is not None, claim["name"]
 
 
 def test_ledger_entries_are_known_and_what_it_leaves_open_is_decided():

@@ -67,7 +67,7 @@ def test_check_reports_a_wrong_entry_and_exits_non_zero(monkeypatch, capsys):
 
 
 def test_needless_convention_is_noticed():
-    entry = replace(ENTRIES["talk.bar_length"], verdict=ledger.Verdict.SLIP)
+    entry = replace(ENTRIES["talk.bar_length"], verdict=ledger.Verdict.MISPRINT)
     assert not ledger.check(entry).confirmed
 
 

@@ -40,12 +40,12 @@ def test_check_confirms_each_entry_and_then_lists_what_needs_a_reading(capfd, on
     entries = ledger.entries()
     assert main(["--check"]) == 0
     out, err = capfd.readouterr()
-    listed, summary = out.split("\nslip:", 1)
+    listed, summary = out.split("\nmisprint:", 1)
     listed = [line.split() for line in listed.splitlines() if line]
     assert [name for name, *_ in listed] == [entry.name for entry in entries]
     assert not [name for name, verdict, *_ in listed if verdict == "DISAGREES"]
     for entry in entries:
-        needs = entry.verdict in (ledger.Verdict.SLIP, ledger.Verdict.CONVENTION)
+        needs = entry.verdict in (ledger.Verdict.MISPRINT, ledger.Verdict.CONVENTION)
         assert (f"  {entry.name}: " in summary) == needs
     assert f"{len(entries)} decided, 0 disagree" in summary
     assert err == ""  # no progress bar where there is no terminal

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from figures import (
     FIRST,
@@ -271,20 +272,22 @@ def test_nothing_under_version_control_lies_where_pictures_are_drawn():
 
 
 def test_only_pictures_that_are_shown_elsewhere_are_refreshed(tmp_path):
-    output, shown, data, made = (tmp_path / name for name in ("output", "shown", "data", "made"))
+    names = ("output", "shown", "data", "made", "kept")
+    output, shown, data, made, kept = (tmp_path / name for name in names)
     for folder in (output / "start", shown, data, made):
         folder.mkdir(parents=True)
-    for name in ("prism_drawing.png", "prism_drawing.csv"):
-        (output / "start" / name).write_text("new")
+    (output / "start" / "prism_drawing.csv").write_text("new")
+    Image.new("RGB", (9, 9)).save(output / "start" / "prism_drawing.png")
     (shown / "prism_drawing.png").write_text("old")
     (shown / "wave_supersonic.png").write_text("old")
     one = _draw.Drawn("prism_drawing", "start", [], 3.0, 2.04)
     (made / "some.npz").write_text("result")
-    update(chosen(["prism_drawing"]), [one], output, shown, data, made)
+    update(chosen(["prism_drawing"]), [one], output, shown, data, made, kept)
     assert (data / "some.npz").read_text() == "result"
-    assert {path.name: path.read_text() for path in shown.iterdir()} == {
-        "prism_drawing.png": "new",
-        "wave_supersonic.png": "old",
+    new = (output / "start" / "prism_drawing.png").read_bytes()
+    assert {path.name: path.read_bytes() for path in shown.iterdir()} == {
+        "prism_drawing.png": new,
+        "wave_supersonic.png": b"old",
     }
     assert "prism_drawing,2.0" in (data / "seconds.csv").read_text()
 
@@ -296,13 +299,13 @@ def test_the_ledger_is_drawn_as_it_is_decided():
     count = len(tables["entries"]["name"])
     assert here["verdicts that the derivations confirm"] == count
     assert (
-        sum(here[name] for name in ("holds", "holds under a convention", "slip"))
+        sum(here[name] for name in ("holds", "holds under a convention", "misprint"))
         + here["a claim without formula"]
         == count
     )
-    assert len(tables["slips"]["printed"]) == here["slip"] > 0
+    assert len(tables["misprints"]["printed"]) == here["misprint"] > 0
     for printed, derived in zip(
-        tables["slips"]["printed"], tables["slips"]["derived"], strict=True
+        tables["misprints"]["printed"], tables["misprints"]["derived"], strict=True
     ):
         assert printed != derived
 

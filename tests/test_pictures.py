@@ -7,9 +7,11 @@ import matplotlib
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from PIL import Image
 
-from figures import _draw, pictures
+from figures import _draw, _kept, pictures
 from figures.__main__ import costs
+from figures._files import read_tables
 from tests.rules import broken
 
 pytestmark = pytest.mark.unchanged("docs", "README.md")
@@ -18,24 +20,77 @@ matplotlib.use("Agg")
 QUICK = 1.2  # s; pictures that take longer are slow tests
 
 
-def check(name):
+def check(name, folder):
     module = pictures()[name]
+    tables = module.data()
     with plt.rc_context(_draw.STYLE):
-        figure = _draw.pictured(module, module.data())
+        figure = _draw.pictured(module, tables)
         found = broken(figure)
         plt.close(figure)
+    _kept.gather(folder, folder, [name])
+    found += [*differ(tables, read_tables(folder / module.GROUP / f"{name}.csv"))]
     assert not found, "\n".join(found)
 
 
+def differ(tables, kept):
+    """Where the numbers of a picture are not those that are kept; round-off does not count."""
+    for table, columns in tables.items():
+        for column, values in columns.items():
+            was = kept.get(table, {}).get(column, [])
+            now = [str(value) for value in values]
+            where = f"{table}, {column}: draw it again with --update"
+            if len(was) != len(now):
+                yield f"{len(now)} values are kept as {len(was)}: {where}"
+            try:
+                one, other = (np.array(x, dtype=float) for x in (now, was))
+            except ValueError:
+                if now != was:
+                    yield f"other words: {where}"
+                continue
+            size = max(1e-9 * np.max(np.abs(one), initial=0.0, where=np.isfinite(one)), 1e-12)
+            if len(one) == len(other) and not np.allclose(one, other, 1e-6, size, equal_nan=True):
+                yield f"other numbers: {where}"
+
+
+@pytest.mark.parametrize("name", pictures())
+def test_a_small_version_of_each_picture_is_kept_and_is_of_these_sources(name):
+    assert (_kept.KEPT / f"{name}.by").read_text().strip() == _kept.drawn_by(name), (
+        f"call `python -m figures {name} --update`"
+    )
+    with Image.open(_kept.KEPT / f"{name}.png") as image:
+        image.verify()
+    assert (_kept.KEPT / f"{name}.png").stat().st_size < 150_000
+
+
+def test_what_is_kept_is_shown_where_nothing_was_drawn_and_numbers_are_the_same(tmp_path):
+    _kept.gather(tmp_path / "none", tmp_path / "all")
+    for name, module in pictures().items():
+        assert (tmp_path / "all" / module.GROUP / f"{name}.png").is_file()
+    folder = tmp_path / "drawn" / pictures()["prism_drawing"].GROUP
+    folder.mkdir(parents=True)
+    (folder / "prism_drawing.png").write_bytes(b"new")
+    _kept.gather(tmp_path / "drawn", tmp_path / "all")
+    assert (tmp_path / "all" / folder.name / "prism_drawing.png").read_bytes() == b"new"
+    assert not (tmp_path / "all" / folder.name / "prism_drawing.csv").exists()
+
+
+def test_other_numbers_words_and_lengths_are_told():
+    tables = {"t": {"x": [1.0, 2.0], "name": ["a", "b"]}}
+    kept = {"t": {"x": ["1.0000000001", "2.0"], "name": ["a", "b"]}}
+    assert not [*differ(tables, kept)]
+    for wrong in ({"x": ["1.001", "2.0"]}, {"x": ["1.0"]}, {"name": ["a", "c"]}):
+        assert [*differ(tables, {"t": kept["t"] | wrong})]
+
+
 @pytest.mark.parametrize("name", [x for x in pictures() if costs().get(x, 0) <= QUICK])
-def test_pictures_keep_the_rules(name):
-    check(name)
+def test_pictures_keep_the_rules(name, tmp_path):
+    check(name, tmp_path)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [x for x in pictures() if costs().get(x, 0) > QUICK])
-def test_pictures_that_take_long_keep_the_rules(name):
-    check(name)
+def test_pictures_that_take_long_keep_the_rules(name, tmp_path):
+    check(name, tmp_path)
 
 
 @pytest.mark.parametrize("name", sorted(pictures()))

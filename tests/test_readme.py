@@ -51,9 +51,9 @@ def test_the_film_is_that_of_the_first_example():
     np.testing.assert_array_equal(made["run"].u, wave_collision.filmed().u)
 
 
-def test_there_are_a_first_example_and_six_jobs_each_of_few_lines():
-    assert len(BLOCKS) == TEXT.count("```python") == 1 + 6
-    assert len(re.findall(r"^### .+\n\n<img src=.+>\n\n\w", TEXT, re.MULTILINE)) == 6
+def test_there_are_a_first_example_and_five_jobs_each_of_few_lines():
+    assert len(BLOCKS) == TEXT.count("```python") == 1 + 5
+    assert len(re.findall(r"^### .+\n\n<img src=.+>\n\n\w", TEXT, re.MULTILINE)) == 5
     for block in BLOCKS:
         assert len([line for line in block.splitlines() if line.strip()]) <= MOST_LINES
 

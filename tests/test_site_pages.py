@@ -51,37 +51,32 @@ def test_formulas_are_listed_of_names_that_exist(name):
     assert callable(found)
 
 
-def fake(tmp_path, made):
+def fake(tmp_path):
     """A picture with all that one may have, in an output folder of its own."""
-    code = tmp_path / "some_picture.py"
+    code, folder = tmp_path / "some_picture.py", tmp_path / "out" / "some"
     code.write_text("NAME = 'some_picture'\n")
-    (tmp_path / "out" / "some").mkdir(parents=True)
-    if made:
-        folder = tmp_path / "out" / "some"
-        (folder / "some_picture.png").write_bytes(b"picture")
-        (folder / "some_picture.md").write_text("## T\n\n![T](some_picture.png)\n\nIt is *so*.\n")
-        write_tables(folder / "some_picture.csv", {"t": {"x": [1]}}, [{"speed": 2 / 3, "of": "<"}])
+    folder.mkdir(parents=True)
+    (folder / "some_picture.png").write_bytes(b"picture")
+    (folder / "some_picture.md").write_text("## T\n\n![T](some_picture.png)\n\nIt is *so*.\n")
+    write_tables(folder / "some_picture.csv", {"t": {"x": [1]}}, [{"speed": 2 / 3, "of": "<"}])
     doc = "A wave of seeds/000.\n\nWith *stars*."
     return SimpleNamespace(GROUP="some", __file__=str(code), __doc__=doc)
 
 
-@pytest.mark.parametrize("made", [True, False])
-def test_a_picture_has_a_page_whether_it_was_made_or_not(tmp_path, monkeypatch, made):
+def test_a_picture_has_a_page(tmp_path, monkeypatch):
     monkeypatch.setattr(pages, "OUTPUT", tmp_path / "out")
     folder = tmp_path / "gallery"
-    assert pages.picture_page("some_picture", fake(tmp_path, made), folder) is made
+    pages.picture_page("some_picture", fake(tmp_path), folder)
     page = (folder / "some_picture.md").read_text()
     assert page.startswith("# A wave of the talk\n")
     assert r"With \*stars\*." in page
     assert "python -m figures some_picture" in page
     assert "literalinclude} code/some_picture.py" in page
-    assert ("was not made" in page) is not made
-    assert ('<td><span class="number">0.666667</span></td><td>&lt;</td>' in page) is made
-    assert ("It is *so*." in page) is made
-    assert (folder / "some_picture.csv.gz").is_file() is made
-    if made:
-        numbers = gzip.decompress((folder / "some_picture.csv.gz").read_bytes())
-        assert numbers == (tmp_path / "out/some/some_picture.csv").read_bytes()
+    assert '<td><span class="number">0.666667</span></td><td>&lt;</td>' in page
+    assert "It is *so*." in page
+    assert (folder / "some_picture.csv.gz").is_file()
+    numbers = gzip.decompress((folder / "some_picture.csv.gz").read_bytes())
+    assert numbers == (tmp_path / "out/some/some_picture.csv").read_bytes()
 
 
 def test_the_gallery_begins_with_what_is_drawn_first_and_shows_each_picture_once():

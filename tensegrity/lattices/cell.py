@@ -115,7 +115,7 @@ def ends_and_offsets(name: str, given: Any, nodes: int, d: int) -> tuple[Indices
 
 
 def refuse_reversed(ends: Indices, offsets: Indices, bars: int) -> None:
-    """Refuse a member that is given again from its other end, which is a slip in most lattices.
+    """Refuse a member that is given again from its other end, which is a mistake in most lattices.
 
     Parameters
     ----------

@@ -113,7 +113,7 @@ class Picture:
         )
         self.sites.set_offsets(self._unit * places[self._order])
         self.lines = LineCollection([], capstyle="round", zorder=3)
-        self._colours = to_rgba_array(["C0", "C3"])  # of forces: tension, compression
+        self._colours = to_rgba_array(["tab:blue", "tab:red"])  # of forces: tension, compression
         self.ax.add_collection(self.sites)
         self.ax.add_collection(self.lines)
         self.ax.set(aspect="equal", xlabel=f"x [{unit}]" if unit else "x")
