@@ -57,6 +57,7 @@ def draw(figure, tables):
                 ax.plot(at, load, MARKS[kind], color=f"C{index}", ms=5)
         ax.axhline(0, color="0.7", lw=0.8)
         ax.set(xlabel="shortening [m]", ylabel="axial load [N], compression > 0")
+        ax.margins(y=0.12)
         ax.set_title(f"{shape}: height {height:g} m, base 1 m")
         if shape == "slender":
             name_curves(ax)

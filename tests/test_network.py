@@ -170,7 +170,7 @@ def test_a_symmetric_fork_stays_symmetric_to_the_last_bit(name):
 
 
 def test_a_bead_on_a_loaded_wall_swings_about_its_static_overlap():
-    """Dropped in contact under its weight W, the linear wall yields 2 W/k at most."""
+    """Dropped in contact under its weight W, the linear wall gives way by 2 W/k at most."""
     weight, k, mass = 2.0, 50.0, 0.3
     network = Network(
         [[0.0, 1.0]], [], SPRING, mass=mass, walls=[Wall((0, 0), (0, 1))], radius=1.0,
