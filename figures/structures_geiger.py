@@ -134,7 +134,7 @@ def draw(figure, tables):
     plane.set_title("one radial plane: forces [kN], hoops as dots")
     place = np.arange(len(NAMES))
     bars.bar(place, of["computed"], color=colour[first], width=0.6, label="computed")
-    bars.plot(place, of["closed form"], "o", mfc="none", mec="C3", ms=9, mew=1.6,
+    bars.plot(place, of["closed form"], "o", mfc="w", mec="k", ms=7, mew=1.4,
               label="in closed form")  # fmt: skip
     bars.axhline(0, color="0.2", lw=0.8)
     bars.set_xticks(place, [name.replace(" ", "\n") for name in of["group"]], fontsize=10)

@@ -8,6 +8,7 @@ as fully as their turns coincide.  The compression of bars is compared with Eule
 
 import numpy as np
 
+from figures._draw import note
 from figures._tables import arrays
 from tensegrity import Record, Wall, catalogue, simulate
 
@@ -77,7 +78,7 @@ def data():
 
 
 def draw(figure, tables):
-    figure.set_size_inches(10, 4.2)
+    figure.set_size_inches(9, 4.2)
     times, floor, bars = figure.subplots(1, 3)
     for k, height in enumerate(HEIGHTS):
         t, force = tables[f"{height} m"].values()
@@ -88,15 +89,16 @@ def draw(figure, tables):
     times.set_yticks([0, 200, 400])
     times.set_title("nodes land one after another")
     height, whole, node, count, push, _ = tables["peaks"].values()
-    floor.plot(height, whole, "0.6", lw=1, zorder=1)
-    for number in sorted({int(n) for n in count}):
+    floor.plot(height, whole, "0.5", lw=1, zorder=1)
+    for k, number in enumerate(sorted({int(n) for n in count})):
         chosen = count == number
         words = f"{number} node{'s' * (number > 1)} at once"
-        floor.plot(height[chosen], whole[chosen], "o", label=words, zorder=2)
-    floor.plot(height, node, "k--", lw=1, label="largest on one node")
+        floor.plot(height[chosen], whole[chosen], f"C{k}o", zorder=2)
+        note(floor, words, (0.97, 0.14 - 0.05 * k), inside=True, ha="right", color=f"C{k}")
+    floor.plot(height, node, "k--", lw=1)
+    note(floor, "dashed: largest on one node", (0.97, 0.19), inside=True, ha="right")
     floor.set(xlabel="height of the fall [m]", ylabel="largest force on the floor [N]")
     floor.set_ylim(0)
-    floor.legend(fontsize=8)
     floor.set_title("how many press at once decides")
     (load,) = tables["buckling"]["load [N]"]
     bars.plot(height, push, "C3o-", ms=4)

@@ -32,3 +32,17 @@ def test_wheel_holds_the_three_packages_only(tmp_path):
     sources |= {str(path.relative_to(ROOT)) for path in (ROOT / "tensegrity").rglob("*.py")}
     assert "tensegrity/engine/prelude.c" in sources
     assert sources <= set(names)
+
+
+def test_granular_and_derivations_are_one_module_each_under_both_names():
+    import tensegrity.derivations.prism
+    import tensegrity.granular.design
+
+    import derivations.prism
+    import granular.design
+
+    assert tensegrity.granular.design is granular.design
+    assert tensegrity.derivations.prism is derivations.prism
+    assert granular.design.__spec__.name == "granular.design"
+    with pytest.raises(ImportError, match=r"No module named 'granular\.nothing'"):
+        import tensegrity.granular.nothing
