@@ -23,6 +23,7 @@ BASE = [
     "once",
     "readonly",
     "root",
+    "frames",
     "minimum",
     "notebook",
     "plotting",
@@ -44,6 +45,7 @@ ROOMS = [  # inside tensegrity: each may import what stands before it
     "orbits",
     "measure",
     "gradients",
+    "files",
 ]
 ABOVE = ["objective", "animation", "__main__"]  # modules for users that no room uses
 

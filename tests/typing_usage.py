@@ -231,6 +231,8 @@ def waves(spring: ts.Potential, chain: ts.Chain) -> ts.State:
     assert_type(planar + cells, list[ts.Lattice])
     assert_type(ts.catalogue.resonators(masses=(1.0, 2.0)), ts.Lattice)
     assert_type(ts.catalogue.x_plate().network((2, 2)), ts.Network)
+    ts.files.write("x.stl", ts.catalogue.dome(), radius=0.01)
+    assert_type(ts.files.read("x.csv"), Any)
     assert_type(ts.predict(spring)["compression"].speeds, tuple[float, float])
     assert_type(ts.interface(spring, spring, (40, 60), mass=(1.0, 2.0)), ts.Chain)
     assert_type(spring.sound_speed(), float)
