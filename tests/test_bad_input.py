@@ -338,6 +338,7 @@ CALLS = [  # where other arguments are needed, or several in one call
     (ts.solitary_wave, {"excess": 0.5}),
     (ts.genuine, {"make": lambda light: CELL, "low": 0.1, "high": 0.9, "count": 2}),
     (FAMILY.small_peak, {"excess": 1e-3}),
+    (FAMILY.small, {"x": [0.0, 1.0], "excess": 1e-3, "order": 2}),
     (ts.predict, {"potential": HERTZ}),
     (ts.predict(LENNARD_JONES)["compression"].wall_peak, {"speed": 100.0}),
     (largest_speed, {"potential": SPRING, "mass": 1.0, "family": None, "closest": 0.04}),

@@ -234,7 +234,8 @@ def waves(spring: ts.Potential, chain: ts.Chain) -> ts.State:
     assert_type(ts.predict(spring)["compression"].speeds, tuple[float, float])
     assert_type(ts.interface(spring, spring, (40, 60), mass=(1.0, 2.0)), ts.Chain)
     assert_type(spring.sound_speed(), float)
-    assert_type(ts.sech2(spring, 1.1, 0.0) - ts.tent(spring, [0.0]), Array)
+    assert_type(ts.predict(spring)["compression"].small([0.0], 0.01, order=2), Array)
+    assert_type(ts.sech2(spring, 1.1, 0.0, order=3) - ts.tent(spring, [0.0]), Array)
     ts.solitary_wave(spring, 1.0, 2.0)  # type: ignore[call-arg, arg-type]
     ts.transition_wave(spring, ahead=0.0, behind=1, ground=spring, damping=ts.Damping(0.1))
     ts.transition_wave(spring, 1.0, ahead=0.0)  # type: ignore[call-arg]
