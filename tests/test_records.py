@@ -185,7 +185,7 @@ def test_of_a_dump_the_property_of_an_atom_is_read(tmp_path):
     path.write_text("\n".join(dumped(0, 0.25) + dumped(50, 0.5)))
     assert read_record(path, (2, "fx")).t.tolist() == [0.25, 0.5]
     for channel, words in [
-        ((4, "fx"), "no atom 4"), ((2, "fy"), "line 11: no columns id and fy"),
+        ((4, "fx"), "no atom 4"), ((2, "fy"), r"names columns \('TIME', 'fy'\)"),
         ("fx", "must be an atom and a property"),
     ]:  # fmt: skip
         with pytest.raises(TensegrityError, match=words):
@@ -257,7 +257,7 @@ def test_frames_of_pandas():
         (
             "X,CH1,Start,Increment\nSequence,Volt,0,x\n0,1,,\n",
             {},
-            "line 2, column of its clock: 'x'",
+            ", line 2: 'x' of its clock is no number",
         ),
         ("", {}, "0 lines: no line has numbers"),
         ("s,V\n0,1\n1,1\n", {"time": -1.0}, "time -1 s must be above 0"),

@@ -32,6 +32,7 @@ WORDS = {"second": "s", "seconds": "s", "sec": "s", "volt": "V", "volts": "V", "
 UNIT = re.compile(r"(n|u|µ|m|k|M|)(s|V|A|N|Pa|m)")
 KEYS = ("Horizontal Units", "Vertical Units")
 CLOCK = re.compile(r"t0 *= *([^s,; ]+)s?[,; ]+tInc *= *([^s,; ]+)", re.IGNORECASE)
+STEPS = ("Step", "TIMESTEP")  # what LAMMPS counts
 TIMES = ("t", "time", "Time", "TIME")
 HEAD = 40  # lines in which keys are sought
 
@@ -108,8 +109,7 @@ def read_record(
     3 samples from -2e-06 to 0 s, every 1e-06 s
     5 to 20 N, noise 0 N
     """
-    for value in (unit,) if unit is not None else ():
-        check.kind("unit", value, str)
+    check.kind("unit", unit or "", str)
     if isinstance(time, (float, np.floating)):
         time = check.number("time", time, above=0, unit="s")
     elif time is not None and not isinstance(time, str):
@@ -158,50 +158,44 @@ def _base(text: str) -> tuple[float, str]:
 
 def _of_text(file: Path, channel: Any, time: Any) -> _Read:
     file, lines = text_lines(file)
-    if lines and lines[0].startswith("ITEM:"):
-        return _of_dump(file, lines, channel, time)
-    log = next((line.split() for line in lines if line.split()[:1] == ["Step"]), None)
     at, of, clock = _layout(file, lines)
-    if log is not None:
-        lines, at = _tables(lines), next((x for x in log if x in TIMES), "Step")
+    if lines and lines[0].startswith("ITEM:"):
+        lines, at, channel = _atom(file, lines, channel)
+    elif any(line.split()[:1] == ["Step"] for line in lines):
+        lines, at = _tables(lines)
     if isinstance(time, float):
-        clock, at, of = (time, 0.0), ("Step" if log else None), (1 if log else 0)
+        clock, at, of = (time, 0.0), *((at, 1) if at in STEPS else (None, 0))
     elif time is not None:
         clock, at = None, time
-    elif at == "Step":
-        raise TensegrityError(f"{file}, column Step: give the duration of a step, time=")
+    elif at in STEPS:
+        raise TensegrityError(f"{file}, column {at}: give the duration of a step, time=")
     of = of if channel is None else channel
-    wanted = [_column(one) for one in (at, of) if one is not None]
+    if not isinstance(of, str):
+        of = check.whole("channel", of, least=0)
+    wanted = [of] if at is None else [at, of]
     found = read_columns(file, lines, wanted, gaps=True)
-    units = [_unit(file, lines, found, k) for k in range(len(wanted))]
-    t, values = (
-        found.values.T
-        if at is not None
-        else (np.arange(float(len(found.lines))), found.values[:, 0])
-    )
-    return _Read(t, values, (at, of), ("" if clock else units[0], units[-1]), clock, found.lines)
+    units = [_unit(file, lines, found, k) for k in range(-len(wanted), 0)]
+    t = np.arange(float(len(found.lines))) if at is None else found.values[:, 0]
+    units = "" if clock else units[0], units[-1]
+    return _Read(t, found.values[:, -1], (at, of), units, clock, found.lines)
 
 
-def _layout(file: Path, lines: list[str]) -> tuple[int | None, int, tuple[float, float] | None]:
+def _layout(file: Path, lines: list[str]) -> tuple[Any, int, tuple[float, float] | None]:
     """Columns of times, None if there are none, and of values; interval and start of a clock."""
     one, two = ([x.strip() for x in line.split(",")] for line in (*lines, "", "")[:2])
     if one[0] == "Record Length" and len(one) > 4:
         return 3, 4, None
     if {"Start", "Increment"} <= {*one}:
-        clock = [
-            two[one.index(x)] if one.index(x) < len(two) else "" for x in ("Increment", "Start")
-        ]
-        at, of = 0, 1
+        at, of, number, known = 0, 1, 2, dict(zip(one, two, strict=False))
+        texts = known.get("Increment", ""), known.get("Start", "")
     elif found := CLOCK.search(",".join(one)):
-        clock, at, of = [found[2], found[1]], None, 0
+        at, of, number, texts = None, 0, 1, (found[2], found[1])
     else:
         return 0, 1, None
-    interval, start = (_number(file, 1 + (at == 0), "of its clock", text) for text in clock)
-    return at, of, (interval, start)
-
-
-def _column(given: Any) -> int | str:
-    return given if isinstance(given, str) else check.whole("channel", given, least=0)
+    for text in texts:
+        if not NUMBER.fullmatch(text):
+            raise TensegrityError(f"{file}, line {number}: {text!r} of its clock is no number")
+    return at, of, (float(texts[0]), float(texts[1]))
 
 
 def _unit(file: Path, lines: list[str], found: Any, which: int) -> str:
@@ -209,7 +203,7 @@ def _unit(file: Path, lines: list[str], found: Any, which: int) -> str:
     seen = {}
     for number, line in enumerate(lines[:HEAD], 1):
         key, _, rest = line.partition(",")
-        if key == KEYS[which - 2 if len(found.places) == 1 else which]:
+        if key == KEYS[which]:
             seen[number] = rest.split(",")[0].strip()
     for number, fields in [one for one in found.head if any(one[1])][-2:]:
         text = fields[found.places[which]] if found.places[which] < len(fields) else ""
@@ -226,58 +220,42 @@ def _unit(file: Path, lines: list[str], found: Any, which: int) -> str:
     return next(iter(seen.values()), "")
 
 
-def _tables(lines: list[str]) -> list[str]:
-    """The lines of a log of LAMMPS, empty but for the first heading and the rows of all tables; a
-    table begins with the step that the one before ended with."""
-    kept, inside, last = [], False, ""
+def _tables(lines: list[str]) -> tuple[list[str], str]:
+    """The lines of a log of LAMMPS, empty but for the first heading and the rows of all tables, and
+    what counts time; a table begins with the step that the one before ended with."""
+    kept, inside, last, names = [], False, "", [""]
     for line in lines:
         word = next(iter(line.split()), "")
         heading, row = word == "Step", inside and NUMBER.fullmatch(word)
         kept.append(line if (heading and not last) or (row and word != last) else "")
         inside = bool(heading or row or (inside and word.startswith("WARNING")))
-        last = word if row else last
-    return kept
+        last, names = (word if row else last), (line.split() if heading else names)
+    return kept, next((one for one in TIMES if one in names), "Step")
 
 
-def _of_dump(file: Path, lines: list[str], channel: Any, time: Any) -> _Read:
-    """A property of one atom of a dump of LAMMPS."""
+def _atom(file: Path, lines: list[str], channel: Any) -> tuple[list[str], str, str]:
+    """The lines of a dump of LAMMPS, empty but for the first heading and those of an atom, with the
+    time before them; what counts it, and the property."""
     if not (isinstance(channel, tuple) and len(channel) == 2 and isinstance(channel[1], str)):
         raise TensegrityError(
             f"{file}: channel {check.shown(channel)} of a dump must be an atom and a property, "
             "such as (1, 'fx')"
         )
-    atom, name = str(check.whole("atom", channel[0], least=0)), channel[1]
-    counted = "TIMESTEP" if isinstance(time, float) or "ITEM: TIME" not in lines else "TIME"
-    if counted == "TIMESTEP" and not isinstance(time, float):
-        raise TensegrityError(f"{file}, TIMESTEP: give the duration of a step, time=")
-    rows, numbers, item, places = [], [], "", [0, 0]
-    for number, line in enumerate(lines, 1):
-        fields = line.split()
+    atom = str(check.whole("atom", channel[0], least=0))
+    at = "TIME" if "ITEM: TIME" in lines else "TIMESTEP"
+    kept, item, now, names = [], "", "", [""]
+    for line in lines:
+        fields, heading = line.split(), item != "ATOMS"
         if fields[:1] == ["ITEM:"]:
-            item = fields[1]
-            if item == "ATOMS":
-                if not {"id", name} <= {*fields}:
-                    raise TensegrityError(f"{file}, line {number}: no columns id and {name}")
-                places = [fields.index(one) - 2 for one in ("id", name)]
-        elif item == counted:
-            now = _number(file, number, counted, line.strip())
-        elif item == "ATOMS" and fields[places[0] : places[0] + 1] == [atom]:
-            text = fields[places[1]] if places[1] < len(fields) else ""
-            rows.append((now, _number(file, number, name, text)))
-            numbers.append(number)
-    if not rows:
-        raise TensegrityError(f"{file}: no atom {atom}")
-    t, values = np.array(rows).T
-    clock = (time, 0.0) if isinstance(time, float) else None
-    return _Read(t, values, (counted, name), clock=clock, lines=numbers)
-
-
-def _number(file: Path, line: int, column: object, text: str) -> float:
-    if not (NUMBER.fullmatch(text) and np.isfinite(value := float(text.replace(",", ".")))):
-        raise TensegrityError(
-            f"{file}, line {line}, column {column}: {check.shown(text)} is no finite number"
-        )
-    return value
+            item, names = fields[1], fields[2:]
+            kept.append(f"# {at} {' '.join(names)}" if item == "ATOMS" and heading else "")
+            continue
+        now = fields[0] if item == at and fields else now
+        mine = item == "ATOMS" and dict(zip(names, fields, strict=False)).get("id") == atom
+        kept.append(f"{now} {line}" if mine else "")
+    if not any(line and line[0] != "#" for line in kept):
+        raise TensegrityError(f"{file}: no atom {atom} with an id")
+    return kept, at, channel[1]
 
 
 def _of_frame(frame: Any, channel: Any, time: Any) -> _Read:
@@ -327,10 +305,10 @@ def _of_arrays(
     """Times and values among arrays by their names, or by their numbers."""
     clock, at = ((time, 0.0), None) if isinstance(time, float) else (None, time)
     if clock is None and at is None:
-        at = next((one for one in TIMES if one in arrays), next(iter(arrays), None))
+        at = next((one for one in (*TIMES, *arrays) if one in arrays), None)
     of = next((one for one in arrays if one != at), None) if channel is None else channel
-    for one in (at, of):
-        if (one is None or one not in arrays) and not (clock and one is None and one is at):
+    for one in (of,) if clock else (at, of):
+        if not isinstance(one, (str, int)) or one not in arrays:
             known = ", ".join(map(str, arrays)) or "nothing"
             raise TensegrityError(f"{name}: column {check.shown(one)} is not one of {known}")
     values = check.floats(f"{name}, column {of}", arrays[of])
