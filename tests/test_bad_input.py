@@ -299,6 +299,7 @@ CALLS = [  # where other arguments are needed, or several in one call
     (granular.kuwabara_kono, {"c": 1e-6}), (granular.hunt_crossley, {"c": 0.1}),
     (granular.viscous, {"c": 0.1}), (granular.carretero_gonzalez, {"g": 0.1, "a": 1.5}),
     (granular.kuwabara_kono, {"restitution": 0.9, "speed": 1.0}),
+    (granular.tsuji, {"restitution": 0.9}), (granular.dmt, {"work": 0.05}),
     (ts.Drive, {"force": ([0.0, 1.0, 2.0], [0.0, 0.1, 0.2])}),
     (ts.Drive(force=0.1).at, {"t": [0.0, 1.0], "order": 0}),
     (ts.Ensemble, {"scenes": ts.Chain(SPRING, 3), "count": 2}),

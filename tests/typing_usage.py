@@ -333,6 +333,8 @@ def beads() -> ts.Run:
         granular.hunt_crossley(0.1),
         granular.viscous(0.1),
         granular.carretero_gonzalez(1.0, 1.5),
+        granular.tsuji(restitution=0.5),
+        granular.dmt(0.05),
     ):
         assert_type(law(bead, brass), granular.Contact)
     assert_type(
