@@ -39,6 +39,7 @@ from .measure.observables import (
 from .measure.pulses import pulses
 from .measure.records import first_peak, largest_peak, peaks, sampled
 from .measure.series import TimeSeries
+from .measure.spectrum import spectrum
 from .orbits.orbit import periodic_orbit
 from .orbits.path import orbit_path
 from .orbits.stability import floquet
@@ -158,6 +159,7 @@ __all__ = [
     "sech2",
     "simulate",
     "solitary_wave",
+    "spectrum",
     "speed",
     "sweep",
     "tail_front",
