@@ -109,7 +109,7 @@ def read_record(
     3 samples from -2e-06 to 0 s, every 1e-06 s
     5 to 20 N, noise 0 N
     """
-    check.kind("unit", unit or "", str)
+    check.kind("unit", "" if unit is None else unit, str)
     if isinstance(time, (float, np.floating)):
         time = check.number("time", time, above=0, unit="s")
     elif time is not None and not isinstance(time, str):
@@ -164,7 +164,8 @@ def _of_text(file: Path, channel: Any, time: Any) -> _Read:
     elif any(line.split()[:1] == ["Step"] for line in lines):
         lines, at = _tables(lines)
     if isinstance(time, float):
-        clock, at, of = (time, 0.0), *((at, 1) if at in STEPS else (None, 0))
+        clock, of = (time, 0.0), int(at in STEPS)
+        at = at if at in STEPS else None
     elif time is not None:
         clock, at = None, time
     elif at in STEPS:
