@@ -12,16 +12,19 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from tensegrity import check
 from tensegrity.engine.law import DERIVATIVES
 from tensegrity.errors import TensegrityError
 from tensegrity.scenes.network import Network
 from tensegrity.springs.kinks import TAUT, Kink
 from tensegrity.springs.potential import Potential
+from tensegrity.typing import Array
 
 SMALLEST = 1e-100  # elongation above which a string has tension [m]
 UNBOUNDED = -math.inf, math.inf
-NUMBERS = ("squeeze", "plateau", "natural", "length")  # parameters besides those of the tension
+NATURAL, LENGTH = "natural length", "length at first"  # parameters, no names of a law's symbols
 
 
 @dataclass(frozen=True)
@@ -48,9 +51,16 @@ class MemberLaw:
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """Names of the parameters: of the tension, and `NUMBERS`."""
+        """Names of the parameters: of the tension, and what kinks and winches need."""
+        bends = ("squeeze", "plateau") * (self.kink == "buckling")
+        lengths = (NATURAL,) * self.winds + (LENGTH,) * (self.winds or bool(self.kink))
+        return *self.own, *bends, *lengths
+
+    @property
+    def own(self) -> tuple[str, ...]:
+        """Names of the parameters of the tension."""
         own = ("EA" if self.keeps_EA else "k",) if self.of is None else self.of.parameters
-        return (*map(str, own), *NUMBERS)
+        return tuple(map(str, own))
 
     def forms(self) -> tuple[Any, Any, Sequence[Any]]:
         """Elongation, parameters and forms in CasADi; see `law.Law.forms`."""
@@ -60,23 +70,23 @@ class MemberLaw:
         from tensegrity.engine.law import to_casadi
 
         r, e = ca.SX.sym("r"), ca.SX.sym("e")
-        squeeze, plateau, natural, length = more = [ca.SX.sym(name) for name in NUMBERS]
-        longer = r + (length - natural) if self.winds else r
+        p = {name: ca.SX.sym(name) for name in self.parameters[len(self.own) :]}
+        longer = r + (p[LENGTH] - p[NATURAL]) if self.winds else r
         if self.of is None:
             own = ca.SX.sym("k")
-            k = own / natural if self.keeps_EA else own
+            k = own / p[NATURAL] if self.keeps_EA else own
             energy = member.energy(member.natural + member.length)
             stretched = to_casadi(energy, (member.stiffness, member.length))(k, e)
             tension = ca.gradient(stretched, e)
             forms = [stretched, tension, ca.gradient(tension, e), ca.SX(0)]
-            least = -(natural * squeeze if self.keeps_EA else squeeze)
         else:
             e, own, forms = self.of.forms()
         if self.kink == "slack":
-            forms = _slackening(forms, e, TAUT * length)
+            forms = _slackening(forms, e, TAUT * p[LENGTH])
         elif self.kink:
-            forms = _buckling(forms, e, least, plateau * k, TAUT * length)
-        return r, ca.vertcat(own, *more), ca.substitute(list(forms), [e], [longer])
+            least = -p["squeeze"] * (p[NATURAL] if self.keeps_EA else 1)
+            forms = _buckling(forms, e, least, p["plateau"] * k, TAUT * p[LENGTH])
+        return r, ca.vertcat(own, *p.values()), ca.substitute(list(forms), [e], [longer])
 
 
 def _slackening(forms: Any, e: Any, margin: Any) -> list[Any]:
@@ -119,7 +129,12 @@ class MemberSpring(Potential):
     law : Potential, optional
         Energy as a function of the elongation from the natural length.
     member : str, optional
-        Name of a member whose natural length, the argument `natural`, may change.
+        Name of a member whose natural length, the argument `NATURAL`, may change.
+
+    Attributes
+    ----------
+    of : Potential or None
+        The given law, whose parameters are the first of the member's.
     """
 
     lasts = True  # in all of a run: near length 0 the stiffness has no bound
@@ -139,40 +154,60 @@ class MemberSpring(Potential):
         given |= {"keeps_EA": keeps_EA, "buckling": buckling, "plateau": plateau}
         given |= {"law": law, "member": member}
         self.given = {key: x for key, x in given.items() if x not in (False, None, "", 0.0)}
-        self.tension_only, self._name, self._of = string, member, law
+        self.tension_only, self._name, self.of = string, member, law
         kink = "slack" if string else "" if buckling is None else "buckling"
         low, self._high = UNBOUNDED if law is None else law.domain
         self._low = -math.inf if string else low
-        own = [stiffness] if law is None else law.values.tolist()
-        numbers = [0.0 if buckling is None else buckling / stiffness, plateau, length, length]
         form = MemberLaw(None if law is None else law.law, kink, bool(member), keeps_EA)
+        values = [stiffness] if law is None else law.values.tolist()
+        values += [] if buckling is None else [buckling / stiffness, plateau]
+        values += [length] * (len(form.parameters) - len(values))
         ends = ("lowest", "highest") if law is None else law.ends
-        self._set(form, [*own, *numbers], length, (self._low, self._high), ends)
-        self._varied = ("natural",) if member else form.parameters[: len(own)]
+        self._set(form, values, length, (self._low, self._high), ends)
+        self._varied = (NATURAL,) if member else (form.own if law is None else (*law.parameters,))
         self._origin = f"MemberSpring({', '.join(f'{key}={x!r}' for key, x in self.given.items())})"
 
     @property
     def kinks(self) -> tuple[Kink, ...]:
         """See `Potential.kinks`."""
-        *own, squeeze, plateau, natural, length = self.values.tolist()
-        found: tuple[Kink, ...] = ()
-        if self._of is None and self.law.kink:
-            size, side = natural if self.law.keeps_EA else 1.0, 1.0 if self.tension_only else -1.0
-            found = ((-squeeze * size, (1 - plateau) * own[0] / size, 1.0, side),)
-        elif self._of is not None:
-            if self.tension_only:
-                inside = min(TAUT * length, self._high / 2)
-                found = ((0.0, float(self._of.stiffness(inside)), 1.0, 1.0),)
-            found += tuple(x for x in self._of.kinks if x[0] > 0 or not self.tension_only)
-        return tuple((x[0] + (natural - length), *x[1:]) for x in found)
+        p, found = self.parameters, ()
+        size = p[NATURAL] if self.law.keeps_EA else 1.0
+        if self.tension_only:
+            taut = float(self.values[0]) / size
+            if self.of is not None:
+                taut = float(self.of.stiffness(min(TAUT * p[LENGTH], self._high / 2)))
+            found += ((0.0, taut, 1.0, 1.0),)
+        elif self.law.kink:
+            lost = (1 - p["plateau"]) * float(self.values[0]) / size
+            found += ((-p["squeeze"] * size, lost, 1.0, -1.0),) if lost else ()
+        if self.of is not None:
+            found += tuple(x for x in self.of.kinks if x[0] > 0 or not self.tension_only)
+        moved = p[NATURAL] - p[LENGTH] if self.law.winds else 0.0
+        return tuple((x[0] + moved, *x[1:]) for x in found)
+
+    @property
+    def arguments(self) -> tuple[str, ...]:
+        """Names of what a linear member has derivatives by: stiffness, and those of buckling."""
+        return *self.law.own, *("buckling", "plateau") * (self.law.kink == "buckling")
+
+    def slopes(self, name: str) -> Array:
+        """Derivatives of the law's parameters by one of the `arguments`, (parameters,): where the
+        stiffness changes, the buckling load stays."""
+        names = self.law.parameters
+        row = np.eye(len(names))[names.index("squeeze" if name == "buckling" else name)]
+        if self.law.kink == "buckling":
+            change = {names[0]: -self.values[1], "buckling": 1.0}.get(name, 0.0)
+            row[1] = change / self.values[0]
+        return row
 
     def _with(self, parameters: dict[str, float]) -> Potential:
-        natural = parameters["natural"]
-        check.number(f"natural length of {self._name}", natural, above=0, unit="m")
         made = super()._with(parameters)
-        moved = natural - parameters["length"]
-        made._domain = self._low + moved, self._high + moved
-        made._origin = f"{self._origin[:-1]}, natural={natural:g})"
+        if self.law.winds:
+            natural = parameters[NATURAL]
+            check.number(f"natural length of {self._name}", natural, above=0, unit="m")
+            moved = natural - parameters[LENGTH]
+            made._domain = self._low + moved, self._high + moved
+            made._origin = f"{self._origin[:-1]}, natural={natural:g})"
         return made
 
 
@@ -204,7 +239,7 @@ def network(structure: Any, natural_lengths: Any, **given: Any) -> Network:
     springs = [spring_of(structure, member) for member in range(len(structure.ends))]
     for key, expression in changing.items():
         member = structure.member_number(key)
-        springs[member] = spring_of(structure, member, True).over_time(natural=expression)
+        springs[member] = spring_of(structure, member, True).over_time(**{NATURAL: expression})
     at, ends, natural = structure.positions, structure.ends, structure.natural_lengths
     if structure.has_heavy_members:
         given["bond_mass"] = structure.member_mass
