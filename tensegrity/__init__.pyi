@@ -37,6 +37,7 @@ from .measure.observables import (
 )
 from .measure.pulses import pulses
 from .measure.records import first_peak, largest_peak, peaks, sampled
+from .measure.spectrum import spectrum
 from .orbits.orbit import periodic_orbit
 from .orbits.path import orbit_path
 from .orbits.stability import floquet
@@ -154,6 +155,7 @@ __all__ = [
     "sech2",
     "simulate",
     "solitary_wave",
+    "spectrum",
     "speed",
     "sweep",
     "tail_front",

@@ -123,6 +123,7 @@ MEETING = ts.simulate(CROSSING, WAVE.launch(CROSSING, 20) + WAVE.launch(CROSSING
 MET = ts.simulate(JOINED, WAVE.launch(JOINED, 20), 40 / WAVE.speed, dt=0.02,
                   record=ts.Record(every=10**6))  # fmt: skip
 SHORT_RUN = ts.simulate(LINE, LINE.at_rest({0: 0.01}), 1.0, record=ts.Record(times=[0.0, 1.0]))
+EVEN = ts.simulate(LINE, LINE.at_rest({0: 0.03}), 8.0, record=ts.Record(interval=1.0))
 BEADS_RUN = ts.simulate(BEADS, BEADS.start(), 6e-5, record=ts.Record(every=1))
 CUBE = granular.fcc_pack(2, 2, bead=BEAD, floor=STEEL, sides=STEEL, striker=STRIKER)
 PACKED = ts.simulate(CUBE, CUBE.start(), 1e-5, dt=1e-6)
@@ -298,6 +299,7 @@ CALLS = [  # where other arguments are needed, or several in one call
     (granular.kuwabara_kono, {"c": 1e-6}), (granular.hunt_crossley, {"c": 0.1}),
     (granular.viscous, {"c": 0.1}), (granular.carretero_gonzalez, {"g": 0.1, "a": 1.5}),
     (granular.kuwabara_kono, {"restitution": 0.9, "speed": 1.0}),
+    (granular.tsuji, {"restitution": 0.9}), (granular.dmt, {"work": 0.05}),
     (ts.Drive, {"force": ([0.0, 1.0, 2.0], [0.0, 0.1, 0.2])}),
     (ts.Drive(force=0.1).at, {"t": [0.0, 1.0], "order": 0}),
     (ts.Ensemble, {"scenes": ts.Chain(SPRING, 3), "count": 2}),
@@ -358,6 +360,8 @@ CALLS = [  # where other arguments are needed, or several in one call
     (ts.interface, {"near": SPRING, "far": ELASTIC.potential(), "sites": (4, 4),
                     "mass": (1.0, 2.0)}),
     (ts.transmission, {"run": MET, "row": 1}),
+    (ts.spectrum, {"run": EVEN, "sites": [1, 3, 5], "of": "u"}),
+    (ts.spectrum(EVEN).ridge, {"least": 0.1}),
     (FAMILY.curve, {"speed_ratio": [1.5, 2.0]}),
     (ts.arrival, {"run": RUN, "bond": 4, "direction": 1}),
     (ts.tail_front, {"state": RUN.final}),

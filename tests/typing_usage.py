@@ -254,6 +254,7 @@ def measured(chain: ts.Chain, run: ts.Run) -> float:
     assert found is not None
     assert_type(ts.phase_shift(run, found, found), tuple[float, float])
     assert_type(ts.transmission(run).reflected, tuple[Pulse, ...])
+    assert_type(ts.spectrum(run, sites=[0, 2], of="v").ridge(0.1), tuple[Array, Array])
     assert_type(observables.peak(chain.elongation(run.final.u)), tuple[float, float])
     assert_type(observables.passage(run.t, run.u[:, 0], run.v[:, 0]), float)
     times = ts.arrival(run, 3, direction=-1, after=0.5) + ts.duration(run, 3, level=0.1)
@@ -332,6 +333,8 @@ def beads() -> ts.Run:
         granular.hunt_crossley(0.1),
         granular.viscous(0.1),
         granular.carretero_gonzalez(1.0, 1.5),
+        granular.tsuji(restitution=0.5),
+        granular.dmt(0.05),
     ):
         assert_type(law(bead, brass), granular.Contact)
     assert_type(
