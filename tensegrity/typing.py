@@ -56,6 +56,19 @@ class Motion(Protocol):
 
 
 @runtime_checkable
+class Sampled(Protocol):
+    """Samples of a quantity, such as a `TimeSeries`."""
+
+    @property
+    def t(self) -> Array:
+        """Instants [s], (T,)."""
+
+    @property
+    def values(self) -> Array:
+        """(T,)."""
+
+
+@runtime_checkable
 class SceneData(Protocol):
     """A scene: data for `tensegrity.scenes.dynamics`, without any state of a run."""
 
