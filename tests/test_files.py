@@ -289,6 +289,20 @@ def test_what_a_format_does_not_hold_is_refused(folder, struck):
     ):  # fmt: skip
         with pytest.raises(TensegrityError, match=words):
             files.write(path, thing)
-    for path, words in (("x.doc", "suffix '.doc'"), ("x.csv", "x.nodes.csv cannot be read")):
+    Path("y.members.csv").write_text("kind,from,to\n")
+    for path, words in (("x.csv", "x.csv cannot be read"), ("y.csv", "y.nodes.csv cannot be read")):
         with pytest.raises(TensegrityError, match=words):
             files.read(path)
+
+
+def test_what_is_no_structure_and_no_run_is_a_record(folder, struck):
+    struck.to_csv("run.csv", "u", sites=[3])
+    found = files.read("run.csv", channel="u 3 z")
+    assert np.array_equal(found.values, struck.u[:, 3, 2])
+    assert np.array_equal(found.t, struck.t)
+    assert found.unit == "m"
+    np.savez("record.npz", t=struck.t, force=struck.energy)
+    assert np.array_equal(files.read("record.npz").values, struck.energy)
+    files.write("beads.dump", struck)
+    along = files.read("beads.dump", channel=(4, "vz"))
+    assert np.array_equal(along.values, struck.v[:, 3, 2])

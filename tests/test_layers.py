@@ -20,6 +20,7 @@ BASE = [
     "typing",
     "check",
     "checked",
+    "columns",
     "once",
     "readonly",
     "root",

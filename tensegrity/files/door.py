@@ -7,13 +7,15 @@ from collections.abc import Callable
 from os import PathLike
 from pathlib import Path
 from typing import Any
+from zipfile import ZipFile, is_zipfile
 
 from tensegrity import check
 from tensegrity.branches.table import Table
 from tensegrity.errors import TensegrityError
 from tensegrity.files.geometry import dump, dxf, pvd, stl, vtp
 from tensegrity.files.mjcf import write_mjcf
-from tensegrity.files.sheets import read_sheets, write_sheets
+from tensegrity.files.records import read_record
+from tensegrity.files.sheets import read_sheets, sheets, write_sheets
 from tensegrity.lattices.lattice import Lattice
 from tensegrity.runs.run import Run
 from tensegrity.structures.structure import Structure
@@ -61,22 +63,27 @@ def write(path: str | PathLike[str], thing: Any, **options: Any) -> None:
     Structure(12 nodes in 3 dimensions, 6 bars, 24 strings, 0 of them slack)
     """
     path = check.path("path", path)
-    writer = _of_suffix(path, WRITERS)
-    writer(path, thing, options)
+    suffix = path.suffix.lower()
+    if suffix not in WRITERS:
+        words = f"{path}: suffix {check.shown(suffix)} must be one of"
+        raise TensegrityError(f"{words} {', '.join(WRITERS)}")
+    WRITERS[suffix](path, thing, options)
 
 
-def read(path: str | PathLike[str]) -> Any:
+def read(path: str | PathLike[str], **options: Any) -> Any:
     """Read what a file holds, by its suffix and content; nothing in it is evaluated.
 
     Parameters
     ----------
     path : str or path
-        .csv: one of the sheets NAME.nodes.csv and NAME.members.csv, or NAME.csv for both; .npz: a
-        run that was saved.
+        .csv: a sheet NAME.nodes.csv or NAME.members.csv, or NAME.csv where these two are there;
+        .npz: a run that was saved.  Everything else is a record: CSV, logs and dumps, NumPy, HDF5.
+    **options
+        Of a record, those of `read_record`.
 
     Returns
     -------
-    Structure, Lattice or Run
+    Structure, Lattice, Run or TimeSeries
         Nodes and members in the order of their rows, bars first and cables last.  Columns of
         members are kind (bar or string), from, to, over (nodes of a cable), k or EA, natural
         length, mass, buckling load; what is left out has the default of `Structure`.  "length" and
@@ -85,19 +92,25 @@ def read(path: str | PathLike[str]) -> Any:
     Raises
     ------
     TensegrityError
-        No such file or suffix; wrong or repeated columns and names, units of another quantity, and
-        values that are no numbers or out of bounds, with file, line and column.
+        No such file; wrong or repeated columns and names, units of another quantity, and values
+        that are no numbers or out of bounds, with file, line and column; as `read_record`.
     """
     path = check.path("path", path)
-    return _of_suffix(path, READERS)(path)
+    if path.suffix.lower() == ".csv" and any(one.exists() for one in sheets(path)):
+        _refuse_others(path, options, set())
+        return read_sheets(path)
+    if path.suffix.lower() == ".npz" and _is_run(path):
+        _refuse_others(path, options, set())
+        return Run.load(path)
+    return read_record(path, **options)
 
 
-def _of_suffix(path: Path, known: dict[str, Any]) -> Any:
-    suffix = path.suffix.lower()
-    if suffix not in known:
-        words = f"{path}: suffix {check.shown(suffix)} must be one of"
-        raise TensegrityError(f"{words} {', '.join(known)}")
-    return known[suffix]
+def _is_run(path: Path) -> bool:
+    """Whether a file is as `Run.save` writes it."""
+    if not is_zipfile(path):
+        return False
+    with ZipFile(path) as file:
+        return "text.npy" in file.namelist()
 
 
 def _taken(function: Callable[..., Any]) -> set[str]:
@@ -156,4 +169,3 @@ WRITERS: dict[str, Callable[[Path, Any, dict[str, Any]], None]] = {
     ".xml": _of_thing(write_mjcf),
     ".npz": _npz,
 }
-READERS: dict[str, Callable[[Path], Any]] = {".csv": read_sheets, ".npz": Run.load}

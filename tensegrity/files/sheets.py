@@ -18,6 +18,7 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.checked import checked
+from tensegrity.columns import NUMBER, PREFIXES, text_lines
 from tensegrity.errors import TensegrityError
 from tensegrity.lattices.lattice import Lattice
 from tensegrity.structures.structure import Structure
@@ -30,10 +31,8 @@ MEMBERS = {
     "buckling load": "N", "length": "m", "tension": "N",
 }  # fmt: skip
 KINDS = {"bar": "bar", "strut": "bar", "string": "string", "cable": "string"}
-PREFIXES = {"": 0, "n": -9, "u": -6, "µ": -6, "m": -3, "c": -2, "d": -1, "k": 3, "M": 6, "G": 9}
 OTHERS = {"m": {"in": 0.0254, "ft": 0.3048}, "N": {"lbf": 4.4482216152605}, "kg": {"t": 1e3}}
 HEADING = re.compile(r"([^\[(]*?)\s*(?:[\[(](.*)[\])])?\s*")
-NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 VECTOR = re.compile(r"vector [1-3]")
 
 
@@ -46,7 +45,9 @@ def _factor(unit: str, base: str) -> float | None:
         return None
     for power, (one, of) in zip((1, -1), zip(*parts, strict=True), strict=False):
         si, gram = ("g", 1e-3) if of == "kg" else (of, 1.0)
-        known = {prefix + si: gram * 10.0**k for prefix, k in PREFIXES.items()} | OTHERS[of]
+        known = {
+            prefix + si: gram * 10.0**k for prefix, k in {**PREFIXES, "G": 9}.items()
+        } | OTHERS[of]
         if one not in known:
             return None
         factor *= known[one] ** power
@@ -67,10 +68,11 @@ class Field:
 
     def number(self) -> float:
         """The number, without its unit."""
-        text = self.text.replace(",", ".") if self.comma else self.text
-        if not NUMBER.fullmatch(text) or not np.isfinite(float(text)):
+        read = NUMBER.fullmatch(self.text) and (self.comma or "," not in self.text)
+        value = float(self.text.replace(",", ".")) if read else np.nan
+        if not np.isfinite(value):
             raise self.refuse("is no finite number")
-        return float(text)
+        return value
 
 
 class Sheet:
@@ -86,14 +88,10 @@ class Sheet:
     """
 
     def __init__(self, path: Path, known: dict[str, str], needed: Sequence[str]) -> None:
-        try:
-            text = path.read_text(encoding="utf-8-sig")
-        except (OSError, UnicodeDecodeError) as error:
-            words = getattr(error, "strerror", None) or "it is no text in UTF-8"
-            raise TensegrityError(f"{path} cannot be read: {words}") from None
-        first = next((line for line in text.splitlines() if line.strip()), "")
+        path, text = text_lines(path)
+        first = next((line for line in text if line.strip()), "")
         mark = next((one for one in "\t;," if one in first), ",")
-        reader = csv.reader(text.splitlines(), delimiter=mark, skipinitialspace=True)
+        reader = csv.reader(text, delimiter=mark, skipinitialspace=True)
         try:
             lines = [(reader.line_num, row) for row in reader if any(x.strip() for x in row)]
         except csv.Error as error:
