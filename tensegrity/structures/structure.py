@@ -317,9 +317,10 @@ class Structure(Printed, Shape):
             As of `Network`.
         natural_lengths : dict, optional
             {member: SymPy expression of t} [m]: natural lengths that change, each in its own way.
-            The member keeps EA if that was given, and else k.  The run records the work done on
-            what hangs outside the drum, at the rate -(T + T^2/(2 EA)) or, where k is kept, -T times
-            that of the natural length.
+            The member keeps EA if that was given, and else k, or its law of the elongation; its
+            buckling load stays.  The run records the work done on
+            what hangs outside the drum, at the rate -(T + T^2/(2 EA)) or, where k or a law is kept,
+            -T times that of the natural length.
         walls : sequence of Wall, optional
             Unbounded walls that the nodes press, without friction; nodes do not touch each other.
         wall_law : Potential or float, optional
@@ -336,9 +337,8 @@ class Structure(Printed, Shape):
         ------
         TensegrityError
             If there are platforms, which a network cannot have, a wall cuts the positions, a
-            natural length is not above 0 at the start or that of a member with a law or a buckling
-            load, or an argument is refused by `Network`.  `simulate` refuses natural lengths that
-            reach 0 within the run.
+            natural length is not above 0 at the start, or an argument is refused by `Network`.
+            `simulate` refuses natural lengths that reach 0 within the run.
         """
         if self.platforms:
             raise TensegrityError(
