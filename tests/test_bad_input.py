@@ -304,6 +304,7 @@ CALLS = [  # where other arguments are needed, or several in one call
     (ts.Chain, {"spring": SPRING, "sites": 3, "drive": {0: ts.Drive(force=0.1)},
              "damping": ts.Damping(0.1)}),
     (ts.Chain, {"spring": SPRING, "sites": 2, "ground": [SPRING, SPRING]}),
+    (ts.Chain, {"spring": SPRING, "sites": 3, "ends": "periodic", "stretch": 0.01}),
     (ts.Force, {"expression": SPRING, "at": [0], "parameters": {}}),
     (ts.Drive, {"displacement": sp.sin(TIME)}),
     (ts.Force, {"expression": R * TIME, "on": "bonds", "at": [0], "parameters": {}}),
