@@ -18,6 +18,7 @@ from figures import (
     granular_losses,
     granular_motion,
     granular_quasiparticle,
+    granular_secondary,
     granular_sensitivity,
     granular_steps,
     granular_uniform,
@@ -227,3 +228,18 @@ def test_what_the_half_guide_does_not_have_is_marked_as_not_computed_there(monke
     assert missing == {"stem 2 stopped by steel", "Parylene radius 2.38 mm"}
     np.testing.assert_array_equal(granular_sensitivity.changes([2.0, np.nan, 3.0]), [0, np.nan, 50])
     assert len(granular_sensitivity.table(tables)) == 6  # nothing changed, nothing invented
+
+
+@pytest.mark.slow
+def test_late_signals_and_what_branches_retain():
+    """Late over first force within 1e-2 of those of another program; a line retains a fiftieth."""
+    tables = granular_secondary.data()
+    wanted = {"steel": (0.056, 0.058), "PTFE": (0.145, 0.43), "Parylene": (0.43, 0.63)}
+    for name, both in wanted.items():
+        found = [granular_secondary.late(tables[f"{name}, {w}"]) for w in ("0.45 g", "5.33 g")]
+        assert found == pytest.approx(both, abs=5e-3)
+    for weight in ("0.45 g", "5.33 g"):
+        least, most = granular_secondary.kept(tables[f"steel, {weight}"])
+        alone = tables[f"line, {weight}"]["energy in the branches"][0]
+        assert 0.05 < least < most < 0.3
+        assert alone < 0.02 * least
