@@ -1,9 +1,10 @@
 """A late, large signal needs unequal branches, with either striker; no misalignment is needed.
 
-Aligned, lossless guides as in the paper: a steel branch beside one of steel, PTFE or Parylene-C coated
-beads, struck by 0.45 g at 0.5 m/s or by 5.33 g at 0.35 m/s. The force on bead 5 of stem 2 after 1 ms is
-compared with the first one there. What the branches retain is the energy of their beads over that of
-the striker before the blow; a straight line of as many beads retains next to nothing.
+Aligned, lossless guides as in the paper: a steel branch beside one of steel, PTFE or Parylene-C
+coated beads, struck by 0.45 g at 0.5 m/s or by 5.33 g at 0.35 m/s. The force on bead 5 of stem 2
+after 1 ms is compared with the first one there. What the branches retain is the energy of their
+beads over that of the striker before the blow; a straight line of as many beads retains next to
+nothing.
 """
 
 import numpy as np
