@@ -40,6 +40,8 @@ from .measure.records import first_peak, largest_peak, peaks, sampled
 from .orbits.orbit import periodic_orbit
 from .orbits.path import orbit_path
 from .orbits.stability import floquet
+from .precision.result import WorkPrecision
+from .precision.work import work_precision
 from .printing import units
 from .prisms.closed import member_stiffness
 from .prisms.contact import bar_contact
@@ -111,6 +113,7 @@ __all__ = [
     "TensegrityError",
     "Unit",
     "Wall",
+    "WorkPrecision",
     "angular_momentum",
     "animate",
     "arrival",
@@ -165,5 +168,6 @@ __all__ = [
     "verify",
     "wall_gaps",
     "width",
+    "work_precision",
 ]
 __version__: str

@@ -40,6 +40,7 @@ LATER |= {"floquet", "orbit_path", "periodic_orbit"}
 LATER |= {"transition_wave", "units"}
 LATER |= {"PairLattice", "PairLaw", "prove", "verify"}
 LATER |= {"Force", "carretero_gonzalez", "hunt_crossley", "kuwabara_kono", "viscous"}
+LATER |= {"WorkPrecision", "compare_models", "work_precision"}
 HELD = Path(__file__).parent / "interface.txt"
 
 

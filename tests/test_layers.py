@@ -39,6 +39,7 @@ ROOMS = [  # inside tensegrity: each may import what stands before it
     "prisms",
     "catalogue",
     "runs",
+    "precision",
     "waves",
     "proofs",
     "orbits",
