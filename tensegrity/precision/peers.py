@@ -10,6 +10,7 @@ from __future__ import annotations
 import importlib.util
 import itertools
 import math
+import operator
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -29,6 +30,7 @@ from tensegrity.typing import Array
 TAYLOR = 1e-4, 1e-6, 1e-9, 1e-12, 1e-15
 TOLERANCES = 1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13, 3e-14
 HALVINGS = 5  # runs of a method of second order, each with a fourth of the steps of the next
+SAME = "sqrt sin cos exp log sign"  # functions of SymPy with CasADi's names
 NOT_COUNTED = partial(float, math.nan)
 Tension = tuple[Any, Any]  # elongation and expression, of SymPy
 
@@ -114,27 +116,11 @@ def chain_tension(scene: Any) -> Tension | None:
 
     spring = dynamics(scene).springs.different[0]
     tension, r = functions(spring.law)["tension"], sp.Symbol("r", real=True)
-    table = {
-        ca.OP_ADD: lambda a, b: a + b,
-        ca.OP_SUB: lambda a, b: a - b,
-        ca.OP_MUL: lambda a, b: a * b,
-        ca.OP_DIV: lambda a, b: a / b,
-        ca.OP_NEG: lambda a: -a,
-        ca.OP_SQ: lambda a: a * a,
-        ca.OP_TWICE: lambda a: 2 * a,
-        ca.OP_INV: lambda a: 1 / a,
-        ca.OP_SQRT: sp.sqrt,
-        ca.OP_SIN: sp.sin,
-        ca.OP_COS: sp.cos,
-        ca.OP_EXP: sp.exp,
-        ca.OP_LOG: sp.log,
-        ca.OP_POW: lambda a, b: a**b,
-        ca.OP_CONSTPOW: lambda a, b: a**b,
-        ca.OP_FMAX: sp.Max,
-        ca.OP_FMIN: sp.Min,
-        ca.OP_FABS: sp.Abs,
-        ca.OP_SIGN: sp.sign,
-    }
+    table: Any = {getattr(ca, f"OP_{x.upper()}"): getattr(sp, x) for x in SAME.split()}
+    table |= {ca.OP_FMAX: sp.Max, ca.OP_FMIN: sp.Min, ca.OP_FABS: sp.Abs, ca.OP_NEG: operator.neg}
+    table |= {ca.OP_ADD: operator.add, ca.OP_SUB: operator.sub, ca.OP_MUL: operator.mul}
+    table |= {ca.OP_DIV: operator.truediv, ca.OP_POW: operator.pow, ca.OP_CONSTPOW: operator.pow}
+    table |= {ca.OP_SQ: lambda a: a * a, ca.OP_TWICE: lambda a: 2 * a, ca.OP_INV: lambda a: 1 / a}
 
     def apply(operation: int, *values: Any) -> Any:
         return table[operation](
