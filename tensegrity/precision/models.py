@@ -141,7 +141,7 @@ class ModelComparison(Printed):
         return pandas.DataFrame([asdict(row) for row in self.rows])
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Error of each model against its time, by its name; the reference is the line below.
+        """Error of each model, the simplest above, with the time that it took.
 
         Parameters
         ----------
@@ -152,24 +152,26 @@ class ModelComparison(Printed):
         matplotlib.axes.Axes
         """
         ax = plotting.axes(ax)
-        others = [row for row in self.rows if row.error > 0]
-        least = min((row.error for row in others), default=1e-15) / 10
-        longest = max(row.seconds for row in self.rows)
-        for row in self.rows:
-            at = row.seconds, row.error or least
-            ax.loglog(*at, "C0o" if row.error else "C3s", ms=6)
-            late = row.seconds > longest / 10
+        errors = np.array([row.error for row in self.rows])
+        least = errors.min(initial=1.0, where=errors > 0) / 10
+        at = np.arange(len(errors))
+        ax.hlines(at, least, np.maximum(errors, least), color="0.8", lw=1)
+        ax.semilogx(np.maximum(errors, least), at, "C0o")
+        for k, row in enumerate(self.rows):
+            words = "reference, " if row.model == self.reference else ""
+            place = max(row.error, least), k
             ax.annotate(
-                row.model,
-                at,
-                (-7 if late else 7, 5),
+                f"{words}{row.seconds:.2g} s",
+                place,
+                (8, 0),
                 textcoords="offset points",
-                ha="right" if late else "left",
+                va="center",
                 fontsize=9,
             )
-        ax.axhline(least, color="0.7", lw=0.8)
-        ax.margins(0.15)
-        ax.set(xlabel="CPU time [s]", ylabel=f"difference from {self.reference}, relative")
+        ax.set_yticks(at, [row.model for row in self.rows])
+        ax.invert_yaxis()
+        ax.margins(x=0.25, y=0.1)
+        ax.set(xlabel=f"largest difference from {self.reference}, relative; CPU time beside")
         return ax
 
     _draw = drawn
