@@ -68,7 +68,7 @@ class Bound:
         if loop.dim:
             sites = fields["sites"]
             self.sizes = loop.dim * sites, loop.dim * (fields["rows"] - 1 - sites)
-            active = self._active if bonds.coupling is None else None
+            active = self._active if bonds.independent else None
             fields |= self._room(pieces) | {"travel": self._travel, "active": active}
             cuts = enumerate(pairwise(loop_layout.slices.balanced_cuts(pieces)))
             self._pieces = [
@@ -92,11 +92,16 @@ class Bound:
         fields, dtype, load = self._layout.fields, self._loop.dtype, self._bonds.contacts.load
         pull = aligned((pieces, len(load), ROW[self._loop.dim]), dtype)
         pull[..., : self._loop.dim] = load
+        entries = fields["entry"][-1] if fields["cables"] else 0
         return {
             "near": np.zeros((2, self.u.size) if pieces > 1 else 0, dtype=dtype),
             "pull": pull,
             "press": np.zeros_like(fields["normal"]),
             "force": np.zeros(self.u[len(load) :].shape, dtype=dtype),
+            "mean": np.zeros(entries, dtype=dtype),
+            "least": np.zeros(entries, dtype=dtype),
+            "average": np.zeros(2 * fields["cables"], dtype=dtype),
+            "toward": np.zeros(self._loop.dim * len(fields["strand"]), dtype=dtype),
             "spread": np.zeros(self.u.size if fields["couplings"] else 0, dtype=dtype),
             "farthest": np.zeros(pieces, dtype=dtype),
             "gate": np.zeros(16, dtype=np.int64),
@@ -144,6 +149,8 @@ class Bound:
         """The kind of a method's steps, and the structure that they take."""
         if isinstance(method, Splitting):
             return "", None
+        if self._bonds.cable is not None and isinstance(method, (Corrected, Midpoint)):
+            raise TensegrityError(f"method {method.name!r}: not for cables over sites")
         if isinstance(method, Corrected):
             return "openings", self._corrections(method)
         if isinstance(method, Midpoint):

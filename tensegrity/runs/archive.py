@@ -413,7 +413,7 @@ def _network(x):
         "lengths": x.lengths if opening.any() else None,  # else to the bits of the positions
         "mass": x.mass, "walls": x.walls, "wall_contacts": x.wall_contacts, "wall_gaps": gaps,
         "radius": x.radius, "loads": x.loads, "held": x.held, **followed, **in_time(x),
-        "press": "walls" if touching else "all",
+        "press": "walls" if touching else "all", "cables": dynamics(x).cables,
         **({} if x.bond_mass is None else {"bond_mass": x.bond_mass}),
     }  # fmt: skip
 

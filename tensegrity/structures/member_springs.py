@@ -11,6 +11,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from tensegrity import check
 from tensegrity.checked import checked
 from tensegrity.engine.law import Law
@@ -235,26 +237,35 @@ def network(structure: Any, natural_lengths: Any, **given: Any) -> Network:
         raise TensegrityError(
             f"natural_lengths {check.shown(changing)} must be a dict {{member: expression of t}}"
         )
-    for member in structure.cable_segments.cables:
-        raise TensegrityError(
-            f"cable {member} runs over nodes: such cables have statics only, bonds of a network "
-            "join two sites"
-        )
+    of = structure.cable_segments
     springs = [spring_of(structure, member) for member in range(len(structure.ends))]
     for key, expression in changing.items():
         member = structure.member_number(key)
-        springs[member] = wound(structure, member).over_time(natural=expression)
-    at, ends, natural = structure.positions, structure.ends, structure.natural_lengths
+        natural = expression / len(of.of(member))
+        springs[member] = wound(structure, member).over_time(natural=natural)
+    each = range(len(springs)) if of.owner is None else of.owner.tolist()
+    at, ends = structure.positions, structure.segments
+    natural = of.each(structure.natural_lengths / of.over(np.ones(len(ends))))
+    given["cables"] = [of.of(cable).tolist() for cable in of.cables]
     if structure.has_heavy_members:
-        given["bond_mass"] = structure.member_mass
+        given["bond_mass"] = of.each(structure.member_mass)
+    springs = [springs[member] for member in each]
     return Network(at, ends, springs, lengths=natural, mass=structure.mass, **given)
 
 
 def spring_of(structure: Any, member: int) -> Potential:
-    """The spring of a member of a structure, by its number."""
-    natural = float(structure.natural_lengths[member])
+    """The spring of a member of a structure, by its number, or of each segment of a cable."""
+    segments = len(structure.cable_segments.of(member))
+    natural = float(structure.natural_lengths[member]) / segments
     length = float(f"{natural:.3g}")  # equal up to round-off, members have one spring
-    stiffness, string = float(structure.stiffnesses[member]), bool(structure.is_string[member])
+    if segments > 1 and member in structure.law:
+        raise TensegrityError(
+            f"cable {member} over nodes has a law: in motion its tension is linear in its length"
+        )
+    stiffness, string = (
+        segments * float(structure.stiffnesses[member]),
+        bool(structure.is_string[member]),
+    )
     if member in structure.law:
         law = structure.law[member]
         return StringOfLaw(law, length) if string else law
@@ -273,5 +284,7 @@ def wound(structure: Any, member: int) -> WoundMember:
             f"{name} has {what}: natural lengths in motion change of linear members only"
         )
     keeps = bool(structure.keeps_EA[member])
-    stiffness = float((structure.EA if keeps else structure.stiffnesses)[member])
-    return WoundMember(stiffness, float(structure.natural_lengths[member]), string, keeps, name)
+    segments = len(structure.cable_segments.of(member))
+    natural = float(structure.natural_lengths[member]) / segments
+    stiffness = float(structure.EA[member] if keeps else segments * structure.stiffnesses[member])
+    return WoundMember(stiffness, natural, string, keeps, name)
