@@ -21,7 +21,7 @@ import numpy as np
 
 from benchmarks import _auto
 from benchmarks._charts import FOLDER, charted
-from benchmarks._timing import record
+from benchmarks._timing import least, record
 from tensegrity import Prism, equilibrium_paths
 from tensegrity.branches.continuation import Settings
 from tensegrity.branches.problem import trace
@@ -142,16 +142,6 @@ def plain_functions():
 # --- the comparison --------------------------------------------------------------------------
 
 
-def best(call, rounds=ROUNDS):
-    """Shortest CPU time of several calls [s], and what the last one returned."""
-    times = []
-    for _ in range(rounds):
-        started = time.process_time()
-        result = call()
-        times.append(time.process_time() - started)
-    return min(times), result
-
-
 def many(count=MANY):
     """{workers: CPU seconds here, wall seconds} of a path with stability, in one call for many
     prisms: here alone, and by a pool of processes."""
@@ -187,7 +177,7 @@ def measure():
         found[name] = []
         method(settings[0])
         for setting in settings:
-            seconds, rows = best(lambda m=method, s=setting: m(s), ROUNDS if name == "this" else 2)
+            seconds, rows = least(lambda m=method, s=setting: m(s), ROUNDS if name == "this" else 2)
             found[name].append((setting, len(rows[0]), error(*rows), seconds))
     if shutil.which("auto-07p") and shutil.which("gfortran"):
         with tempfile.TemporaryDirectory() as folder:

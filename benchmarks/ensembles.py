@@ -8,7 +8,6 @@ keeps the last state only, as we do with `Record(times=[T])`.
 from __future__ import annotations
 
 import os
-import time
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 
@@ -16,27 +15,15 @@ import numpy as np
 import sympy as sp
 
 from benchmarks import _peers
-from benchmarks._timing import table
+from benchmarks._timing import best, cpu, table
 from tensegrity import METHODS, Chain, Ensemble, PowerLaw, Prism, Record, State, simulate, sweep
 from tensegrity.scenes.dynamics import dynamics
 
 LANES, STEPS = 64, 4000  # of the bare loop, one block of chains
 COUNTS, SITES, T_END, TOL = (100, 1_000, 10_000), 40, 40.0, 1e-9
 BATCHES = 4  # of eight chains, by heyoka
-ROUNDS = 5
 FAINT = 1e-295  # m/s of the far end: all sites move
 CASES = 20_000
-
-
-def cpu(calls, clock=time.process_time):
-    """Smallest time of each call [s], in turn."""
-    found = dict.fromkeys(calls, np.inf)
-    for _ in range(ROUNDS):
-        for name, call in calls.items():
-            began = clock()
-            call()
-            found[name] = min(found[name], clock() - began)
-    return found
 
 
 def different(count):
@@ -108,7 +95,7 @@ def ensembles():
     for threads in ("1", "2"):
         os.environ["TENSEGRITY_THREADS"] = threads
         call = {threads: lambda: simulate(scene, start, T_END, tol=TOL, record=last)}
-        found |= cpu(call, time.perf_counter)
+        found |= best(call)
     del os.environ["TENSEGRITY_THREADS"]
     rows = [(f"{COUNTS[1]} chains", found["2"] / found["1"], "<= 0.53")]
     table("wall clock on two threads over one", ["", "ratio", "target"], rows, ours=["ratio"])
@@ -199,7 +186,7 @@ def swept():
     """Print the overhead of a case of a sweep."""
     with ProcessPoolExecutor(2) as pool:
         sweep(abs, range(100), pool)
-        seconds = cpu({"sweep": lambda: sweep(abs, range(CASES), pool)}, time.perf_counter)["sweep"]
+        seconds = best({"sweep": lambda: sweep(abs, range(CASES), pool)})["sweep"]
     print(f"\na case of a sweep on two processes: {1e6 * seconds / CASES:.2g} us (target: 10)")
 
 

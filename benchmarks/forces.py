@@ -10,8 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from benchmarks import lammps
-from benchmarks._timing import table
-from benchmarks.ensembles import cpu
+from benchmarks._timing import cpu, table
 from granular import (
     Bead,
     Striker,

@@ -8,17 +8,15 @@ from __future__ import annotations
 
 import subprocess
 import sys
-import time
 
 import numpy as np
 
-from benchmarks._timing import record, table
+from benchmarks._timing import cpu, record, table
 from tensegrity import METHODS, Chain, PowerLaw, Prism, Record, gradient, simulate
 from tensegrity import objective as o
 from tensegrity.scenes.dynamics import dynamics
 
 STEPS, DT = 40_000, 0.02
-ROUNDS = 5
 STORED = (1_000, 16_000)  # steps: what is stored grows with them
 PEERS = ("ours", "jax", "diffrax")
 
@@ -32,19 +30,6 @@ def scenes(bonds=60):
         f"{bonds} prisms": (prisms, prisms.at_rest({0: 0.05}), ("prestrain",)),
         f"{bonds} Hertz contacts": (hertz, hertz.at_rest({0: 0.05}), ("stiffness",)),
     }
-
-
-def cpu(calls, rounds=ROUNDS):
-    """Least CPU seconds of each call, all in turn; {name: seconds}."""
-    found = dict.fromkeys(calls, float("inf"))
-    for call in calls.values():
-        call()
-    for _ in range(rounds):
-        for name, call in calls.items():
-            began = time.process_time()
-            call()
-            found[name] = min(found[name], time.process_time() - began)
-    return found
 
 
 def loop(chain, state, method, steps):

@@ -7,13 +7,12 @@ have none, and few wave vectors stand for all.  Processor time, minima over repe
 
 from __future__ import annotations
 
-import time
 from functools import partial
 
 import numpy as np
 
 from benchmarks._peers import has
-from benchmarks._timing import record, table
+from benchmarks._timing import cpu, least, record, table
 from benchmarks.packs import STEP as PACK_STEP
 from benchmarks.packs import contacts, pack
 from tensegrity import Record, State, bands, catalogue, simulate
@@ -28,13 +27,6 @@ def triangular(shape):
     """A cell of several nodes of unequal masses."""
     cell = catalogue.triangular(k_bar=1.0).repeated(shape)
     return cell.at_mass(1 + 0.5 * np.sin(np.arange(cell.nodes)))
-
-
-def seconds(call):
-    """Processor time [s] of a call."""
-    start = time.process_time()
-    call()
-    return time.process_time() - start
 
 
 def in_pylatt(lattice):
@@ -55,7 +47,7 @@ def over_pylatt(lattice, phases, ours):
     over the largest."""
     peer = in_pylatt(lattice)
     waves = phases[:FEW] @ np.linalg.inv(lattice.vectors).T
-    theirs = seconds(lambda: peer.compute_bands(waves)) * len(phases) / FEW
+    theirs = least(lambda: peer.compute_bands(waves), 1)[0] * len(phases) / FEW
     own = bands(lattice, phases[:FEW]).frequencies
     gap = np.abs(np.asarray(peer.compute_bands(waves)) ** 2 - own**2).max() / (own**2).max()
     return theirs / ours, gap
@@ -68,7 +60,7 @@ def step_cost(scene, state, dt):
         record = Record(every=count)
         call = partial(simulate, scene, state, count * dt, dt=dt, method="verlet", record=record)
         call()
-        found.append(min(seconds(call) for _ in range(REPEATS)))
+        found.append(least(call, REPEATS)[0])
     return (found[1] - found[0]) / (5 * STEPS)
 
 
@@ -102,13 +94,11 @@ def main():
         row = [name]
         for kind, solver in NAMED.items():
             shapes = kind == "shapes"
-            times = {"ours": np.inf, "LAPACK": np.inf}
-            for _ in range(REPEATS):
-                for rival, call in (
-                    ("ours", lambda s=shapes: bands(lattice, phases, shapes=s)),  # noqa: B023
-                    ("LAPACK", lambda f=solver: [f(block) for block in blocks]),  # noqa: B023
-                ):
-                    times[rival] = min(times[rival], seconds(call))
+            rivals = {
+                "ours": lambda s=shapes: bands(lattice, phases, shapes=s),  # noqa: B023
+                "LAPACK": lambda f=solver: [f(block) for block in blocks],  # noqa: B023
+            }
+            times = cpu(rivals, REPEATS)
             record("lattices", f"{name}, {kind}", "over LAPACK", times["ours"], times["LAPACK"])
             row += [f"{1e3 * times['ours']:.0f}", f"{times['ours'] / times['LAPACK']:.2f}"]
         if peer and lattice.dim == 2:

@@ -8,11 +8,9 @@ the largest difference of what they give.
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 
-from benchmarks._timing import table
+from benchmarks._timing import least, table
 from tensegrity import METHODS, Chain, Prism, Record, simulate
 from tensegrity.engine.compiled import loop_of_law
 from tensegrity.engine.law import Change
@@ -65,16 +63,6 @@ class InPython:
         return u, v, work
 
 
-def cpu(call):
-    """Least CPU time of a call [s]."""
-    best = np.inf
-    for _ in range(ROUNDS):
-        began = time.process_time()
-        call()
-        best = min(best, time.process_time() - began)
-    return best
-
-
 def main():
     """Print times and ratios."""
     rows = []
@@ -92,7 +80,7 @@ def main():
             np.max(np.abs(run.final.v - v)) / np.max(np.abs(v)),
             abs(run.work[-1] - work) / abs(work),
         )
-        times = cpu(slow), cpu(fast)
+        times = least(slow, ROUNDS)[0], least(fast, ROUNDS)[0]
         rows.append((f"{sites} prisms", *(1e3 * t for t in times), times[0] / times[1], gap))
     heads = ["", "Python ms", "compiled ms", "ratio", "difference"]
     table(f"{STEPS} steps of rkn6, 100 rows", heads, rows)

@@ -16,7 +16,7 @@ from concurrent.futures import ProcessPoolExecutor
 import numpy as np
 
 from benchmarks._peers import has
-from benchmarks._timing import record, table
+from benchmarks._timing import cpu, record, table
 from benchmarks.lammps import QUIET, library
 from granular import Bead, Striker, materials
 from granular.design import Order, objective, peak_force, search
@@ -30,24 +30,10 @@ SPACE = Order([BIG] * 10 + [SMALL] * 10)
 T_END, VERLET = 1e-3, 2e-7  # s
 DESIGNS, FEW = 512, 4
 LOOK = 5  # steps of LAMMPS between two looks at the last bead
-ROUNDS = 5
 AIM = 1.5
 MESSAGES = 200
 BUDGET = 5000
 SWEEP = 1e6  # designs
-
-
-def fastest(calls, rounds=ROUNDS):
-    """Least CPU seconds of each call; all in turn, several rounds."""
-    times = {name: math.inf for name in calls}
-    for call in calls.values():
-        call()  # compiles
-    for _ in range(rounds):
-        for name, call in calls.items():
-            began = time.process_time()
-            call()
-            times[name] = min(times[name], time.process_time() - began)
-    return times
 
 
 def numba_peaks(method):
@@ -188,7 +174,7 @@ def main():
     if module is not None:
         calls["LAMMPS, verlet"] = lambda: [lammps_evaluation(module, row) for row in rows[:FEW]]
         work["LAMMPS, verlet"] = FEW
-    seconds = fastest(calls)
+    seconds = cpu(calls)
     rates = {name: work[name] / t for name, t in seconds.items()}
     table("T1, designs a second on one core", ["", "1/s"], rates.items())
     pairs = [("numba, rkn6", f">= {AIM}"), ("numba, verlet", "-"), ("LAMMPS, verlet", "-")]

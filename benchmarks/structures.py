@@ -7,13 +7,12 @@ Times are minima of processor time over repeats in one run.
 
 from __future__ import annotations
 
-import time
 from functools import partial
 
 import numpy as np
 
 from benchmarks import _against
-from benchmarks._timing import record, table
+from benchmarks._timing import least, record, table
 from tensegrity import (
     Prism,
     Record,
@@ -32,21 +31,11 @@ from tensegrity.scenes.dynamics import dynamics
 
 STAGES = (10, 100, 1000)
 SMALL = (2, 8, 16, 32)  # stages of towers whose modes are found from the full matrix
-REPEATS, OFTEN = 2, 30
+OFTEN = 30
 BEFORE = "9746a0f0"
 MEMBERS = 300_000  # member evaluations of a timed advance
 PRISM = Prism(1.0, 1.0, 0.1, 1.0, 5.0, 50.0)
 BALL = {"lower": (0, 4, 8), "upper": (3, 7, 11)}
-
-
-def least_time(work, repeats=REPEATS):
-    """Smallest processor time [s] of some calls, and the last result."""
-    best = np.inf
-    for _ in range(repeats):
-        start = time.process_time()
-        result = work()
-        best = min(best, time.process_time() - start)
-    return best, result
 
 
 def in_tnsgrt(s):
@@ -76,13 +65,13 @@ def densities():
             1.0, 1.0, 0.1, 1.0, 5.0, 50.0, sides=sides
         ).structure()
     for name, s in shapes.items():
-        seconds, own = least_time(lambda s=s: s.self_stress().feasible)
+        seconds, own = least(lambda s=s: s.self_stress().feasible)
         line = f"{name}: force densities {1e3 * seconds:.3g} ms"
         found = in_tnsgrt(s)
         if found is not None:
             other, order = found
             try:
-                other_seconds, _ = least_time(other.equilibrium)
+                other_seconds, _ = least(other.equilibrium)
                 theirs = np.empty(len(order))
                 theirs[order] = other.member_properties["lambda_"].to_numpy(float)
                 own = own / -np.mean(own[: s.bars])  # as theirs: -1 for bars on average
@@ -100,8 +89,8 @@ def towers():
     """Tangent and six modes of towers: times, and the largest differences from tnsgrt."""
     for stages in STAGES:
         s = PRISM.column(stages)
-        seconds, matrix = least_time(s.stiffness)
-        modes_seconds, modes = least_time(lambda s=s: s.modes(6))
+        seconds, matrix = least(s.stiffness)
+        modes_seconds, modes = least(lambda s=s: s.modes(6))
         line = f"{stages} stages, {s.nodes} nodes: tangent {1e3 * seconds:.3g} ms, "
         line += f"6 modes {1e3 * modes_seconds:.3g} ms"
         found = in_tnsgrt(s) if stages <= 100 else None
@@ -121,9 +110,9 @@ def small_towers():
         s = PRISM.column(stages)
         full = s.stiffness().toarray()
         others = iter([s.at(s.positions) for _ in range(OFTEN)])
-        first, _ = least_time(lambda others=others: next(others).modes(6), OFTEN)
-        seconds, modes = least_time(lambda s=s: s.modes(6), OFTEN)
-        other, values = least_time(lambda full=full: np.linalg.eigvalsh(full), OFTEN)
+        first, _ = least(lambda others=others: next(others).modes(6), OFTEN)
+        seconds, modes = least(lambda s=s: s.modes(6), OFTEN)
+        other, values = least(lambda full=full: np.linalg.eigvalsh(full), OFTEN)
         record("modes", f"{s.nodes} nodes", "over eigvalsh", seconds, other)
         gap = np.abs(values[6:12] - modes.eigenvalues).max() / values[-1]
         print(
@@ -135,10 +124,10 @@ def small_towers():
 
 def beside(peer, seconds, matrix, modes_seconds, modes):
     """Times of tnsgrt over these, and largest differences; its modes are dense."""
-    other_seconds, other = least_time(lambda: peer.stiffness()[0].K)
+    other_seconds, other = least(lambda: peer.stiffness()[0].K)
     other = other.toarray() if hasattr(other, "toarray") else np.asarray(other)
     gap = np.abs(other - matrix.toarray()).max() / np.abs(other).max()
-    slow, values = least_time(
+    slow, values = least(
         lambda: peer.stiffness(storage="dense", apply_rigid_body_constraint=True)[0].eigs()[0]
     )
     far = np.abs(values[:6] - modes.eigenvalues).max() / np.abs(other).max()
@@ -157,7 +146,7 @@ def ball_path():
 
     s = icosahedron()
     held = plates(BALL["lower"], BALL["upper"])
-    seconds, path = least_time(
+    seconds, path = least(
         lambda: equilibrium_path(s, supports=held, branch="symmetric", max_shortening=0.85), OFTEN
     )
     freedom = s.freedom(held)
@@ -185,7 +174,7 @@ def ball_path():
             loads.append(x[-1])
         return np.array(loads)
 
-    other, loads = least_time(by_roots)
+    other, loads = least(by_roots)
     record("path", "icosahedron", "over root solves", seconds, other)
     print(
         f"icosahedron, {len(places)} equilibria: path {seconds:.3g} s, "
@@ -236,8 +225,8 @@ def net():
     motions = s.freedom(supports).motions
     tangent = motions.T @ (state.structure.stiffness() @ motions)
     force, rigid = motions.T @ np.ones(s.positions.size), np.zeros((motions.shape[1], 0))
-    solve, _ = least_time(lambda: downhill(tangent, rigid, force), OFTEN)
-    seconds, _ = least_time(lambda: equilibrium(s, loads, supports))
+    solve, _ = least(lambda: downhill(tangent, rigid, force), OFTEN)
+    seconds, _ = least(lambda: equilibrium(s, loads, supports))
     each = seconds / len(steps)
     record("net", f"{len(s.ends)} strings", "step over solve", each, solve)
     print(f"net of {len(s.ends)} strings: {len(steps)} Newton steps, one {each / solve:.3g} solves")
@@ -252,7 +241,7 @@ def landing():
     scenes = [s.network(**given, gravity=GRAVITY) for given in (walls, {})]
     ends = Record(times=[0.0, 0.6])
     times = [
-        least_time(lambda x=x: simulate(x, x.at_rest(), 0.6, method="rkn6", dt=DT, record=ends), 7)
+        least(lambda x=x: simulate(x, x.at_rest(), 0.6, method="rkn6", dt=DT, record=ends), 7)
         for x in scenes
     ]
     (ours, _), (bare, _) = times
@@ -281,7 +270,7 @@ def heavy_members():
         best = dict.fromkeys(loops, np.inf)
         for _ in range(OFTEN):
             for case, loop in loops.items():
-                best[case] = min(best[case], least_time(partial(loop.advance, steps), 1)[0])
+                best[case] = min(best[case], least(partial(loop.advance, steps), 1)[0])
         for case in ("bars", "all members"):
             record("steps", f"{name}, mass in {case}", "over lumped", best[case], best["lumped"])
         print(

@@ -9,12 +9,10 @@ several rounds in one run.
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 
 from benchmarks._peers import has
-from benchmarks._timing import table
+from benchmarks._timing import cpu, table
 from tensegrity import (
     METHODS,
     Chain,
@@ -29,7 +27,7 @@ from tensegrity import (
     simulate,
 )
 
-SITES, ROUNDS, T_END, DT = 400, 9, 400.0, 0.05
+SITES, T_END, DT = 400, 400.0, 0.05
 STRUCK, SPEED, UNTIL, FAR = 120, 0.2, 300.0, slice(60, None)  # units, of the first; t; that count
 TILT, INERTIA = 0.35, 1 / (4 * 1.815**2)
 ERRORS = (1e-4, 1e-7)  # of rotations of units far from the struck one, which are not chaotic
@@ -60,17 +58,6 @@ def laws():
         "differences": PairLaw(k * creases, first, second, {"k": 1.0}),
         "both ends": PairLaw(k * creases + 1e-9 * a * b, first, second, {"k": 1.0}),
     }
-
-
-def cpu(calls):
-    """Least CPU time of each call [s], in turn."""
-    best = dict.fromkeys(calls, np.inf)
-    for _ in range(ROUNDS):
-        for name, call in calls.items():
-            start = time.process_time()
-            call()
-            best[name] = min(best[name], time.process_time() - start)
-    return best
 
 
 def rotating():

@@ -16,7 +16,7 @@ from derivations import prism
 from derivations.argument import Step
 from derivations.prism import twist
 from derivations.regular import TRIANGLE, Polygon
-from derivations.rigid_response import lock_order
+from derivations.rigid_response import lock_order, locking_height_squared
 
 TITLE = "Hardening: H1, H2, H3, and the limit of no prestrain"
 
@@ -62,21 +62,22 @@ def derivatives(highest: int = 4, of: Polygon = TRIANGLE) -> list[sp.Expr]:
     ]  # fmt: skip
 
 
-def curvature_ratio() -> sp.Expr:
+def curvature_ratio(of: Polygon = TRIANGLE) -> sp.Expr:
     """h0 V'''/V'', which does not depend on the prestrain."""
-    second, third = derivatives()[:2]
+    second, third = derivatives(3, of)
     return sp.expand(sp.cancel(eta * radius * third / second))
 
 
-def hardening_slenderness_squared() -> sp.Expr:
-    """eta0^2 at which V''' changes sign."""
-    (value,) = sp.solve(derivatives()[1].subs(eta, sp.sqrt(square)) / square, square)
-    return sp.nsimplify(value, [sp.sqrt(3)])
+def hardening_slenderness_squared(of: Polygon = TRIANGLE) -> sp.Expr:
+    """eta0^2 at which V''' changes sign: below it the prism softens first."""
+    (value,) = sp.solve(curvature_ratio(of).subs(eta, sp.sqrt(square)), square)
+    return value
 
 
-def locking_slenderness_squared() -> sp.Expr:
+def locking_slenderness_squared(of: Polygon = TRIANGLE) -> sp.Expr:
     """eta0^2 below which the bars never meet, where h_lock = 0."""
-    (value,) = sp.solve(square + path()[0].subs(turn, sp.pi - prism.REFERENCE_TWIST), square)
+    shape = {prism.base: 2 * of.sine, prism.reference_height: sp.sqrt(square)}
+    (value,) = sp.solve(locking_height_squared(of).subs(shape), square)
     return sp.expand(value)
 
 

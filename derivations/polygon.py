@@ -15,11 +15,10 @@ from derivations import elastic, hardening, prism, regular
 from derivations.argument import Step
 from derivations.prism import circumradius, twist
 from derivations.regular import ANY, half_angle, half_sine
-from derivations.rigid_response import locking_height_squared, turn_rate
+from derivations.rigid_response import turn_rate
 
 TITLE = "Prisms with any number of sides"
 
-eta, extension, radius = hardening.eta, hardening.extension, hardening.radius
 cross_density, base_density, bar_density = sp.symbols("x_1 x_2 x_3", real=True)
 natural_lengths = prism.natural_cross, prism.natural_base, prism.natural_bar
 
@@ -69,29 +68,6 @@ def load() -> sp.Expr:
 def derivatives() -> list[sp.Expr]:
     """[V'', V'''] at the reference, in eta, q, R, k1, n, S and C."""
     return [sp.factor(x) for x in hardening.derivatives(3, ANY)]
-
-
-def curvature_ratio() -> sp.Expr:
-    """h0 V'''/V'', which does not depend on the prestrain."""
-    second, third = derivatives()
-    return sp.factor(sp.cancel(eta * radius * third / second))
-
-
-def hardening_slenderness_squared() -> sp.Expr:
-    """eta^2 above which the prism softens first."""
-    square = sp.Symbol("X", positive=True)
-    (value,) = sp.solve(curvature_ratio().subs(eta, sp.sqrt(square)), square)
-    return value
-
-
-def locking_slenderness_squared() -> sp.Expr:
-    """eta^2 above which the bars meet before the prism is flat."""
-    square = sp.Symbol("X", positive=True)
-    level = locking_height_squared(ANY).subs(
-        {prism.base: 2 * half_sine, prism.reference_height: sp.sqrt(square)}
-    )
-    (value,) = sp.solve(level, square)
-    return sp.expand(value)
 
 
 @cache
@@ -146,9 +122,10 @@ def argument() -> list[Step]:
              sp.Eq(sp.Symbol("F"), load().subs(half_angle, sp.pi / ANY.sides))),
         Step("and at the reference, with the change of twist as parameter,",
              sp.Eq(sp.Symbol("V''"), second), sp.Eq(sp.Symbol("V'''"), third)),
-        Step("The prism therefore softens first if eta^2 exceeds the first, and locks if it "
+        Step("The prism therefore softens first unless eta^2 exceeds the first, and locks if it "
              "exceeds the second, of",
-             hardening_slenderness_squared(), locking_slenderness_squared()),
+             hardening.hardening_slenderness_squared(ANY),
+             hardening.locking_slenderness_squared(ANY)),
         Step("For elastic members the axial stiffness is a rational function of S, eta, q and the "
              "compliances. The Hessian of the cross strings in (l, b, h) is",
              elastic.string_hessian(ANY).applyfunc(sp.factor)),

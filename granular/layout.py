@@ -229,21 +229,14 @@ def y_layout(
     Layout
     """
     _refuse_too_many(stem, branch)
-    positions, parts = _y_positions(stem, branch, half_angle, max(half_angle, SIDE), diameter)
-    first, last = positions[parts["stem 1"][0]], positions[parts["branch 1"][-1]]
-    bend, ahead = positions[parts["branch 1"][0]], _direction(half_angle)
+    pieces = _arms(stem, branch, half_angle, max(half_angle, SIDE), diameter)
+    first, (bend, *_, last), ahead = pieces["stem 1"][0], pieces["branch 1"], _direction(half_angle)
     far = last + OPEN * diameter * ahead
     near = first - ENTRY * diameter * np.array([1.0, 0.0])
     origin = np.zeros(2)
     knees = [bend] if half_angle < SIDE else []
-    width = diameter / 2 + gap
-    walls = []
-    for side in (1, -1):
-        line = [near, origin, *knees, far]
-        walls += _outer(line, side, width, through, (1,), BEVEL * diameter)
-    line = [_mirror(far), *(_mirror(knee) for knee in knees), origin, *knees, far]
-    walls += [Piece.between(a, b, "inner wall") for a, b in _offset(line, width)]
-    return Layout(diameter, positions, parts, gap, tuple(walls))
+    inside = [_mirror(far), *(_mirror(knee) for knee in knees), origin, *knees, far]
+    return _walled(pieces, diameter, gap, through, [near, origin, *knees, far], (1,), inside)
 
 
 @checked
@@ -288,28 +281,18 @@ def diamond_layout(
             "beads of the branches of a diamond would overlap"
         )
     up = (branch + 1) // 2
-    positions, parts = _y_positions(stem, up, half_angle, half_angle, diameter)
+    pieces = _arms(stem, up, half_angle, half_angle, diameter)
     corner = diameter * up * _direction(half_angle)
     down = corner + diameter * np.outer(np.arange(1, up), _direction(-half_angle))
-    first, second = (positions[list(parts[name])] for name in ("branch 1", "branch 2"))
     exit = np.array([2 * corner[0], 0.0]) + diameter * np.outer(np.arange(stem), [1.0, 0.0])
-    pieces = {
-        "stem 1": positions[list(parts["stem 1"])],
-        "branch 1": np.concatenate([first, down]),
-        "branch 2": np.concatenate([second, _mirror(down)]),
-        "stem 2": exit,
-    }
+    for name, beads in (("branch 1", down), ("branch 2", _mirror(down))):
+        pieces[name] = np.concatenate([pieces[name], beads])
+    pieces["stem 2"] = exit
     near = pieces["stem 1"][0] - [ENTRY * diameter, 0.0]
     far = exit[-1] + [OPEN * diameter, 0.0]
-    origin, opening, width = np.zeros(2), exit[0], diameter / 2 + gap
-    walls = []
-    for side in (1, -1):
-        line = [near, origin, corner, opening, far]
-        walls += _outer(line, side, width, through, (1, 3), BEVEL * diameter)
-    ring = [origin, corner, opening, _mirror(corner)]
-    inside = _offset([*ring, *ring, *ring], width)[4:8]
-    walls += [Piece.between(a, b, "inner wall") for a, b in inside]
-    return _joined(diameter, pieces, gap, tuple(walls))
+    origin, opening = np.zeros(2), exit[0]
+    line, ring = [near, origin, corner, opening, far], [origin, corner, opening, _mirror(corner)]
+    return _walled(pieces, diameter, gap, through, line, (1, 3), ring * 3, slice(4, 8))
 
 
 def _refuse_too_many(stem: int, branch: int) -> None:
@@ -317,29 +300,36 @@ def _refuse_too_many(stem: int, branch: int) -> None:
     check.memory(words, PER_PAIR * (stem + 2 * branch) ** 2)
 
 
-def _y_positions(
+def _arms(
     stem: int, branch: int, half_angle: float, first: float, diameter: float
-) -> tuple[Array, dict[str, tuple[int, ...]]]:
+) -> dict[str, Array]:
     """Beads of the stem and of branches whose first beads stand in the direction `first`."""
     beads = diameter * np.outer(np.arange(branch), _direction(half_angle))
     beads += diameter * _direction(first)
-    pieces = {
-        "stem 1": diameter * np.outer(np.arange(1 - stem, 1), [1.0, 0.0]),
-        "branch 1": beads,
-        "branch 2": _mirror(beads),
-    }
-    joined = _joined(diameter, pieces)
-    return joined.positions, joined.parts
+    axis = diameter * np.outer(np.arange(1 - stem, 1), [1.0, 0.0])
+    return {"stem 1": axis, "branch 1": beads, "branch 2": _mirror(beads)}
 
 
-def _joined(
-    diameter: float, pieces: Mapping[str, Array], gap: float = 0.0, walls: tuple[Piece, ...] = ()
+def _walled(
+    pieces: Mapping[str, Array],
+    diameter: float,
+    gap: float,
+    through: float,
+    line: Sequence[Array],
+    bends: tuple[int, ...],
+    inside: Sequence[Array],
+    chosen: slice = slice(None),
 ) -> Layout:
-    ends = np.cumsum([0, *map(len, pieces.values())]).tolist()
-    parts = {
-        name: tuple(range(a, b)) for name, a, b in zip(pieces, ends[:-1], ends[1:], strict=True)
-    }
-    return Layout(diameter, np.concatenate(list(pieces.values())), parts, gap, walls)
+    """Beads with walls along the line of the upper and the lower channel, which `_outer` makes, and
+    the chosen ones along a line of points inside."""
+    ends, width = np.cumsum([0, *map(len, pieces.values())]).tolist(), diameter / 2 + gap
+    between = zip(pieces, pairwise(ends), strict=True)
+    parts = {name: tuple(range(*numbers)) for name, numbers in between}
+    walls = []
+    for side in (1, -1):
+        walls += _outer(line, side, width, through, bends, BEVEL * diameter)
+    walls += [Piece.between(a, b, "inner wall") for a, b in _offset(inside, width)[chosen]]
+    return Layout(diameter, np.concatenate(list(pieces.values())), parts, gap, tuple(walls))
 
 
 def _direction(angle: float) -> Array:

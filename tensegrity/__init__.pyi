@@ -19,9 +19,9 @@ from .errors import (
 )
 from .gradients.compute import gradient
 from .lattices.bands import bands
+from .lattices.bloch import PairLattice
 from .lattices.lattice import Lattice
 from .lattices.moduli import moduli
-from .lattices.pair_lattice import PairLattice
 from .lattices.response import decay, effective_mass
 from .measure.budget import bond_force, budget
 from .measure.interfaces import interface, phase_shift, transmission

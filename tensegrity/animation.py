@@ -18,10 +18,8 @@ from tensegrity.checked import checked
 from tensegrity.errors import TensegrityError
 from tensegrity.runs.record import require_all_sites
 from tensegrity.runs.run import Run
-from tensegrity.scenes.chain import Chain
-from tensegrity.scenes.ensemble import Ensemble
-from tensegrity.scenes.network import Network
 from tensegrity.scenes.picture import Picture, forces
+from tensegrity.scenes.scene import Scene
 from tensegrity.typing import Array, Count, NotNegative, Positive, Preload
 from tensegrity.unit_names import in_units, is_si, unit_text
 
@@ -141,7 +139,7 @@ def moving(
         As `animate`.
     """
     scene = run.scene
-    if isinstance(scene, Ensemble) or not isinstance(scene, (Chain, Network)):
+    if not isinstance(scene, Scene):
         raise TensegrityError(f"a run of {type(scene).__name__}: take that of one scene")
     require_all_sites(run, " to animate")
     if not len(run.t):

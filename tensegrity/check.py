@@ -24,6 +24,7 @@ from tensegrity.errors import TensegrityError
 T = TypeVar("T")
 LONGEST = 80  # most characters of a value in a message
 LEAST = -sys.maxsize
+LARGEST = math.inf, sys.float_info.max  # where infinity is taken, and where it is refused
 NESTED = list, tuple, np.ndarray
 
 
@@ -61,7 +62,7 @@ def number(
     TensegrityError
     """
     bounds = above, least, most, below
-    if type(value) is float and -math.inf < value < math.inf and not _missed(value, *bounds):
+    if type(value) is float and abs(value) <= LARGEST[finite] and not _missed(value, *bounds):
         return value
     value = _scalar(value)
     if not (_is(value, Real) or _is_symbolic_constant(value)):
@@ -73,8 +74,7 @@ def number(
     words = f"{name} {value:g}{unit and ' ' + unit}"
     if math.isnan(value) or (finite and math.isinf(value)):
         raise TensegrityError(f"{words} is not {'finite' if finite else 'a number'}")
-    missed = _missed(value, *bounds)
-    if missed:
+    if missed := _missed(value, *bounds):
         raise TensegrityError(f"{words} must be {missed}")
     return value
 

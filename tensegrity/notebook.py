@@ -1,81 +1,14 @@
-"""Progress bars, and the display of objects in a notebook.
-
-An object is displayed as a small table and a picture in self-contained HTML: `_repr_html_` of runs,
-paths, waves, prisms, structures and networks call `page`.  Matplotlib and tqdm are imported only
-when a picture or a bar is drawn.
-"""
+"""Progress bars, in a terminal and in a notebook; tqdm is imported only when one is drawn."""
 
 from __future__ import annotations
 
-import base64
-import html
-import io
 import multiprocessing
 import sys
 import threading
 import warnings
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
-
-from tensegrity.errors import TensegrityError
-from tensegrity.unit_names import in_units
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-DOTS = 110  # per inch
-
-
-def page(
-    lines: Iterable[str],
-    draw: Callable[[Figure], object] | None = None,
-    size: tuple[float, float] = (4.6, 3.0),
-) -> str:
-    """A title, a table below it, and a picture next to them.
-
-    Parameters
-    ----------
-    lines : iterable of str
-        The title, then the rows: "name: value", or one without a name.  All text is escaped.
-    draw : callable (figure) -> None, optional
-        Draws the picture; there is none where it raises a TensegrityError.
-    size : (float, float), optional
-        Width and height of the picture [inches].
-
-    Returns
-    -------
-    str
-        HTML.
-    """
-    title, *rows = (html.escape(in_units(" ".join(line.split()))) for line in lines)
-    left = 'style="text-align:left"'
-    name = '<th style="text-align:left;font-weight:normal;opacity:0.7;padding-right:1em">'
-    cells = ""
-    for row in rows:
-        before, colon, value = row.partition(": ")
-        wide = f'<td colspan="2" {left}>{row}</td>'
-        cells += f"<tr>{f'{name}{before}</th><td {left}>{value}</td>' if colon else wide}</tr>"
-    picture = _picture(draw, size, title) if draw else ""
-    return (
-        '<div style="display:flex;flex-wrap:wrap;gap:1.5em;align-items:flex-start">'
-        f"<div><b>{title}</b><table>{cells}</table></div>{picture}</div>"
-    )
-
-
-def _picture(draw: Callable[[Figure], object], size: tuple[float, float], title: str) -> str:
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=size, layout="constrained")
-    try:
-        draw(figure)
-    except TensegrityError:
-        return ""
-    file = io.BytesIO()
-    figure.savefig(file, format="png", dpi=DOTS)
-    data = base64.b64encode(file.getvalue()).decode()
-    width = f"{size[0] * 96:.0f}"
-    return f'<img alt="{title}" width="{width}" src="data:image/png;base64,{data}">'
+from typing import Any
 
 
 class _Call:

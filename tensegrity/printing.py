@@ -1,14 +1,18 @@
 """The printed form of objects: lines of at most 80 columns, numbers of six digits.
 
 The text of a `repr` that reads back keeps all digits, so that equal texts are equal objects; what
-`print` shows is made here.
+`print` shows is made here, and the table with a picture of self-contained HTML that a notebook
+shows of the same lines.
 """
 
 from __future__ import annotations
 
+import base64
+import html
+import io
 import re
 import textwrap
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -16,8 +20,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from tensegrity import check, unit_names
-from tensegrity.errors import SAID
-from tensegrity.notebook import page
+from tensegrity.errors import SAID, TensegrityError
 from tensegrity.unit_names import in_units
 
 if TYPE_CHECKING:
@@ -27,6 +30,7 @@ Lines: TypeAlias = Iterator[str]
 
 WIDTH = 80
 GLUE = "\xa0"  # a space at which no line is broken
+DOTS = 110  # per inch, of pictures in a notebook
 ROUND_OFF = 1e-12  # of the largest of some numbers, below which others are printed as 0
 UNIT = re.compile(r"(?<=\d) (?=[A-Za-z])")  # between a number and its unit
 LONG = re.compile(r"(?<![\w.])\d+(?:\.\d*)?(?:e[+-]?\d+)?(?![\w.])")  # a number
@@ -107,6 +111,57 @@ def filled(text: str) -> str:
         indent = line[: len(line) - len(line.lstrip())] + "    "
         lines += textwrap.wrap(line, WIDTH, subsequent_indent=indent, break_on_hyphens=False)
     return "\n".join(lines).replace(GLUE, " ")
+
+
+def page(
+    lines: Iterable[str],
+    draw: Callable[[Figure], object] | None = None,
+    size: tuple[float, float] = (4.6, 3.0),
+) -> str:
+    """A title, a table below it, and a picture next to them.
+
+    Parameters
+    ----------
+    lines : iterable of str
+        The title, then the rows: "name: value", or one without a name.  All text is escaped.
+    draw : callable (figure) -> None, optional
+        Draws the picture; there is none where it raises a TensegrityError.
+    size : (float, float), optional
+        Width and height of the picture [inches].
+
+    Returns
+    -------
+    str
+        HTML.
+    """
+    title, *rows = (html.escape(in_units(" ".join(line.split()))) for line in lines)
+    left = 'style="text-align:left"'
+    name = '<th style="text-align:left;font-weight:normal;opacity:0.7;padding-right:1em">'
+    cells = ""
+    for row in rows:
+        before, colon, value = row.partition(": ")
+        wide = f'<td colspan="2" {left}>{row}</td>'
+        cells += f"<tr>{f'{name}{before}</th><td {left}>{value}</td>' if colon else wide}</tr>"
+    picture = _picture(draw, size, title) if draw else ""
+    return (
+        '<div style="display:flex;flex-wrap:wrap;gap:1.5em;align-items:flex-start">'
+        f"<div><b>{title}</b><table>{cells}</table></div>{picture}</div>"
+    )
+
+
+def _picture(draw: Callable[[Figure], object], size: tuple[float, float], title: str) -> str:
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=size, layout="constrained")
+    try:
+        draw(figure)
+    except TensegrityError:
+        return ""
+    file = io.BytesIO()
+    figure.savefig(file, format="png", dpi=DOTS)
+    data = base64.b64encode(file.getvalue()).decode()
+    width = f"{size[0] * 96:.0f}"
+    return f'<img alt="{title}" width="{width}" src="data:image/png;base64,{data}">'
 
 
 class Printed:

@@ -306,3 +306,17 @@ def test_a_run_whose_parts_do_not_fit_is_refused(tmp_path, name):
         with pytest.raises(TensegrityError, match="holds no run, or is damaged"):
             print(part, value, Run.load(path))
     equal(run, Run.load(path))
+
+
+def test_a_network_with_the_contacts_that_a_run_listed_is_stored_as_it_is(tmp_path):
+    """Its contacts are fixed: it does not press its walls alone."""
+    law = PowerLaw(1e6, 1.5)
+    scene = Network(
+        [[0.0, 0.011], [0.0205, 0.011], [0.0, 0.5]], np.zeros((0, 2), dtype=int), law, mass=0.01,
+        radius=0.01, walls=[Wall([0, 0], [0, 1])], contacts="follow", law=law,
+    )  # fmt: skip
+    listed = scene.listed(np.zeros((3, 2)))
+    assert (len(listed.bonds), len(listed.wall_contacts)) == (1, 2)
+    simulate(listed, listed.at_rest({0: [1.0, 0.0]}), 1e-5, dt=1e-6).save(tmp_path / "run")
+    back = Run.load(tmp_path / "run").scene
+    assert np.array_equal(back.wall_contacts, listed.wall_contacts)

@@ -25,11 +25,14 @@ DERIVATIONS = [  # without the ledger, which is a table, and what writes the pag
 VOID = {"meta", "link", "br", "img", "hr"}
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="module", autouse=True)
 def once():
-    """Entries are checked once, for the command and for the page, which calls the same function."""
+    """Entries and arguments are derived once, for the commands, the page and LaTeX."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(ledger, "check", cache(ledger.check))
+        for name in argument.NAMES:
+            module = argument.derivation(name)
+            patch.setattr(module, "argument", cache(lambda made=module.argument: list(made())))
         yield
 
 

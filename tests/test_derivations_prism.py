@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from derivations import elastic, equilibrium, hardening, prism, rigid_response, upright, waves
+from derivations import elastic, equilibrium, hardening, prism, rigid_response, waves
 from tensegrity import Prism
 
 pytestmark = pytest.mark.unchanged()
@@ -283,13 +283,13 @@ def test_force_near_locking_and_energy_there():
 
 def test_hanging_begins_where_base_strings_and_bars_unload_together():
     """The twist of `taut_range`, which knows forces and no lengths."""
-    assert upright.upright_twist() == equilibrium.taut_range()[0]
+    assert equilibrium.upright_twist() == equilibrium.taut_range()[0]
 
 
 def test_hanging_without_equilibrium_is_an_error(monkeypatch):
-    monkeypatch.setattr(upright, "upright_twist", lambda *_: 3 * sp.pi / 4)
+    monkeypatch.setattr(equilibrium, "upright_twist", lambda *_: 3 * sp.pi / 4)
     with pytest.raises(ArithmeticError, match="not in equilibrium without base strings"):
-        upright.upright_load.__wrapped__()
+        equilibrium.upright_load.__wrapped__()
 
 
 def test_equations_vanish_at_the_self_stressed_state():

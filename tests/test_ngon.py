@@ -48,9 +48,15 @@ def test_axial_stiffness_is_the_reference_one(sides, number):
 
 def test_statements_for_three_sides_are_the_case_three():
     for general, special in (
-        (polygon.hardening_slenderness_squared(), hardening.hardening_slenderness_squared()),
-        (polygon.locking_slenderness_squared(), hardening.locking_slenderness_squared()),
-        (polygon.curvature_ratio(), hardening.curvature_ratio()),
+        (
+            hardening.hardening_slenderness_squared(regular.ANY),
+            hardening.hardening_slenderness_squared(),
+        ),
+        (
+            hardening.locking_slenderness_squared(regular.ANY),
+            hardening.locking_slenderness_squared(),
+        ),
+        (hardening.curvature_ratio(regular.ANY), hardening.curvature_ratio()),
         (polygon.derivatives()[0], hardening.derivatives()[0]),
         (polygon.derivatives()[1], hardening.derivatives()[1]),
         (prism.natural_lengths(regular.ANY)[1], prism.natural_lengths()[1]),
@@ -70,10 +76,22 @@ def test_what_holds_for_every_n_is_that_of_the_reference():
     q, eta, k = hardening.extension, hardening.eta, prism.k_cross
     second, third = polygon.derivatives()
     assert sp.simplify(second - 2 * n * k * q * s * eta**2 / c**2) == 0
-    wanted = 6 * n * k * q * s * eta * (c**2 - s * eta**2) / (c**4 * polygon.radius)
+    wanted = 6 * n * k * q * s * eta * (c**2 - s * eta**2) / (c**4 * hardening.radius)
     assert sp.simplify(third - wanted) == 0
-    assert sp.simplify(polygon.locking_slenderness_squared() - 2 * (1 - s)) == 0
-    assert sp.simplify(polygon.hardening_slenderness_squared() - c**2 / s) == 0
+    assert sp.simplify(hardening.locking_slenderness_squared(regular.ANY) - 2 * (1 - s)) == 0
+    assert sp.simplify(hardening.hardening_slenderness_squared(regular.ANY) - c**2 / s) == 0
+
+
+@pytest.mark.parametrize("sides", [3, 4, 7])
+@pytest.mark.parametrize("part", [0.9, 1.1])
+def test_prisms_below_the_slenderness_of_hardening_soften_first(sides, part):
+    angle = math.pi / sides
+    known = {regular.half_sine: math.sin(angle), regular.half_cosine: math.cos(angle)}
+    square = hardening.hardening_slenderness_squared(regular.ANY).subs(known)
+    eta = math.sqrt(part * float(square))
+    prism = Prism(2 * math.sin(angle), eta, 0.1, 1.0, sides=sides)
+    pressed = prism.potential().stiffness(-1e-3 * eta)
+    assert (pressed < prism.potential().stiffness(0.0)) == (part < 1)
 
 
 @pytest.mark.parametrize("sides", [4, 6])

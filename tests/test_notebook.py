@@ -23,6 +23,7 @@ from tensegrity import (
     gradient,
     notebook,
     objective,
+    printing,
     pulses,
     simulate,
     solitary_wave,
@@ -105,7 +106,7 @@ def test_a_part_of_a_path_says_that_it_is_one():
 
 
 def test_text_is_escaped_and_a_run_without_all_sites_has_no_picture():
-    text = notebook.page(["<b>&", "<script>: <img src=x>"])
+    text = printing.page(["<b>&", "<script>: <img src=x>"])
     words, pictures = read(text)
     assert "<script>" in words
     assert "<img src=x>" in words

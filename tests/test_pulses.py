@@ -176,7 +176,6 @@ STRUCK = {  # springs of several scales in SI, and speeds of two struck sites
     "prism": (PRISM, 1.0, 2e-3),
     "prism, a wave among ripples": (PRISM, 1.0, 0.02),
     "beads": (PowerLaw(3e9, 1.5, preload=20.0), 4e-3, 0.02),
-    "steel": (Potential(8e7 * R**2 / 2 - 3e11 * R**3, R), 7.8, 0.1),
     "films": (Potential(1e-3 * R**2 / 2 + 30 * R**4, R), 1e-9, 1e-3),
     "softening": (Potential(R**2 / 2 - 0.3 * R**4, R), 1.0, 0.05),
     "sonic vacuum": (PowerLaw(1e8, 1.5), 1e-3, 0.1),

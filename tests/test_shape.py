@@ -110,7 +110,7 @@ def test_springs_that_differ_in_a_number_only_differ():
 
 @pytest.mark.parametrize(("exponent", "preload", "method"), [
     pytest.param(*one, marks=[pytest.mark.slow] * bool((k + k // 4) % 4))
-    for k, one in enumerate(product([1.5, 1.37, 2.0, 2.6], [0.0, 0.02], ["verlet", "rkn6"]))
+    for k, one in enumerate(product([1.5, 1.37, 2.6], [0.0, 0.02], ["verlet", "rkn6"]))
 ])  # fmt: skip
 def test_the_derivative_by_the_exponent_is_that_of_differences(exponent, preload, method):
     def chain(n):

@@ -19,15 +19,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
 from tensegrity import check
 from tensegrity.branches.arclength import TINY
 from tensegrity.branches.table import INTERRUPTED
+from tensegrity.checked import checked
 from tensegrity.errors import TensegrityError
-from tensegrity.typing import Array
+from tensegrity.typing import Array, Positive
 
 Level = tuple[str, float, int | Callable[[Array], Array]]  # name, value, place or function
 
@@ -44,6 +45,7 @@ class ContinuationError(TensegrityError):
     branch = None
 
 
+@checked
 @dataclass(frozen=True)
 class Settings:
     """Tolerances of a continuation; lengths are those of scaled unknowns.
@@ -62,23 +64,19 @@ class Settings:
         Largest number of rows.
     """
 
-    tolerance: float = 1e-6
-    residual: float = 1e-12
-    first: float = 1e-2
-    smallest: float = 1e-10
-    largest: float = math.inf
-    turn: float = 0.3
-    points: int = 20000
+    tolerance: Positive = 1e-6
+    residual: Positive = 1e-12
+    first: Positive = 1e-2
+    smallest: Positive = 1e-10
+    largest: Annotated[float, "> 0", "or inf"] = math.inf
+    turn: Positive = 0.3
+    points: Annotated[int, ">= 2"] = 20000
 
     def __post_init__(self) -> None:
-        for name in ("tolerance", "residual", "first", "smallest", "turn"):
-            check.number(name, getattr(self, name), above=0)
-        check.number("largest step", self.largest, above=0, finite=False)
         if self.smallest > min(self.first, self.largest):
             raise TensegrityError(
                 f"smallest step {self.smallest:g} must be at most {min(self.first, self.largest):g}"
             )
-        check.whole("points", self.points, least=2)
 
 
 class Located(NamedTuple):

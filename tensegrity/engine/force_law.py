@@ -172,25 +172,7 @@ class ForceLaw:
 
     def function(self) -> Any:
         """CasADi function (t, state, parameters) -> components of the force."""
-        import casadi as ca
-
-        t, x = ca.SX.sym("t"), ca.SX.sym("x", len(self.state))
-        p = ca.SX.sym("p", len(self.parameters))
-        if self.law is not None:
-            return ca.Function("force", [t, x, p], [-law_functions(self.law)["tension"](x[0], p)])
-        values = (t, *ca.vertsplit(x), *(ca.vertsplit(p) if self.parameters else ()))
-        symbols = (self.time, *self.state, *self.parameters)
-        made = [to_casadi(one, symbols)(*values) for one in self.expressions]
-        return ca.Function("force", [t, x, p], [ca.densify(ca.vertcat(*map(ca.SX, made)))])
-
-    def slopes(self) -> Any:
-        """CasADi function (t, state, parameters) -> derivatives by the state, column by column."""
-        import casadi as ca
-
-        function = self.function()
-        given = function.sx_in()
-        jacobian = ca.jacobian(function(*given), given[1])
-        return ca.Function("slopes", given, [ca.densify(ca.vec(jacobian))])
+        return _function(self)
 
     def between(self, dim: int, kind: str) -> dict[str, Any]:
         """CasADi functions (t, w, s, parameters, geometry) of the force on the first of two ends,
@@ -229,6 +211,21 @@ class ForceLaw:
         columns = [ca.vec(ca.jacobian(reaction, y)) for y in (w, s, p, x[-2])]
         made = {"values": reaction, "slopes": ca.vertcat(*columns)}
         return {name: ca.Function(name, [t, *given], [ca.densify(y)]) for name, y in made.items()}
+
+
+@once
+def _function(law: ForceLaw) -> Any:
+    """See `ForceLaw.function`: all scenes and runs with a force share one."""
+    import casadi as ca
+
+    t, x = ca.SX.sym("t"), ca.SX.sym("x", len(law.state))
+    p = ca.SX.sym("p", len(law.parameters))
+    if law.law is not None:
+        return ca.Function("force", [t, x, p], [-law_functions(law.law)["tension"](x[0], p)])
+    values = (t, *ca.vertsplit(x), *(ca.vertsplit(p) if law.parameters else ()))
+    symbols = (law.time, *law.state, *law.parameters)
+    made = [to_casadi(one, symbols)(*values) for one in law.expressions]
+    return ca.Function("force", [t, x, p], [ca.densify(ca.vertcat(*map(ca.SX, made)))])
 
 
 def _norm(x: Any) -> Any:
@@ -270,7 +267,13 @@ def _onset(law: ForceLaw) -> Onset | None:
 
 @once
 def _slopes(law: ForceLaw) -> Any:
-    return law.slopes()
+    """CasADi function (t, state, parameters) -> derivatives by the state, column by column."""
+    import casadi as ca
+
+    function = law.function()
+    given = function.sx_in()
+    jacobian = ca.jacobian(function(*given), given[1])
+    return ca.Function("slopes", given, [ca.densify(ca.vec(jacobian))])
 
 
 @once

@@ -22,7 +22,6 @@ from tensegrity.errors import TensegrityError
 from tensegrity.printing import Lines, Printed, span
 from tensegrity.prisms.closed import polygon, rigid_law
 from tensegrity.scenes.dynamics import dynamics
-from tensegrity.scenes.network import Network
 from tensegrity.scenes.picture import Picture
 from tensegrity.springs.polynomial import Polynomial
 from tensegrity.springs.power_law import PowerLaw
@@ -160,7 +159,7 @@ class Gradient(Printed):
         scene, unit = one._scene, UNITS.get(name, "")
         label = f"derivative by {name}" + (f" [value per {unit_text(unit)}]" if unit else "")
         of_sites = name == "mass" or name in dynamics(scene).arguments
-        if isinstance(scene, Network):
+        if len(scene.shape) > 1:
             if values.ndim == 2:
                 raise TensegrityError(f"a map shows one gradient, not {values.shape[1]}")
             picture = Picture(scene, ax, facecolors=None if of_sites else "0.95")

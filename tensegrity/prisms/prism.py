@@ -19,8 +19,7 @@ from numpy.typing import ArrayLike
 from tensegrity import check
 from tensegrity.checked import checked
 from tensegrity.errors import NoLocking, TensegrityError
-from tensegrity.notebook import page
-from tensegrity.printing import call, filled
+from tensegrity.printing import Lines, Printed, call, filled
 from tensegrity.prisms.closed import assembled, exact, rigid_potential
 from tensegrity.springs.potential import Potential
 from tensegrity.structures.structure import Structure
@@ -58,7 +57,7 @@ class NaturalLengths(NamedTuple):
 
 @checked
 @dataclass(frozen=True)
-class Prism:
+class Prism(Printed):
     """A regular tensegrity prism, triangular by default.
 
     Parameters
@@ -282,12 +281,14 @@ class Prism:
         numbers = (f"{name} {getattr(self, name):.6g} {unit}".rstrip() for name, unit in given)
         return filled(f"prism of {self.sides} sides: {', '.join(numbers)}")
 
-    def _repr_html_(self) -> str:
-        lines = [str(self), f"natural lengths: {self.natural_lengths()}"]
-        lines.append(f"axial stiffness: {self.axial_stiffness():.6g} N/m")
+    def _lines(self) -> Lines:
+        yield str(self)
+        yield f"natural lengths: {self.natural_lengths()}"
+        yield f"axial stiffness: {self.axial_stiffness():.6g} N/m"
         with contextlib.suppress(NoLocking):
-            lines.append(f"locking height: {self.locking_height():.6g} m")
-        return page(lines, self._draw, size=(6.4, 2.8))
+            yield f"locking height: {self.locking_height():.6g} m"
+
+    _size = (6.4, 2.8)
 
     def _draw(self, figure: Any) -> None:
         """Draw the prism at rest, and its load against shortening."""

@@ -221,8 +221,8 @@ class PrismProblem(DerivedProblem):
 class _Upright(PrismProblem):
     """States above the point where base strings and bars unload, in closed form.
 
-    These are the states of `derivations.upright`, which are stable because their energy is a sum of
-    squares with positive weights.
+    These are the states of `derivations.equilibrium`, which are stable because their energy is a
+    sum of squares with positive weights.
     """
 
     lowest: float
@@ -258,7 +258,7 @@ def _upright_forms(sides: int) -> tuple[list[Any], tuple[Any, ...]]:
     """Twist, squared base and load as forms in height, k_cross and natural lengths of cross
     string and bar."""
     from derivations import prism, regular
-    from derivations.upright import upright_base_squared, upright_load, upright_twist
+    from derivations.equilibrium import upright_base_squared, upright_load, upright_twist
 
     symbols = (prism.height, prism.k_cross, prism.natural_cross, prism.natural_bar)
     of = regular.TRIANGLE if sides == 3 else regular.ANY

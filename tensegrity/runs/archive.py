@@ -403,18 +403,18 @@ def _make_wall(point, normal, extent):
 
 def _network(x):
     opening, gaps = np.split(dynamics(x).contact_bonds.contacts.gap, [len(x.bonds)])
-    law = dynamics(x).law
+    law, cables = dynamics(x).law, dynamics(x).cables
     if law is not None and not isinstance(law.given, Potential):
         return None  # a function, which no file holds
-    followed = {} if law is None else {"contacts": "follow", "law": law.given}
-    touching = len(x.wall_contacts) if x.radius is None else dynamics(x).clearance is None
+    followed = {"contacts": "walls"} if dynamics(x).walls_alone else {}
+    if law is not None:
+        followed = {"contacts": "follow", "law": law.given}
     return {
         "positions": x.positions, "bonds": x.bonds, "springs": _shared(x.springs),
         "lengths": x.lengths if opening.any() else None,  # else to the bits of the positions
         "mass": x.mass, "walls": x.walls, "wall_contacts": x.wall_contacts, "wall_gaps": gaps,
         "radius": x.radius, "loads": x.loads, "held": x.held, **followed, **in_time(x),
-        "press": "walls" if touching else "all", "cables": dynamics(x).cables,
-        **({} if x.bond_mass is None else {"bond_mass": x.bond_mass}),
+        "cables": cables, **({} if x.bond_mass is None else {"bond_mass": x.bond_mass}),
     }  # fmt: skip
 
 
@@ -422,7 +422,7 @@ def _make_network(bonds, springs, wall_contacts, wall_gaps, **others):
     each, count = _spread(springs), len(bonds)
     if len(wall_contacts):
         others |= {"wall_spring": each[count:]}
-        if others.get("press") != "walls":
+        if others.get("contacts") != "walls":
             others |= {"wall_contacts": wall_contacts, "wall_gaps": wall_gaps}
     return Network(bonds=bonds, spring=each[:count], **others)
 

@@ -35,11 +35,15 @@ def motion_of(problem: Problem, dt: float, allowed: float, start: Any = None) ->
     -------
     Motion, ForcedMotion or BatchMotion
     """
-    if problem.dynamics.batch:
-        parts = problem.dynamics.parts(problem.method)
-        if len(parts) > 1 or parts[0].scene is not problem.scene:
-            return BatchMotion(problem, dt, allowed, start)
-    return (ForcedMotion if problem.dynamics.is_driven else Motion)(problem, dt, allowed, start)
+    parts = problem.dynamics.parts(problem.method)
+    if len(parts) > 1 or any(part.scene is not problem.scene for part in parts):
+        return BatchMotion(problem, dt, allowed, start)
+    return _kind(problem)(problem, dt, allowed, start)
+
+
+def _kind(problem: Problem) -> type[Motion]:
+    """The motion of single scenes: forced where it takes sums."""
+    return ForcedMotion if problem.dynamics.sums else Motion
 
 
 class BatchMotion:
@@ -50,7 +54,7 @@ class BatchMotion:
         self.dt, self.allowed = dt, allowed
         self._parts, self._springs = [], len(problem.loop_dynamics.springs)
         each = problem.dynamics.parts(problem.method), problem.loop_dynamics.parts(problem.method)
-        kind = ForcedMotion if problem.dynamics.is_driven else Motion
+        kind = _kind(problem)
         self._numbers = [part.numbers for part in each[0]]
         self._places = [part.places for part in each[1]]
         for number, (part, moved) in enumerate(zip(*each, strict=True)):
@@ -181,7 +185,7 @@ class BatchMotion:
         ndarray, (rows, scenes)
             [J]
         """
-        if not self.dynamics.is_driven:
+        if not self.dynamics.sums:
             return self.dynamics.energies(u, v)
         each = [
             motion.energies(t, *(np.ascontiguousarray(x[..., numbers[0]]) for x in (u, v)))

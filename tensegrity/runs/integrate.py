@@ -284,18 +284,16 @@ class CheckpointData:
         methods.find(self.method)
         check.whole("done", self.done, below=self.steps + 1)
         shape = dyn.arrays(self.state)[0].shape
-        count, springs = 4 if dyn.is_driven else 2, None
-        if dyn.is_driven and not dyn.follows:
-            springs = len(dyn.springs)
+        springs = len(dyn.springs) if dyn.sums and dyn.law is None else None
+        count = 2 + len(dyn.sums)  # states, then work and loss, and the sums of the loop
         if len(check.sequence("seen", self.seen, "arrays")) != count:
             raise TensegrityError(f"seen has {len(self.seen)} arrays, must have {count}")
         for x in (self.u, self.v, *self.seen[:2]):
             archive.array("u or v", x, shape)
-        if dyn.is_driven:
-            archive.array("work and loss", self.seen[2], (2, *dyn.batch))
-            archive.array("sums", self.seen[3], (2, *dyn.batch))
+        for name, x in zip(("work and loss", "sums"), self.seen[2:], strict=False):
+            archive.array(name, x, (2, *dyn.batch))
+        seen, sums = self.seen[:3], self.seen[3] if dyn.sums else None
         archive.array("elongation_range", self.elongation_range, (springs, 2))
-        seen, sums = (self.seen[:3], self.seen[3]) if dyn.is_driven else (self.seen, None)
         return Start(
             MotionState(self.done, self.u, self.v, seen, self.elongation_range, sums),
             self.count,

@@ -140,8 +140,7 @@ class Motion:
         """Refuse a step that is unstable in the initial state."""
         limit = self.problem.largest_step(self.first_frequency())
         if self.dt > limit:
-            met = self.point.elongation_range
-            where = self._listed.where_fastest(met) if self.dynamics.batch else ""
+            where = self._listed.where_fastest(self.point.elongation_range)
             raise StabilityError(
                 f"{self.problem.step_words(self.dt)} is beyond {limit:.6g} s, the stability limit "
                 f"of {self.problem.method.name} in the initial state{where}"

@@ -229,6 +229,9 @@ class StabilityGuard:
 
     def is_inside(self, elongation_range):
         """Whether elongations, (springs, 2) [m], are within the domains."""
+        if len(elongation_range) == 1:
+            ((low, high),), ((lowest, highest),) = elongation_range.tolist(), self.domains.tolist()
+            return not (low <= lowest or high >= highest)
         return not (
             (elongation_range[:, 0] <= self.domains[:, 0]).any()
             or (elongation_range[:, 1] >= self.domains[:, 1]).any()

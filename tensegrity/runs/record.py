@@ -331,7 +331,7 @@ class OutputStates:
 
     def _sums(self, count: int) -> Array | None:
         """An empty array for work and loss at some instants, where there are any."""
-        return np.empty((count, 2, *self._dynamics.batch)) if self._dynamics.is_driven else None
+        return np.empty((count, 2, *self._dynamics.batch)) if self._dynamics.sums else None
 
     def last_step(self, count: int) -> int | float:
         """The last step up to which no more than so many of the next instants are due."""

@@ -296,14 +296,13 @@ class Recorder(OutputStates):
         shapes |= {"u": of_sites, "v": of_sites}
         if dyn.wall_count:
             shapes["impulse"] = dyn.wall_count, *rest
-        if dyn.is_driven:
-            shapes |= {"work": dyn.batch, "loss": dyn.batch}
+        shapes |= dyn.sums
         instants = len(self._plan.t) + 1
         if record.path is None:
             self._rows: Any = Rows(instants, shapes)
             if self._in_place:
                 self._rows.arrays["t"][:-1] = self._plan.t
-                if dyn.is_driven:
+                if dyn.sums:
                     arrays, sums = self._rows.arrays, np.empty((instants, 2, *dyn.batch))
                     arrays["sums"], arrays["work"], arrays["loss"] = sums, sums[:, 0], sums[:, 1]
         else:
@@ -413,7 +412,7 @@ class Recorder(OutputStates):
         Run or RunBatch
         """
         table, problem, motion = self._rows.finished(), self._problem, self._motion
-        dyn, forced = self._dynamics, self._dynamics.is_driven
+        dyn = self._dynamics
         return unchecked(
             RunBatch if dyn.batch else Run,
             scene=problem.scene, t=table["t"], u=table["u"], v=table["v"],
@@ -424,7 +423,7 @@ class Recorder(OutputStates):
             impulse=table["impulse"] if dyn.wall_count else None,
             elongation_range=motion.point.elongation_range,
             fastest=motion.fastest if dyn.follows else None,
-            work=table["work"] if forced else None, loss=table["loss"] if forced else None,
+            **{name: table[name] for name in dyn.sums},
         )  # fmt: skip
 
     def _energies(self, table: Any) -> Array:

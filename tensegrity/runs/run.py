@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING
 
@@ -14,7 +15,6 @@ from tensegrity.runs import archive
 from tensegrity.runs.record import require_all_sites
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.ensemble import Ensemble
-from tensegrity.scenes.network import Network
 from tensegrity.scenes.picture import Picture
 from tensegrity.scenes.scene import Scene, State, momenta, unchecked_state
 from tensegrity.unit_names import in_units, unit_text
@@ -38,7 +38,7 @@ def energy_density(run: Any, ax: Axes | None = None) -> Axes:
     require_all_sites(run, " to plot")
     drawn: Axes = plotting.axes(ax)
     density = scene.site_energy(run)
-    if isinstance(scene, Network):
+    if len(scene.shape) > 1:
         largest = density.max(axis=0, initial=0.0)
         style = plotting.logarithmic(largest)
         picture = Picture(scene, drawn, order=np.argsort(largest), facecolors=None, **style)
@@ -59,6 +59,7 @@ def energy_density(run: Any, ax: Axes | None = None) -> Axes:
 
 
 SHOWN = 300  # most instants in the picture of a notebook
+AT_ONCE = 1_000_000  # most numbers in v of rows whose kinetic energies are computed at once
 
 
 def unchecked_replace(one: Frozen, **values: Any) -> Frozen:
@@ -157,19 +158,35 @@ class Run(Printed):
 
     @property
     def energy_error(self) -> float:
-        """Largest relative deviation of the total energy from its initial value.
+        """Largest deviation of the total energy from its initial value, relative to the initial
+        energy or to the largest kinetic energy of the recorded sites, whichever is larger.
 
         Where there are work and loss, the deviation of energy - work + loss, relative to the
-        largest of the three; absolute [J] where this scale is 0.
+        largest of the three and of the kinetic energy; absolute [J] where this scale is 0.  The
+        kinetic energy is the scale of motions whose energy is 0 at the start, such as a fall from
+        rest.  Of a file without its scene, whose masses are not known, it does not count.
         """
         if not len(self.energy):
             return 0.0
-        conserved, size = self.energy, abs(self.energy[0])
+        conserved, sizes = self.energy, [abs(self.energy[0]), self._largest_kinetic()]
         if self.work is not None and self.loss is not None:
             conserved = self.energy - self.work + self.loss
-            size = max(np.max(np.abs(x)) for x in (self.energy, self.work, self.loss))
-        deviation = np.max(np.abs(conserved - conserved[0]))
+            sizes += [np.max(np.abs(x)) for x in (self.energy, self.work, self.loss)]
+        deviation, size = np.max(np.abs(conserved - conserved[0])), max(sizes)
         return float(deviation / size) if size else float(deviation)
+
+    def _largest_kinetic(self) -> float:
+        """Largest kinetic energy of the recorded sites [J]; 0 without the scene."""
+        if isinstance(self.scene, archive.PrintedScene):
+            return 0.0
+        largest, sites = 0.0, list(self.sites)
+        some = max(1, AT_ONCE // max(1, math.prod(self.scene.shape)))
+        for k in range(0, len(self.v), some):
+            v = np.zeros((len(self.v[k : k + some]), *self.scene.shape))
+            v[:, sites] = self.v[k : k + some]
+            each = dynamics(self.scene).kinetic(v).reshape(len(v), -1).sum(axis=1)
+            largest = max(largest, float(each.max()))
+        return largest
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write the run to one .npz file, completely or not at all, without pickle.

@@ -24,9 +24,6 @@ from tensegrity.runs.march import march
 from tensegrity.runs.problem import step_count
 from tensegrity.runs.run import unchecked_replace
 from tensegrity.scenes.forcing import frequency_of_drives, time_signals
-from tensegrity.springs.kinks import TAUT
-from tensegrity.springs.potential import Potential
-from tensegrity.springs.power_law import PowerLaw
 
 EPSILON = sys.float_info.epsilon
 COARSE = 1e-4  # usual error of the first run
@@ -86,7 +83,7 @@ class ErrorEstimator:
 
     def update(self, elongation_range):
         """Take account of contacts that were lost in this run and not in the coarser ones."""
-        if may_open(self._problem.dynamics):
+        if self._problem.dynamics.kinked.has_kinks:
             self._set_order(elongation_range)
 
     def _set_order(self, elongation_range):
@@ -210,39 +207,10 @@ def attainable_order(problem, elongation_range):
     limits += [1 + one.law.continuity for one in dyn.further_forces]
     order = min(limits, default=math.inf)
     corrects = isinstance(problem.method, Corrected)
-    for exponent in exponents_within(dyn, elongation_range):
+    for exponent in dyn.kinked.exponents_within(elongation_range):
         treated = corrects and is_treated(exponent)
         order = min(order, exponent + (TREATED if treated else 1))
     return order
-
-
-def exponents_within(dyn, elongation_range):
-    """Exponents of the kinks of forces within a range of elongations, widened by round-off."""
-    if not may_open(dyn):
-        return ()
-    if dyn.follows:
-        return {kink[2] for _, kink in kinks_in(dyn, elongation_range)}
-    near = [TAUT * (spring.length or 0.0) for spring in dyn.springs.different]
-    return dyn.springs.exponents_within(elongation_range + np.multiply.outer(near, (-1.0, 1.0)))
-
-
-def may_open(dyn):
-    """Whether any force has a kink, such as the loss of a contact."""
-    return dyn.follows or dyn.springs.has_kinks
-
-
-def may_jump(dyn):
-    """Whether the force or the energy of any spring may jump."""
-    return dyn.follows or dyn.springs.jumps
-
-
-def kinks_in(dyn, elongation_range):
-    """Pairs of a spring and a kink of its force within a range of elongations."""
-    if not dyn.follows:
-        return dyn.springs.kinks_within(elongation_range)
-    given = dyn.law.given
-    spring = given if isinstance(given, Potential) else PowerLaw(1.0, 1.0)
-    return [(spring, kink) for kink in spring.kinks]
 
 
 def refuse_jumps(problem, elongation_range, tol):
@@ -259,7 +227,8 @@ def refuse_jumps(problem, elongation_range, tol):
     ------
     TensegrityError
     """
-    kinks = kinks_in(problem.dynamics, elongation_range) if may_jump(problem.dynamics) else ()
+    kinked = problem.dynamics.kinked
+    kinks = kinked.kinks_within(elongation_range) if kinked.jumps else ()
     for spring, (place, jump, exponent, _) in kinks:
         if exponent > 0:
             continue
@@ -292,7 +261,7 @@ def default_step(problem):
     this requires a finer step, the run is repeated.
     """
     dyn = problem.dynamics
-    fraction = _fraction(problem, dyn.ranges_at(problem.state.u) if may_open(dyn) else None)
+    fraction = _fraction(problem, dyn.ranges_at(problem.state.u) if dyn.kinked.has_kinks else None)
     alone = unchecked_replace(problem, observe=(), rows=not problem.observe)
     result = with_adequate_step(
         alone, refined(alone, expected_steps(problem, fraction), MARGIN * fraction)
@@ -304,7 +273,7 @@ def default_step(problem):
 
 def _fraction(problem, elongation_range):
     """The default step as a fraction of the natural one, for springs within these elongations."""
-    return problem.method.fraction(exponents_within(problem.dynamics, elongation_range))
+    return problem.method.fraction(problem.dynamics.kinked.exponents_within(elongation_range))
 
 
 def with_adequate_step(problem, result):
@@ -312,7 +281,7 @@ def with_adequate_step(problem, result):
     dyn = problem.dynamics
     if not (result.complete and result.steps):
         return result
-    if not (dyn.is_loaded or exponents_within(dyn, result.elongation_range)):
+    if not (dyn.is_loaded or dyn.kinked.exponents_within(result.elongation_range)):
         return result
     fraction = _fraction(problem, result.elongation_range)
     omega = result.fastest if dyn.follows else dyn.frequency(result.elongation_range)

@@ -23,7 +23,6 @@ from tensegrity.runs.step import (
     COARSE,
     UNRESOLVED,
     ErrorEstimator,
-    may_jump,
     refined,
     refuse_jumps,
     run_at_rest,
@@ -315,7 +314,7 @@ def to_tolerance(problem, tol):
     """
     if not problem.t_end:
         return march(problem, 0).run()
-    if may_jump(problem.dynamics):
+    if problem.dynamics.kinked.jumps:
         refuse_jumps(problem, problem.dynamics.ranges_at(problem.state.u), tol)
     steps_per_instant, fewest = (DENSE, AT_FIRST) if problem.dynamics.smooth else (1, CHECKPOINTS)
     if problem.dynamics.is_driven:

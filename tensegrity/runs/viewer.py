@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tensegrity.branches.problem import trace
 from tensegrity.errors import TensegrityError
-from tensegrity.prisms.path import equilibrium_path
 from tensegrity.runs.record import require_all_sites
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.dynamics import dynamics
@@ -67,7 +67,7 @@ def shown(run: Any) -> Shown:
     u, v = run.u[rows], run.v[rows]
     speed = np.abs(v) if v.ndim == 2 else np.linalg.norm(v, axis=-1)
     data = {"t": run.t[rows].tolist(), "shade": _packed(speed / (speed.max() or 1.0))}
-    if not isinstance(scene, Chain):
+    if u.ndim > 2:
         places = scene.positions + u
         return Shown(data | drawing(scene, places) | {"places": _packed(places)})
     springs = [scene.springs[k].at(0.0) for k in range(scene.sites - 1)]
@@ -91,7 +91,7 @@ def _prisms(scene: Chain, u: Array) -> dict[str, Any]:
         height: Array = spring.length + elongation[:, which]
         prism = provenance(spring)[1][0]
         above = max(float(height.max()), prism.height) * 1.001
-        path = equilibrium_path(prism, max_height=above).columns
+        path = trace(prism.problem(max_height=above)).columns
         order = np.argsort(path["height"])
         columns["height"][:, which] = height
         for name in ("twist", "base"):

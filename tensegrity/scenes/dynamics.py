@@ -101,6 +101,8 @@ class Dynamics(Inertia):
         Whether bonds can rotate, so that their tension contributes to the transverse stiffness.
     follows : bool
         Whether contacts form and open during a run, so that only near ones are listed.
+    law : NewContactLaw or None
+        Force law of these.
     clearance : Clearance or None
         Detector of unlisted contacts.
     ranges : list of (ndarray, ndarray, float)
@@ -122,6 +124,7 @@ class Dynamics(Inertia):
     spring_lengths: Array | None = None
     turns: bool = False
     follows: bool = False
+    law: Any = None
     clearance: Any = None
 
     def __init__(self, scene: Any) -> None:
@@ -143,6 +146,11 @@ class Dynamics(Inertia):
             surrogate = self._surrogates[springs] = self.with_springs(springs)
         return surrogate
 
+    @property
+    def kinked(self) -> Any:
+        """What knows the kinks of the forces: the springs."""
+        return self.springs
+
     def with_springs(self, springs: Sequence[Potential]) -> Any:
         """The same scene with one new spring for each distinct spring in `springs`."""
         scene = varied(self.scene, springs=Repeated(springs, self.springs.group))
@@ -160,24 +168,12 @@ class Dynamics(Inertia):
         returns derivatives."""
         return self.scene._arguments_of_sites
 
-    def by_argument(
-        self, name: str, by_mass: Array, by_spring: Callable[[str], Array], by_gap: Any
-    ) -> Array:
-        """Derivatives by what a scene is made of, from those by what its motion depends on.
-
-        Parameters
-        ----------
-        name : str
-            An argument, such as the diameters of beads.
-        by_mass : ndarray, (sites,)
-        by_spring : callable, name of a spring's parameter -> ndarray, (bonds,)
-        by_gap : ndarray, (bonds,), or None
-
-        Returns
-        -------
-        ndarray, (sites,)
-        """
-        return self.scene._by_argument(name, by_mass, by_spring, by_gap)
+    @property
+    def by_argument(self) -> Callable[..., Array]:
+        """Function of the name of such an argument, and of derivatives by masses, (sites,), by the
+        named parameters of springs, and by gaps, (bonds,) or None; returns those by the argument,
+        (sites,)."""
+        return self.scene._by_argument
 
     # the scene's data in the form of the compiled loop
 
@@ -191,6 +187,12 @@ class Dynamics(Inertia):
         """Whether forces depend on time or velocity, or motion is prescribed."""
         scene = self.scene
         return bool(scene.drive or scene.damping or scene._forces or self.springs.changing)
+
+    @cached_property
+    def sums(self) -> dict[str, tuple[int, ...]]:
+        """The sums that a run takes, work and loss [J], and the shape of each; none unless forces
+        depend on time or velocity, or motion is prescribed."""
+        return dict.fromkeys(("work", "loss") * self.is_driven, self.batch)
 
     @cached_property
     def acting(self) -> Acting:
@@ -253,6 +255,10 @@ class Dynamics(Inertia):
         """
         return kernel.bind(u, v, self.loop_bonds, method, dt)
 
+    def parts(self, method: Method) -> Sequence[Any]:
+        """The groups of scenes that run in one loop each; none of a single scene."""
+        return ()
+
     def listed(self, u: Array) -> Dynamics:
         """Dynamics with the contacts that can act near displacements u: all, for fixed bonds."""
         return self
@@ -273,8 +279,6 @@ class Dynamics(Inertia):
     def cost(self) -> int:
         """Cost of one evaluation of all forces, in bonds of a chain."""
         return len(self.scene.springs)
-
-    # functions of displacements
 
     def elongations(self, u: ArrayLike) -> Array:
         """Elongation of each bond and gap of each wall contact [m]; (..., springs), nan where u is
@@ -312,8 +316,6 @@ class Dynamics(Inertia):
     def energies_in_one_call(self) -> Energies | None:
         """Compiled energies of many states in one call; None if some law has no compiled form."""
         return self.springs.energies(self.scene.mass, self.contact_bonds.contacts)
-
-    # bounds
 
     @cached_property
     def is_loaded(self) -> bool:
@@ -431,6 +433,10 @@ class Dynamics(Inertia):
 
     def _where(self, bond: int) -> str:
         return f"between sites {bond} and {bond + 1}"
+
+    def where_fastest(self, ranges: Array) -> str:
+        """Name the scene of an ensemble with the largest bound on its frequency."""
+        return ""
 
     def where_stiffest(self, u: Array, ranges: Array) -> str:
         """Describe the bond with the largest elongation in magnitude."""

@@ -71,7 +71,7 @@ class Ensemble(HasDynamics):
                 BYTES_PER_SITE * scenes.sites * count,
             )
             scenes = (scenes,) * count
-        elif count is not None or isinstance(scenes, Scene) or not isinstance(scenes, Sequence):
+        elif count is not None or not isinstance(scenes, Sequence):
             raise TensegrityError(
                 f"scenes {check.shown(scenes)}, count {check.shown(count)}: give a scene and "
                 "its count, or several scenes"

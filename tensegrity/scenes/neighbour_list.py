@@ -21,6 +21,7 @@ from tensegrity.scenes.clearance import Clearance, ClearanceMonitor
 from tensegrity.scenes.near_pairs import keys
 from tensegrity.scenes.network_input import contact_ends, contact_geometry
 from tensegrity.springs.potential import Potential
+from tensegrity.springs.power_law import PowerLaw
 from tensegrity.typing import Array
 
 SKIN = 0.25  # gap over the mean radius up to which pairs are listed
@@ -182,6 +183,7 @@ class NewContactLaw:
     """The spring of a contact that forms: a potential, or a function of the two partners."""
 
     given: Potential | Callable[..., Any]
+    has_kinks = jumps = True
 
     def __post_init__(self) -> None:
         if not (isinstance(self.given, Potential) or callable(self.given)):
@@ -195,13 +197,22 @@ class NewContactLaw:
         check.kind(f"law of {site!r} and {other!r}", spring, Potential)
         return spring
 
+    def kinks_within(self, ranges: Array) -> list[tuple[Potential, Any]]:
+        """Pairs of a spring and a kink of its force, of contacts that open at any elongation."""
+        spring = self.given if isinstance(self.given, Potential) else PowerLaw(1.0, 1.0)
+        return [(spring, kink) for kink in spring.kinks]
+
+    def exponents_within(self, ranges: Array) -> set[float]:
+        """Exponents of these kinks."""
+        return {kink[2] for _, kink in self.kinks_within(ranges)}
+
 
 def new_contact_law(contacts: str, law: Any, radius: Array | None) -> Any:
     """The force law of contacts that form.
 
     Parameters
     ----------
-    contacts : {"fixed", "follow"}
+    contacts : {"fixed", "follow", "walls"}
     law : Potential or callable (site, other) -> Potential, or None
     radius : ndarray, (sites,), or None
         [m]; required for "follow".
@@ -209,19 +220,19 @@ def new_contact_law(contacts: str, law: Any, radius: Array | None) -> Any:
     Returns
     -------
     NewContactLaw or None
-        None for "fixed".
+        None unless they follow.
 
     Raises
     ------
     TensegrityError
-        Another word, "follow" without radius or law, or "fixed" with a law.
+        Another word, "follow" without radius or law, or another with a law.
     """
-    if not isinstance(contacts, str) or contacts not in ("fixed", "follow"):
-        raise TensegrityError(f"contacts {contacts!r} must be 'fixed' or 'follow'")
+    if not isinstance(contacts, str) or contacts not in ("fixed", "follow", "walls"):
+        raise TensegrityError(f"contacts {contacts!r} must be 'fixed', 'follow' or 'walls'")
     if contacts == "follow" and radius is None:
         raise TensegrityError("contacts 'follow' need the radius of the sites")
-    if contacts == "fixed" and law is not None:
-        raise TensegrityError("law given, but contacts are 'fixed'")
+    if contacts != "follow" and law is not None:
+        raise TensegrityError(f"law given, but contacts are {contacts!r}")
     return NewContactLaw(law) if contacts == "follow" else None
 
 

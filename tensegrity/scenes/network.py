@@ -16,13 +16,13 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
-from tensegrity.notebook import page
+from tensegrity.printing import page
 from tensegrity.readonly import fixed
 from tensegrity.scenes.clearance import Clearance
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.forcing import start_driven_sites
 from tensegrity.scenes.neighbour_list import NeighbourList, new_contact_law
-from tensegrity.scenes.network_dynamics import NetworkDynamics
+from tensegrity.scenes.network_dynamics import FollowingDynamics, NetworkDynamics
 from tensegrity.scenes.network_input import (
     checked_bonds,
     checked_wall_contacts,
@@ -95,13 +95,12 @@ class Network(Scene):
         Constant forces [N].
     held : sequence of int, optional
         Sites that are fixed at u = 0.
-    press : {"all", "walls"}, optional
-        "walls": every site may press every wall, by `wall_spring` as a function of its distance
-        from the wall less its radius, which is 0 unless given; sites never touch each other, and
-        walls are unbounded.  Contacts are "fixed" then.
-    contacts : {"fixed", "follow"}, optional
-        "follow": in addition to the bonds, sites that approach each other or a wall get a contact
-        before they touch, which is removed when they separate; requires `radius` and `law`.
+    contacts : {"fixed", "follow", "walls"}, optional
+        "fixed": the bonds and wall contacts given.  "follow": in addition to the bonds, sites that
+        approach each other or a wall get a contact before they touch, which is removed when they
+        separate; requires `radius` and `law`.  "walls": every site may press every wall, by
+        `wall_spring` as a function of its distance from the wall less its radius, which is 0 unless
+        given; sites never touch each other, and walls are unbounded.
     law : Potential or callable (site, other) -> Potential, optional
         Force law of the contacts that form, as a function of the gap between the surfaces; `other`
         is a site or a Wall.  Return the same object for equal contacts.
@@ -158,7 +157,6 @@ class Network(Scene):
         radius: ArrayLike | None = None,
         loads: ArrayLike | None = None,
         held: Sequence[int] = (),
-        press: str = "all",
         contacts: str = "fixed",
         law: Potential | Callable[[int, int | Wall], Potential] | None = None,
         drive: Mapping[int, Drive] | None = None,
@@ -191,12 +189,10 @@ class Network(Scene):
         self.radius = None if radius is None else per_site("radius", radius, "m", self.sites)
         self.walls = plane_walls(walls, self.dim)
         touching = whole_pairs("wall_contacts", wall_contacts)
-        self._press = press
-        if not isinstance(press, str) or press not in ("all", "walls"):
-            raise TensegrityError(f"press {check.shown(press)} must be 'all' or 'walls'")
-        if press == "walls":
+        self._law = new_contact_law(contacts, law, self.radius)
+        self._walls_alone = contacts == "walls"
+        if self._walls_alone:
             given = {"wall_contacts": len(touching), "wall_gaps": wall_gaps is not None}
-            given |= {"contacts='follow'": contacts == "follow"}
             touching = pressing(self.positions, self.radius, self.walls, given)
         elif len(touching) and self.radius is None:
             raise TensegrityError(f"{len(touching)} wall contacts need the radius of the sites")
@@ -216,7 +212,6 @@ class Network(Scene):
             wall_gaps,
         )  # fmt: skip
         self.lengths = self._lengths[: len(self.bonds)]
-        self._law = new_contact_law(contacts, law, self.radius)
         self._set_forcing(drive, damping, forces)
         of = dynamics(self)
         _ = of.loop_bonds  # refuses springs that the compiled loop cannot take
@@ -255,12 +250,14 @@ class Network(Scene):
 
     def _clearance(self, follows: bool) -> Clearance | None:
         """Detector of unlisted contacts; None if sites have no radius, or press walls alone."""
-        if self.radius is None or self._press == "walls":
+        if self.radius is None or self._walls_alone:
             return None
         kind = NeighbourList if follows else Clearance
         return kind(self.positions, self.radius, self.bonds, self.walls, self.wall_contacts)
 
     def _dynamics(self) -> NetworkDynamics:
+        if self._law is not None:
+            return FollowingDynamics(self)
         return (PairDynamics if self._of_ends else NetworkDynamics)(self)
 
     @property
@@ -404,9 +401,10 @@ class Network(Scene):
 
     def __repr__(self) -> str:
         where = f"of {self.dim} coordinates" if self._of_ends else f"in {self.dim} dimensions"
+        walls = len(self.walls)
         return (
             f"Network({self.sites} sites {where}, {len(self.bonds)} bonds, "
-            f"{len(self.walls)} walls with {len(self.wall_contacts)} contacts)"
+            f"{walls} wall{'s' * (walls != 1)} with {len(self.wall_contacts)} contacts)"
         )
 
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import cached_property
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
@@ -30,17 +30,16 @@ class NetworkDynamics(Dynamics):
     ----------
     cables : tuple of tuple of int
         The bonds that are segments of each cable over sites.
-    law : NewContactLaw or None
-        Force law of contacts that form during the run; None if the list of contacts is fixed.
+    walls_alone : bool
+        Whether sites press all walls, and never touch each other.
     """
 
     def __init__(self, scene: Any) -> None:
         super().__init__(scene)
         self.wall_count = len(scene.walls)
         self.spring_lengths = scene._lengths
-        self.law, self.cables = scene._law, scene._cables
-        self.follows = self.law is not None
-        self._lists: tuple[Any, ...] = ()
+        self.walls_alone = scene._walls_alone
+        self.cables = scene._cables
 
     @cached_property
     def turns(self) -> bool:  # type: ignore[override]
@@ -114,56 +113,19 @@ class NetworkDynamics(Dynamics):
         if self.clearance is not None:
             self.clearance.check(u)
 
-    # contacts that form and open
-
-    def listed(self, u: Array) -> Self:
-        """Dynamics with a fixed list of the contacts that can act near displacements u; the most
-        recent lists are cached."""
-        if not self.follows:
-            return self
-        near = self.clearance.near(np.asarray(u, dtype=float))
-        for of, known in self._lists:
-            if all(map(np.array_equal, of, near)):
-                return known
-        made = self._with_contacts(*near)
-        self._lists = ((near, made), *self._lists)[: LISTS if self.sites <= FEW else 1]
-        return made
-
-    def nearest(self, u: Array) -> Self:
-        """Dynamics with contacts between each site and its nearest ones, and with all walls."""
-        return self._with_contacts(*self.clearance.with_near_contacts(u)) if self.follows else self
-
-    def listings(self, u: Array) -> Iterator[tuple[slice, Self]]:
-        """Iterate over slices of u (T, sites, dim), each with the contacts that can act in it.
-
-        If contacts form and open, a new list begins once a site has moved by half the skin, the
-        gap up to which the list is complete.
-        """
+    def listings(self, u: Array) -> Iterator[tuple[slice, Any]]:
+        """Iterate over slices of u (T, sites, dim), each with the contacts that can act in it."""
         row = 0
         while row < len(u):
             listed = self.listed(u[row])
             most = max(1, AT_ONCE // (len(listed.scene.springs) + 1))
-            last = min(len(u), row + most)
-            if self.follows:
-                last = row + self.clearance.rows_valid(u[row:last])
+            last = row + self._valid(u[row : row + most])
             yield slice(row, last), listed
             row = last
 
-    def _with_contacts(self, pairs: Indices, walls: Indices) -> Self:
-        """Dynamics with these contacts in addition to the scene's own, all of them fixed."""
-        if not len(pairs) and not len(walls):
-            return self._alone
-        return self._varied(**contacts_with(self.scene, pairs, walls))
-
-    @cached_property
-    def _alone(self) -> Self:
-        return self._varied()
-
-    def _varied(self, **changed: Any) -> Self:
-        """Dynamics of the changed scene with a fixed list of contacts and no detector."""
-        near: Self = dynamics(varied(self.scene, _law=None, **changed))
-        near.__dict__.update(self.unchanged, clearance=None)
-        return near
+    def _valid(self, u: Array) -> int:
+        """For how many rows of u the list of the first one is complete."""
+        return len(u)
 
     @property
     def unchanged(self) -> dict[str, Any]:
@@ -187,13 +149,6 @@ class NetworkDynamics(Dynamics):
         u, v = np.zeros((2, self.loop_bonds.contacts.rows, self.dim))
         u[: self.sites], v[: self.sites] = state.u, state.v
         return u, v
-
-    def energies(self, u: Array, v: Array) -> Array:
-        """Total energy of each state [J], (states,); u and v (states, sites, dim)."""
-        if not self.follows:
-            return super().energies(u, v)
-        parts = [listed.energies(u[rows], v[rows]) for rows, listed in self.listings(u)]
-        return np.concatenate(parts) if parts else np.zeros(0)
 
     def _of_bonds(self, u: Array, v: Array) -> Array:
         if self.mass_matrix is None:
@@ -259,3 +214,68 @@ class NetworkDynamics(Dynamics):
             return f"{self.where_extreme(int(np.argmin(separation)), u, 0)}, which coincide"
         spring = int(np.nanargmax(np.max(np.abs(ranges), axis=1)))
         return self.where_extreme(spring, u, int(ranges[spring, 1] > -ranges[spring, 0]))
+
+
+class FollowingDynamics(NetworkDynamics):
+    """Quantities derived from a network whose contacts form and open.
+
+    A new list of them begins once a site has moved by half the skin, the gap up to which the list
+    is complete.
+
+    Attributes
+    ----------
+    law : NewContactLaw
+        Force law of contacts that form during the run.
+    """
+
+    follows = True
+
+    def __init__(self, scene: Any) -> None:
+        super().__init__(scene)
+        self.law = scene._law
+        self._lists: tuple[Any, ...] = ()
+
+    @property
+    def kinked(self) -> Any:
+        """The law of the contacts that form, which has the kink of all of them."""
+        return self.law
+
+    def listed(self, u: Array) -> Any:
+        """Dynamics with a fixed list of the contacts that can act near displacements u; the most
+        recent lists are cached."""
+        near = self.clearance.near(np.asarray(u, dtype=float))
+        for of, known in self._lists:
+            if all(map(np.array_equal, of, near)):
+                return known
+        made = self._with_contacts(*near)
+        self._lists = ((near, made), *self._lists)[: LISTS if self.sites <= FEW else 1]
+        return made
+
+    def nearest(self, u: Array) -> Any:
+        """Dynamics with contacts between each site and its nearest ones, and with all walls."""
+        return self._with_contacts(*self.clearance.with_near_contacts(u))
+
+    def energies(self, u: Array, v: Array) -> Array:
+        """Total energy of each state [J], (states,); u and v (states, sites, dim)."""
+        parts = [listed.energies(u[rows], v[rows]) for rows, listed in self.listings(u)]
+        return np.concatenate(parts) if parts else np.zeros(0)
+
+    def _valid(self, u: Array) -> int:
+        valid: int = self.clearance.rows_valid(u)
+        return valid
+
+    def _with_contacts(self, pairs: Indices, walls: Indices) -> Any:
+        """Dynamics with these contacts in addition to the scene's own, all of them fixed."""
+        if not len(pairs) and not len(walls):
+            return self._alone
+        return self._fixed(**contacts_with(self.scene, pairs, walls))
+
+    @cached_property
+    def _alone(self) -> Any:
+        return self._fixed()
+
+    def _fixed(self, **changed: Any) -> Any:
+        """Dynamics of the changed scene with a fixed list of contacts and no detector."""
+        near = dynamics(varied(self.scene, _law=None, **changed))
+        near.__dict__.update(self.unchanged, clearance=None)
+        return near

@@ -283,10 +283,10 @@ def pressing(
     """
     for name, excluded in given.items():
         if excluded:
-            raise TensegrityError(f"press 'walls' excludes {name}: all sites press all walls")
+            raise TensegrityError(f"contacts 'walls' exclude {name}: all sites press all walls")
     for number, wall in enumerate(walls):
         if wall.extent is not None:
-            raise TensegrityError(f"wall {number} is bounded, must be unbounded: press is 'walls'")
+            raise TensegrityError(f"wall {number} must be unbounded: contacts are 'walls'")
         heights = wall.height(positions) - (0.0 if radius is None else radius)
         lowest = int(np.argmin(heights))
         if heights[lowest] < -CUT * np.abs(positions - wall.point).max():

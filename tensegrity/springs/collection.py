@@ -17,6 +17,7 @@ from tensegrity.engine.compiled import evaluated, loop_of_law
 from tensegrity.engine.energies import Energies, Search, SearchPoints
 from tensegrity.errors import StabilityError, TensegrityError
 from tensegrity.readonly import Repeated, fixed
+from tensegrity.springs.kinks import TAUT
 from tensegrity.springs.potential import Potential
 from tensegrity.springs.varied import OverTime
 from tensegrity.typing import Array, Flags, Indices
@@ -122,9 +123,12 @@ class Springs:
         return bool(np.any(self._kinks[0][:, 2] <= 0))
 
     def exponents_within(self, ranges: Array) -> set[float]:
-        """Exponents of the kinks within ranges of elongation (springs, 2) [m]."""
+        """Exponents of the kinks within ranges of elongation (springs, 2) [m], widened by
+        round-off."""
         if not self.has_kinks:
             return set()
+        near = [TAUT * (spring.length or 0.0) for spring in self.different]
+        ranges = ranges + np.multiply.outer(near, (-1.0, 1.0))
         return set(self._kinks[0][self._within(ranges), 2].tolist())
 
     def kinks_within(self, ranges: Array) -> list[tuple[Potential, list[float]]]:

@@ -348,7 +348,7 @@ class Structure(Printed, Shape):
         given: dict[str, Any] = {"held": held, "drive": drive, "damping": damping, "forces": forces}
         if len(check.sequence("walls", walls, "Walls")):
             law = wall_law if isinstance(wall_law, Potential) else floor_law(wall_law)
-            given |= {"walls": walls, "wall_spring": law, "press": "walls"}
+            given |= {"walls": walls, "wall_spring": law, "contacts": "walls"}
         elif wall_law is not None:
             raise TensegrityError("wall_law given, but no walls")
         if gravity:

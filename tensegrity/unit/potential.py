@@ -1,11 +1,13 @@
-"""The potential of a unit: its energy against the elongation of the controlled coordinate.
+"""Units as springs: potentials, the energy against the elongation of the controlled coordinate, and
+pair laws of sites to which some of the coordinates belong, as differences.
 
-Angles enter by the tangents of half their changes, so that the law is algebraic where lengths are.
+The other coordinates are in equilibrium bond by bond.  In potentials, angles enter by the tangents
+of half their changes, so that the law is algebraic where lengths are.
 """
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -13,6 +15,7 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
+from tensegrity.springs.pair_law import PairLaw, pair_with_inner
 from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array
 from tensegrity.unit import rest as at_rest
@@ -98,19 +101,11 @@ class UnitPotential(CondensedPotential):
         of = self.made_of[0].parameters
         return {str(x): float(value) for x, value in of.items()} | {"preload": self._preload}
 
-    def varied(self, values: Mapping[str, float]) -> Potential:
-        """The same unit with other values of its parameters, or of the preload."""
-        unit, preload, state = self.made_of
-        known = self.parameters
-        for name in check.kind("values", values, dict):
-            if name not in known:
-                raise TensegrityError(
-                    f"{name!r} is not an argument of {check.shown(self)} that may change: "
-                    f"{', '.join(known)}"
-                )
-        others = {x: values.get(str(x), value) for x, value in unit.parameters.items()}
-        load = values.get("preload", preload)
-        return replace(unit, parameters=others).potential(preload=load, at=state)
+    def _with(self, parameters: dict[str, float]) -> Potential:
+        unit, _, state = self.made_of
+        given = {x: parameters[str(x)] for x in unit.parameters}
+        others = {x: y if float(y) == given[x] else given[x] for x, y in unit.parameters.items()}
+        return replace(unit, parameters=others).potential(parameters["preload"], state)
 
     def _rates_by(self, name: str) -> tuple[Sequence[float], Array]:
         """By differences in multiple precision, about the same state."""
@@ -153,3 +148,47 @@ def unit_potential(unit: Any, preload: float, at: Any) -> UnitPotential:
     about = unit if at is None else unit.about(at)
     state = None if at is None else {str(q): float(x) for q, x in about.rest.items()}
     return UnitPotential(about, check.number("preload", preload, unit="N"), unit, state)
+
+
+def unit_pair(unit: Any, sites: Any) -> PairLaw:
+    """The pair law of a unit.
+
+    Parameters
+    ----------
+    unit, sites
+        See `Unit.pair`.
+
+    Returns
+    -------
+    PairLaw
+    """
+    import sympy as sp
+
+    if unit.open_symbols:
+        raise TensegrityError(f"no value for {unit.open_symbols[0]}: a pair law needs numbers")
+    names = {str(q): q for q in unit.coordinates}
+    chosen = [str(x) for x in check.sequence("sites", sites, "coordinates")]
+    for name in chosen:
+        if name not in names or chosen.count(name) > 1:
+            raise TensegrityError(f"sites {chosen}: each must be one of {', '.join(names)}, once")
+    of, rest = at_rest.at_rest(unit), {q: sp.Float(float(x)) for q, x in unit.rest.items()}
+    first, second = ([sp.Symbol(f"{x}_{end}", real=True) for x in chosen] for end in "ij")
+    inner = [q for q in unit.coordinates if str(q) not in chosen]
+    unknowns = [sp.Symbol(f"change of {q}", real=True) for q in inner]
+    moves = {names[x]: b - a for x, a, b in zip(chosen, first, second, strict=True)}
+    moves |= dict(zip(inner, unknowns, strict=True))
+    moved = {q: rest[q] + x for q, x in moves.items()}
+    whole = unit.energy.xreplace(moved) - unit.energy.xreplace(rest)
+    for member, length, tension, k in zip(unit.members, of.lengths, of.tensions, of.stiffness,
+                                          strict=True):  # fmt: skip
+        if k == float("inf"):
+            raise TensegrityError(f"member {member.length} is rigid: a pair law needs a finite k")
+        if member.string:
+            raise TensegrityError(
+                f"string {member.length} may slacken: a pair law needs springs, string=False"
+            )
+        natural, start = sp.Float(float(length - tension / k)), float(tension) ** 2 / float(2 * k)
+        stretch = member.length.xreplace(moved) - natural
+        whole += member.count * (member.k * stretch**2 / 2 - sp.Float(start))
+    parameters = {p: x for p, x in unit.parameters.items() if whole.has(p)}
+    return pair_with_inner(whole, first, second, parameters, unknowns)

@@ -21,17 +21,19 @@ from tensegrity.printing import Lines, Printed
 from tensegrity.readonly import fixed
 from tensegrity.unit import rest as at_rest
 from tensegrity.unit.member import Member, by_symbol, expression, expressions, mapping
-from tensegrity.unit.pair import HasPair
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from tensegrity.branches.table import Event
+    from tensegrity.springs.pair_law import PairLaw
     from tensegrity.unit.formula import Formula
     from tensegrity.unit.path import UnitProblem
     from tensegrity.unit.potential import UnitPotential
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Unit(Printed, HasPair):
+class Unit(Printed):
     """A unit that one coordinate compresses, the others being in equilibrium.
 
     Parameters
@@ -353,6 +355,29 @@ class Unit(Printed, HasPair):
         from tensegrity.unit.potential import unit_potential
 
         return unit_potential(self, preload, at)
+
+    def pair(self, sites: Sequence[Any]) -> PairLaw:
+        """Pair law of sites whose coordinates differ by some of the unit's, for chains or networks.
+
+        Parameters
+        ----------
+        sites : sequence of sympy.Symbol or str
+            One to three coordinates, inner or controlled; the others are in equilibrium.
+
+        Returns
+        -------
+        PairLaw
+            Of its members as springs, all coordinates free; parameters act at constant natural
+            lengths.  Where Newton's method from the rest finds no equilibrium, it has no value.
+
+        Raises
+        ------
+        TensegrityError
+            A symbol has no value, a name is no coordinate, or a member is rigid or a string.
+        """
+        from tensegrity.unit.potential import unit_pair
+
+        return unit_pair(self, sites)
 
     @property
     def contents(self) -> str:

@@ -20,8 +20,7 @@ from tensegrity import check, plotting
 from tensegrity.checked import checked
 from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.lattices.bands import bands
-from tensegrity.lattices.bloch import singular_frequencies
-from tensegrity.lattices.pair_lattice import PairLattice
+from tensegrity.lattices.bloch import PairLattice, singular_frequencies
 from tensegrity.minimum import lowest, round_off
 from tensegrity.printing import Lines, Printed
 from tensegrity.scenes.acting import per_coordinate
