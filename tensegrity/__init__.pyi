@@ -17,6 +17,7 @@ from .errors import (
     StabilityError,
     TensegrityError,
 )
+from .files.records import read_record
 from .gradients.compute import gradient
 from .lattices.bands import bands
 from .lattices.bloch import PairLattice
@@ -37,6 +38,7 @@ from .measure.observables import (
 )
 from .measure.pulses import pulses
 from .measure.records import first_peak, largest_peak, peaks, sampled
+from .measure.series import TimeSeries
 from .measure.spectrum import spectrum
 from .orbits.orbit import periodic_orbit
 from .orbits.path import orbit_path
@@ -110,6 +112,7 @@ __all__ = [
     "State",
     "Structure",
     "TensegrityError",
+    "TimeSeries",
     "Unit",
     "Wall",
     "angular_momentum",
@@ -150,6 +153,7 @@ __all__ = [
     "prove",
     "pulses",
     "read_curve",
+    "read_record",
     "resume",
     "sampled",
     "sech2",

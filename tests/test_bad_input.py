@@ -134,6 +134,7 @@ RUN.save(f"{FOLDER.name}/kept")
 CURVE = f"{FOLDER.name}/curve.txt"
 np.savetxt(CURVE, [[0.0, 0.0], [0.1, 2.0]], header="travel force")
 T = np.linspace(0.0, 1e-4, 200)
+SERIES = ts.TimeSeries(T, np.exp(-(((T - 5e-5) / 1e-5) ** 2)), "N")
 X = np.linspace(-5.0, 5.0, 101)
 SOLVED = {"supports": ts.held([0, 1]), "loads": {2: (0.0, -0.1)}}
 PRESTRESS = {"prestrain": 0.1, "k_bar": 50.0, "k_string": 2.0, "mass": 0.5}
@@ -158,6 +159,7 @@ INSTANCES = {  # of classes whose methods are called
     "Unit": UNIT, "Member": CABLES,
     "TransitionWave": FRONT,
     "Sizes": design.Sizes(3, (0.004, 0.006), 0.015, STEEL), "Structure": TRUSS,
+    "TimeSeries": SERIES,
     "StructurePath": ts.equilibrium_path(TRUSS, max_load=0.1, **SOLVED), "Wall": WALL,
 }  # fmt: skip
 EXAMPLES = {  # of arguments, by their names
@@ -257,6 +259,15 @@ CALLS = [  # where other arguments are needed, or several in one call
     (ts.bar_contact, {"path": ts.equilibrium_path(ELASTIC), "diameter": 0.01}),
     (ts.fit, {"shortening": [0.0, 0.01, 0.02, 0.03], "load": [0.0, 0.001, 0.002, 0.003],
            "prism": ELASTIC, "free": ("prestrain",), "noise": 0.1}),
+    *((take, {"force": SERIES.values}) for take in (ts.peaks, ts.first_peak, ts.largest_peak)),
+    (ts.sampled, {"force": SERIES.values}),
+    (ts.read_record, {"path": CURVE, "channel": "force", "time": "travel", "scale": 2.0,
+                      "offset": 0.1, "unit": "N"}),
+    (ts.TimeSeries, {"values": SERIES.values, "unit": "N", "history": ["cut"]}),
+    (SERIES.since, {"instant": 1e-5}),
+    (SERIES.filtered, {"below": 1e5, "above": 1e4, "order": 2, "zero_phase": False}),
+    (ts.arrival, {"run": SERIES, "after": 1e-5}), (ts.speed, {"run": (SERIES, SERIES.since(1e-5)),
+                                                              "where": 0.1, "between": (0, 1)}),
     (ts.read_curve, {"path": CURVE, "x": "mm", "y": "-kN", "columns": ("travel", 1)}),
     (ts.catalogue.snelson_x, PRESTRESS | {"width": 1.0, "height": 2.0, "k_bar": [50.0, 60.0]}),
     (ts.catalogue.prism, {"sides": 4, "base": 1.0, "height": 2.0} | PRESTRESS),
@@ -340,6 +351,7 @@ CALLS = [  # where other arguments are needed, or several in one call
     (ts.solitary_wave, {"excess": 0.5}),
     (ts.genuine, {"make": lambda light: CELL, "low": 0.1, "high": 0.9, "count": 2}),
     (FAMILY.small_peak, {"excess": 1e-3}),
+    (FAMILY.small, {"x": [0.0, 1.0], "excess": 1e-3, "order": 2}),
     (ts.predict, {"potential": HERTZ}),
     (ts.predict(LENNARD_JONES)["compression"].wall_peak, {"speed": 100.0}),
     (largest_speed, {"potential": SPRING, "mass": 1.0, "family": None, "closest": 0.04}),

@@ -20,6 +20,7 @@ BASE = [
     "typing",
     "check",
     "checked",
+    "columns",
     "once",
     "readonly",
     "root",
@@ -44,6 +45,7 @@ ROOMS = [  # inside tensegrity: each may import what stands before it
     "orbits",
     "measure",
     "gradients",
+    "files",
 ]
 ABOVE = ["objective", "animation", "__main__"]  # modules for users that no room uses
 

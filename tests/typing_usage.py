@@ -109,6 +109,7 @@ def springs(spring: ts.Potential) -> Sequence[ts.Potential]:
     assert_type(beads.parameters, dict[str, float])
     with ts.units(length="mm", mass="t"):
         assert_type(ts.Potential.from_table([-1, 0, 1], [-1, 0, 1], "linear").noise, float)
+    assert_type(ts.Potential.from_table(Path("spring.csv"), None), ts.Potential)
     ts.Potential(toda, r, domain=(0.0,))  # type: ignore[arg-type]
     return toda, beads, fitted
 
@@ -234,7 +235,8 @@ def waves(spring: ts.Potential, chain: ts.Chain) -> ts.State:
     assert_type(ts.predict(spring)["compression"].speeds, tuple[float, float])
     assert_type(ts.interface(spring, spring, (40, 60), mass=(1.0, 2.0)), ts.Chain)
     assert_type(spring.sound_speed(), float)
-    assert_type(ts.sech2(spring, 1.1, 0.0) - ts.tent(spring, [0.0]), Array)
+    assert_type(ts.predict(spring)["compression"].small([0.0], 0.01, order=2), Array)
+    assert_type(ts.sech2(spring, 1.1, 0.0, order=3) - ts.tent(spring, [0.0]), Array)
     ts.solitary_wave(spring, 1.0, 2.0)  # type: ignore[call-arg, arg-type]
     ts.transition_wave(spring, ahead=0.0, behind=1, ground=spring, damping=ts.Damping(0.1))
     ts.transition_wave(spring, 1.0, ahead=0.0)  # type: ignore[call-arg]
@@ -262,7 +264,7 @@ def measured(chain: ts.Chain, run: ts.Run) -> float:
     ts.budget(chain, 5)  # type: ignore[arg-type]
     ts.bond_force(chain)  # type: ignore[arg-type]
     ts.speed(run, 5)  # type: ignore[call-overload]
-    ts.arrival(chain, 3)  # type: ignore[arg-type]
+    ts.arrival(chain, 3)  # type: ignore[call-overload]
     return times + front + ts.speed(run, (3, 9)) + ts.width(run.t, run.energy)
 
 
@@ -375,7 +377,14 @@ def sensed(run: ts.Run) -> Array:
     assert_type(granular.contact_network.wall_sites(guide, "floor"), list[int])
     assert_type(granular.contact_network.wall_forces(guide, run.u, "floor"), Array)
     granular.energies(run)
-    ts.first_peak(run.t)  # type: ignore[call-arg]
+    series = ts.read_record("scope.csv", "CH1", scale=20.0, offset=0.1, time=1e-6, unit="N")
+    assert_type(series.filtered(below=2e4).since(1e-4), ts.TimeSeries)
+    assert_type(series.noise, float)
+    assert_type(ts.peaks(series).instant, Array)
+    assert_type(ts.arrival(series, after=0.1) + ts.speed((series, series), 0.1), float)
+    ts.Drive(force=series)
+    ts.arrival(series, 3)  # type: ignore[call-overload]
+    ts.first_peak(run)  # type: ignore[arg-type]
     granular.sensor_force(run, 3, "stem 1")  # type: ignore[call-overload]
     granular.energies(run.final)  # type: ignore[arg-type]
     return run.momentum()[:, 0] + granular.sensor_force(run, [1])[:, 0]

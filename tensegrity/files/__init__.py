@@ -1,0 +1,1 @@
+"""Files of other programs and instruments: what is read from them, and written for them."""
