@@ -1,6 +1,6 @@
 """The public names and where they are defined, which are imported when they are first used."""
 
-from . import catalogue, objective
+from . import catalogue, files, objective
 from .animation import animate
 from .branches.problem import Problem, trace
 from .engine.methods import METHODS
@@ -132,6 +132,7 @@ __all__ = [
     "equilibrium",
     "equilibrium_path",
     "equilibrium_paths",
+    "files",
     "first_peak",
     "fit",
     "floquet",

@@ -131,6 +131,7 @@ FOLDER = tempfile.TemporaryDirectory()
 FILE = f"{FOLDER.name}/run.npy"
 ts.simulate(LINE, LINE.at_rest({0: 0.01}), 1.0, dt=0.1, record=ts.Record(path=FILE, checkpoint=1.0))
 RUN.save(f"{FOLDER.name}/kept")
+ts.files.write(f"{FOLDER.name}/truss.csv", TRUSS)
 CURVE = f"{FOLDER.name}/curve.txt"
 np.savetxt(CURVE, [[0.0, 0.0], [0.1, 2.0]], header="travel force")
 T = np.linspace(0.0, 1e-4, 200)
@@ -303,6 +304,7 @@ CALLS = [  # where other arguments are needed, or several in one call
     (ts.Chain, {"spring": SPRING, "sites": 3, "drive": {0: ts.Drive(force=0.1)},
              "damping": ts.Damping(0.1)}),
     (ts.Chain, {"spring": SPRING, "sites": 2, "ground": [SPRING, SPRING]}),
+    (ts.Chain, {"spring": SPRING, "sites": 3, "ends": "periodic", "stretch": 0.01}),
     (ts.Force, {"expression": SPRING, "at": [0], "parameters": {}}),
     (ts.Drive, {"displacement": sp.sin(TIME)}),
     (ts.Force, {"expression": R * TIME, "on": "bonds", "at": [0], "parameters": {}}),
@@ -328,6 +330,11 @@ CALLS = [  # where other arguments are needed, or several in one call
     (ts.Record, {"interval": 0.1, "path": FILE, "checkpoint": 1.0}),
     (ts.resume, {"path": FILE, "scene": None}),
     (ts.Run.load, {"path": f"{FOLDER.name}/kept"}),
+    (ts.files.read, {"path": f"{FOLDER.name}/truss.csv"}),
+    (ts.files.write, {"path": f"{FOLDER.name}/made.csv", "thing": TRUSS}),
+    (RUN.table, {"quantity": "v", "sites": [1, 2], "times": [0.1, 0.2]}),
+    (RUN.to_csv, {"path": f"{FOLDER.name}/made.csv", "quantity": "tension", "sites": [1]}),
+    (RUN.to_dataframe, {"quantity": "v", "sites": [1, 2], "times": [0.1, 0.2]}),
     *([] if find_spec("flint") is None else [
         (ts.prove, {"of": WAVE, "period": 30.0, "exact": "decimals"}),
         (ts.verify, {"path": str(Path(__file__).with_name("wave.json"))}),

@@ -24,6 +24,7 @@ BASE = [
     "once",
     "readonly",
     "root",
+    "frames",
     "minimum",
     "notebook",
     "plotting",
