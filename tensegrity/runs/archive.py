@@ -368,7 +368,7 @@ def _force(x):
 
 def _chain(x):
     parts = {"springs": _shared(x.springs), "sites": x.sites, "mass": x.mass, "ends": x.ends}
-    return parts | in_time(x)
+    return parts | in_time(x) | ({"stretch": x.stretch} if x.stretch else {})
 
 
 def _make_chain(springs, sites, mass, ends, **forcing):
