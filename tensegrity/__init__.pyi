@@ -21,6 +21,7 @@ from .gradients.compute import gradient
 from .lattices.bands import bands
 from .lattices.bloch import PairLattice
 from .lattices.lattice import Lattice
+from .lattices.matrix import Matrix
 from .lattices.moduli import moduli
 from .lattices.response import decay, effective_mass
 from .measure.budget import bond_force, budget
@@ -42,7 +43,7 @@ from .orbits.path import orbit_path
 from .orbits.stability import floquet
 from .printing import units
 from .prisms.closed import member_stiffness
-from .prisms.contact import bar_contact
+from .prisms.contact import bar_contact, sheath
 from .prisms.fit import fit
 from .prisms.measured import read_curve
 from .prisms.path import equilibrium_path, equilibrium_paths
@@ -87,6 +88,7 @@ __all__ = [
     "Force",
     "Lattice",
     "LockingError",
+    "Matrix",
     "Member",
     "Network",
     "NoLocking",
@@ -152,6 +154,7 @@ __all__ = [
     "resume",
     "sampled",
     "sech2",
+    "sheath",
     "simulate",
     "solitary_wave",
     "speed",

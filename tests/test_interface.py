@@ -35,7 +35,7 @@ LATER = {
 }
 LATER |= {"Scatter", "robustness"}
 LATER |= {"Formula", "Member", "Unit"}
-LATER |= {"Lattice", "bands", "decay", "effective_mass", "moduli"}
+LATER |= {"Lattice", "Matrix", "bands", "decay", "effective_mass", "moduli", "sheath"}
 LATER |= {"floquet", "orbit_path", "periodic_orbit"}
 LATER |= {"transition_wave", "units"}
 LATER |= {"PairLattice", "PairLaw", "prove", "verify"}
