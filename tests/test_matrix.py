@@ -177,11 +177,12 @@ def test_a_string_that_slackens_in_the_release_is_refused():
 
 def test_a_matrix_bonded_everywhere_has_no_short_waves():
     bonded = net().embedded(Matrix(1, 0.3, 1))
-    for call in (
-        lambda: bands(bonded, [[0, 0.1]]), lambda: decay(bonded, [1.0]), bonded.stability
-    ):  # fmt: skip
+    for call in (lambda: bands(bonded, [[0, 0.1]]), lambda: decay(bonded, [1.0])):
         with pytest.raises(TensegrityError, match="bonded everywhere has moduli only"):
             call()
+    found = bonded.stability()
+    assert found.wave == np.inf
+    assert found.long == pytest.approx(moduli(bonded).speeds([1, 1])[0] ** 2, rel=1e-3)
 
 
 # finite elements

@@ -335,7 +335,8 @@ def _sparse_motions(dynamic: Any, forces: Array, rigid: Array) -> tuple[Array, F
     border = csc_array(float(np.abs(dynamic.diagonal()).max()) * rigid)
     whole = block_array([[dynamic, border], [border.T, None]]) if rigid.size else dynamic
     try:
-        found = splu(whole.tocsc()).solve(np.pad(forces, ((0, rigid.shape[1]), (0, 0))))
+        factors = splu(whole.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.01)
+        found = factors.solve(np.pad(forces, ((0, rigid.shape[1]), (0, 0))))
     except RuntimeError:  # exactly singular
         return forces, np.array(True)
     motions = found[: len(forces)]

@@ -165,6 +165,11 @@ class Embedded(Medium, Printed):
         return [*stiffness, stiff], inertia, [*heavy, more]
 
     @property
+    def _affine(self) -> bool:
+        """Whether there are no waves but long ones."""
+        return self.body is None
+
+    @property
     def _lossy(self) -> bool:
         """Whether the matrix has losses."""
         return self.matrix.loss > 0
@@ -243,19 +248,15 @@ class Embedded(Medium, Printed):
         Returns
         -------
         Stability
-
-        Raises
-        ------
-        TensegrityError
-            Without a mesh, which has no waves.
+            Without a mesh by long waves and uniform strain, and `wave` is infinite.
         """
         return stability(self)
 
     # the state
 
     def strained(self, strain: ArrayLike) -> Embedded:
-        """Under a further macroscopic strain, to first order: tensions and stress of the matrix
-        change, the geometry stays that of the casting.
+        """Under a further macroscopic strain, to first order in it: tensions and stress of the
+        matrix change by the tangent stiffness, the geometry stays that of the casting.
 
         Parameters
         ----------
@@ -278,8 +279,12 @@ class Embedded(Medium, Printed):
             raise TensegrityError(f"strain {check.shown(e.tolist())} must be symmetric")
         if self.matrix.antiplane:
             raise TensegrityError("antiplane True must be False for a strain in the plane")
-        lattice, elastic = self.lattice, self._elastic()
-        motions = motions_under_gradients(elastic)[1] @ -e.ravel()
+        return self._moved(e, self)
+
+    def _moved(self, e: Array, about: Embedded) -> Embedded:
+        """Under a further strain, by the stiffness of some state."""
+        lattice = self.lattice
+        motions = motions_under_gradients(about)[1] @ -e.ravel()
         u = motions[: lattice.positions.size].reshape(lattice.positions.shape)
         d, lengths = lattice.members.separations(lattice.positions)
         (i, j), taut = lattice.ends.T, ~lattice.slack
@@ -300,23 +305,21 @@ class Embedded(Medium, Printed):
             body = replace(body, moved=moved if body.moved is None else moved + body.moved)
         return replace(self, lattice=after, body=body, strain=self.strain + e)
 
-    def _elastic(self) -> Embedded:
-        """The same without stress, with the strings that are taut."""
-        lattice = self.lattice
-        natural = np.where(lattice.slack, lattice.natural_lengths, lattice.lengths)
-        body = None if self.body is None else replace(self.body, moved=None)
-        return Embedded(_with(lattice, natural), self.matrix, body, 0 * self.strain)
-
     def released(self) -> Embedded:
-        """Without stress from outside: strained so that the macroscopic stress is 0."""
+        """Without stress from outside: strained so that the macroscopic stress is 0, by the elastic
+        stiffness of the members that are taut and of the matrix."""
+        lattice, body = self.lattice, self.body
+        natural = np.where(lattice.slack, lattice.natural_lengths, lattice.lengths)
+        body = None if body is None else replace(body, moved=None)
+        elastic = Embedded(_with(lattice, natural), self.matrix, body, 0 * self.strain)
         row, column = np.triu_indices(len(self.strain))
-        c, twice = moduli(self._elastic()).tangent, np.where(row == column, 1.0, 2.0)
-        whole = c[row[:, None], column[:, None], row, column] * twice
-        strain = 0 * self.strain
-        strain[row, column] = strain[column, row] = np.linalg.solve(
-            whole, -self.stress[row, column]
+        c, twice = moduli(elastic).tangent, np.where(row == column, 1.0, 2.0)
+        upper = np.linalg.solve(
+            c[row[:, None], column[:, None], row, column] * twice, -self.stress[row, column]
         )
-        return self.strained(strain)
+        strain = 0 * self.strain
+        strain[row, column] = strain[column, row] = upper
+        return self._moved(strain, elastic)
 
 
 def _with(lattice: Cell, natural: Array) -> Cell:

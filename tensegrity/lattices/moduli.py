@@ -295,7 +295,7 @@ class Stability(Printed):
     wave : float
         Lowest w^2/|k|^2 of waves on a grid of the Brillouin zone, refined [m^2/s^2]; k is the wave
         vector [rad/m], not shorter than the shortest of the grid.  If it is negative, waves grow
-        at the rate |k| times the root of its modulus.
+        at the rate |k| times the root of its modulus.  Infinite where there are long waves only.
     wavenumber : ndarray, (d,)
         Phases per cell of that wave [rad].
     long : float
@@ -340,7 +340,8 @@ def stability(cell: Medium) -> Stability:
     """The three tests of a lattice about its own state; see `Lattice.stability`."""
     of = moduli(cell)
     axes, _ = np.linalg.qr(cell.vectors.T)  # orthonormal, in the span of the lattice vectors
-    wave, wavenumber = _lowest_wave(cell)
+    none = np.inf, np.zeros(len(cell.vectors))
+    wave, wavenumber = none if cell._affine else _lowest_wave(cell)
     long, direction = _slowest(of, axes)
     return Stability(wave, wavenumber, long, direction, _softest(of, axes))
 

@@ -132,6 +132,8 @@ class UnderGradients(NamedTuple):
 class Medium(Periodic):
     """What repeats along lattice vectors, and has moduli."""
 
+    _affine = False  # whether there are no waves but long ones
+
     @property
     @abstractmethod
     def stress(self) -> Array:
