@@ -6,7 +6,14 @@
 from granular.bead_chain import BeadChain, chain
 from granular.beads import Bead, Material, Striker, materials
 from granular.contact import Contact, hertz, power
-from granular.damped_contact import carretero_gonzalez, hunt_crossley, kuwabara_kono, viscous
+from granular.damped_contact import (
+    carretero_gonzalez,
+    dmt,
+    hunt_crossley,
+    kuwabara_kono,
+    tsuji,
+    viscous,
+)
 from granular.guide import Guide, diamond_guide, y_guide
 from granular.lattices import fcc_pack, hexagonal_pack
 from granular.observables import energies, overlaps, sensor_force, wall_force
@@ -27,6 +34,7 @@ __all__ = [
     "carretero_gonzalez",
     "chain",
     "diamond_guide",
+    "dmt",
     "energies",
     "fcc_pack",
     "hertz",
@@ -39,6 +47,7 @@ __all__ = [
     "power",
     "sensor_force",
     "simulate",
+    "tsuji",
     "viscous",
     "wall_force",
     "y_guide",

@@ -32,6 +32,7 @@ ContactLaw = Callable[[Bead, Bead | Material], "Contact"]
 
 C = 299_792_458.0  # m/s: speeds are below that of light
 SAME = 1e-9  # difference of constants, over one, that round-off may leave
+PROBE = 1e-6  # m: an overlap at which what a law says twice is compared
 TINY = 1e-30  # step of a derivative through the complex plane
 
 
@@ -256,6 +257,15 @@ def contact_of(law: ContactLaw, bead: Bead, other: Bead | Material) -> Contact:
     except TypeError as error:  # such as a wrong number of arguments
         raise TensegrityError(f"law {check.shown(law)} of two partners: {error}") from error
     check.kind("what the law gives to two partners", contact, Contact)
+    own = type(contact)
+    if own.potential is not Contact.potential and own.overlap is not Contact.overlap:
+        load = -float(contact.potential.tension(-PROBE))
+        found = contact.overlap(load) if load > 0 else PROBE
+        if not abs(found - PROBE) <= SAME**0.5 * PROBE:
+            raise TensegrityError(
+                f"{own.__name__}: its overlap under {load:.6g} N is {found:.6g} m, "
+                f"but its potential has this force at {PROBE:g} m"
+            )
     return contact
 
 

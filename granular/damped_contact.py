@@ -1,4 +1,4 @@
-"""Contact laws that dissipate, and the forces that they add to a chain.
+"""Contact laws that adhere or dissipate, and the forces that these add to a chain.
 
 A law is given by its constant, or by the coefficient of restitution at a speed, from which the
 constant of each two partners follows.  The models and their sources are in `granular.dissipation`.
@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -25,12 +25,44 @@ from granular.dissipation import (
     elastic_of,
     form_of,
 )  # fmt: skip
-from tensegrity import Force, PowerLaw, TensegrityError, check
+from tensegrity import Force, Potential, PowerLaw, TensegrityError, check
 from tensegrity.checked import checked
 from tensegrity.once import once
-from tensegrity.typing import FractionOrOne, Positive, Speed
+from tensegrity.typing import FractionOrOne, NotNegative, Positive, Speed
 
 HARDEST = 1e8  # largest constant that is tried for a restitution, in units of the collision
+
+
+@dataclass(frozen=True)
+class Adhesive(Contact):
+    """A contact that also pulls by a constant force while the partners overlap.
+
+    Attributes
+    ----------
+    pull : float
+        Pull-off force [N], >= 0.
+    """
+
+    pull: float = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        pull = check.number("pull-off force", self.pull, least=0, unit="N")
+        object.__setattr__(self, "pull", pull)
+
+    @property
+    def potential(self) -> Potential:
+        """Elastic energy [J] by the elongation from the touch [m], minus the overlap; 0 apart."""
+        return _adhesive(self.exponent).varied({"stiffness": self.constant, "pull": self.pull})
+
+
+@once
+def _adhesive(exponent: float) -> Potential:
+    import sympy as sp
+
+    r, (stiffness, pull) = sp.Symbol("r", real=True), sp.symbols("stiffness pull")
+    d, n = sp.Max(-r, 0), sp.nsimplify(exponent) + 1
+    return Potential(stiffness * d**n / n - pull * d, r, {stiffness: 1.0, pull: 0.0})
 
 
 def forces_of(
@@ -182,6 +214,37 @@ def _solved(model: Dissipation, contact: Contact, mass: float, e: float, speed: 
 
 
 @checked
+def dmt(work: Annotated[float, ">= 0", "J/m^2"]) -> ContactLaw:
+    """The adhesion of Derjaguin, Muller and Toporov: F = A d^(3/2) - 2 pi w R while in contact.
+
+    The force jumps at both ends of a contact, and gives back all energy: for small, stiff beads.
+    J. Colloid Interface Sci. 53, 314 (1975).
+
+    Parameters
+    ----------
+    work : float
+        Of adhesion w [J/m^2], >= 0; R is the effective radius, 1/R = 1/R1 + 1/R2.
+
+    Returns
+    -------
+    callable (Bead, Bead or Material) -> Contact
+
+    Raises
+    ------
+    TensegrityError
+        A negative work of adhesion.
+    """
+
+    def law(bead: Bead, other: Bead | Material) -> Contact:
+        radius = bead.contact_radius
+        if isinstance(other, Bead):
+            radius *= other.contact_radius / (bead.contact_radius + other.contact_radius)
+        return Adhesive(hertz(bead, other).constant, pull=2 * math.pi * work * radius)
+
+    return law
+
+
+@checked
 def _law(
     model: Dissipation,
     name: str,
@@ -203,10 +266,7 @@ def _law(
 
     def law(bead: Bead, other: Bead | Material) -> Contact:
         contact = hertz(bead, other)
-        mass = bead.mass
-        if isinstance(other, Bead):
-            mass = bead.mass * other.mass / (bead.mass + other.mass)
-        solved = _solved(model, contact, mass, restitution, speed)
+        solved = _solved(model, contact, _reduced(bead, other), restitution, speed)
         return replace(contact, dissipation=replace(model, constant=solved))
 
     return law
@@ -293,6 +353,70 @@ def viscous(
         As for `kuwabara_kono`.
     """
     return _law(Dissipation("viscous", 0.0), "c", c, restitution, speed)
+
+
+@checked
+def tsuji(
+    alpha: NotNegative | None = None, *, restitution: FractionOrOne | None = None
+) -> ContactLaw:
+    """One coefficient of restitution at all speeds: F = A d^(3/2) + alpha sqrt(m A) d^(1/4) d'.
+
+    Parameters
+    ----------
+    alpha : float, optional
+        >= 0; m is the reduced mass of the two partners, at a wall that of the bead.
+    restitution : float, optional
+        Instead of alpha, in (0, 1]; a contact ends where its force is 0.
+
+    Returns
+    -------
+    callable (Bead, Bead or Material) -> Contact
+
+    Raises
+    ------
+    TensegrityError
+        Neither or both given, a negative alpha, or a restitution outside (0, 1].
+
+    Examples
+    --------
+    >>> from granular import Bead, materials, tsuji
+    >>> bead = Bead(4.76e-3, materials["steel"])
+    >>> contact = tsuji(restitution=0.5)(bead, bead)
+    >>> [f"{contact.restitution(bead.mass / 2, speed)[0]:.9f}" for speed in (0.01, 1.0)]
+    ['0.500000000', '0.500000000']
+    """
+    if (alpha is None) == (restitution is None):
+        raise TensegrityError("Tsuji is given by alpha, or by restitution: exactly one of these")
+    value: Any = alpha if restitution is None else _ratio(restitution, math.sqrt(5))
+
+    def law(bead: Bead, other: Bead | Material) -> Contact:
+        loss = Dissipation("Tsuji", value * math.sqrt(_reduced(bead, other)))
+        return replace(hertz(bead, other), dissipation=loss)
+
+    return law
+
+
+def _ratio(e: float, critical: float) -> float:
+    """The damping, of a critical one, after which a force that is never attractive gives back e.
+
+    With z = 2/(n + 1) d^((n + 1)/2), and time in proportion to d^((1 - n)/2), the motion is z'' +
+    2 b z' + z = 0 at all speeds; where its force is 0 again, -ln(e)/2 = b arccos(b)/sqrt(1 - b^2).
+    """
+    from scipy.optimize import brentq
+
+    half = -math.log(e) / 2
+
+    def excess(b: float) -> float:
+        angle = math.acos(b) if b < 1 else math.acosh(b)
+        side = math.sqrt(abs(1 - b)) * math.sqrt(1 + b)
+        return (b * angle / side if side else 1.0) - half
+
+    return critical * float(brentq(excess, 0, math.exp(half) + 1, xtol=1e-15, rtol=1e-15))
+
+
+def _reduced(bead: Bead, other: Bead | Material) -> float:
+    """Reduced mass of two partners [kg]; a wall has infinite mass."""
+    return 1 / (1 / bead.mass + (1 / other.mass if isinstance(other, Bead) else 0.0))
 
 
 @checked

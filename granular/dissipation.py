@@ -4,7 +4,8 @@ The force of a contact is compressive: where a formula gives less than 0 it is 0
 one bead radius and no rotation: rolling, tangential springs and plastic contacts are left out.
 Sources: G. Kuwabara, K. Kono, Jpn. J. Appl. Phys. 26, 1230 (1987), with N. V. Brilliantov and
 others, Phys. Rev. E 53, 5382 (1996); K. H. Hunt, F. R. E. Crossley, J. Appl. Mech. 42, 440 (1975);
-R. Carretero-Gonzalez and others, Phys. Rev. Lett. 102, 024102 (2009).
+Y. Tsuji, T. Tanaka, T. Ishida, Powder Technol. 71, 239 (1992); R. Carretero-Gonzalez and others,
+Phys. Rev. Lett. 102, 024102 (2009).
 """
 
 from __future__ import annotations
@@ -13,15 +14,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from tensegrity import Potential, PowerLaw, TensegrityError
+from tensegrity import Potential, PowerLaw, TensegrityError, check
 from tensegrity.engine.law import Law
 from tensegrity.once import once
 from tensegrity.printing import concise
 
 RTOL, ATOL = 1e-12, 1e-15  # of a collision in units of its own length, time and speed
 
-UNITS = {"Kuwabara-Kono": "s", "Hunt-Crossley": "s/m", "Carretero-Gonzalez": "N (s/m)^a",
-         "viscous": "N s/m"}  # fmt: skip
+UNITS = {"Kuwabara-Kono": "s", "Hunt-Crossley": "s/m", "Tsuji": "kg^(1/2)",
+         "Carretero-Gonzalez": "N (s/m)^a", "viscous": "N s/m"}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -41,6 +42,16 @@ class Dissipation:
     model: str
     constant: float
     power: float = 1.0
+
+    def __post_init__(self) -> None:
+        if self.model not in UNITS:
+            raise TensegrityError(
+                f"model {check.shown(self.model)} of losses is not one of {', '.join(UNITS)}"
+            )
+        check.number(f"constant of {self.model}", self.constant, least=0)
+        power = check.number(f"power of {self.model}", self.power, above=0)
+        if power != 1 and self.model != "Carretero-Gonzalez":
+            raise TensegrityError(f"power {power:g} of the rate: losses of {self.model} have 1")
 
     __str__ = concise
 
@@ -64,7 +75,8 @@ class Dissipation:
 
         x = sp.Symbol("x", positive=True)
         size = rate if self.power == 1 else sp.sign(rate) * abs(rate) ** exact(self.power)
-        by_size = {"Kuwabara-Kono": sp.diff(elastic(x), x), "Hunt-Crossley": elastic(x)}
+        by_size = {"Kuwabara-Kono": sp.diff(elastic(x), x), "Hunt-Crossley": elastic(x),
+                   "Tsuji": sp.sqrt(elastic(x) / x)}  # fmt: skip
         factor = by_size.get(self.model, sp.Integer(1))  # of the first, c times its rate of change
         force = constant * size * factor.subs(x, d)
         return force if factor.subs(x, 0) == 0 else sp.Piecewise((force, d > 0), (0, True))
@@ -85,7 +97,7 @@ class Dissipation:
         """
         length = (mass * speed**2 / stiffness) ** (1 / (exponent + 1))
         force = stiffness * length**exponent
-        unit = {"Kuwabara-Kono": length / speed, "Hunt-Crossley": 1 / speed}
+        unit = {"Kuwabara-Kono": length / speed, "Hunt-Crossley": 1 / speed, "Tsuji": mass**0.5}
         return self.constant / unit.get(self.model, force / speed**self.power)
 
 
@@ -175,6 +187,11 @@ def collision(
     -------
     restitution, duration : float
         The contact ends when its force is 0 for the last time.
+
+    Raises
+    ------
+    TensegrityError
+        The contact does not end.
     """
     import sympy as sp
     from scipy.integrate import solve_ivp
@@ -204,5 +221,10 @@ def collision(
     run = solve_ivp(
         rates, (0.0, 1e9), (0.0, 1.0), "DOP853", events=(released, separated), rtol=RTOL, atol=ATOL
     )
+    if run.status != 1:
+        raise TensegrityError(
+            f"a collision with losses of {model} never ends: the partners come to rest in contact, "
+            f"at an overlap of {length * float(run.y[0, -1]):.3g} m"
+        )
     (*_, end) = (*run.t_events[1], *run.t_events[0]) if not may_pull else run.t_events[1]
     return -float(run.y[1, -1]) if constant else 1.0, float(end)

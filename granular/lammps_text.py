@@ -18,7 +18,7 @@ from granular.bead_chain import BeadChain
 from granular.beads import Bead, Material, volume
 from granular.contact import Contact, hertz, is_hertz
 from granular.contact_network import beads_by_site
-from granular.dissipation import ELASTIC
+from granular.dissipation import ELASTIC, Dissipation
 from granular.packing import Pack
 from tensegrity import Potential, State, TensegrityError, check
 from tensegrity.scenes.dynamics import dynamics
@@ -161,12 +161,14 @@ class Laid:
             _refuse_other_law(contact.potential, one, other)
         loss = (contact and contact.dissipation) or ELASTIC
         eta, kind = loss.constant, "velocity"
+        own = "" if type(loss) is Dissipation else f", as {type(loss).__name__} gives them,"
+        if loss.constant and (own or loss.model not in ("Kuwabara-Kono", "viscous")):
+            raise TensegrityError(
+                f"contacts of {loss.model}{own} dissipate: LAMMPS has Kuwabara-Kono and viscous of "
+                "these"
+            )
         if loss.constant and loss.model == "Kuwabara-Kono":
             eta, kind = 1.5 * elastic * loss.constant / (math.sqrt(radius) * mass), "viscoelastic"
-        elif loss.constant and loss.model != "viscous":
-            raise TensegrityError(
-                f"contacts of {loss.model} dissipate: LAMMPS has Kuwabara-Kono and viscous of these"
-            )
         damping = f" damping {kind} limit_damping" if eta else ""
         k = elastic / math.sqrt(radius)
         return f"hertz {k:.17g} {eta:.17g} tangential linear_nohistory 0 0{damping}"

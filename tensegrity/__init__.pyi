@@ -1,6 +1,6 @@
 """The public names and where they are defined, which are imported when they are first used."""
 
-from . import catalogue, objective
+from . import catalogue, files, objective
 from .animation import animate
 from .branches.problem import Problem, trace
 from .engine.methods import METHODS
@@ -17,6 +17,7 @@ from .errors import (
     StabilityError,
     TensegrityError,
 )
+from .files.records import read_record
 from .gradients.compute import gradient
 from .lattices.bands import bands
 from .lattices.bloch import PairLattice
@@ -38,6 +39,8 @@ from .measure.observables import (
 )
 from .measure.pulses import pulses
 from .measure.records import first_peak, largest_peak, peaks, sampled
+from .measure.series import TimeSeries
+from .measure.spectrum import spectrum
 from .orbits.orbit import periodic_orbit
 from .orbits.path import orbit_path
 from .orbits.stability import floquet
@@ -111,6 +114,7 @@ __all__ = [
     "State",
     "Structure",
     "TensegrityError",
+    "TimeSeries",
     "Unit",
     "Wall",
     "angular_momentum",
@@ -130,6 +134,7 @@ __all__ = [
     "equilibrium",
     "equilibrium_path",
     "equilibrium_paths",
+    "files",
     "first_peak",
     "fit",
     "floquet",
@@ -151,12 +156,14 @@ __all__ = [
     "prove",
     "pulses",
     "read_curve",
+    "read_record",
     "resume",
     "sampled",
     "sech2",
     "sheath",
     "simulate",
     "solitary_wave",
+    "spectrum",
     "speed",
     "sweep",
     "tail_front",

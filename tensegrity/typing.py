@@ -34,6 +34,7 @@ Stiffness: TypeAlias = Annotated[float, "> 0", "N/m"]
 StiffnessOrInf: TypeAlias = Annotated[float, "> 0", "or inf", "N/m"]
 Preload: TypeAlias = Annotated[float, ">= 0", "N"]
 Count: TypeAlias = Annotated[int, ">= 1"]
+Order: TypeAlias = Annotated[int, ">= 1", "< 4"]  # of an expansion
 Sides: TypeAlias = Annotated[int, ">= 3"]
 Index: TypeAlias = Annotated[int, ">= 0"]
 
@@ -52,6 +53,19 @@ class Motion(Protocol):
     @property
     def v(self) -> Array:
         """Velocities [m/s], shape of u."""
+
+
+@runtime_checkable
+class Sampled(Protocol):
+    """Samples of a quantity, such as a `TimeSeries`."""
+
+    @property
+    def t(self) -> Array:
+        """Instants [s], (T,)."""
+
+    @property
+    def values(self) -> Array:
+        """(T,)."""
 
 
 @runtime_checkable

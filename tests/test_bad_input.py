@@ -123,6 +123,7 @@ MEETING = ts.simulate(CROSSING, WAVE.launch(CROSSING, 20) + WAVE.launch(CROSSING
 MET = ts.simulate(JOINED, WAVE.launch(JOINED, 20), 40 / WAVE.speed, dt=0.02,
                   record=ts.Record(every=10**6))  # fmt: skip
 SHORT_RUN = ts.simulate(LINE, LINE.at_rest({0: 0.01}), 1.0, record=ts.Record(times=[0.0, 1.0]))
+EVEN = ts.simulate(LINE, LINE.at_rest({0: 0.03}), 8.0, record=ts.Record(interval=1.0))
 BEADS_RUN = ts.simulate(BEADS, BEADS.start(), 6e-5, record=ts.Record(every=1))
 CUBE = granular.fcc_pack(2, 2, bead=BEAD, floor=STEEL, sides=STEEL, striker=STRIKER)
 PACKED = ts.simulate(CUBE, CUBE.start(), 1e-5, dt=1e-6)
@@ -130,9 +131,11 @@ FOLDER = tempfile.TemporaryDirectory()
 FILE = f"{FOLDER.name}/run.npy"
 ts.simulate(LINE, LINE.at_rest({0: 0.01}), 1.0, dt=0.1, record=ts.Record(path=FILE, checkpoint=1.0))
 RUN.save(f"{FOLDER.name}/kept")
+ts.files.write(f"{FOLDER.name}/truss.csv", TRUSS)
 CURVE = f"{FOLDER.name}/curve.txt"
 np.savetxt(CURVE, [[0.0, 0.0], [0.1, 2.0]], header="travel force")
 T = np.linspace(0.0, 1e-4, 200)
+SERIES = ts.TimeSeries(T, np.exp(-(((T - 5e-5) / 1e-5) ** 2)), "N")
 X = np.linspace(-5.0, 5.0, 101)
 SOLVED = {"supports": ts.held([0, 1]), "loads": {2: (0.0, -0.1)}}
 PRESTRESS = {"prestrain": 0.1, "k_bar": 50.0, "k_string": 2.0, "mass": 0.5}
@@ -157,6 +160,7 @@ INSTANCES = {  # of classes whose methods are called
     "Unit": UNIT, "Member": CABLES,
     "TransitionWave": FRONT,
     "Sizes": design.Sizes(3, (0.004, 0.006), 0.015, STEEL), "Structure": TRUSS,
+    "TimeSeries": SERIES,
     "StructurePath": ts.equilibrium_path(TRUSS, max_load=0.1, **SOLVED), "Wall": WALL,
 }  # fmt: skip
 EXAMPLES = {  # of arguments, by their names
@@ -260,6 +264,15 @@ CALLS = [  # where other arguments are needed, or several in one call
     (ts.bar_contact, {"path": ts.equilibrium_path(ELASTIC), "diameter": 0.01}),
     (ts.fit, {"shortening": [0.0, 0.01, 0.02, 0.03], "load": [0.0, 0.001, 0.002, 0.003],
            "prism": ELASTIC, "free": ("prestrain",), "noise": 0.1}),
+    *((take, {"force": SERIES.values}) for take in (ts.peaks, ts.first_peak, ts.largest_peak)),
+    (ts.sampled, {"force": SERIES.values}),
+    (ts.read_record, {"path": CURVE, "channel": "force", "time": "travel", "scale": 2.0,
+                      "offset": 0.1, "unit": "N"}),
+    (ts.TimeSeries, {"values": SERIES.values, "unit": "N", "history": ["cut"]}),
+    (SERIES.since, {"instant": 1e-5}),
+    (SERIES.filtered, {"below": 1e5, "above": 1e4, "order": 2, "zero_phase": False}),
+    (ts.arrival, {"run": SERIES, "after": 1e-5}), (ts.speed, {"run": (SERIES, SERIES.since(1e-5)),
+                                                              "where": 0.1, "between": (0, 1)}),
     (ts.read_curve, {"path": CURVE, "x": "mm", "y": "-kN", "columns": ("travel", 1)}),
     (ts.catalogue.snelson_x, PRESTRESS | {"width": 1.0, "height": 2.0, "k_bar": [50.0, 60.0]}),
     (ts.catalogue.prism, {"sides": 4, "base": 1.0, "height": 2.0} | PRESTRESS),
@@ -295,6 +308,7 @@ CALLS = [  # where other arguments are needed, or several in one call
     (ts.Chain, {"spring": SPRING, "sites": 3, "drive": {0: ts.Drive(force=0.1)},
              "damping": ts.Damping(0.1)}),
     (ts.Chain, {"spring": SPRING, "sites": 2, "ground": [SPRING, SPRING]}),
+    (ts.Chain, {"spring": SPRING, "sites": 3, "ends": "periodic", "stretch": 0.01}),
     (ts.Force, {"expression": SPRING, "at": [0], "parameters": {}}),
     (ts.Drive, {"displacement": sp.sin(TIME)}),
     (ts.Force, {"expression": R * TIME, "on": "bonds", "at": [0], "parameters": {}}),
@@ -302,6 +316,7 @@ CALLS = [  # where other arguments are needed, or several in one call
     (granular.kuwabara_kono, {"c": 1e-6}), (granular.hunt_crossley, {"c": 0.1}),
     (granular.viscous, {"c": 0.1}), (granular.carretero_gonzalez, {"g": 0.1, "a": 1.5}),
     (granular.kuwabara_kono, {"restitution": 0.9, "speed": 1.0}),
+    (granular.tsuji, {"restitution": 0.9}), (granular.dmt, {"work": 0.05}),
     (ts.Drive, {"force": ([0.0, 1.0, 2.0], [0.0, 0.1, 0.2])}),
     (ts.Drive(force=0.1).at, {"t": [0.0, 1.0], "order": 0}),
     (ts.Ensemble, {"scenes": ts.Chain(SPRING, 3), "count": 2}),
@@ -319,6 +334,11 @@ CALLS = [  # where other arguments are needed, or several in one call
     (ts.Record, {"interval": 0.1, "path": FILE, "checkpoint": 1.0}),
     (ts.resume, {"path": FILE, "scene": None}),
     (ts.Run.load, {"path": f"{FOLDER.name}/kept"}),
+    (ts.files.read, {"path": f"{FOLDER.name}/truss.csv"}),
+    (ts.files.write, {"path": f"{FOLDER.name}/made.csv", "thing": TRUSS}),
+    (RUN.table, {"quantity": "v", "sites": [1, 2], "times": [0.1, 0.2]}),
+    (RUN.to_csv, {"path": f"{FOLDER.name}/made.csv", "quantity": "tension", "sites": [1]}),
+    (RUN.to_dataframe, {"quantity": "v", "sites": [1, 2], "times": [0.1, 0.2]}),
     *([] if find_spec("flint") is None else [
         (ts.prove, {"of": WAVE, "period": 30.0, "exact": "decimals"}),
         (ts.verify, {"path": str(Path(__file__).with_name("wave.json"))}),
@@ -342,6 +362,7 @@ CALLS = [  # where other arguments are needed, or several in one call
     (ts.solitary_wave, {"excess": 0.5}),
     (ts.genuine, {"make": lambda light: CELL, "low": 0.1, "high": 0.9, "count": 2}),
     (FAMILY.small_peak, {"excess": 1e-3}),
+    (FAMILY.small, {"x": [0.0, 1.0], "excess": 1e-3, "order": 2}),
     (ts.predict, {"potential": HERTZ}),
     (ts.predict(LENNARD_JONES)["compression"].wall_peak, {"speed": 100.0}),
     (largest_speed, {"potential": SPRING, "mass": 1.0, "family": None, "closest": 0.04}),
@@ -362,6 +383,8 @@ CALLS = [  # where other arguments are needed, or several in one call
     (ts.interface, {"near": SPRING, "far": ELASTIC.potential(), "sites": (4, 4),
                     "mass": (1.0, 2.0)}),
     (ts.transmission, {"run": MET, "row": 1}),
+    (ts.spectrum, {"run": EVEN, "sites": [1, 3, 5], "of": "u"}),
+    (ts.spectrum(EVEN).ridge, {"least": 0.1}),
     (FAMILY.curve, {"speed_ratio": [1.5, 2.0]}),
     (ts.arrival, {"run": RUN, "bond": 4, "direction": 1}),
     (ts.tail_front, {"state": RUN.final}),

@@ -16,7 +16,7 @@ from tensegrity import (
     simulate,
 )
 from tensegrity.springs.kinks import UNKNOWN
-from tensegrity.structures.member_springs import BarSpring, StringSpring
+from tensegrity.structures.member_springs import MemberSpring
 
 r, k, a = sp.symbols("r k a", real=True)
 HALF = sp.Rational(5, 2)
@@ -172,8 +172,8 @@ def test_a_tolerance_is_kept_where_forces_have_corners(energy):
 
 def test_contacts_and_strings_have_their_corner():
     assert PowerLaw(2.0, 1.5).kinks == ((0.0, 2.0, 1.5, -1.0),)
-    assert StringSpring(3.0, 1.0).kinks == ((0.0, 3.0, 1.0, 1.0),)
-    assert BarSpring(3.0, 1.0).smooth
+    assert MemberSpring(3.0, 1.0, string=True).kinks == ((0.0, 3.0, 1.0, 1.0),)
+    assert MemberSpring(3.0, 1.0).smooth
 
 
 # jumps

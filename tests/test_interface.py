@@ -18,6 +18,7 @@ DOORS = (
     "tensegrity",
     "tensegrity.objective",
     "tensegrity.catalogue",
+    "tensegrity.files",
     "granular",
     "granular.design",
     "granular.lammps",
@@ -27,6 +28,9 @@ LATER = {
     "Problem",
     "trace",
     "catalogue",
+    "files",
+    "read",
+    "write",
     "interface",
     "phase_shift",
     "pulses",
@@ -34,12 +38,15 @@ LATER = {
     "transmission",
 }
 LATER |= {"Scatter", "robustness"}
+LATER |= {"TimeSeries", "read_record"}
 LATER |= {"Formula", "Member", "Unit"}
 LATER |= {"Lattice", "Matrix", "bands", "decay", "effective_mass", "moduli", "sheath"}
 LATER |= {"floquet", "orbit_path", "periodic_orbit"}
 LATER |= {"transition_wave", "units"}
+LATER |= {"spectrum"}
 LATER |= {"PairLattice", "PairLaw", "prove", "verify"}
 LATER |= {"Force", "carretero_gonzalez", "hunt_crossley", "kuwabara_kono", "viscous"}
+LATER |= {"dmt", "tsuji"}
 HELD = Path(__file__).parent / "interface.txt"
 
 

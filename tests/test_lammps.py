@@ -6,7 +6,7 @@ import os
 import re
 import shutil
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
@@ -18,6 +18,7 @@ from granular import (
     Striker,
     carretero_gonzalez,
     chain,
+    dmt,
     fcc_pack,
     hertz,
     hexagonal_pack,
@@ -27,11 +28,13 @@ from granular import (
     pack,
     power,
     simulate,
+    tsuji,
     viscous,
     wall_force,
     y_guide,
 )
 from granular.contact_network import beads_by_site
+from granular.dissipation import Dissipation
 from granular.lammps import INSTALL, PROGRAMS, run_lammps, to_lammps
 from tensegrity import Chain, Damping, PowerLaw, Record, TensegrityError, Wall
 
@@ -162,10 +165,22 @@ def test_the_damping_of_a_contact_is_told(tmp_path):
     assert float(eta) * PTFE.mass == pytest.approx(1.5 * 2e-6 * float(stiffness), rel=1e-14)
 
 
+class Own(Dissipation):
+    """A formula that the name of its model does not say."""
+
+    def force(self, d, rate, elastic, constant):
+        return constant * d * rate
+
+
 @pytest.mark.parametrize(
     ("words", "scene"),
     [
         ("Hunt-Crossley dissipate", lambda: chain([STEEL] * 3, law=hunt_crossley(0.1))),
+        ("Tsuji dissipate", lambda: chain([STEEL] * 3, law=tsuji(restitution=0.9))),
+        ("not Hertz's", lambda: chain([STEEL] * 3, law=dmt(0.05))),
+        ("viscous, as Own gives them, dissipate", lambda: pack(
+            [[0.0, 0.0], [1.1 * D, 0.0]], STEEL, law=lambda a, b: replace(
+                hertz(a, b), dissipation=Own("viscous", 1.0)))),
         ("Carretero-Gonzalez dissipate", lambda: pack(
             [[0.0], [D]], STEEL, law=carretero_gonzalez(0.1, 1.5))),
         ("besides those of contacts", lambda: y_guide(

@@ -20,9 +20,11 @@ BASE = [
     "typing",
     "check",
     "checked",
+    "columns",
     "once",
     "readonly",
     "root",
+    "frames",
     "minimum",
     "notebook",
     "plotting",
@@ -44,6 +46,7 @@ ROOMS = [  # inside tensegrity: each may import what stands before it
     "orbits",
     "measure",
     "gradients",
+    "files",
 ]
 ABOVE = ["objective", "animation", "__main__"]  # modules for users that no room uses
 

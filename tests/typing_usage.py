@@ -109,6 +109,7 @@ def springs(spring: ts.Potential) -> Sequence[ts.Potential]:
     assert_type(beads.parameters, dict[str, float])
     with ts.units(length="mm", mass="t"):
         assert_type(ts.Potential.from_table([-1, 0, 1], [-1, 0, 1], "linear").noise, float)
+    assert_type(ts.Potential.from_table(Path("spring.csv"), None), ts.Potential)
     ts.Potential(toda, r, domain=(0.0,))  # type: ignore[arg-type]
     return toda, beads, fitted
 
@@ -235,10 +236,13 @@ def waves(spring: ts.Potential, chain: ts.Chain) -> ts.State:
     assert_type(planar + cells, list[ts.Lattice])
     assert_type(ts.catalogue.resonators(masses=(1.0, 2.0)), ts.Lattice)
     assert_type(ts.catalogue.x_plate().network((2, 2)), ts.Network)
+    ts.files.write("x.stl", ts.catalogue.dome(), radius=0.01)
+    assert_type(ts.files.read("x.csv"), Any)
     assert_type(ts.predict(spring)["compression"].speeds, tuple[float, float])
     assert_type(ts.interface(spring, spring, (40, 60), mass=(1.0, 2.0)), ts.Chain)
     assert_type(spring.sound_speed(), float)
-    assert_type(ts.sech2(spring, 1.1, 0.0) - ts.tent(spring, [0.0]), Array)
+    assert_type(ts.predict(spring)["compression"].small([0.0], 0.01, order=2), Array)
+    assert_type(ts.sech2(spring, 1.1, 0.0, order=3) - ts.tent(spring, [0.0]), Array)
     ts.solitary_wave(spring, 1.0, 2.0)  # type: ignore[call-arg, arg-type]
     ts.transition_wave(spring, ahead=0.0, behind=1, ground=spring, damping=ts.Damping(0.1))
     ts.transition_wave(spring, 1.0, ahead=0.0)  # type: ignore[call-arg]
@@ -258,6 +262,10 @@ def measured(chain: ts.Chain, run: ts.Run) -> float:
     assert found is not None
     assert_type(ts.phase_shift(run, found, found), tuple[float, float])
     assert_type(ts.transmission(run).reflected, tuple[Pulse, ...])
+    assert_type(ts.spectrum(run, sites=[0, 2], of="v").ridge(0.1), tuple[Array, Array])
+    ring = ts.Chain(chain.springs[0], 8, ends="periodic", stretch=0.1)
+    ts.Chain(chain.springs[0], 8, ends="ring")  # type: ignore[arg-type]
+    assert_type(ring.stretch, float)
     assert_type(observables.peak(chain.elongation(run.final.u)), tuple[float, float])
     assert_type(observables.passage(run.t, run.u[:, 0], run.v[:, 0]), float)
     times = ts.arrival(run, 3, direction=-1, after=0.5) + ts.duration(run, 3, level=0.1)
@@ -265,7 +273,7 @@ def measured(chain: ts.Chain, run: ts.Run) -> float:
     ts.budget(chain, 5)  # type: ignore[arg-type]
     ts.bond_force(chain)  # type: ignore[arg-type]
     ts.speed(run, 5)  # type: ignore[call-overload]
-    ts.arrival(chain, 3)  # type: ignore[arg-type]
+    ts.arrival(chain, 3)  # type: ignore[call-overload]
     return times + front + ts.speed(run, (3, 9)) + ts.width(run.t, run.energy)
 
 
@@ -336,6 +344,8 @@ def beads() -> ts.Run:
         granular.hunt_crossley(0.1),
         granular.viscous(0.1),
         granular.carretero_gonzalez(1.0, 1.5),
+        granular.tsuji(restitution=0.5),
+        granular.dmt(0.05),
     ):
         assert_type(law(bead, brass), granular.Contact)
     assert_type(
@@ -376,7 +386,14 @@ def sensed(run: ts.Run) -> Array:
     assert_type(granular.contact_network.wall_sites(guide, "floor"), list[int])
     assert_type(granular.contact_network.wall_forces(guide, run.u, "floor"), Array)
     granular.energies(run)
-    ts.first_peak(run.t)  # type: ignore[call-arg]
+    series = ts.read_record("scope.csv", "CH1", scale=20.0, offset=0.1, time=1e-6, unit="N")
+    assert_type(series.filtered(below=2e4).since(1e-4), ts.TimeSeries)
+    assert_type(series.noise, float)
+    assert_type(ts.peaks(series).instant, Array)
+    assert_type(ts.arrival(series, after=0.1) + ts.speed((series, series), 0.1), float)
+    ts.Drive(force=series)
+    ts.arrival(series, 3)  # type: ignore[call-overload]
+    ts.first_peak(run)  # type: ignore[arg-type]
     granular.sensor_force(run, 3, "stem 1")  # type: ignore[call-overload]
     granular.energies(run.final)  # type: ignore[arg-type]
     return run.momentum()[:, 0] + granular.sensor_force(run, [1])[:, 0]

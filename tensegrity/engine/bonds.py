@@ -7,7 +7,7 @@ elongation range of every bond with parameters of its own, and of every run of o
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -48,6 +48,9 @@ class Bonds:
         Of bonds with mass: accelerations are `inverse_mass` times the forces after these.
     heavy : tuple of int
         The bonds with mass.
+    stretch : float, optional
+        Of a ring what its elongations sum up to [m]: one more bond joins the last site to the
+        first.
     """
 
     laws: tuple
@@ -59,6 +62,7 @@ class Bonds:
     kinks: np.ndarray | None = None
     coupling: RowOperations | None = None
     heavy: tuple = ()
+    stretch: float | None = None
 
     @property
     def dim(self):
@@ -87,6 +91,20 @@ class Bonds:
         """The order of the bonds in the loop."""
         runs = line_runs(self) if self.contacts is None else net_runs(self)
         return Runs(*(fixed(getattr(runs, field.name)) for field in fields(Runs)))
+
+    @cached_property
+    def in_pattern(self):
+        """A ring as contacts, which the reverse loop takes; others as they are."""
+        if self.stretch is None:
+            return self
+        each, none = np.arange(len(self.group)), np.zeros((len(self.group), 1))
+        turn, gap = none.copy(), none[:, 0].copy()
+        turn[-1], gap[-1] = len(each), self.stretch
+        contacts = Contacts(
+            each, (each + 1) % len(each), gap, np.ones(len(each)), each[:, None] + 0.0, none,
+            none[:0], shift=turn,
+        )  # fmt: skip
+        return replace(self, contacts=contacts, stretch=None)
 
     @cached_property
     def layouts(self):
@@ -122,6 +140,8 @@ class Contacts:
         Constant forces [N].
     normals : ndarray, (walls, dim)
         Of the walls.
+    shift : ndarray, (contacts, dim), optional
+        What is added to the separation of a pair [m], where its second end is an image of a site.
     crowding : ndarray of int, (sites,), optional
         Approximate number of sites of higher numbers with which each may have contacts, where the
         list changes during a run; the same for all lists of a scene.
@@ -135,6 +155,7 @@ class Contacts:
     load: np.ndarray
     normals: np.ndarray
     crowding: np.ndarray | None = None
+    shift: np.ndarray | None = None
 
     @property
     def walls(self):
@@ -177,6 +198,8 @@ class Contacts:
         arguments = np.empty((self.load.shape[1] + 2, len(first)))
         for row, place in zip(arguments[:-2], self.places.T, strict=True):
             row[:] = np.where(pair, place[second] - place[first], place[first])
+        if self.shift is not None:
+            arguments[:-2, pair] += self.shift[some][pair].T
         if len(arguments) == 3:
             arguments[0, pair] = np.sign(arguments[0, pair])
         arguments[-2], arguments[-1] = self.gap[some], self.length[some]

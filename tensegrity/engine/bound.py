@@ -76,7 +76,10 @@ class Bound:
             ]
             fields |= _piece(loop_layout, 0, loop_layout.slices.tiles, 0, 1)
         else:  # fields of networks stay empty
-            fields = dict.fromkeys(SCENE.kinds) | fields | {"active": self._active}
+            if bonds.stretch is not None:  # the image is no site
+                self.sizes = u.size * len(bonds.inverse_mass) // len(u), 0
+            active = self._active if bonds.stretch is None else None
+            fields = dict.fromkeys(SCENE.kinds) | fields | {"active": active}
         self._bind(SCENE(**fields), method)
         self.set_step(dt)
 
@@ -149,6 +152,8 @@ class Bound:
         if isinstance(method, Midpoint):
             if self._bonds.coupling is not None:
                 raise TensegrityError(f"method {method.name!r}: not for bonds with mass")
+            if self._bonds.stretch is not None:
+                raise TensegrityError(f"method {method.name!r}: not for rings")
             self._words = f"is too large for {method.name}: its equations were not solved in "
             return "implicit", self._equations()
         return "nystrom", self._accelerations(method)

@@ -304,6 +304,7 @@ static int driven_stage(scene *c, const drive *d, integer s, integer i, real a, 
         d->sums[0] -= a * d->force_rate[at] * u[q];
     }
     for (integer e = 0; e < d->moving; e++) v[d->moved[e]] = 0, d->given[e] = u[d->moved[e]];
+    CLOSE_RING(c, u, v)
 #if CHANGES
     if (!may_span(c, d, s)) return 1;
     set_springs(d, s);

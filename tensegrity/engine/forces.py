@@ -23,8 +23,11 @@ def connectivity(bonds):
     sites, (bonds,), and `Contacts.geometry`, (dim + 2, bonds); dim is 1 for a chain."""
     contacts, count = bonds.contacts, len(bonds.group)
     if contacts is None:
-        first = np.arange(count)
-        return first, first + 1, np.ones(count, bool), np.tile([[1.0], [0.0], [1.0]], count)
+        first, geometry = np.arange(count), np.tile([[1.0], [0.0], [1.0]], count)
+        second = first + 1
+        if bonds.stretch is not None:
+            second[-1], geometry[1, -1] = 0, bonds.stretch
+        return first, second, np.ones(count, bool), geometry
     return contacts.first, contacts.second, contacts.kind == PAIR, contacts.geometry
 
 
@@ -44,6 +47,9 @@ def elongations(bonds, u):
 
 def bond_elongations(bonds, u):
     """Elongation of each bond [m], (..., bonds), without its gradient."""
+    if bonds.stretch is not None:
+        last = u[..., :1] - u[..., -1:] + bonds.stretch
+        return np.concatenate([u[..., 1:] - u[..., :-1], last], axis=-1)
     if bonds.contacts is None:
         return u[..., 1:] - u[..., :-1]
     contacts = bonds.contacts
@@ -148,7 +154,8 @@ def _elongation(dim):
 
 def _rows(bonds):
     """Number of rows."""
-    return len(bonds.group) + 1 if bonds.contacts is None else bonds.contacts.rows
+    ends = int(bonds.stretch is None)  # a ring has as many sites as bonds
+    return len(bonds.group) + ends if bonds.contacts is None else bonds.contacts.rows
 
 
 def scattered_forces(bonds, tension, along):

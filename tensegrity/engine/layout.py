@@ -86,10 +86,13 @@ def loop_layout(loop, bonds, pieces=1, runs=None):
 
 def _line(loop, bonds, runs):
     weights = np.asarray(bonds.inverse_mass)
+    if bonds.stretch is not None:
+        weights = np.append(weights, 0.0)  # of the image of the first site
     if loop.batch > 1 and weights.ndim == 1:
         weights = np.repeat(weights, loop.batch)
     where = {"first": runs.first - runs.first[0], "law": 2 * runs.law + runs.own}
-    return _with_parameters(loop, bonds, runs, {"w": weights} | where)
+    stretch = None if bonds.stretch is None else loop.numbers([bonds.stretch])
+    return _with_parameters(loop, bonds, runs, {"w": weights} | where, stretch=stretch)
 
 
 def _with_parameters(loop, bonds, runs, fields, pieces=1, slices=None, **more):
@@ -174,6 +177,7 @@ def _net(loop, bonds, pieces):
         "loaded": loaded,
         "couplings": 0 if bonds.coupling is None else len(bonds.coupling.target),
         **dict.fromkeys(("geometry", "from", "to")),  # see `of_contacts`
+        "stretch": None,
     }
     sliced = replace(sliced, contact=None, other=None, counts=None)
     made = _with_parameters(loop, bonds, entries, fields, pieces, sliced, **more)

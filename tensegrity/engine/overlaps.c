@@ -26,8 +26,15 @@ typedef struct {
 #define DIM 1
 #define AXES(k) for (int k = 0; k < DIM; k++)
 #define FROM(b) ((b) % o->bonds)
-#define TO(b) ((b) % o->bonds + BATCH)
 #define KINK(b) (b)
+
+/* Entry of the second end of a contact: of the last one of a ring, the first site. */
+static integer second(const scene *c, const openings *o, integer b)
+{
+    const integer to = FROM(b) + BATCH;
+    return c->stretch && to >= o->bonds ? to - o->bonds : to;
+}
+#define TO(b) second(c, o, b)
 
 /* Of n entries of a chain, those that may move. */
 static integer moving(const scene *c, integer n)
@@ -97,6 +104,7 @@ static void apply_impulse(const scene *c, const openings *o, integer b, real w, 
     c->v[to] -= right * impulse;
     c->u[from] += left * shift;
     c->u[to] -= right * shift;
+    close_ring(c, c->u, c->v);
 }
 #else
 #define FROM(b) c->from[(b) % o->bonds]

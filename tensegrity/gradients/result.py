@@ -14,8 +14,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tensegrity import check, plotting
-from tensegrity.engine.law import Law
-from tensegrity.engine.pair import PairForms
 from tensegrity.engine.programs import derived as program_of
 from tensegrity.engine.programs import run
 from tensegrity.errors import TensegrityError
@@ -26,6 +24,7 @@ from tensegrity.scenes.picture import Picture
 from tensegrity.springs.polynomial import Polynomial
 from tensegrity.springs.power_law import PowerLaw
 from tensegrity.springs.pressed import Pressed
+from tensegrity.structures.member_springs import MemberSpring
 from tensegrity.typing import Array
 from tensegrity.unit.condensed import CondensedPotential
 from tensegrity.unit_names import unit_text
@@ -43,7 +42,7 @@ PRISM = ("prestrain", "height", "k_cross")
 POWER = ("stiffness", "preload", "exponent")
 UNITS = {"mass": "kg", "base": "m", "height": "m", "preload": "N", "diameter": "m", "modulus": "Pa"}
 UNITS |= dict.fromkeys(("k_cross", "k_base", "k_bar"), "N/m") | {"bond_mass": "kg"}
-OWN = Pressed, CondensedPotential  # springs that give derivatives of their law's parameters
+OWN = Pressed, CondensedPotential, MemberSpring  # they give derivatives of the law's parameters
 RIGID = rigid_law(), rigid_law(any_sides=True)  # of triangular prisms, and of any number of sides
 
 
@@ -213,8 +212,14 @@ def digits(value: float, by_u: Array, by_v: Array, largest: tuple[float, float])
     return float(np.clip(np.log10(abs(value) / noise), 0, DIGITS))
 
 
+def _given(spring: Potential) -> Potential:
+    """The law that a member of a structure was given, whose parameters are its first; or itself."""
+    return (spring.of if isinstance(spring, MemberSpring) else None) or spring
+
+
 def refuse(spring: Potential) -> None:
     """Refuse a spring without derivatives, saying why."""
+    spring = _given(spring)
     if isinstance(spring, Polynomial):
         raise TensegrityError(
             f"{spring!r} is a fit of another spring, of which it has no derivatives: give that "
@@ -225,14 +230,11 @@ def refuse(spring: Potential) -> None:
             f"exponent {spring.exponent:g} of {spring!r} is below 1: its stiffness has no bound "
             "where the contact opens, and no derivative exists there"
         )
-    if not isinstance(spring.law, (Law, PairForms)) and not hasattr(spring.law, "by_parameters"):
-        raise TensegrityError(
-            f"{spring!r} has no parameters with respect to which to differentiate"
-        )
 
 
 def names(spring: Potential) -> tuple[str, ...]:
     """Names of the arguments of this spring for which `Gradient.by` has derivatives."""
+    spring = _given(spring)
     if spring.law in RIGID:
         return PRISM
     if isinstance(spring, PowerLaw):
@@ -243,6 +245,8 @@ def names(spring: Potential) -> tuple[str, ...]:
         return tuple(x for x, value in known if isfinite(value) and (value or x != "preload"))
     if isinstance(spring, Pressed):
         return tuple(spring.parameters)[:-1]
+    if isinstance(spring, MemberSpring):
+        return spring.arguments
     return tuple(spring.parameters)
 
 
@@ -261,7 +265,8 @@ def slopes(table: Springs, name: str) -> Array:
     ndarray, (springs, parameters)
         0 for springs without this argument.
     """
-    springs, by_value = table.different, np.zeros(table.table[2].shape)
+    springs: list[Any] = [*map(_given, table.different)]
+    by_value = np.zeros(table.table[2].shape)
     alike: dict[Any, list[int]] = {}
     for k, spring in enumerate(springs):
         if name in names(spring):

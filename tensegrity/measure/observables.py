@@ -17,17 +17,18 @@ from tensegrity import check
 from tensegrity.checked import checked
 from tensegrity.engine import forces
 from tensegrity.errors import TensegrityError
-from tensegrity.measure.peaks import noise_of, peak_bonds, sites_around
+from tensegrity.measure.peaks import PEAK_FRACTION, noise_of, peak_bonds, sites_around
+from tensegrity.measure.records import first_peak
+from tensegrity.measure.series import TimeSeries
 from tensegrity.root import polynomial_through, root
 from tensegrity.runs.run import Run
-from tensegrity.scenes.chain import Chain
+from tensegrity.scenes.chain import Chain, refuse_ring
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.network import Network
 from tensegrity.scenes.scene import State
 from tensegrity.typing import Array, Fraction, Index
 
 ROUND_OFF = 1e-12  # of a peak: a smaller elongation is round-off
-PEAK_FRACTION = 0.5  # of the largest extremum, from which an extremum counts as the pulse
 NEIGHBOURS = 5  # recorded instants on either side from which a peak is interpolated
 
 
@@ -63,21 +64,32 @@ def passage(t: Array, elongation: Array, rate: Array) -> float:
     return float(start + root(curve, 0.0, t[first + 1] - start, relative=1e-14))
 
 
-def arrival(run: Run, bond: int, direction: int | None = None, after: float = 0.0) -> float:
-    """Instant [s] at which the peak of the leading pulse passes a bond.
+@overload
+def arrival(run: Run, bond: int, direction: int | None = None, after: float = ...) -> float: ...
+@overload
+def arrival(run: TimeSeries, *, after: float = ...) -> float: ...
+def arrival(
+    run: Run | TimeSeries,
+    bond: int | None = None,
+    direction: int | None = None,
+    after: float = -math.inf,
+) -> float:
+    """Instant [s] at which the peak of the leading pulse passes a bond, or a sensor.
 
     Parameters
     ----------
-    run : Run
-        With both sites of the bond recorded often enough to resolve the pulse.
-    bond : int
-        Bond j joins sites j and j + 1.
+    run : Run or TimeSeries
+        With both sites of the bond recorded often enough to resolve the pulse; or what a sensor
+        recorded, whose first large peak counts, as by `first_peak`.
+    bond : int, optional
+        Of a run: bond j joins sites j and j + 1.
     direction : int, optional
         1: only pulses towards higher sites; -1: only towards lower ones.  By default either.  The
         sign of elongation times mean velocity of the two sites gives the direction in which energy
         flows, towards higher sites where it is negative.
     after : float, optional
-        Only instants from this one on count [s], for instance to time a reflected pulse.
+        Only instants from this one on count [s], for instance to time a reflected pulse; by
+        default all.
 
     Returns
     -------
@@ -100,12 +112,17 @@ def arrival(run: Run, bond: int, direction: int | None = None, after: float = 0.
     >>> [round(arrival(run, 70, direction) * wave.speed, 2) for direction in (1, -1)]
     [39.23, 15.0]
     """
+    after = check.number("after", after, finite=False, unit="s")
+    if isinstance(run, TimeSeries):
+        if bond is not None or direction is not None:
+            raise TensegrityError(f"bond {bond} and direction {direction} are those of a run")
+        return first_peak(run, between=(after, math.inf)).instant
     if not all(isinstance(getattr(run, name, None), np.ndarray) for name in ("t", "u", "v")):
-        raise TensegrityError(f"run is {type(run).__name__}, not a Run")
+        raise TensegrityError(f"run is {type(run).__name__}, not a Run or a TimeSeries")
     bond = check.whole("bond", bond, least=0)
     if direction is not None and check.whole("direction", direction, least=-1) not in (-1, 1):
         raise TensegrityError(f"direction {direction} must be 1 or -1")
-    counts = run.t >= check.number("after", after, unit="s")
+    counts = run.t >= after
     if run.u.ndim != 2:
         raise TensegrityError(
             f"rows of shape {run.u.shape[1:]} are not those of one chain: select a run or an axis"
@@ -133,34 +150,39 @@ def speed(run: Run, where: tuple[int, int]) -> float: ...
 def speed(
     run: Run, where: str, numbers: tuple[int, int], between: tuple[float, float] = ...
 ) -> float: ...
+@overload
+def speed(
+    run: tuple[TimeSeries, TimeSeries], where: float, *, between: tuple[float, float] = ...
+) -> float: ...
 @checked
 def speed(
-    run: Run,
-    where: str | tuple[int, int],
+    run: Run | tuple[TimeSeries, TimeSeries],
+    where: str | tuple[int, int] | float,
     numbers: tuple[int, int] | None = None,
     between: tuple[float, float] = (-math.inf, math.inf),
 ) -> float:
-    """Speed of the leading pulse between two bonds of a chain, or two beads of a part.
+    """Speed of the leading pulse between two bonds of a chain, two beads of a part, or two sensors.
 
     Parameters
     ----------
-    run : Run
+    run : Run, or two TimeSeries
         With the sites of both bonds, or both beads and their neighbours, recorded often enough to
-        resolve the pulse.
-    where : (int, int) or str
-        Two bonds of a `Chain`; or, of a scene of beads, a part such as "stem 1".
+        resolve the pulse; or what two sensors recorded.
+    where : (int, int), str or float
+        Two bonds of a `Chain`; of a scene of beads, a part such as "stem 1"; or the distance of the
+        sensors [m].
     numbers : (int, int), optional
         Numbers of the two beads in that part, from 1.
     between : (float, float), optional
-        Of beads: interval of time that is searched [s], for a reflected pulse behind the incident
-        one.
+        Of beads and sensors: interval of time that is searched [s], for a reflected pulse behind
+        the incident one.
 
     Returns
     -------
     float
         Of a chain in sites per second, as a lattice has no other length.  Of beads in m/s: the
-        distance through touching beads over the time between the peaks of the two sensor forces.
-        Positive if the pulse travels from the first place to the second.
+        distance through touching beads, or that given, over the time between the peaks of the two
+        sensor forces.  Positive if the pulse travels from the first place to the second.
 
     Raises
     ------
@@ -176,7 +198,16 @@ def speed(
     >>> print(f"{speed(run, (40, 60)):.4f}, sound speed {spring.sound_speed(1.0):.4f} sites/s")
     1.2105, sound speed 1.2247 sites/s
     """
-    return speed_in(run.scene, run, where, numbers, between)
+    if not isinstance(run, (tuple, list)):
+        return speed_in(check.kind("run", run, Run).scene, run, where, numbers, between)
+    series = [check.kind("series", one, TimeSeries) for one in run]
+    if len(series) != 2 or numbers is not None:
+        raise TensegrityError(f"{len(series)} series with numbers {numbers}, must be two without")
+    way = check.number("distance of the sensors", where, unit="m")
+    passed, then = (first_peak(one, between=between).instant for one in series)
+    if passed == then:
+        raise TensegrityError(f"both series have their first peak at {then:g} s")
+    return way / (then - passed)
 
 
 @singledispatch
@@ -279,6 +310,7 @@ def tail_front(chain: Chain, state: State, level: Fraction = 0.5) -> float:
         Bad input; an undeformed chain; nothing behind the leading pulse.
     """
     chain.energy(state)  # refuses what is no state of it
+    refuse_ring(chain, "the front of a tail")
     r = chain.elongation(state.u)
     peaks = peak_bonds(r, PEAK_FRACTION)
     if not peaks:

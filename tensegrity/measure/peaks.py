@@ -24,6 +24,7 @@ SEVERAL = 40  # rows, of fewer of which noise cannot be estimated
 NOISY = 1e-4  # of the largest value: noise below it is left to interpolation
 STEADY = 0.5  # ratio of the estimates from 8 and from 4 neighbours, below which they see a signal
 QUANTUM = 3e-5  # of the largest value: multiples of less are not those of a converter
+PEAK_FRACTION = 0.5  # of the largest extremum, from which an extremum counts as the pulse
 FLAT = 3  # equal rows at the top that are a plateau
 SHARP = 8.0  # quanta or three deviations of the noise, by which a record falls beside a plateau
 CERTAIN = 6.0  # standard deviations of the smoothed noise, from which a peak is one

@@ -17,8 +17,8 @@ from numpy.typing import ArrayLike
 from tensegrity import check
 from tensegrity.checked import checked
 from tensegrity.errors import TensegrityError
-from tensegrity.measure.observables import PEAK_FRACTION
-from tensegrity.measure.peaks import DISTINCT, fitted_peaks, noise_of, refuse_plateau
+from tensegrity.measure.peaks import DISTINCT, PEAK_FRACTION, fitted_peaks, refuse_plateau
+from tensegrity.measure.series import TimeSeries
 from tensegrity.root import root
 from tensegrity.typing import Array, Duration, Flags, Fraction
 
@@ -70,8 +70,8 @@ class Peak(_Pair[Number]):
 
 @checked
 def first_peak(
-    t: ArrayLike,
-    force: ArrayLike,
+    t: ArrayLike | TimeSeries,
+    force: ArrayLike | None = None,
     between: tuple[float, float] = (-math.inf, math.inf),
     *,
     noise: Annotated[float, ">= 0", "N"] | None = None,
@@ -81,7 +81,7 @@ def first_peak(
     Parameters
     ----------
     t, force : ndarray, (T,)
-        [s], [N].
+        [s], [N]; or a `TimeSeries` alone.
     between : (float, float)
         Interval of time that is searched [s].
     noise : float, optional
@@ -131,8 +131,8 @@ def first_peak(
 
 @checked
 def largest_peak(
-    t: ArrayLike,
-    force: ArrayLike,
+    t: ArrayLike | TimeSeries,
+    force: ArrayLike | None = None,
     between: tuple[float, float] = (-math.inf, math.inf),
     *,
     noise: Annotated[float, ">= 0", "N"] | None = None,
@@ -145,7 +145,7 @@ def largest_peak(
     Parameters
     ----------
     t, force : ndarray, (T,)
-        [s], [N].
+        [s], [N]; or a `TimeSeries` alone.
     between : (float, float)
         Interval of time that is searched [s]; a maximum at its end is that of the last row there,
         if the record has no noise.
@@ -210,8 +210,8 @@ def _within(t: Array, between: tuple[float, float]) -> Flags:
 
 @checked
 def sampled(
-    t: ArrayLike,
-    force: ArrayLike,
+    t: ArrayLike | TimeSeries,
+    force: ArrayLike | None = None,
     interval: Duration = CLOCK,
     phase: Annotated[float, ">= 0", "s"] = 0.0,
 ) -> tuple[Array, Array]:
@@ -220,7 +220,7 @@ def sampled(
     Parameters
     ----------
     t, force : ndarray, (T,)
-        Recorded more often than every `interval`.
+        Recorded more often than every `interval`; or a `TimeSeries` alone.
     interval, phase : float
         Of the clock [s]: it reads at phase, phase + interval, ... after the first row; the phase
         is >= 0 and shorter than the record.
@@ -255,8 +255,8 @@ def sampled(
 
 @checked
 def peaks(
-    t: ArrayLike,
-    force: ArrayLike,
+    t: ArrayLike | TimeSeries,
+    force: ArrayLike | None = None,
     level: Fraction = LEVEL,
     *,
     noise: Annotated[float, ">= 0", "N"] | None = None,
@@ -269,7 +269,7 @@ def peaks(
     Parameters
     ----------
     t, force : ndarray, (T,)
-        [s], [N].
+        [s], [N]; or a `TimeSeries` alone.
     level : float
         Fraction of the largest peak below which peaks are ignored, between 0 and 1.
     noise : float, optional
@@ -340,12 +340,13 @@ def _refuse_no_peak(t: Array, force: Array) -> None:
 
 
 def _record(
-    t: ArrayLike, force: ArrayLike, noise: float | None = 0.0
+    t: ArrayLike | TimeSeries, force: ArrayLike | None, noise: float | None = 0.0
 ) -> tuple[Array, Array, float]:
     """Instants and forces as arrays (T,), T >= 2, once they are found to form a record, and the
     standard deviation of its rows: given, or estimated if it is None."""
-    t, force = check.columns(t=t, force=force)
-    if len(t) < 2 or not np.all(np.diff(t) > 0):
-        least = np.diff(t).min(initial=0.0)
-        raise TensegrityError(f"t must increase over 2 instants or more, not by {least:g} s")
-    return t, force, noise_of(t, force) if noise is None else noise
+    if not isinstance(t, TimeSeries):
+        t, force = check.columns(t=t, force=force)  # type: ignore[arg-type]
+        t = TimeSeries(t, force, noise=noise)
+    elif force is not None:
+        raise TensegrityError("force is given beside a time series, which has its values")
+    return t.t, t.values, t.noise if noise is None else noise

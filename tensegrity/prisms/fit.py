@@ -24,7 +24,7 @@ from tensegrity.printing import Lines, Printed
 from tensegrity.prisms.curve import NAMES, NO_CURVE, RESOLVED, Misfit, intervals, traced_loads
 from tensegrity.prisms.measured import read_curve
 from tensegrity.prisms.prism import Prism
-from tensegrity.typing import Fraction
+from tensegrity.typing import Fraction, Sampled
 from tensegrity.unit_names import in_units
 
 if TYPE_CHECKING:
@@ -184,10 +184,10 @@ def fit(
 
     Parameters
     ----------
-    shortening : array_like (points,) or path
+    shortening : array_like (points,), TimeSeries or path
         Measured shortening [m], compression > 0; or a file of shortening [m] and load [N], which
         `read_curve` reads.
-    load : array_like (points,), or None with a file
+    load : array_like (points,) or TimeSeries, or None with a file
         Measured axial load [N], compression > 0.
     prism : Prism
         Initial guess, with elastic bases or bars; parameters that are not free keep its values.
@@ -380,6 +380,9 @@ def _checked_names(free: Any, prism: Prism) -> tuple[str, ...]:
 def _read_points(shortening: Any, load: Any) -> tuple[Array, Array]:
     if load is None:
         shortening, load = read_curve(shortening, "m", "N")
+    each = [one.t for one in (shortening, load) if isinstance(one, Sampled)]
+    if len(each) == 2 and not np.array_equal(each[0], each[1]):
+        raise TensegrityError("shortening and load are time series of different instants")
     x, y = check.columns(shortening=shortening, load=load)
     return x, y
 

@@ -1,31 +1,18 @@
-"""Curves that a testing machine recorded, read from text files.
-
-Columns of numbers below any header, separated by tabs, semicolons, commas or blanks, with decimal
-points or commas.  The first line with numbers in the requested columns decides which of these.
-Nothing in a file is evaluated.  Below that line only empty lines and comments are skipped; anything
-else that is not a number is refused, with its line and value.
-"""
+"""Curves that a testing machine recorded, read from text files; see `tensegrity.columns`."""
 
 from __future__ import annotations
 
-import csv
-import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from os import PathLike
 from typing import NamedTuple
 
 import numpy as np
 
 from tensegrity import check
+from tensegrity.columns import PREFIXES, read_columns, text_lines
 from tensegrity.errors import TensegrityError
 from tensegrity.printing import filled
 from tensegrity.typing import Array
-
-SEPARATORS = ("\t", ";", ",", " ")  # in this order: a decimal comma is no separator then
-COMMENTS = ("#", "%")
-NUMBER = re.compile(r"[-+]?(\d+[.,]?\d*|[.,]\d+)(e[-+]?\d+)?", re.IGNORECASE)
-MARKS = {",": "comma", ".": "point"}
-PREFIXES = {"": 0, "n": -9, "u": -6, "µ": -6, "m": -3, "c": -2, "d": -1, "k": 3, "M": 6}
 
 
 class MeasuredCurve(NamedTuple):
@@ -95,7 +82,7 @@ def read_curve(
     >>> print(shortening[1], load[1])
     0.00025 1500.0
     """
-    file = check.path("path", path)
+    check.path("path", path)
     factors = [_factor("x", x, "m"), _factor("y", y, "N")]
     wanted = [
         column if isinstance(column, str) else check.whole("column", column, least=0)
@@ -103,14 +90,7 @@ def read_curve(
     ]
     if len(wanted) != 2:
         raise TensegrityError(f"{len(wanted)} columns, must be two: of shortening and of load")
-    try:
-        text = file.read_text(encoding="utf-8-sig", errors="replace")
-    except OSError as error:
-        raise TensegrityError(f"{file} cannot be read: {error.strerror}") from None
-    try:
-        values = np.array(list(_rows(text.splitlines(), wanted)))
-    except (TensegrityError, csv.Error) as error:
-        raise TensegrityError(f"{file}, {error}") from None
+    values = read_columns(*text_lines(path), wanted).values
     return MeasuredCurve(*(values.T * np.array(factors)[:, None]))
 
 
@@ -127,60 +107,3 @@ def _factor(name: str, unit: object, base: str) -> float:
             f"unit {name} {check.shown(unit)} must be, with or without -, of {', '.join(known)}"
         )
     return known[word] if word == unit else -known[word]
-
-
-def _rows(lines: list[str], wanted: Sequence[int | str]) -> Iterator[list[float]]:
-    """The two numbers of each line, from the first that has them on."""
-    start, separator, places = _start(lines, wanted)
-    width, mark = len(_fields(lines[start], separator)), ""
-    for number, line in enumerate(lines[start:], start + 1):
-        if not line.strip() or line.lstrip().startswith(COMMENTS):
-            continue
-        fields = _fields(line, separator)
-        if len(fields) != width:
-            raise TensegrityError(
-                f"line {number}: {len(fields)} columns, must be {width} as in line {start + 1}"
-            )
-        row = []
-        for text in (fields[place] for place in places):
-            value = float(text.replace(",", ".")) if NUMBER.fullmatch(text) else np.nan
-            if not np.isfinite(value):
-                raise TensegrityError(f"line {number}: {check.shown(text)} is no finite number")
-            used = "".join(MARKS.keys() & set(text))
-            if mark and used and used != mark:
-                raise TensegrityError(
-                    f"line {number}: {text} has a decimal {MARKS[used]}, values before it a "
-                    f"decimal {MARKS[mark]}"
-                )
-            mark = mark or used
-            row.append(value)
-        yield row
-
-
-def _start(lines: list[str], wanted: Sequence[int | str]) -> tuple[int, str, Sequence[int]]:
-    """Index of the first line of numbers, what separates its columns, and which are wanted."""
-    names = {column for column in wanted if isinstance(column, str)}
-    known: dict[str, list[int]] = {}  # separators under which names were seen, and their places
-    for index, line in enumerate(lines):
-        comment = line.lstrip().startswith(COMMENTS)
-        for separator in SEPARATORS:
-            fields = _fields(line.lstrip(" #%") if comment else line, separator)
-            if names <= set(fields):
-                places = [fields.index(c) if isinstance(c, str) else c for c in wanted]
-                known[separator] = places
-            if separator in known and not comment:
-                places = known[separator]
-                if all(p < len(fields) and NUMBER.fullmatch(fields[p]) for p in places):
-                    return index, separator, places
-    missing = "has numbers in" if known or not names else "of the header names"
-    columns = check.shown(tuple(wanted))
-    head = f", line 1 is {check.shown(lines[0])}" if lines else ""
-    raise TensegrityError(f"{len(lines)} lines: no line {missing} columns {columns}{head}")
-
-
-def _fields(line: str, separator: str) -> list[str]:
-    """Columns of a line, without quotes and blanks about them."""
-    if separator == " ":
-        return line.split()
-    reader = csv.reader([line], delimiter=separator, skipinitialspace=True)
-    return [field.strip() for field in next(reader, [])]

@@ -40,12 +40,7 @@ from tensegrity.springs.potential import Potential
 from tensegrity.springs.power_law import PowerLaw
 from tensegrity.springs.provenance import potential_of_law, provenance
 from tensegrity.springs.spline import SplineLaw
-from tensegrity.structures.member_springs import (
-    BarSpring,
-    BucklingBar,
-    StringOfLaw,
-    StringSpring,
-)
+from tensegrity.structures.member_springs import MemberSpring
 
 FORMAT = "tensegrity 1"
 
@@ -356,10 +351,6 @@ def _elastic(x):
     return {"prism": prism, "preload": preload}
 
 
-def _member(x):
-    return {"stiffness": x.values[0], "length": x.length}
-
-
 def in_time(x: Any) -> dict[str, Any]:
     """Drives, damping and forces of a scene; expressions of time are stored in printed form."""
     parts = {"drive": dict(x.drive), "damping": x.damping, "forces": dynamics(x).further_forces}
@@ -377,7 +368,7 @@ def _force(x):
 
 def _chain(x):
     parts = {"springs": _shared(x.springs), "sites": x.sites, "mass": x.mass, "ends": x.ends}
-    return parts | in_time(x)
+    return parts | in_time(x) | ({"stretch": x.stretch} if x.stretch else {})
 
 
 def _make_chain(springs, sites, mass, ends, **forcing):
@@ -436,10 +427,7 @@ register(Potential, _rigid, _make_rigid)
 register(ElasticPotential, _elastic)
 register(PairLaw, lambda x: x.of_prism, plate_law)
 register(Polynomial, _polynomial, polynomial_of_coefficients)
-register(StringSpring, _member)
-register(BarSpring, _member)
-register(BucklingBar, lambda x: _member(x) | {"buckling": x.buckling, "plateau": x.values[2]})
-register(StringOfLaw, lambda x: {"law": x.given, "length": x.length})
+register(MemberSpring, lambda x: x.given)
 register(Wall, _wall, _make_wall)
 register(Chain, _chain, _make_chain)
 register(Ensemble, _ensemble)

@@ -39,9 +39,9 @@ if TYPE_CHECKING:
     import sympy as sp
     from numpy.typing import ArrayLike
 
-    from tensegrity.typing import Array
+    from tensegrity.typing import Array, Sampled
 
-    Signal: TypeAlias = sp.Expr | float | tuple[ArrayLike, ArrayLike]
+    Signal: TypeAlias = sp.Expr | float | tuple[ArrayLike, ArrayLike] | Sampled
 
 ATOL = 1e-12  # m: tolerance on the initial position of a driven site
 
@@ -51,15 +51,15 @@ class Drive:
     """A prescribed motion of a site, or a force on it, as a function of time.
 
     Exactly one of the two must be given, either as a SymPy expression of `t` [s] or as samples
-    (t, values), which are interpolated by a cubic spline.  In the plane and in space it has one
-    component per coordinate: a sequence of expressions, with None for a coordinate that is free,
-    or values of shape (samples, dim).
+    (t, values), also a `TimeSeries`, which are interpolated by a cubic spline.  In the plane and in
+    space it has one component per coordinate: a sequence of expressions, with None for a coordinate
+    that is free, or values of shape (samples, dim).
 
     Parameters
     ----------
-    displacement : sympy.Expr, float, (t, values), or sequence of expressions, optional
+    displacement : sympy.Expr, float, (t, values), TimeSeries, or sequence of expressions, optional
         Displacement u(t) from the reference position [m], which the site follows exactly.
-    force : sympy.Expr, float, (t, values), or sequence of expressions, optional
+    force : sympy.Expr, float, (t, values), TimeSeries, or sequence of expressions, optional
         Force [N], > 0 along the axis, in addition to the forces of the bonds and loads.
     parameters : dict of str to float, optional
         Values of further symbols, which `orbit_path` can follow and `varied` changes.

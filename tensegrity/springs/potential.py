@@ -39,7 +39,6 @@ if TYPE_CHECKING:
     from tensegrity.springs.kinks import Kink
     from tensegrity.typing import Array
 
-
 ORDERS = ("energy", "tension", "stiffness", "slope of the stiffness")
 
 
@@ -116,8 +115,8 @@ class Potential:
     @checked
     def from_table(
         cls,
-        elongation: ArrayLike,
-        tension: ArrayLike,
+        elongation: ArrayLike | str | os.PathLike[str],
+        tension: ArrayLike | None,
         kind: Annotated[str, KINDS] = "cubic",
         *,
         noise: Annotated[float, "> 0", "N"] | None = None,
@@ -129,9 +128,10 @@ class Potential:
 
         Parameters
         ----------
-        elongation : array_like, (points,)
-            Sorted, each once, with 0 inside [m]; at most 100, or 100,000 of a "smooth" table.
-        tension : array_like, (points,)
+        elongation : array_like, (points,), or path
+            Sorted, each once, with 0 inside [m]; at most 100, or 100,000 of a "smooth" table.  Or
+            a text file whose first columns are elongation [m] and tension [N].
+        tension : array_like, (points,), or None with a file
             [N], > 0 in extension.
         kind : {"cubic", "monotone", "linear", "smooth"}, optional
             The tension between the points: the not-a-knot cubic spline (from 4 points), that of

@@ -15,7 +15,7 @@ from tensegrity.engine.law import is_piecewise
 from tensegrity.errors import TensegrityError
 from tensegrity.once import once
 from tensegrity.readonly import FixedDict, fixed
-from tensegrity.typing import Array
+from tensegrity.typing import Array, Sampled
 
 INTERVALS = 4096  # intervals of a run that are searched for a jump
 CANDIDATES = 8  # intervals of largest change that are bisected
@@ -117,7 +117,7 @@ def signals_of(
     ----------
     name : str
         For messages.
-    given : expression, float, (t, values), or sequence of expressions
+    given : expression, float, (t, values), time series, or sequence of expressions
     parameters : dict of str to float, optional
         Values of further symbols.
 
@@ -130,6 +130,8 @@ def signals_of(
     TensegrityError
         Samples or expressions that are no functions of time.
     """
+    if isinstance(given, Sampled):
+        given = given.t, given.values
     if isinstance(given, (tuple, list)) and len(given) == 2 and _is_array(given[0]):
         t, values = (check.floats(f"samples of the {name}", x) for x in given)
         if t.ndim != 1 or len(t) < 2 or values.ndim not in (1, 2) or len(values) != len(t):

@@ -15,12 +15,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tensegrity import check
+from tensegrity.columns import read_columns, text_lines
 from tensegrity.engine.law import DerivedLaw, horner
 from tensegrity.errors import ResolutionError, TensegrityError
 from tensegrity.printing import number_text
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from os import PathLike
 
     from numpy.typing import ArrayLike
 
@@ -134,8 +136,8 @@ class SplineLaw(DerivedLaw):
 
 
 def from_table(
-    elongation: ArrayLike,
-    tension: ArrayLike,
+    elongation: ArrayLike | str | PathLike[str],
+    tension: ArrayLike | None,
     kind: str,
     noise: float | None,
     preload: float | None,
@@ -188,8 +190,10 @@ def from_table(
     return SplineLaw(len(bends), *KINDS[kind][1]), values, length, (low, high), peak * left, origin
 
 
-def _points(elongation: ArrayLike, tension: ArrayLike, kind: str) -> tuple[Array, Array]:
-    """The points of a table in ascending order."""
+def _points(elongation: Any, tension: Any, kind: str) -> tuple[Array, Array]:
+    """The points of a table, or of a file, in ascending order."""
+    if tension is None:
+        elongation, tension = read_columns(*text_lines(elongation), (0, 1)).values.T
     x, y = check.floats("elongation", elongation), check.floats("tension", tension)
     if x.ndim != 1 or y.shape != x.shape:
         raise TensegrityError(f"elongation {x.shape} and tension {y.shape} must be of one length")

@@ -1,7 +1,8 @@
 """The springs of bars and strings, and the network of a structure in motion.
 
 Elongations are measured from the natural length, of a member whose natural length changes from
-that of the structure.
+that of the structure.  All members have one law: a tension as a function of the elongation from
+the natural length, and what becomes of it where strings slacken or bars buckle.
 """
 
 from __future__ import annotations
@@ -11,208 +12,203 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from tensegrity import check
-from tensegrity.checked import checked
-from tensegrity.engine.law import Law
+from tensegrity.engine.law import DERIVATIVES
 from tensegrity.errors import TensegrityError
-from tensegrity.once import once
-from tensegrity.printing import call
 from tensegrity.scenes.network import Network
 from tensegrity.springs.kinks import TAUT, Kink
 from tensegrity.springs.potential import Potential
-from tensegrity.typing import Length, Stiffness
+from tensegrity.typing import Array
 
 SMALLEST = 1e-100  # elongation above which a string has tension [m]
 UNBOUNDED = -math.inf, math.inf
-
-
-@checked
-class _Member(Potential):
-    tension_only = False
-
-    def __init__(self, stiffness: Stiffness, length: Length) -> None:
-        values = [stiffness, TAUT * length] if self.tension_only else [stiffness]
-        self._set(_law(self.tension_only), values, length, UNBOUNDED)
-        self.kinks = ((0.0, stiffness, 1.0, 1.0),) if self.tension_only else ()
-        self._origin = call(type(self).__name__, stiffness=stiffness, length=length)
-
-
-class StringSpring(_Member):
-    """A string with tension(r) = stiffness max(r, 0), stiffness > 0 [N/m].
-
-    The elongation r [m] is measured from the natural length > 0 [m].  Down to -`TAUT` times this
-    length the stiffness is that of a taut string, as in `tensegrity.structures.members`.
-    """
-
-    tension_only = True
-
-
-class BarSpring(_Member):
-    """A bar with tension(r) = stiffness r; r [m] is measured from the natural length > 0 [m]."""
-
-
-class BucklingBar(Potential):
-    """A bar that buckles at the elongation -buckling/stiffness, with `plateau` times the stiffness
-    beyond; it resists with the first stiffness down to `TAUT` times its length below.
-    """
-
-    def __init__(self, stiffness: float, length: float, buckling: float, plateau: float) -> None:
-        self.buckling = buckling
-        place, lost = -buckling / stiffness, (1 - plateau) * stiffness
-        values = [stiffness, place, plateau, TAUT * length]
-        self._set(_buckling_law(), values, length, UNBOUNDED)
-        self.kinks = ((place, lost, 1.0, -1.0),) if plateau < 1 else ()
-        numbers = {"buckling": buckling, "plateau": plateau}
-        self._origin = call("BucklingBar", stiffness=stiffness, length=length, **numbers)
-
-
-class StringOfLaw(Potential):
-    """A string whose tension is that of a potential of the elongation, slack below 0 m."""
-
-    tension_only = True
-
-    def __init__(self, law: Potential, length: float) -> None:
-        self.given = law
-        margin, high = TAUT * length, law.domain[1]
-        self._set(Slackening(law.law), [*law.values, margin], length, (-math.inf, high), law.ends)
-        stiffness = float(law.stiffness(min(margin, high / 2)))
-        bends = tuple(kink for kink in law.kinks if kink[0] > 0)
-        self.kinks = ((0.0, stiffness, 1.0, 1.0), *bends)
-        self._origin = f"StringOfLaw({law!r}, length={length:g})"
+NATURAL, LENGTH = "natural length", "length at first"  # parameters, no names of a law's symbols
 
 
 @dataclass(frozen=True)
-class Slackening:
-    """A law of strings: that of a potential above 0, and no tension below.
+class MemberLaw:
+    """The law of a member: above a kink that of a potential or of Hooke, below it a plateau.
 
     Attributes
     ----------
-    law : Law
+    of : Law or None
+        Of the elongation from the natural length; None for tensions in proportion to it.
+    kink : {"", "slack", "buckling"}
+        What becomes of the member at elongation 0, or at minus `squeeze`: its load over k [m] or,
+        times the natural length, over EA.
+    winds, keeps_EA : bool
+        Whether the natural length changes, and whether EA [N] is given in place of k [N/m].
     """
 
-    law: Any
-
-    @property
-    def compiled(self) -> Any:
-        """Names of the compiled functions of the law."""
-        return self.law.compiled
+    of: Any
+    kink: str
+    winds: bool
+    keeps_EA: bool
+    compiled = DERIVATIVES
+    name = ""
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """Names of the law's parameters, followed by "margin"."""
-        return (*map(str, self.law.parameters), "margin")
+        """Names of the parameters: of the tension, and what kinks and winches need."""
+        bends = ("squeeze", "plateau") * (self.kink == "buckling")
+        lengths = (NATURAL,) * self.winds + (LENGTH,) * (self.winds or bool(self.kink))
+        return *self.own, *bends, *lengths
 
     @property
-    def name(self) -> str:
-        """Name of the law in other processes, or "" if it has none."""
-        return f"slackening {name}" if (name := getattr(self.law, "name", "")) else ""
+    def own(self) -> tuple[str, ...]:
+        """Names of the parameters of the tension."""
+        own = ("EA" if self.keeps_EA else "k",) if self.of is None else self.of.parameters
+        return tuple(map(str, own))
 
     def forms(self) -> tuple[Any, Any, Sequence[Any]]:
         """Elongation, parameters and forms in CasADi; see `law.Law.forms`."""
         import casadi as ca
 
-        r, p, (energy, tension, *higher) = self.law.forms()
-        margin = ca.SX.sym("margin")
-        (at_rest,) = ca.substitute([energy], [r], [ca.SX(0)])
-        above, taut = r > SMALLEST, r > -margin
-        forms = [ca.if_else(above, energy - at_rest, 0), ca.if_else(above, tension, 0)]
-        forms += [ca.if_else(taut, form, 0) for form in higher]
-        return r, ca.vertcat(p, margin), forms
+        from derivations import member
+        from tensegrity.engine.law import to_casadi
+
+        r, e = ca.SX.sym("r"), ca.SX.sym("e")
+        p = {name: ca.SX.sym(name) for name in self.parameters[len(self.own) :]}
+        longer = r + (p[LENGTH] - p[NATURAL]) if self.winds else r
+        if self.of is None:
+            own = ca.SX.sym("k")
+            k = own / p[NATURAL] if self.keeps_EA else own
+            energy = member.energy(member.natural + member.length)
+            stretched = to_casadi(energy, (member.stiffness, member.length))(k, e)
+            tension = ca.gradient(stretched, e)
+            forms = [stretched, tension, ca.gradient(tension, e), ca.SX(0)]
+        else:
+            e, own, forms = self.of.forms()
+        if self.kink == "slack":
+            forms = _slackening(forms, e, TAUT * p[LENGTH])
+        elif self.kink:
+            least = -p["squeeze"] * (p[NATURAL] if self.keeps_EA else 1)
+            forms = _buckling(forms, e, least, p["plateau"] * k, TAUT * p[LENGTH])
+        return r, ca.vertcat(own, *p.values()), ca.substitute(list(forms), [e], [longer])
 
 
-class WoundMember(Potential):
-    """A member whose natural length may change, with EA [N] or a stiffness [N/m] that stays.
+def _slackening(forms: Any, e: Any, margin: Any) -> list[Any]:
+    """Forms without tension below elongation 0, from where on energies count; stiffnesses go on
+    down to a margin below."""
+    import casadi as ca
 
-    The elongation is measured from `length`, where the natural length is another.
+    energy, tension, *higher = forms
+    (at_rest,) = ca.substitute([energy], [e], [ca.SX(0)])
+    above, taut = e > SMALLEST, e > -margin
+    values = [ca.if_else(above, energy - at_rest, 0), ca.if_else(above, tension, 0)]
+    return [*values, *(ca.if_else(taut, form, 0) for form in higher)]
+
+
+def _buckling(forms: Any, e: Any, least: Any, slope: Any, margin: Any) -> list[Any]:
+    """Linear forms that go on with a slope below a least elongation; as `_slackening`."""
+    import casadi as ca
+
+    past, taut = ca.fmin(e - least, 0), e - least > -margin
+    energy, tension = ca.substitute(list(forms[:2]), [e], [e - past])
+    values = [energy + (tension + slope * past / 2) * past, tension + slope * past]
+    return [*values, ca.if_else(taut, forms[2], slope), ca.SX(0)]
+
+
+class MemberSpring(Potential):
+    """The spring of a bar or a string.
+
+    Parameters
+    ----------
+    stiffness : float
+        EA [N] if it is kept, else k [N/m]; without use where a law is given.
+    length : float
+        Natural length at the start, from which elongations are measured [m].
+    string, keeps_EA : bool, optional
+        Whether the member slackens, and whether `stiffness` is EA.
+    buckling : float, optional
+        Load of a bar that buckles [N].
+    plateau : float, optional
+        Stiffness after buckling over that before.
+    law : Potential, optional
+        Energy as a function of the elongation from the natural length.
+    member : str, optional
+        Name of a member whose natural length, the argument `NATURAL`, may change.
+
+    Attributes
+    ----------
+    of : Potential or None
+        The given law, whose parameters are the first of the member's.
     """
 
-    _varied = ("natural",)
     lasts = True  # in all of a run: near length 0 the stiffness has no bound
 
     def __init__(
-        self, stiffness: float, length: float, tension_only: bool, keeps_EA: bool, name: str
+        self,
+        stiffness: float,
+        length: float,
+        string: bool = False,
+        keeps_EA: bool = False,
+        buckling: float | None = None,
+        plateau: float = 0.0,
+        law: Potential | None = None,
+        member: str = "",
     ) -> None:
-        self._name, self.tension_only = name, tension_only
-        values = [stiffness, length, length, TAUT * length]
-        self._set(_law_of_wound(tension_only, keeps_EA), values, length, UNBOUNDED)
+        given: dict[str, Any] = {"stiffness": stiffness, "length": length, "string": string}
+        given |= {"keeps_EA": keeps_EA, "buckling": buckling, "plateau": plateau}
+        given |= {"law": law, "member": member}
+        self.given = {key: x for key, x in given.items() if x not in (False, None, "", 0.0)}
+        self.tension_only, self._name, self.of = string, member, law
+        kink = "slack" if string else "" if buckling is None else "buckling"
+        low, self._high = UNBOUNDED if law is None else law.domain
+        self._low = -math.inf if string else low
+        form = MemberLaw(None if law is None else law.law, kink, bool(member), keeps_EA)
+        values = [stiffness] if law is None else law.values.tolist()
+        values += [] if buckling is None else [buckling / stiffness, plateau]
+        values += [length] * (len(form.parameters) - len(values))
+        ends = ("lowest", "highest") if law is None else law.ends
+        self._set(form, values, length, (self._low, self._high), ends)
+        self._varied = (NATURAL,) if member else (form.own if law is None else (*law.parameters,))
+        self._origin = f"MemberSpring({', '.join(f'{key}={x!r}' for key, x in self.given.items())})"
 
     @property
     def kinks(self) -> tuple[Kink, ...]:
         """See `Potential.kinks`."""
-        stiffness, natural, length, _ = self.values.tolist()
-        return ((natural - length, stiffness, 1.0, 1.0),) if self.tension_only else ()
+        p, found = self.parameters, ()
+        size = p[NATURAL] if self.law.keeps_EA else 1.0
+        if self.tension_only:
+            taut = float(self.values[0]) / size
+            if self.of is not None:
+                taut = float(self.of.stiffness(min(TAUT * p[LENGTH], self._high / 2)))
+            found += ((0.0, taut, 1.0, 1.0),)
+        elif self.law.kink:
+            lost = (1 - p["plateau"]) * float(self.values[0]) / size
+            found += ((-p["squeeze"] * size, lost, 1.0, -1.0),) if lost else ()
+        if self.of is not None:
+            found += tuple(x for x in self.of.kinks if x[0] > 0 or not self.tension_only)
+        moved = p[NATURAL] - p[LENGTH] if self.law.winds else 0.0
+        return tuple((x[0] + moved, *x[1:]) for x in found)
+
+    @property
+    def arguments(self) -> tuple[str, ...]:
+        """Names of what a linear member has derivatives by: stiffness, and those of buckling."""
+        return *self.law.own, *("buckling", "plateau") * (self.law.kink == "buckling")
+
+    def slopes(self, name: str) -> Array:
+        """Derivatives of the law's parameters by one of the `arguments`, (parameters,): where the
+        stiffness changes, the buckling load stays."""
+        names = self.law.parameters
+        row = np.eye(len(names))[names.index("squeeze" if name == "buckling" else name)]
+        if self.law.kink == "buckling":
+            change = {names[0]: -self.values[1], "buckling": 1.0}.get(name, 0.0)
+            row[1] = change / self.values[0]
+        return row
 
     def _with(self, parameters: dict[str, float]) -> Potential:
-        natural = parameters["natural"]
-        check.number(f"natural length of {self._name}", natural, above=0, unit="m")
-        return super()._with(parameters)
-
-    def __repr__(self) -> str:
-        stiffness, natural, *_ = self.values.tolist()
-        kind = "string" if self.tension_only else "bar"
-        return f"WoundMember({kind}, {stiffness:g}, natural={natural:g})"
-
-
-@once
-def _law(tension_only: bool) -> Law:
-    import sympy as sp
-
-    from derivations import member
-
-    r, positive_part, margin = sp.symbols("r positive_part margin", real=True)
-    stretched = member.energy(member.natural + r)
-    if not tension_only:
-        return Law(stretched, r, (member.stiffness,))
-    has_tension, taut = sp.Heaviside(r - SMALLEST), sp.Heaviside(r + margin)
-    tension, known = sp.diff(stretched, r).subs(r, positive_part), (member.stiffness, margin)
-    return Law(
-        has_tension * stretched, r, known, tension, ((positive_part, has_tension * r, taut),)
-    )
-
-
-@once
-def _law_of_wound(tension_only: bool, keeps_axial: bool) -> Law:
-    """As `_law`, with the natural length and that from which r is measured as parameters."""
-    import sympy as sp
-
-    from derivations import member
-
-    r, positive_part, margin = sp.symbols("r positive_part margin", real=True)
-    natural, length, axial = sp.symbols("natural length EA", positive=True)
-    k = axial / natural if keeps_axial else member.stiffness
-    stretched = member.energy(member.natural + r).subs(member.stiffness, k)
-    longer = r + (length - natural)
-    known = (axial if keeps_axial else member.stiffness, natural, length, margin)
-    tension = sp.diff(stretched, r)
-    has_tension, taut = sp.Heaviside(longer - SMALLEST), sp.Heaviside(longer + margin)
-    if not tension_only:
-        has_tension = taut = sp.Integer(1)
-    return Law(
-        has_tension * stretched.subs(r, longer),
-        r,
-        known,
-        tension.subs(r, positive_part),
-        ((positive_part, has_tension * longer, taut),),
-    )
-
-
-@once
-def _buckling_law() -> Law:
-    import sympy as sp
-
-    from derivations import member
-
-    r, past, least, plateau, margin = sp.symbols("r past least plateau margin", real=True)
-    stretched = member.energy(member.natural + r)
-    pull = sp.diff(stretched, r)
-    buckled = sp.Heaviside(least - r)
-    beyond = buckled * (r - least)
-    energy = stretched.subs(r, r - beyond) + beyond * (
-        pull.subs(r, least) + plateau * pull.subs(r, beyond) / 2
-    )
-    tension = pull.subs(r, r - past) + plateau * pull.subs(r, past)
-    past_of = past, beyond, sp.Heaviside(least - r - margin)
-    return Law(energy, r, (member.stiffness, least, plateau, margin), tension, (past_of,))
+        made = super()._with(parameters)
+        if self.law.winds:
+            natural = parameters[NATURAL]
+            check.number(f"natural length of {self._name}", natural, above=0, unit="m")
+            moved = natural - parameters[LENGTH]
+            made._domain = self._low + moved, self._high + moved
+            made._origin = f"{self._origin[:-1]}, natural={natural:g})"
+        return made
 
 
 def network(structure: Any, natural_lengths: Any, **given: Any) -> Network:
@@ -243,35 +239,35 @@ def network(structure: Any, natural_lengths: Any, **given: Any) -> Network:
     springs = [spring_of(structure, member) for member in range(len(structure.ends))]
     for key, expression in changing.items():
         member = structure.member_number(key)
-        springs[member] = wound(structure, member).over_time(natural=expression)
+        springs[member] = spring_of(structure, member, True).over_time(**{NATURAL: expression})
     at, ends, natural = structure.positions, structure.ends, structure.natural_lengths
     if structure.has_heavy_members:
         given["bond_mass"] = structure.member_mass
     return Network(at, ends, springs, lengths=natural, mass=structure.mass, **given)
 
 
-def spring_of(structure: Any, member: int) -> Potential:
-    """The spring of a member of a structure, by its number."""
-    natural = float(structure.natural_lengths[member])
-    length = float(f"{natural:.3g}")  # equal up to round-off, members have one spring
-    stiffness, string = float(structure.stiffnesses[member]), bool(structure.is_string[member])
-    if member in structure.law:
-        law = structure.law[member]
-        return StringOfLaw(law, length) if string else law
+def spring_of(structure: Any, member: int, winds: bool = False) -> Potential:
+    """The spring of a member of a structure.
+
+    Parameters
+    ----------
+    structure : Structure
+    member : int
+        Its number.
+    winds : bool, optional
+        Whether its natural length may change.
+
+    Returns
+    -------
+    Potential
+    """
+    natural, string = float(structure.natural_lengths[member]), bool(structure.is_string[member])
+    length = natural if winds else float(f"{natural:.3g}")  # equal springs up to round-off
+    law, keeps = structure.law.get(member), winds and bool(structure.keeps_EA[member])
+    if law is not None and not string and not winds:
+        return law
+    given: dict[str, Any] = {"law": law, "member": structure.name_of(member) if winds else ""}
     if structure.buckling is not None and not string:
-        buckling = float(structure.buckling[member])
-        return BucklingBar(stiffness, length, buckling, structure.plateau)
-    return (StringSpring if string else BarSpring)(stiffness, length)
-
-
-def wound(structure: Any, member: int) -> WoundMember:
-    """The spring of a member whose natural length changes."""
-    name, string = structure.name_of(member), bool(structure.is_string[member])
-    if member in structure.law or (structure.buckling is not None and not string):
-        what = "a law" if member in structure.law else "a buckling load"
-        raise TensegrityError(
-            f"{name} has {what}: natural lengths in motion change of linear members only"
-        )
-    keeps = bool(structure.keeps_EA[member])
+        given |= {"buckling": float(structure.buckling[member]), "plateau": structure.plateau}
     stiffness = float((structure.EA if keeps else structure.stiffnesses)[member])
-    return WoundMember(stiffness, float(structure.natural_lengths[member]), string, keeps, name)
+    return MemberSpring(stiffness, length, string, keeps, **given)

@@ -18,12 +18,14 @@ from numpy.typing import ArrayLike
 from tensegrity import check, plotting
 from tensegrity.checked import checked
 from tensegrity.errors import EquilibriumError, TensegrityError
+from tensegrity.frames import Frames
 from tensegrity.printing import Lines, Printed, listed, span
 from tensegrity.scenes.network import Network
 from tensegrity.scenes.walls import Wall
 from tensegrity.springs.potential import Potential
 from tensegrity.springs.power_law import PowerLaw
 from tensegrity.structures.framework import member_ends, rigid_plates
+from tensegrity.structures.member_frames import of_structure
 from tensegrity.structures.member_springs import network
 from tensegrity.structures.segments import paths
 from tensegrity.structures.settling import equilibrium_positions
@@ -317,9 +319,10 @@ class Structure(Printed, Shape):
             As of `Network`.
         natural_lengths : dict, optional
             {member: SymPy expression of t} [m]: natural lengths that change, each in its own way.
-            The member keeps EA if that was given, and else k.  The run records the work done on
-            what hangs outside the drum, at the rate -(T + T^2/(2 EA)) or, where k is kept, -T times
-            that of the natural length.
+            The member keeps EA if that was given, and else k, or its law of the elongation; its
+            buckling load stays.  The run records the work done on
+            what hangs outside the drum, at the rate -(T + T^2/(2 EA)) or, where k or a law is kept,
+            -T times that of the natural length.
         walls : sequence of Wall, optional
             Unbounded walls that the nodes press, without friction; nodes do not touch each other.
         wall_law : Potential or float, optional
@@ -336,9 +339,8 @@ class Structure(Printed, Shape):
         ------
         TensegrityError
             If there are platforms, which a network cannot have, a wall cuts the positions, a
-            natural length is not above 0 at the start or that of a member with a law or a buckling
-            load, or an argument is refused by `Network`.  `simulate` refuses natural lengths that
-            reach 0 within the run.
+            natural length is not above 0 at the start, or an argument is refused by `Network`.
+            `simulate` refuses natural lengths that reach 0 within the run.
         """
         if self.platforms:
             raise TensegrityError(
@@ -354,6 +356,11 @@ class Structure(Printed, Shape):
             given["loads"] = np.zeros(self.positions.shape)
             given["loads"][:, -1] = -gravity * self.weighing_mass
         return network(self, natural_lengths, **given)
+
+    def frames(self) -> Frames:
+        """Positions, and tension, force density, slackness and stiffness of the members, as
+        `tensegrity.files.write` puts them into files; one instant."""
+        return of_structure(self)
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Bars thick, taut strings in the colours of their tension, slack strings dashed and red.
