@@ -44,6 +44,8 @@ from .measure.spectrum import spectrum
 from .orbits.orbit import periodic_orbit
 from .orbits.path import orbit_path
 from .orbits.stability import floquet
+from .precision.result import WorkPrecision
+from .precision.work import work_precision
 from .printing import units
 from .prisms.closed import member_stiffness
 from .prisms.contact import bar_contact, sheath
@@ -117,6 +119,7 @@ __all__ = [
     "TimeSeries",
     "Unit",
     "Wall",
+    "WorkPrecision",
     "angular_momentum",
     "animate",
     "arrival",
@@ -175,5 +178,6 @@ __all__ = [
     "verify",
     "wall_gaps",
     "width",
+    "work_precision",
 ]
 __version__: str

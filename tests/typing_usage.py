@@ -420,6 +420,10 @@ def protectors(bead: granular.Bead) -> list[granular.Bead]:
     assert_type(varied.peaks, Array)
     assert_type(varied.quantile(0.5), float)
     peak_force([bead], striker=striker, wall="steel", t_end=1e-3)  # type: ignore[arg-type]
+    chain = ts.Chain(ts.PowerLaw(1.0, 1.5), sites=5)
+    compared = ts.work_precision(chain, chain.at_rest({0: 1.0}), 5.0, ["verlet"], ["dop853"])
+    assert_type(compared, ts.WorkPrecision)
+    assert_type(compared.best(1e-3).evaluations, int)
     assert_type(ts.sweep(abs, [1, 2], checkpoint="sweep.npz"), list[Any])
     return best.beads
 
