@@ -39,7 +39,7 @@ from tensegrity.runs.march import COUNTED
 from tensegrity.scenes.dynamics import HasDynamics, dynamics
 from tensegrity.scenes.scene import State, unchecked_state
 
-FINER = 2 ** (1 / 6)  # ratio of the numbers of steps of two runs of a ladder
+FINER = 2 ** (1 / 8)  # ratio of the numbers of steps of two runs of a ladder
 WANTED = 1e-12  # error below which nothing is sought
 FINEST = 1e4  # cost of the last run of a ladder over that of the first, at most
 DOMINATED = 12.0  # cost over that of another method for the same error, where a ladder ends
