@@ -34,7 +34,7 @@ LATER = {
     "transmission",
 }
 LATER |= {"Scatter", "robustness"}
-LATER |= {"TimeSeries", "read_record"}
+LATER |= {"TimeSeries", "fit_run", "read_record"}
 LATER |= {"Formula", "Member", "Unit"}
 LATER |= {"Lattice", "bands", "decay", "effective_mass", "moduli"}
 LATER |= {"floquet", "orbit_path", "periodic_orbit"}
