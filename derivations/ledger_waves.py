@@ -205,6 +205,11 @@ OWN_ENTRIES = (
           a / b * (6 * own.excess
                    + (sp.Rational(6, 5) - 9 * a * e / b**2) * own.excess**2),
           own.small_peak, note="small waves have the sign of V'''(0)"),
+    Entry("ours.sech2_error", OWN, "waves", sp.Symbol("(r - gamma^2 R_1)/gamma^4"),
+          -a * (3 * a * e - 5 * b**2) / (96 * b**3) * sp.sech(gamma * x / (2 * h_0)) ** 2
+          + a * (a * e - 3 * b**2) / (64 * b**3) * sp.sech(gamma * x / (2 * h_0)) ** 4,
+          lambda: waves.profiles()[1],
+          note="the constant of the error O(gamma^4) of sech^2, as gamma tends to 0"),
     Entry("ours.even_peak", OWN, "softening", own.peak**2, 24 * a * own.excess / e,
           own.small_peak_squared, note="if V'''(0) = 0 < V''''(0), for both signs"),
     Entry("ours.peak_of_power", OWN, "softening", sp.Abs(own.peak),

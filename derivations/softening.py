@@ -32,7 +32,7 @@ r, x = sp.symbols("r x", real=True)
 def small_peak() -> sp.Expr:
     """Peak of a small wave to second order in c/cs - 1, if V'''(0) is not 0."""
     gamma = waves.gamma
-    first, second = (p.subs(waves.position, 0) for p in waves.profiles())
+    first, second = (p.subs(waves.position, 0) for p in waves.profiles()[:2])
     speed = sp.series(waves.speed_of_decay(), gamma, 0, 6).removeO() - 1
     one, two = speed.coeff(gamma, 2), speed.coeff(gamma, 4)
     gamma_squared = excess / one - two / one**3 * excess**2  # the inverse series

@@ -7,6 +7,7 @@ contains h0.  Source: the talk, part III, "Properties of the elastic potential"
 
 from __future__ import annotations
 
+import math
 from functools import cache
 
 import sympy as sp
@@ -19,6 +20,7 @@ TITLE = "Waves: sound speed, dispersion, sech² and its correction, tent, larges
 mass, spacing, gamma, speed, acoustic_speed = sp.symbols("m h_0 gamma c c_s", positive=True)
 stiffness = sp.Symbol("a", positive=True)  # V''(0)
 slope, bend = sp.symbols("b e", real=True)  # V'''(0), V''''(0)
+fifth, sixth = sp.symbols("f g", real=True)  # the next derivatives at 0
 elongation, position = sp.symbols("r x", real=True)
 stroke, locking_energy = sp.symbols("d V_lock", positive=True)
 wave_number, time = sp.symbols("k t", positive=True)
@@ -73,34 +75,80 @@ def gamma_squared() -> sp.Expr:
 
 
 @cache
-def profiles() -> tuple[sp.Expr, sp.Expr]:
-    """R1 and R2 of r = gamma^2 R1 + gamma^4 R2, polynomials in S = sech^2(X/2), X = gamma x.
+def expansion(even: bool = False) -> tuple[tuple[sp.Expr, ...], ...]:
+    """Coefficients of R_1, R_2, ... in r = sum gamma^(2 n) R_n, R_n = sum_k p_k S^k, k = 1 to n.
 
-    The travelling wave c^2 m r'' = V'(r+) - 2 V'(r) + V'(r-), divided by D^2 = d^2/dx^2, is
-    m c^2 r = (1 + D^2/12 + D^4/360 + ...) V'(r).  Here gamma is the rate of decay; with the
-    definition c = cs (1 + gamma^2/24) by the speed, R2 would contain a secular term x S'.
+    S = sech^2(X/2), X = gamma x, with S'^2 = S^2 - S^3.  If V is even: gamma^(2 n - 1) and S^(2 k -
+    1), S = sech X, with S'^2 = S^2 - S^4.  The travelling wave c^2 m r'' = V'(r+) - 2 V'(r) +
+    V'(r-), divided by D^2 = d^2/dx^2, is m c^2 r = 2 (cosh D - 1)/D^2 V'(r), where m c^2/a =
+    2 (cosh gamma - 1)/gamma^2 as in `speed_of_decay`.  Here gamma is the rate of decay; with the
+    definition c = cs (1 + gamma^2/24) by the speed, R_2 would contain a secular term x S'.
+
+    Returns
+    -------
+    tuple of tuple of Expr
+        Of R_1 to R_4, in a, b, e, f, g, the second to sixth derivatives of V at 0, b not 0; if V is
+        even of the two with e > 0 (the third has an eighth derivative).
     """
-    s, p1, p2, q2 = sp.symbols("S p_1 p_2 q_2")
+    steep = sp.Symbol("e", positive=True)
+    unit = sp.sqrt(stiffness / steep) if even else stiffness / slope
+    powers = {3: steep, 5: sixth} if even else {2: slope, 3: bend, 4: fifth, 5: sixth}
+    # V' = a unit (q + sum_k B_k q^k/k!) of r = unit q, where the first B is 1
+    values = {sp.Symbol(f"B_{k}"): v * unit ** (k - 1) / stiffness for k, v in powers.items()}
+    force = {k: b if v != 1 else v for k, (b, v) in zip(powers, values.items(), strict=True)}
+    found = _balanced(force, *((2, 2) if even else (1, 4)))
+    return tuple(tuple(sp.factor(unit * p.subs(values)) for p in one) for one in found)
 
-    def second(f):  # d^2/dX^2, with S'^2 = S^2 - S^3 and S'' = S - 3/2 S^2
-        first_squared, curvature = s**2 - s**3, s - sp.Rational(3, 2) * s**2
-        return sp.expand(sp.diff(f, s, 2) * first_squared + sp.diff(f, s) * curvature)
 
-    r = gamma**2 * p1 * s + gamma**4 * (p2 * s + q2 * s**2)
-    tension = sp.expand(stiffness * r + slope * r**2 / 2 + bend * r**3 / 6)
-    d2 = gamma**2 * second(tension)
-    d4 = gamma**4 * second(second(tension))
-    series = sp.series(2 * (sp.cosh(gamma) - 1), gamma, 0, 8).removeO()
-    c4, c6 = (series.coeff(gamma, k) for k in (4, 6))
-    speed_squared = 1 + c4 * gamma**2 + c6 * gamma**4  # m c^2/a, as in `speed_of_decay`
-    balance = sp.expand(stiffness * speed_squared * r - tension - c4 * d2 - c6 * d4)
-    first = sp.Poly(balance.coeff(gamma, 4), s).coeffs()
-    (p1_value,) = {v for (v,) in sp.solve(first, [p1]) if v != 0}
-    rest = sp.Poly(sp.expand(balance.coeff(gamma, 6).subs(p1, p1_value)), s).coeffs()
-    ((p2_value, q2_value),) = sp.linsolve(rest, [p2, q2])
+def _balanced(force: dict[int, sp.Expr], width: int, orders: int) -> list[list[sp.Expr]]:
+    """Coefficients of q = sum gamma^(2/width + 2 n) R_n(S), S'^2 = S^2 - S^(2 + width), for the
+    scaled force q + sum_k force[k] q^k/k!, from the lowest order of the balance on."""
+    parameters = sorted(set().union(*(x.free_symbols for x in force.values())), key=str)
+    names = sp.symbols(f"p_:{orders}")
+    ring, small, s, *of = sp.ring([gamma, sp.Symbol("S"), *parameters, *names], sp.QQ)
+    unknown = of[len(parameters) :]
+
+    def curved(q):  # d^2/dX^2
+        curvature = s - sp.QQ(2 + width, 2) * s ** (1 + width)
+        return q.diff(s).diff(s) * (s**2 - s ** (2 + width)) + q.diff(s) * curvature
+
+    wave, profiles = ring(0), []
+    for n in range(orders):
+        own, power = unknown[: n + 1], 2 // width + 2 * n
+        trial = wave + small**power * sum(p * s ** (1 + width * k) for k, p in enumerate(own))
+        tension, raised = trial, ring(1)
+        for k in range(1, max(force) + 1):
+            raised = _cut(raised * trial, power + 2)
+            tension += raised * ring.from_expr(force.get(k, sp.Integer(0)) / sp.factorial(k))
+        balance, derived = ring(0), tension
+        for k in range(n + 2):  # 2 (cosh D - 1)/D^2 in powers of D
+            term = sp.QQ(2, math.factorial(2 * k + 2)) * small ** (2 * k)
+            balance, derived = balance + term * (trial - derived), curved(derived)
+        last = sp.Poly(balance.as_expr(), gamma).coeff_monomial(gamma ** (power + 2))
+        solutions = sp.solve(sp.Poly(last, sp.Symbol("S")).coeffs(), names[: n + 1], dict=True)
+        (values,) = (v for v in solutions if n or v[names[0]] > 0)  # R_1 is not 0
+        profiles.append([values[name] for name in names[: n + 1]])
+        wave += small**power * sum(
+            ring.from_expr(sp.expand(p)) * s ** (1 + width * k) for k, p in enumerate(profiles[-1])
+        )
+    return profiles
+
+
+def _cut(q, top: int):
+    """A polynomial without powers of gamma above one."""
+    return q.ring.from_dict({powers: x for powers, x in q.items() if powers[0] <= top})
+
+
+@cache
+def profiles() -> tuple[sp.Expr, ...]:
+    """R_1 to R_3 of r = gamma^2 R_1 + gamma^4 R_2 + gamma^6 R_3; see `expansion`."""
     wave = sp.sech(gamma * position / (2 * spacing)) ** 2
-    first_profile = (p1_value * s).subs(s, wave)
-    return first_profile, sp.factor(p2_value * s + q2_value * s**2).subs(s, wave)
+    return tuple(_polynomial(one, 1).subs(sp.Symbol("S"), wave) for one in expansion()[:3])
+
+
+def _polynomial(coefficients: tuple[sp.Expr, ...], width: int) -> sp.Expr:
+    """R_n as a polynomial in S."""
+    return sum(p * sp.Symbol("S") ** (1 + width * k) for k, p in enumerate(coefficients))
 
 
 def sech_strain() -> sp.Expr:
@@ -155,6 +203,13 @@ def argument() -> list[Step]:
              sp.Eq(sp.Symbol("R_1"), profiles()[0])),
         Step("The order gamma^6 gives the next correction, so that the error is O(gamma^4):",
              sp.Eq(sp.Symbol("R_2"), profiles()[1])),
+        Step("The order gamma^8 gives another, with S = sech^2(gamma x/2) and f the fifth "
+             "derivative. Each correction over the one before is the error that remains:",
+             sp.Eq(sp.Symbol("R_3"), _polynomial(expansion()[2], 1))),
+        Step("If V is even, waves of both signs begin with gamma S, S = sech(gamma x), where g is "
+             "the sixth derivative:",
+             sp.Eq(elongation, sum(gamma ** (2 * n + 1) * _polynomial(one, 2)
+                                   for n, one in enumerate(expansion(even=True))))),
         Step("In the fast limit the force of a bond is an impulse, and the strain is the tent",
              sp.Eq(strain, tent())),
         Step("The energy that a bond can store gives an estimate of the largest speed before "

@@ -1,6 +1,6 @@
 """The public names and where they are defined, which are imported when they are first used."""
 
-from . import catalogue, objective
+from . import catalogue, files, objective
 from .animation import animate
 from .branches.problem import Problem, trace
 from .engine.methods import METHODS
@@ -44,6 +44,8 @@ from .measure.spectrum import spectrum
 from .orbits.orbit import periodic_orbit
 from .orbits.path import orbit_path
 from .orbits.stability import floquet
+from .precision.result import WorkPrecision
+from .precision.work import work_precision
 from .printing import units
 from .prisms.closed import member_stiffness
 from .prisms.contact import bar_contact
@@ -116,6 +118,7 @@ __all__ = [
     "TimeSeries",
     "Unit",
     "Wall",
+    "WorkPrecision",
     "angular_momentum",
     "animate",
     "arrival",
@@ -133,6 +136,7 @@ __all__ = [
     "equilibrium",
     "equilibrium_path",
     "equilibrium_paths",
+    "files",
     "first_peak",
     "fit",
     "fit_run",
@@ -173,5 +177,6 @@ __all__ = [
     "verify",
     "wall_gaps",
     "width",
+    "work_precision",
 ]
 __version__: str

@@ -34,6 +34,7 @@ Stiffness: TypeAlias = Annotated[float, "> 0", "N/m"]
 StiffnessOrInf: TypeAlias = Annotated[float, "> 0", "or inf", "N/m"]
 Preload: TypeAlias = Annotated[float, ">= 0", "N"]
 Count: TypeAlias = Annotated[int, ">= 1"]
+Order: TypeAlias = Annotated[int, ">= 1", "< 4"]  # of an expansion
 Sides: TypeAlias = Annotated[int, ">= 3"]
 Index: TypeAlias = Annotated[int, ">= 0"]
 

@@ -59,9 +59,10 @@ LONGEST = 500  # characters of a message
 SEARCHES = (  # take long with these: see their tests
     ts.orbit_path, ts.solitary_wave, largest_speed, limit_load, design.peak_force,
     design.search, design.robustness, granular.pack, granular.fcc_pack, granular.hexagonal_pack,
+    ts.work_precision,
 )  # fmt: skip
 MADE_BY_OTHERS = {
-    "BeadChain", "EquilibriumPath", "Pack", "Run", "SolitaryWave", "StructurePath",
+    "BeadChain", "EquilibriumPath", "WorkPrecision", "Pack", "Run", "SolitaryWave", "StructurePath",
     "TransitionWave", "Transmission",
 }  # fmt: skip
 INNER = {  # what runs, paths and searches ask of their objects, and nobody else
@@ -131,6 +132,7 @@ FOLDER = tempfile.TemporaryDirectory()
 FILE = f"{FOLDER.name}/run.npy"
 ts.simulate(LINE, LINE.at_rest({0: 0.01}), 1.0, dt=0.1, record=ts.Record(path=FILE, checkpoint=1.0))
 RUN.save(f"{FOLDER.name}/kept")
+ts.files.write(f"{FOLDER.name}/truss.csv", TRUSS)
 CURVE = f"{FOLDER.name}/curve.txt"
 np.savetxt(CURVE, [[0.0, 0.0], [0.1, 2.0]], header="travel force")
 T = np.linspace(0.0, 1e-4, 200)
@@ -158,6 +160,7 @@ INSTANCES = {  # of classes whose methods are called
     "PowerLaw": ts.PowerLaw(1.0, 1.5, 0.1), "Run": RUN, "SolitaryWave": WAVE, "State": RUN.final,
     "Unit": UNIT, "Member": CABLES,
     "TransitionWave": FRONT,
+    "WorkPrecision": ts.work_precision(LINE, LINE.at_rest({0: 0.1}), 5.0, ["rkn6"], seconds=1.0),
     "Sizes": design.Sizes(3, (0.004, 0.006), 0.015, STEEL), "Structure": TRUSS,
     "TimeSeries": SERIES,
     "StructurePath": ts.equilibrium_path(TRUSS, max_load=0.1, **SOLVED), "Wall": WALL,
@@ -171,7 +174,8 @@ EXAMPLES = {  # of arguments, by their names
     "damping": ts.Damping(0.1, [0.1] * 24), "density": 1e3, "diameter": 0.005,
     "diameters": (0.004, 0.006), "direction": (0, -1), "displacement": 0.1, "domain": (-1.0, 1.0),
     "drive": {0: ts.Drive(force=0.1)}, "dt": 0.1, "elongation": np.exp(-(X**2)),
-    "ends": ("free", "fixed"), "energy": R**2, "every": 1, "exponent": 1.5, "extent": (1.0, 0.0),
+    "ends": ("free", "fixed"), "energy": R**2, "error": 0.1, "every": 1, "exponent": 1.5,
+    "extent": (1.0, 0.0),
     "force": np.exp(-(((T - 5e-5) / 1e-5) ** 2)), "force_densities": [0.0, 0.0], "function": str,
     "gap": 1e-5, "given": [BEAD, SMALL], "gravity": 9.81, "ground": [0.1, 0.2], "half_angle": 0.7,
     "height": 0.7, "high": 0.01, "interval": 3e-6, "k_bar": 100.0, "k_base": 10.0, "k_cross": 1.0,
@@ -216,6 +220,9 @@ def in_a_run(kind):
 CALLS = [  # where other arguments are needed, or several in one call
     (ts.Prism.from_members, {"cross": 0.13, "base": 0.08, "bar": 0.1623, "k_cross": 19192.7,
                           "k_base": 31188.2, "k_bar": 4.7e7, "sides": 3}),
+    (ts.work_precision, {"scene": LINE, "state": LINE.at_rest({0: 0.01}), "t_end": 1.0,
+                         "methods": ["verlet"], "peers": [], "reference": LINE.at_rest(),
+                         "seconds": 0.5}),
     (ts.equilibrium_path, {"prism": ELASTIC, "min_height": 0.4, "max_load": 1.0, "max_height": 0.75,
                         "past_contact": False}),
     (ts.equilibrium_path, {"prism": TRUSS, "max_load": 0.1, "branch": "stable",
@@ -303,6 +310,7 @@ CALLS = [  # where other arguments are needed, or several in one call
     (ts.Chain, {"spring": SPRING, "sites": 3, "drive": {0: ts.Drive(force=0.1)},
              "damping": ts.Damping(0.1)}),
     (ts.Chain, {"spring": SPRING, "sites": 2, "ground": [SPRING, SPRING]}),
+    (ts.Chain, {"spring": SPRING, "sites": 3, "ends": "periodic", "stretch": 0.01}),
     (ts.Force, {"expression": SPRING, "at": [0], "parameters": {}}),
     (ts.Drive, {"displacement": sp.sin(TIME)}),
     (ts.Force, {"expression": R * TIME, "on": "bonds", "at": [0], "parameters": {}}),
@@ -328,6 +336,11 @@ CALLS = [  # where other arguments are needed, or several in one call
     (ts.Record, {"interval": 0.1, "path": FILE, "checkpoint": 1.0}),
     (ts.resume, {"path": FILE, "scene": None}),
     (ts.Run.load, {"path": f"{FOLDER.name}/kept"}),
+    (ts.files.read, {"path": f"{FOLDER.name}/truss.csv"}),
+    (ts.files.write, {"path": f"{FOLDER.name}/made.csv", "thing": TRUSS}),
+    (RUN.table, {"quantity": "v", "sites": [1, 2], "times": [0.1, 0.2]}),
+    (RUN.to_csv, {"path": f"{FOLDER.name}/made.csv", "quantity": "tension", "sites": [1]}),
+    (RUN.to_dataframe, {"quantity": "v", "sites": [1, 2], "times": [0.1, 0.2]}),
     *([] if find_spec("flint") is None else [
         (ts.prove, {"of": WAVE, "period": 30.0, "exact": "decimals"}),
         (ts.verify, {"path": str(Path(__file__).with_name("wave.json"))}),
@@ -351,6 +364,7 @@ CALLS = [  # where other arguments are needed, or several in one call
     (ts.solitary_wave, {"excess": 0.5}),
     (ts.genuine, {"make": lambda light: CELL, "low": 0.1, "high": 0.9, "count": 2}),
     (FAMILY.small_peak, {"excess": 1e-3}),
+    (FAMILY.small, {"x": [0.0, 1.0], "excess": 1e-3, "order": 2}),
     (ts.predict, {"potential": HERTZ}),
     (ts.predict(LENNARD_JONES)["compression"].wall_peak, {"speed": 100.0}),
     (largest_speed, {"potential": SPRING, "mass": 1.0, "family": None, "closest": 0.04}),

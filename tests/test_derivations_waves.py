@@ -35,7 +35,7 @@ def _nominal_gamma(decay):
 
 def _error(decay, x, orders):
     gamma = _nominal_gamma(decay) if orders == (2,) else decay
-    toda = {"a": 1, "b": -1, "e": 1, "h_0": 1}
+    toda = {"a": 1, "b": -1, "e": 1, "f": -1, "h_0": 1}
     found = 0
     for order, profile in zip(orders, waves.profiles(), strict=False):
         found += gamma**order * mpmath.mpf(
@@ -44,7 +44,7 @@ def _error(decay, x, orders):
     return abs(found - _toda_strain(decay, x))
 
 
-@pytest.mark.parametrize(("orders", "expected"), [((2,), 4), ((2, 4), 6)])
+@pytest.mark.parametrize(("orders", "expected"), [((2,), 4), ((2, 4), 6), ((2, 4, 6), 8)])
 @pytest.mark.parametrize("place", [0, 0.7, 2.0])
 def test_error_orders_on_toda(orders, expected, place):
     with mpmath.workdps(40):
@@ -52,6 +52,18 @@ def test_error_orders_on_toda(orders, expected, place):
         errors = [_error(d, place / d, orders) for d in decays]
         slope = np.polyfit(*(np.log([float(v) for v in w]) for w in (decays, errors)), 1)[0]
     assert slope == pytest.approx(expected, abs=0.02)
+
+
+def test_terms_of_toda_are_those_of_its_soliton():
+    """-log(1 + sinh^2(gamma/2) S) in powers of gamma."""
+    a, b, e, f = waves.stiffness, waves.slope, waves.bend, waves.fifth
+    toda = {a: 1, b: -1, e: 1, f: -1, waves.sixth: 1}
+    gamma, s = sp.symbols("gamma S")
+    size = sp.series(sp.sinh(gamma / 2) ** 2, gamma, 0, 10).removeO() * s
+    soliton = sp.expand(sum((-size) ** k / k for k in range(1, 5)))
+    for n, coefficients in enumerate(waves.expansion(), 1):
+        for k, one in enumerate(coefficients, 1):
+            assert one.subs(toda) == soliton.coeff(gamma, 2 * n).coeff(s, k)
 
 
 def test_toda_wave_solves_the_lattice_equation():

@@ -18,6 +18,7 @@ DOORS = (
     "tensegrity",
     "tensegrity.objective",
     "tensegrity.catalogue",
+    "tensegrity.files",
     "granular",
     "granular.design",
     "granular.lammps",
@@ -27,6 +28,9 @@ LATER = {
     "Problem",
     "trace",
     "catalogue",
+    "files",
+    "read",
+    "write",
     "interface",
     "phase_shift",
     "pulses",
@@ -42,6 +46,7 @@ LATER |= {"transition_wave", "units"}
 LATER |= {"spectrum"}
 LATER |= {"PairLattice", "PairLaw", "prove", "verify"}
 LATER |= {"Force", "carretero_gonzalez", "hunt_crossley", "kuwabara_kono", "viscous"}
+LATER |= {"WorkPrecision", "compare_models", "work_precision"}
 LATER |= {"dmt", "tsuji"}
 HELD = Path(__file__).parent / "interface.txt"
 

@@ -8,12 +8,15 @@ from springs import series
 from tensegrity import (
     Chain,
     Potential,
+    PowerLaw,
     Prism,
     Record,
     State,
     TensegrityError,
+    predict,
     sech2,
     simulate,
+    solitary_wave,
     speed,
     tent,
     width,
@@ -68,6 +71,57 @@ def test_sech2_approaches_toda_with_the_fourth_power_of_gamma():
         exact = -np.log1p((np.sinh(kappa) / np.cosh(kappa * x)) ** 2)
         errors.append(np.max(np.abs(sech2(TODA, np.sinh(kappa) / kappa, x) - exact)))
     assert abs(np.polyfit(np.log(kappas), np.log(errors), 1)[0] - 4) < 0.1
+
+
+CUBIC = Potential(R**2 / 2 + R**3 / 3 - R**4 / 4, R)
+EVEN = Potential(R**2 / 2 + R**4 / 4, R)
+TERMS = [  # kappa; tolerance; errors over the peak by another program, at fewer places
+    (Prism(1, 0.7, 0.1, 1).potential(), (0.4, 0.2, 0.1), 5e-4,
+     [(3.5055e-2, 8.8385e-3, 2.2145e-3), (1.7067e-3, 1.0892e-4, 6.8457e-6), ()]),
+    (Prism(1, 0.7, 0.3, 1).potential(), (0.8, 0.4, 0.2), 5e-4,
+     [(9.590e-2, 2.401e-2, 6.006e-3), (9.424e-3, 5.941e-4, 3.726e-5), ()]),
+    (CUBIC, (0.8, 0.4, 0.2), 0.06,
+     [(9.2e-2, 2.2e-2, 5.6e-3), (1.2e-2, 6.8e-4, 4.2e-5), (2.0e-3, 2.9e-5, 4.5e-7)]),
+    (PowerLaw(1.0, 1.5, preload=1.0), (0.8, 0.4, 0.2), 0.06,
+     [(6.7e-2, 1.7e-2, 4.4e-3), (1.8e-3, 1.2e-4, 7.7e-6), (2.9e-4, 5.2e-6, 8.5e-8)]),
+    (EVEN, (0.8, 0.4, 0.2), 0.06, [(4.3e-2, 1.1e-2, 2.9e-3), (4.5e-3, 3.1e-4, 2.0e-5)]),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("spring", "kappas", "near", "known"), TERMS)
+def test_terms_of_small_waves_have_orders_2_4_6_and_their_constants(spring, kappas, near, known):
+    family, errors = predict(spring).families[0], [[] for _ in known]
+    for kappa in kappas:
+        excess, x = 2 * np.sinh(kappa / 2) / kappa - 1, np.linspace(0, 20 / kappa, 801)
+        wave = solitary_wave(spring, excess=excess, family=family.name)
+        for order, so_far in enumerate(errors, 1):
+            found = family.small(x, excess, order)
+            so_far.append(np.abs(found - wave.elongation(x)).max() / abs(wave.amplitude))
+    for order, (found, wanted) in enumerate(zip(errors, known, strict=True), 1):
+        assert found == pytest.approx(wanted or found, rel=near)
+        slope = np.log(found[-2] / found[-1]) / np.log(2)
+        assert slope == pytest.approx(2 * order, abs=0.06)
+    for order, constant in enumerate(family.small_errors, 1):  # its error is of the next order
+        limit = errors[order - 1][-1] / kappas[-1] ** (2 * order)
+        assert limit == pytest.approx(constant, rel=2 * kappas[-1] ** 2)
+    assert len(family.small_errors) == (1 if spring is EVEN else 3)
+
+
+def test_an_even_spring_has_small_waves_of_both_signs_and_two_terms():
+    both = predict(EVEN)
+    one, other = (both[name].small([0.0, 1.0], 0.01, 2) for name in ("compression", "rarefaction"))
+    assert (one == -other).all()
+    assert sech2(EVEN, 1.01, [0.0, 1.0], 2) == pytest.approx(one, rel=1e-12)
+    assert one[0] < 0
+    odd = Potential(R**2 / 2 + R**4 / 4 + R**5 / 5, R)
+    assert sech2(odd, 1.01, 0.0) == pytest.approx(sech2(EVEN, 1.01, 0.0), rel=1e-9)
+    for spring, order in ((EVEN, 3), (odd, 2)):
+        with pytest.raises(TensegrityError, match=f"no term of order {order}"):
+            sech2(spring, 1.01, 0.0, order)
+    threshold = predict(Prism(1.0, 0.7, 0.01, 1.0).potential())["rarefaction"]
+    for asked in (lambda: threshold.small(0.0, 0.1), lambda: threshold.small_errors):
+        with pytest.raises(TensegrityError, match="no small wave: rarefaction starts at a thres"):
+            asked()
 
 
 def test_asymptotics_refuse_what_has_no_such_wave():

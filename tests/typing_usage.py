@@ -232,10 +232,13 @@ def waves(spring: ts.Potential, chain: ts.Chain) -> ts.State:
     assert_type(planar + cells, list[ts.Lattice])
     assert_type(ts.catalogue.resonators(masses=(1.0, 2.0)), ts.Lattice)
     assert_type(ts.catalogue.x_plate().network((2, 2)), ts.Network)
+    ts.files.write("x.stl", ts.catalogue.dome(), radius=0.01)
+    assert_type(ts.files.read("x.csv"), Any)
     assert_type(ts.predict(spring)["compression"].speeds, tuple[float, float])
     assert_type(ts.interface(spring, spring, (40, 60), mass=(1.0, 2.0)), ts.Chain)
     assert_type(spring.sound_speed(), float)
-    assert_type(ts.sech2(spring, 1.1, 0.0) - ts.tent(spring, [0.0]), Array)
+    assert_type(ts.predict(spring)["compression"].small([0.0], 0.01, order=2), Array)
+    assert_type(ts.sech2(spring, 1.1, 0.0, order=3) - ts.tent(spring, [0.0]), Array)
     ts.solitary_wave(spring, 1.0, 2.0)  # type: ignore[call-arg, arg-type]
     ts.transition_wave(spring, ahead=0.0, behind=1, ground=spring, damping=ts.Damping(0.1))
     ts.transition_wave(spring, 1.0, ahead=0.0)  # type: ignore[call-arg]
@@ -256,6 +259,9 @@ def measured(chain: ts.Chain, run: ts.Run) -> float:
     assert_type(ts.phase_shift(run, found, found), tuple[float, float])
     assert_type(ts.transmission(run).reflected, tuple[Pulse, ...])
     assert_type(ts.spectrum(run, sites=[0, 2], of="v").ridge(0.1), tuple[Array, Array])
+    ring = ts.Chain(chain.springs[0], 8, ends="periodic", stretch=0.1)
+    ts.Chain(chain.springs[0], 8, ends="ring")  # type: ignore[arg-type]
+    assert_type(ring.stretch, float)
     assert_type(observables.peak(chain.elongation(run.final.u)), tuple[float, float])
     assert_type(observables.passage(run.t, run.u[:, 0], run.v[:, 0]), float)
     times = ts.arrival(run, 3, direction=-1, after=0.5) + ts.duration(run, 3, level=0.1)
@@ -410,6 +416,10 @@ def protectors(bead: granular.Bead) -> list[granular.Bead]:
     assert_type(varied.peaks, Array)
     assert_type(varied.quantile(0.5), float)
     peak_force([bead], striker=striker, wall="steel", t_end=1e-3)  # type: ignore[arg-type]
+    chain = ts.Chain(ts.PowerLaw(1.0, 1.5), sites=5)
+    compared = ts.work_precision(chain, chain.at_rest({0: 1.0}), 5.0, ["verlet"], ["dop853"])
+    assert_type(compared, ts.WorkPrecision)
+    assert_type(compared.best(1e-3).evaluations, int)
     assert_type(ts.sweep(abs, [1, 2], checkpoint="sweep.npz"), list[Any])
     return best.beads
 

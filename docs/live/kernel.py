@@ -77,10 +77,20 @@ def _half_turn():
 
 
 def _approximate():
-    """The sech^2 and the tent profile of `derivations.waves`, as functions exported by name."""
-    from tensegrity.waves.asymptotics import forms
+    """The sech^2 profile, with gamma by the speed, and the tent, as functions exported by name."""
+    import sympy as sp
 
-    for name, (form, symbols) in forms().items():
+    from derivations import waves
+
+    ratio = sp.Symbol("ratio")
+    gamma_squared = waves.gamma_squared().subs(waves.speed, ratio * waves.acoustic_speed)
+    sech2 = waves.sech_strain().subs(waves.gamma, sp.sqrt(sp.simplify(gamma_squared)))
+    profiles = {
+        "sech2": (sech2, (waves.stiffness, waves.slope, ratio, waves.position)),
+        "tent": (waves.tent(), (waves.stroke, waves.position)),
+    }
+    for name, (strain, symbols) in profiles.items():
+        form = (strain * waves.spacing).subs(waves.spacing, 1)
         given = [ca.SX.sym(str(symbol)) for symbol in symbols]
         value = to_casadi(form, symbols)(*given)
         takes = ", ".join(f"real x{k}" for k in range(len(given)))

@@ -7,7 +7,7 @@ elongation range of every bond with parameters of its own, and of every run of o
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -48,6 +48,12 @@ class Bonds:
         Of bonds with mass: accelerations are `inverse_mass` times the forces after these.
     heavy : tuple of int
         The bonds with mass.
+    cable : ndarray of int, (bonds,), optional
+        The cable over sites of which each bond is a segment, -1 of others.  The elongation of all
+        its segments is the mean of theirs.
+    stretch : float, optional
+        Of a ring what its elongations sum up to [m]: one more bond joins the last site to the
+        first.
     """
 
     laws: tuple
@@ -59,6 +65,14 @@ class Bonds:
     kinks: np.ndarray | None = None
     coupling: RowOperations | None = None
     heavy: tuple = ()
+    cable: np.ndarray | None = None
+    stretch: float | None = None
+
+    @property
+    def independent(self):
+        """Whether accelerations follow from the forces of single bonds: no bond has mass, or is a
+        segment of a cable over sites."""
+        return self.coupling is None and self.cable is None
 
     @property
     def dim(self):
@@ -87,6 +101,20 @@ class Bonds:
         """The order of the bonds in the loop."""
         runs = line_runs(self) if self.contacts is None else net_runs(self)
         return Runs(*(fixed(getattr(runs, field.name)) for field in fields(Runs)))
+
+    @cached_property
+    def in_pattern(self):
+        """A ring as contacts, which the reverse loop takes; others as they are."""
+        if self.stretch is None:
+            return self
+        each, none = np.arange(len(self.group)), np.zeros((len(self.group), 1))
+        turn, gap = none.copy(), none[:, 0].copy()
+        turn[-1], gap[-1] = len(each), self.stretch
+        contacts = Contacts(
+            each, (each + 1) % len(each), gap, np.ones(len(each)), each[:, None] + 0.0, none,
+            none[:0], shift=turn,
+        )  # fmt: skip
+        return replace(self, contacts=contacts, stretch=None)
 
     @cached_property
     def layouts(self):
@@ -122,6 +150,8 @@ class Contacts:
         Constant forces [N].
     normals : ndarray, (walls, dim)
         Of the walls.
+    shift : ndarray, (contacts, dim), optional
+        What is added to the separation of a pair [m], where its second end is an image of a site.
     crowding : ndarray of int, (sites,), optional
         Approximate number of sites of higher numbers with which each may have contacts, where the
         list changes during a run; the same for all lists of a scene.
@@ -135,6 +165,7 @@ class Contacts:
     load: np.ndarray
     normals: np.ndarray
     crowding: np.ndarray | None = None
+    shift: np.ndarray | None = None
 
     @property
     def walls(self):
@@ -149,6 +180,10 @@ class Contacts:
     def kind(self):
         """Index into `KINDS` of each contact; (contacts,)."""
         return fixed(np.where(self.first < len(self.load), PAIR, WALL).astype(np.uint8))
+
+    def ends_of(self, some):
+        """Rows that some contacts join, (some, 2)."""
+        return np.stack([self.first[some], self.second[some]], axis=1)
 
     @cached_property
     def places(self):
@@ -177,6 +212,8 @@ class Contacts:
         arguments = np.empty((self.load.shape[1] + 2, len(first)))
         for row, place in zip(arguments[:-2], self.places.T, strict=True):
             row[:] = np.where(pair, place[second] - place[first], place[first])
+        if self.shift is not None:
+            arguments[:-2, pair] += self.shift[some][pair].T
         if len(arguments) == 3:
             arguments[0, pair] = np.sign(arguments[0, pair])
         arguments[-2], arguments[-1] = self.gap[some], self.length[some]
@@ -234,12 +271,14 @@ def line_runs(bonds):
 
 
 def net_runs(bonds):
-    """Contacts in runs of one kind and law."""
+    """Contacts in runs of one kind and law, segments of cables apart from other bonds."""
     number = bonds.law_of_bond * len(KINDS) + bonds.contacts.kind
+    if bonds.cable is not None:
+        number = 2 * number + (bonds.cable >= 0)
     numbers = np.unique(number)
     members = [np.flatnonzero(number == one) for one in numbers]
     own = np.array([np.ptp(bonds.group[part]) > 0 for part in members], dtype=int)
-    law, kind = np.divmod(numbers, len(KINDS))
+    law, kind = np.divmod(numbers if bonds.cable is None else numbers // 2, len(KINDS))
     for one in np.unique(law[own > 0]):
         if is_long(bonds.laws[one]):
             own[law == one] = 1  # so that the law is compiled once
@@ -300,6 +339,43 @@ def springs_of_places(bonds, runs, run, batch=1):
     if springs.ndim == 2 and BLOCK % batch == 0 and np.all(springs == springs[0]):
         return np.resize(springs[0], min(BLOCK, springs.size))
     return np.repeat(springs, batch) if springs.ndim == 1 else springs.ravel()
+
+
+def segments(bonds):
+    """The segments of cables over sites, one cable after the other."""
+    if bonds.cable is None:
+        return np.zeros(0, dtype=int)
+    return np.argsort(bonds.cable, kind="stable")[np.sum(bonds.cable < 0) :]
+
+
+def of_cables(bonds, listed):
+    """Fields of a scene with the segments of cables over sites.
+
+    Parameters
+    ----------
+    bonds : Bonds
+    listed : ndarray of int
+        The bond of each entry.
+
+    Returns
+    -------
+    dict of ndarray
+    """
+    none, count = np.zeros(0, dtype=int), len(bonds.runs.law)
+    if bonds.cable is None:
+        names = "strand_at", "strand_place", "mean_entry", "mean_at"
+        fields = dict.fromkeys(names, none) | {"strand_geometry": np.zeros(0)}
+        return fields | {"strung": np.zeros(count, dtype=int)}
+    order, entries = segments(bonds), bonds.cable[listed]
+    cables, by_cable = np.arange(bonds.cable.max() + 2), np.argsort(entries, kind="stable")
+    return {
+        "strand_geometry": bonds.contacts.geometry_of(order).T,
+        "strand_at": np.searchsorted(bonds.cable[order], cables),
+        "strand_place": np.argsort(bonds.runs.source)[order],
+        "mean_entry": by_cable,
+        "mean_at": np.searchsorted(entries[by_cable], cables),
+        "strung": bonds.cable[bonds.runs.source[bonds.runs.first[:-1]]] >= 0,
+    }
 
 
 def integers(array):

@@ -64,6 +64,14 @@ static void find_elongations(const scene *c, const drive *d)
         if (wall) wall_contact(place, w, g, length, r, along);
         else pair_contact(place, w, g, length, r, along);
     }
+    lengthen(c, c->u);
+    for (integer q = 0; q < c->cables; q++)
+        for (integer s = c->strand_at[q]; s < c->strand_at[q + 1]; s++) {
+            const integer b = c->strand_place[s];
+            real *reached = d->reached + 2 * d->spring[b];
+            d->elongations[b] = c->average[2 * q];
+            *reached = smaller(c->average[2 * q + 1], *reached);
+        }
 }
 
 /* The sum of the rates of the energies of n bonds of law K with the same numbers p. */
@@ -304,6 +312,7 @@ static int driven_stage(scene *c, const drive *d, integer s, integer i, real a, 
         d->sums[0] -= a * d->force_rate[at] * u[q];
     }
     for (integer e = 0; e < d->moving; e++) v[d->moved[e]] = 0, d->given[e] = u[d->moved[e]];
+    CLOSE_RING(c, u, v)
 #if CHANGES
     if (!may_span(c, d, s)) return 1;
     set_springs(d, s);

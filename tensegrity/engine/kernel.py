@@ -7,6 +7,7 @@
 | threads | of blocks; parts of long chains, splittings | of scenes; parts of large, splittings |
 | walls, loads | no: a network on a line has them | yes |
 | bonds with mass | no | yes, one thread; all methods but "midpoint" |
+| ring | yes, one scene, one thread; all methods but "midpoint" | no |
 | "corrected6" | yes, also batches, one thread | yes |
 | implicit steps | yes, a batch scene by scene | yes, one thread |
 | fitted forces | yes | yes |
@@ -57,7 +58,8 @@ def bind(u, v, bonds, method, dt, loop=None, divided=True):
     if loop is None:
         loop = compiled(bonds.laws, bonds.own, bonds.dim, batch)
     large = len(bonds.group) > threaded.MANY if bonds.dim else u.size > threaded.LONG and batch == 1
-    divided = divided and large and bonds.coupling is None and isinstance(method, Splitting)
+    divided = divided and large and bonds.independent and bonds.stretch is None
+    divided = divided and isinstance(method, Splitting)
     count = threaded.threads() if divided else 1
     if count > 1:
         kind = threaded.ThreadedNetwork if bonds.dim else threaded.ThreadedChain

@@ -28,7 +28,9 @@ from tensegrity.engine.bonds import (
     WALL,
     Runs,
     integers,
+    of_cables,
     parameters,
+    segments,
     springs_of_places,
 )
 from tensegrity.engine.native import aligned_copy
@@ -86,10 +88,13 @@ def loop_layout(loop, bonds, pieces=1, runs=None):
 
 def _line(loop, bonds, runs):
     weights = np.asarray(bonds.inverse_mass)
+    if bonds.stretch is not None:
+        weights = np.append(weights, 0.0)  # of the image of the first site
     if loop.batch > 1 and weights.ndim == 1:
         weights = np.repeat(weights, loop.batch)
     where = {"first": runs.first - runs.first[0], "law": 2 * runs.law + runs.own}
-    return _with_parameters(loop, bonds, runs, {"w": weights} | where)
+    stretch = None if bonds.stretch is None else loop.numbers([bonds.stretch])
+    return _with_parameters(loop, bonds, runs, {"w": weights} | where, stretch=stretch)
 
 
 def _with_parameters(loop, bonds, runs, fields, pieces=1, slices=None, **more):
@@ -160,6 +165,7 @@ def _net(loop, bonds, pieces):
         "beside": sliced.beside,
         "beside_at": sliced.beside_at,
     } | coupling(bonds)
+    fields |= of_cables(bonds, listed)
     fields |= _varying("gap", contacts.gap[listed], sliced.first)
     fields |= _varying("length", contacts.length[listed], sliced.first)
     fields |= _by_wall(bonds, sliced)
@@ -173,7 +179,10 @@ def _net(loop, bonds, pieces):
         "tiles": sliced.tiles,
         "loaded": loaded,
         "couplings": 0 if bonds.coupling is None else len(bonds.coupling.target),
+        "cables": 0 if bonds.cable is None else int(bonds.cable.max()) + 1,
+        "strand": contacts.ends_of(segments(bonds)).astype(np.int32),
         **dict.fromkeys(("geometry", "from", "to")),  # see `of_contacts`
+        "stretch": None,
     }
     sliced = replace(sliced, contact=None, other=None, counts=None)
     made = _with_parameters(loop, bonds, entries, fields, pieces, sliced, **more)

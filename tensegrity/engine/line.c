@@ -12,15 +12,19 @@ real stage(const scene *c, real a, real b)
 {
     real left[BATCH + 1] = {0}; /* tensions of the last bonds, and that rate */
     const integer end = BATCH * c->first[c->runs], active = c->active ? *c->active : end;
+    close_ring(c, c->u, c->v);
     for (integer s = 0; s < c->runs && BATCH * c->first[s] < active; s++)
         switch (c->law[s]) {
 #define CASE(K, OWN) case 2 * K + OWN: stage_##K##_##OWN(c, s, a, b, active, left); break;
             RUNS(CASE)
         }
     for (int l = 0; l < BATCH && active >= end; l++) {
-        c->v[end + l] -= a * c->w[end + l] * left[l];
-        c->u[end + l] += b * c->v[end + l];
+        const integer last = c->stretch ? l : end + l; /* on which the last bond pulls */
+        const real kick = a * c->w[last] * left[l];
+        c->v[last] -= kick;
+        c->u[last] += c->stretch ? -b * kick : b * c->v[last];
     }
+    close_ring(c, c->u, c->v);
     return left[BATCH];
 }
 #endif

@@ -296,6 +296,7 @@ integer advance_openings(const scene *c, openings *o, integer steps, integer ope
     FLUSH
     o->begins = !opened;
     int looking = 0;
+    CLOSE_RING(c, c->u, c->v)
     for (integer k = 0; k < steps; k++) {
         const integer begun = next_stage(c);
         if (!looking) EACH(moving(c, o->entries)) o->u[i] = c->u[i], o->v[i] = c->v[i];

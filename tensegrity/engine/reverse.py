@@ -17,6 +17,7 @@ from tensegrity.engine import geometry
 from tensegrity.engine.bonds import PAIR, WALL, integers, parameters
 from tensegrity.engine.bound import stages
 from tensegrity.engine.codegen import reverse_text
+from tensegrity.engine.forces import refuse_cables
 from tensegrity.engine.inertia import ACROSS, END
 from tensegrity.engine.layout import coupling
 from tensegrity.engine.native import aligned, library, structure
@@ -63,9 +64,13 @@ class Layout:
         Rows of both ends of each bond; any wall has the same row.
     place : ndarray of int, (bonds,)
         Place of each bond in the order of the loop.
+    is_ring : bool
+        Whether the bonds are those of a ring, whose states are (sites,).
     """
 
     def __init__(self, bonds, wanted):
+        refuse_cables(bonds, "derivatives of a motion")
+        self.is_ring, bonds = bonds.stretch is not None, bonds.in_pattern
         self.bonds, self.wanted = bonds, wanted
         source, contacts, count = bonds.runs.source, bonds.contacts, len(bonds.group)
         self.dim, self.sites = bonds.dim, len(bonds.inverse_mass)
@@ -217,11 +222,14 @@ class ReverseLoop:
 
     def set(self, u, v):
         """Set the state, (sites[, dim])."""
-        self.u[: self.layout.sites], self.v[: self.layout.sites] = u, v
+        for array, values in ((self.u, u), (self.v, v)):
+            here = array[: self.layout.sites]
+            here[:] = values.reshape(here.shape)
 
     def state(self):
         """Copies of u and v, (sites[, dim])."""
-        return self.u[: self.layout.sites].copy(), self.v[: self.layout.sites].copy()
+        u, v = (x[: self.layout.sites].copy() for x in (self.u, self.v))
+        return (u[:, 0], v[:, 0]) if self.layout.is_ring else (u, v)
 
     def reverse(self, steps, last, cotangents=None, opened=True):
         """Invert steps.

@@ -4,7 +4,8 @@
    site.  Bonds are grouped in runs of one law, whose bonds have all parameters and one elongation
    range in common, or have parameters and ranges of their own: `line_law.c`, included once for
    each kind.  A batch of chains is advanced in one loop: the BATCH entries of site j are
-   adjacent, and the neighbour of an entry is BATCH further.
+   adjacent, and the neighbour of an entry is BATCH further.  A ring has one more site, of no mass:
+   the image of the first one, `stretch` further, to which the last bond leads; see `close_ring`.
 
    The rows of u and v of a network are the sites, the walls, and one spare row.  The row of a
    wall collects its impulse in v.  The list of contacts is divided in runs of one kind and one
@@ -46,6 +47,7 @@ typedef struct {
                                         number of this stage; for each tile that of the last stage
                                         in which it may move.  0: all may move */
     real (*stage)(const void *, real, real); /* of the loop, for steps compiled apart from it */
+    const real *stretch;             /* of a ring, what its elongations sum up to; 0 of others */
 
     /* The other fields are those of networks. */
     const real *load;                   /* (rows, DIM) constant forces */
@@ -78,11 +80,37 @@ typedef struct {
     const real *coupling;               /* (couplings, DIM) the factors */
     real *spread;                       /* scratch (rows, DIM) of bonds with mass */
     integer couplings;
+    const integer *strung;              /* (runs) whether a run has segments of cables over sites */
+    const int *strand;                  /* (segments, 2) rows of their ends, cable by cable */
+    const real *strand_geometry;        /* (segments, DIM + 2) D, g, L */
+    const integer *strand_at;           /* (cables + 1) the first segment of each */
+    const integer *strand_place;        /* (segments) their places in the list */
+    const integer *mean_entry, *mean_at; /* the entries of its segments, (cables + 1) where these
+                                           begin */
+    real *mean, *least;                 /* scratch (entries) mean elongation of the segments, and
+                                           the least, of those that turned round minus their
+                                           length */
+    real *average, *toward;             /* scratch (cables, 2) of the same, (segments, DIM) their
+                                           vectors in the last stage; 0 where a motion begins */
+    integer cables;
     integer contacts, sites, rows, tiles, loaded;
     integer before, tile, last_tile, reach, piece, pieces; /* the part of this thread */
 } scene;
 
 #define ALL_MAY_MOVE(c) (c).active = 0;
+
+#ifndef DIM
+/* Of a ring: place the image of the first site, which takes its velocity. */
+static inline void close_ring(const scene *c, real *u, real *v)
+{
+    if (!c->stretch) return;
+    const integer end = BATCH * c->first[c->runs];
+    for (int l = 0; l < BATCH; l++) u[end + l] = u[l] + *c->stretch, v[end + l] = v[l];
+}
+#define CLOSE_RING(c, u, v) close_ring(c, u, v);
+#else
+#define CLOSE_RING(c, u, v)
+#endif
 
 /* Steps that do not depend on the laws are compiled once for all of them, with STEPPER defined, and
    call the stage of a loop through its address. */

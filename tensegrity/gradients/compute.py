@@ -281,7 +281,8 @@ def _of_scene(task: _Task, scene: Any, state: Any) -> list[Gradient]:
     p += back.totals.p
     g += back.totals.g
     w += back.totals.w.reshape(*w.shape, -1).sum(axis=-1)
-    u, v, mass = back.u.copy(), back.v.copy(), m - _by_masses(layout, w, of.inverse_mass)
+    u, v = (x.reshape(len(x), *scene.shape).copy() for x in (back.u, back.v))
+    mass = m - _by_masses(layout, w, of.inverse_mass)
     for array in (u, v, mass):
         array[:, list(scene.held)] = 0
     return [

@@ -25,7 +25,7 @@ from tensegrity.measure.observables import directions
 from tensegrity.printing import printed
 from tensegrity.runs.record import require_all_sites
 from tensegrity.runs.run import Run
-from tensegrity.scenes.chain import Chain
+from tensegrity.scenes.chain import Chain, refuse_ring
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.network import Network
 from tensegrity.typing import Array, Indices
@@ -157,6 +157,7 @@ def budget(run: Run, bond: int) -> Budget:
     from scipy.interpolate import make_interp_spline
 
     chain = _recorded_whole(run, Chain)
+    refuse_ring(chain, "the budget of a part")
     bond = check.whole("bond", bond, least=0, below=chain.sites - 1)
     if chain.ends[1] != "free":
         raise TensegrityError("the last site is fixed: its force is not part of this budget")

@@ -22,7 +22,7 @@ from tensegrity.measure.records import first_peak
 from tensegrity.measure.series import TimeSeries
 from tensegrity.root import polynomial_through, root
 from tensegrity.runs.run import Run
-from tensegrity.scenes.chain import Chain
+from tensegrity.scenes.chain import Chain, refuse_ring
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.network import Network
 from tensegrity.scenes.scene import State
@@ -310,6 +310,7 @@ def tail_front(chain: Chain, state: State, level: Fraction = 0.5) -> float:
         Bad input; an undeformed chain; nothing behind the leading pulse.
     """
     chain.energy(state)  # refuses what is no state of it
+    refuse_ring(chain, "the front of a tail")
     r = chain.elongation(state.u)
     peaks = peak_bonds(r, PEAK_FRACTION)
     if not peaks:

@@ -28,7 +28,7 @@ from tensegrity.printing import printed
 from tensegrity.runs.integrate import simulate
 from tensegrity.runs.record import require_all_sites
 from tensegrity.runs.run import Run
-from tensegrity.scenes.chain import Chain
+from tensegrity.scenes.chain import Chain, refuse_ring
 from tensegrity.scenes.dynamics import dynamics, varied
 from tensegrity.scenes.scene import State
 from tensegrity.typing import Array, FractionOrOne
@@ -165,6 +165,7 @@ def chain_of(run: Run) -> Chain:
             f"the scene of the run is {type(chain).__name__}, must be a Chain: pulses run along "
             "bonds in a row"
         )
+    refuse_ring(chain, "pulses")
     if dynamics(chain).springs.changing:
         raise TensegrityError("the springs change in time: pulses require constant ones")
     require_all_sites(run)

@@ -185,7 +185,7 @@ class BatchDynamics(Dynamics):
     def _bonds(self) -> Bonds | None:
         """Bonds of a loop over all scenes; None if each scene has a loop of its own."""
         bonds = [one.loop_bonds for one in self.members]
-        if self.is_driven or any(one.contacts is not None for one in bonds):
+        if self.is_driven or any(x.contacts is not None or x.stretch is not None for x in bonds):
             return None
         laws, law, parameters = self.springs.table
         group = self.springs.group

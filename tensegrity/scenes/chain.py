@@ -1,15 +1,17 @@
 """A chain: point masses in a row, joined by nonlinear springs.
 
 Model: each mass has one coordinate, and neighbours are joined by a bond whose force depends on its
-elongation u[j+1] - u[j] only; each end is free or fixed.  A free end of a preloaded chain carries
-the constant preload, because potentials are measured from the loaded equilibrium.
+elongation u[j+1] - u[j] only; each end is free or fixed, or one more bond closes a ring.  A free
+end of a preloaded chain carries the constant preload, because potentials are measured from the
+loaded equilibrium.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import wraps
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from functools import cached_property, wraps
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -27,11 +29,13 @@ from tensegrity.springs.potential import Potential
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
+    from tensegrity.engine.bonds import Bonds
     from tensegrity.scenes.force import Force
     from tensegrity.scenes.forcing import Damping, Drive
     from tensegrity.typing import Array, Indices, Motion
 
-ENDS = ("free", "fixed")
+ENDS, PERIODIC = ("free", "fixed"), "periodic"
+STEP = 1e-6  # of the largest elongation: what a wave may leave in the last bond of a ring
 
 
 class Chain(Scene):
@@ -40,16 +44,20 @@ class Chain(Scene):
     Parameters
     ----------
     spring : Potential or sequence of Potential
-        One spring for all bonds, or `sites - 1` springs; bond j joins sites j and j + 1.  Some may
-        change with time, see `Potential.over_time`.  With a `PairLaw`, or several of one form, the
+        One spring for all bonds, or `sites - 1` springs; bond j joins sites j and j + 1.  A ring
+        has `sites` springs, the last of which joins the last site to the first.  Some may change
+        with time, see `Potential.over_time`.  With a `PairLaw`, or several of one form, the
         chain is a `Network` in a row: u has the shape (sites, dim), and `mass` is one number, the
         inertias of one site, (dim,), or of all.
     sites : int
         Number of masses, at least 2.
     mass : float or array_like (sites,), optional
         Mass of each site [kg], > 0.
-    ends : (str, str), optional
+    ends : (str, str) or "periodic", optional
         "free" or "fixed" for the first and the last site; a fixed site is held at u = 0.
+        "periodic": a ring.
+    stretch : float, optional
+        Of a ring the sum of all elongations [m]: that of the last bond is u[0] - u[-1] + stretch.
     drive : dict of int to Drive, optional
         {site: Drive}: prescribed motions, and forces that depend on time.
     damping : Damping, optional
@@ -66,7 +74,7 @@ class Chain(Scene):
     ------
     TensegrityError
         Any argument that is not as described above, or a spring that the compiled loop cannot
-        evaluate.
+        evaluate; dashpots and forces in the bonds of a ring.
 
     Notes
     -----
@@ -93,8 +101,9 @@ class Chain(Scene):
         spring: Potential | Sequence[Potential],
         sites: int,
         mass: ArrayLike = 1.0,
-        ends: tuple[str, str] = ("free", "free"),
+        ends: tuple[str, str] | Literal["periodic"] = ("free", "free"),
         *,
+        stretch: float = 0.0,
         drive: Mapping[int, Drive] | None = None,
         damping: Damping | None = None,
         forces: Sequence[Force] = (),
@@ -102,13 +111,18 @@ class Chain(Scene):
     ) -> None:
         self.sites = check.whole("sites", sites, least=2)
         check.memory(f"a run of {self.sites} sites", BYTES_PER_SITE * self.sites)
+        self.ends = _checked_ends(ends)
+        self.stretch = check.number("stretch", stretch, unit="m")
+        if stretch and self.ends != PERIODIC:
+            raise TensegrityError(f"stretch {self.stretch:g} m is that of a ring: ends 'periodic'")
         self.springs = self._springs(spring)
         self.mass = self._masses(mass)
-        self.ends = _checked_ends(ends)
         _ = dynamics(self).loop_bonds  # refuses springs that the compiled loop cannot take
         given = check.sequence("forces", forces, "forces")
         springs = on_site_springs(ground, self.sites)
         self._set_forcing(drive, damping, (*given, *springs))
+        if self.ends == PERIODIC:
+            self._refuse_in_bonds()
 
     if not TYPE_CHECKING:  # types are those of __init__
 
@@ -119,16 +133,17 @@ class Chain(Scene):
             return super().__new__(cls, **forcing)
 
     def _springs(self, spring: Potential | Sequence[Potential]) -> tuple[Potential, ...]:
+        count = self.sites - (self.ends != PERIODIC)
         if isinstance(spring, Potential):
-            return (spring,) * (self.sites - 1)
+            return (spring,) * count
         if not isinstance(spring, Sequence):
             raise TensegrityError(
                 f"spring {check.shown(spring)} is not a Potential or a sequence of them"
                 f"{check.made_by(spring, Potential)}"
             )
         springs = tuple(spring)
-        if len(springs) != self.sites - 1:
-            raise TensegrityError(f"{len(springs)} springs for {self.sites - 1} bonds")
+        if len(springs) != count:
+            raise TensegrityError(f"{len(springs)} springs for {count} bonds")
         for number, one in enumerate(springs):
             check.kind(f"spring {number}", one, Potential)
         return springs
@@ -152,8 +167,9 @@ class Chain(Scene):
 
     @property
     def bonds(self) -> Indices:
-        """The two sites of each bond; (sites - 1, 2)."""
-        return np.stack([np.arange(self.sites - 1), np.arange(1, self.sites)], axis=1)
+        """The two sites of each bond; (bonds, 2)."""
+        each = np.arange(len(self.springs))
+        return np.stack([each, (each + 1) % self.sites], axis=1)
 
     @property
     def held(self) -> list[int]:
@@ -212,6 +228,8 @@ class Chain(Scene):
         half = self.bond_energy(u) / 2
         edge = np.zeros((*half.shape[:-1], 1))
         left, right = np.concatenate([edge, half], -1), np.concatenate([half, edge], -1)
+        if self.ends == PERIODIC:
+            left, right = np.roll(half, 1, axis=-1), half
         return 0.5 * self.mass * v**2 + left + right + dynamics(self).acting.stored(0, u)
 
     def momentum(self, state: State) -> float:
@@ -225,25 +243,81 @@ class Chain(Scene):
         return (self.sites,)
 
     def _dynamics(self) -> Dynamics:
-        return Dynamics(self)
+        return RingDynamics(self) if self.ends == PERIODIC else Dynamics(self)
+
+    def _refuse_in_bonds(self) -> None:
+        """Refuse what acts in the bonds of a ring besides its springs."""
+        if self.damping is not None and self.damping.bond.any():
+            raise TensegrityError("damping: no dashpots in the bonds of a ring, but to the ground")
+        if any(force.on == "bonds" for force in self._forces):
+            raise TensegrityError("forces: none in the bonds of a ring, but on its sites")
 
     def __repr__(self) -> str:
         kinds = len(dynamics(self).springs)
         springs = "equal springs" if kinds == 1 else f"{kinds} kinds of springs"
-        return f"Chain({self.sites} sites, {springs}, ends {self.ends})"
+        ends = f"ends {self.ends}" if self.ends != PERIODIC else f"ring, stretch {self.stretch:g} m"
+        return f"Chain({self.sites} sites, {springs}, {ends})"
 
 
-def _checked_ends(ends: Any) -> tuple[str, str]:
+class RingDynamics(Dynamics):
+    """Quantities derived from a ring: the loop has one more row, the image of the first site."""
+
+    @cached_property
+    def loop_bonds(self) -> Bonds:
+        """Bonds in the form of the compiled loop."""
+        return replace(super().loop_bonds, stretch=self.scene.stretch)
+
+    def rows(self, state: State) -> tuple[Array, Array]:
+        """u and v in the form of the loop."""
+        u, v = (np.append(x, x[0]) for x in (state.u, state.v))
+        u[-1] += self.scene.stretch
+        return u, v
+
+    @property
+    def energies_in_one_call(self) -> None:
+        """None: they are compiled for bonds between neighbours."""
+        return None
+
+    @property
+    def _mobilities(self) -> Array:
+        return self.inverse_mass + np.roll(self.inverse_mass, -1)
+
+    def _where(self, bond: int) -> str:
+        return f"between sites {bond} and {(bond + 1) % self.sites}"
+
+
+def refuse_ring(scene: Any, what: str) -> None:
+    """Refuse a ring where both directions along a chain must lead to an end."""
+    if getattr(scene, "ends", None) == PERIODIC:
+        raise TensegrityError(f"{what}: not for rings, which have no ends")
+
+
+def refuse_step(scene: Any, u: Array) -> None:
+    """Refuse a wave on a ring whose stretch is not the elongation that the wave brings."""
+    if getattr(scene, "ends", None) == PERIODIC:
+        needed, r = float(u[-1] - u[0]), scene.elongation(u)
+        if abs(r[-1]) > STEP * np.abs(r).max():
+            raise TensegrityError(
+                f"stretch {scene.stretch:g} m of the ring must be {needed:.12g} m, the sum of the "
+                "elongations of the wave"
+            )
+
+
+def _checked_ends(ends: Any) -> Any:
+    if isinstance(ends, str) and ends == PERIODIC:
+        return ends
     if (
         not isinstance(ends, (tuple, list))
         or len(ends) != 2
         or any(not isinstance(e, str) or e not in ENDS for e in ends)
     ):
-        raise TensegrityError(f"ends {check.shown(ends)} must be two of {ENDS}")
+        raise TensegrityError(f"ends {check.shown(ends)} must be two of {ENDS}, or 'periodic'")
     return ends[0], ends[1]
 
 
-def _held(ends: tuple[str, str], sites: int) -> list[int]:
+def _held(ends: Any, sites: int) -> list[int]:
+    if ends == PERIODIC:
+        return []
     return [s for s, end in zip((0, sites - 1), ends, strict=True) if end == "fixed"]
 
 
@@ -255,5 +329,7 @@ def _of_pairs(
     one = spring if isinstance(spring, PairLaw) else spring[0]
     places, each = np.zeros((sites, one.law.dim)), np.arange(sites)
     places[:, 0] = each * (one.length or 1.0)
-    bonds, held = np.stack([each[:-1], each[1:]], axis=1), _held(_checked_ends(ends), sites)
+    if _checked_ends(ends) == PERIODIC:
+        raise TensegrityError("ends 'periodic' are those of potentials, not of pair laws")
+    bonds, held = np.stack([each[:-1], each[1:]], axis=1), _held(ends, sites)
     return Network(places, bonds, spring, mass=mass, held=held, **forcing)

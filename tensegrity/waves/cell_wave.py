@@ -16,6 +16,7 @@ from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.printing import Lines, Printed
 from tensegrity.root import root
+from tensegrity.scenes.chain import refuse_step
 from tensegrity.scenes.scene import State
 from tensegrity.typing import Array
 from tensegrity.waves.by_target import stiffness_above
@@ -212,6 +213,7 @@ class CellWave(Printed):
             y = x[j]
             u = np.append(u, u[j] + self.elongation(y)[i] * self._window(y))
             v = np.append(v, -direction * self.speed * self.rate(y)[i] * self._window(y))
+        refuse_step(chain, u)
         return State(u.reshape(chain.shape), v.reshape(chain.shape))
 
     def _window(self, x: Any) -> Any:

@@ -53,9 +53,9 @@ class NonlinearPart:
         [m]; inf if V'' does not change or is 0 at rest.
     core : float
         Size of the elongation up to which the polynomial is used [m]; may be 0.
-    slope, bend : float
-        V'''(0) [N/m^2] and V''''(0) [N/m^3] of the polynomial, 0 if they are round-off; nan
-        without a polynomial.
+    slope, bend, fifth, sixth : float
+        V'''(0) [N/m^2], V''''(0) [N/m^3] and the next derivatives of the polynomial, 0 if they
+        are round-off; nan without a polynomial.
 
     Raises
     ------
@@ -74,7 +74,7 @@ class NonlinearPart:
                 f"tension {self._tension:g} N at r = 0 must be 0: the spring is not at rest there"
             )
         self.core, self._means = self._fit()
-        self.slope, self.bend = self._derivatives()
+        self.slope, self.bend, self.fifth, self.sixth = self._derivatives()
         self._zeros = 0  # order of the zero of V''' at rest, factored out of the polynomial
         self._take_zeros_out()
 
@@ -129,11 +129,11 @@ class NonlinearPart:
 
     def _derivatives(self):
         if self._means is None:  # V''' jumps or overflows
-            return math.nan, math.nan
+            return (math.nan,) * 4
         series = self._means[:, 1]  # of V' - V''(0) r over r^2
         values = (
-            2 * chebyshev.chebval(0.0, series),
-            6 * chebyshev.chebval(0.0, chebyshev.chebder(series)),
+            (k + 1) * (k + 2) * chebyshev.chebval(0.0, chebyshev.chebder(series, k))
+            for k in range(4)
         )
         largest = np.max(np.abs(series))
         return tuple(

@@ -7,7 +7,6 @@ given spring.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Annotated
@@ -18,12 +17,11 @@ from numpy.typing import ArrayLike
 from tensegrity import check
 from tensegrity.checked import checked
 from tensegrity.errors import TensegrityError
-from tensegrity.once import once
 from tensegrity.printing import Lines, Printed
 from tensegrity.root import root
 from tensegrity.springs.potential import Potential
-from tensegrity.typing import Mass, Positive
-from tensegrity.waves.asymptotics import decay_rate
+from tensegrity.typing import Array, Fraction, Mass, Order, Positive
+from tensegrity.waves.asymptotics import decay_rate, form, left_at_wall, small_errors, small_wave
 from tensegrity.waves.curve import FamilyCurve, along, falling, stability_in_words
 from tensegrity.waves.family import NEAREST, SIGNS, STEADY, Family
 from tensegrity.waves.nonlinear_part import grows_from_rest, nonlinear_part
@@ -172,6 +170,43 @@ class PredictedFamily(Printed):
         return stability_in_words(self.unstable)
 
     @checked
+    def small(self, x: ArrayLike, excess: Fraction, order: Order = 1) -> Array:
+        """Elongation of a small wave, of 1 to 3 terms; see `sech2`.
+
+        Parameters
+        ----------
+        x : array_like
+            Distance from the peak, in sites.
+        excess : float
+            c/cs - 1, below 1.
+        order : int, optional
+
+        Returns
+        -------
+        ndarray, shape of x
+            [m].
+
+        Raises
+        ------
+        TensegrityError
+            As of `sech2`, or no waves of this family start from rest.
+        """
+        if self.starts != "rest":
+            raise TensegrityError(f"no small wave: {self.name} starts at a {self.starts}")
+        sign = SIGNS[self.name.split()[0]]
+        return small_wave(self._potential, excess * (2 + excess), x, order, sign)
+
+    @cached_property
+    def small_errors(self) -> tuple[float, ...]:
+        """Limits of the largest error of `small` over peak kappa^(2 order) as the excess tends to
+        0, of orders 1 to 3, of order 1 where V is even; kappa as of `sech2`.
+
+        Raises `TensegrityError` as `small` does.
+        """
+        self.small(0.0, 0.5)  # refuses
+        return small_errors(self._potential)
+
+    @checked
     def small_peak(self, excess: Positive) -> float:
         """Peak elongation [m] of a wave with c/cs - 1 = `excess`, to second order in `excess`.
 
@@ -188,8 +223,8 @@ class PredictedFamily(Printed):
                 f"{stiffness:g} N/m must be above 0 and increase like a power of the elongation"
             )
         if slope and not math.isnan(slope):
-            return float(_form("small_peak")(stiffness, slope, bend, excess))
-        size = float(_form("small_peak_of_power")(stiffness, excess, power, growth))
+            return float(form("small_peak")(stiffness, slope, bend, excess))
+        size = float(form("small_peak_of_power")(stiffness, excess, power, growth))
         return SIGNS[self.name.split()[0]] * size
 
     @checked
@@ -205,19 +240,8 @@ class PredictedFamily(Printed):
                 f"no tent: the family of {self.name} ends with {self.ends}, or the energy at its "
                 "wall is not a power y^-n"
             )
-        stroke, beta = abs(self.crests[1]), float(_form("delay")(power))
-
-        scale = math.log(4 * strength / self._mass) - 2 * math.log(speed)
-
-        def mismatch(log_left: float) -> float:
-            sigma = stroke - beta * math.exp(log_left)
-            return scale - 2 * math.log(sigma) - power * log_left
-
-        high = math.log(stroke / max(beta, 1.0) * (1 - 1e-9))
-        low = min((scale - 2 * math.log(stroke)) / power - 1.0, high - 1.0)
-        if mismatch(high) > 0:
-            raise TensegrityError(f"speed {speed:g} sites/s is too slow for the limit of the tent")
-        left = math.exp(root(mismatch, low, high, 1e-14))
+        stroke = abs(self.crests[1])
+        left = left_at_wall(power, strength, stroke, speed, self._mass)
         return math.copysign(stroke - left, self.crests[1])
 
     def _lines(self) -> Lines:
@@ -421,21 +445,3 @@ def _wall(side: Family) -> tuple[str, tuple[float, float], float, str]:
     return kind, (math.nan, math.nan), above, (
         f"the domain ends at a finite energy and {force} force, which limits the speed"
     )  # fmt: skip
-
-
-@once
-def _form(name: str) -> Callable[..., float]:
-    """An expression of `derivations.softening` as a function."""
-    import sympy as sp
-
-    from derivations import softening as derived
-
-    symbols, modules = {
-        "small_peak": ((derived.a, derived.b, derived.e, derived.excess), "math"),
-        "small_peak_of_power": (
-            (derived.a, derived.excess, derived.exponent, derived.growth),
-            "math",
-        ),
-        "delay": (derived.power, "scipy"),
-    }[name]
-    return sp.lambdify(symbols, getattr(derived, name)(), modules)

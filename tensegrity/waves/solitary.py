@@ -21,7 +21,7 @@ from tensegrity.checked import checked
 from tensegrity.errors import TensegrityError
 from tensegrity.printing import Lines, Printed, drawn
 from tensegrity.root import root
-from tensegrity.scenes.chain import Chain
+from tensegrity.scenes.chain import Chain, refuse_step
 from tensegrity.scenes.network import Network
 from tensegrity.scenes.scene import State
 from tensegrity.springs.pair_law import PairLaw
@@ -151,6 +151,7 @@ class TravellingWave(Printed):
         for site in chain.held:
             u -= u[site]
             v[site] = 0.0
+        refuse_step(chain, u)
         return State(np.ascontiguousarray(u), v)
 
     def _check_place(self, chain, at, reach, tail):

@@ -17,7 +17,7 @@ import numpy as np
 from tensegrity.checked import checked
 from tensegrity.errors import TensegrityError
 from tensegrity.root import root
-from tensegrity.scenes.chain import Chain
+from tensegrity.scenes.chain import Chain, refuse_ring
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.forcing import Damping
 from tensegrity.scenes.scene import State
@@ -137,6 +137,7 @@ class TransitionWave(TravellingWave):
         TensegrityError
             The front does not fit the chain, an end of the chain is fixed, or another direction.
         """
+        refuse_ring(chain, "a front")
         grounds = [one.expression for one in dynamics(chain).further_forces if one.stores]
         if grounds != ([] if self.ground is None else [self.ground]) or chain.held:
             raise TensegrityError(
