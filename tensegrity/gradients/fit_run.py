@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from inspect import signature
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,7 +27,7 @@ from tensegrity.gradients.objective import Trace, cubic, of
 from tensegrity.likelihood import UNDEFINED, covariance, intervals, quantile
 from tensegrity.measure.series import TimeSeries
 from tensegrity.printing import Lines, Printed
-from tensegrity.scenes.dynamics import dynamics
+from tensegrity.scenes.dynamics import HasDynamics, dynamics
 from tensegrity.scenes.scene import State
 from tensegrity.typing import Array, Duration, Fraction
 from tensegrity.unit_names import in_units
@@ -36,8 +37,6 @@ if TYPE_CHECKING:
 
     from tensegrity.engine.methods import Method
     from tensegrity.scenes.scene import Scene
-
-    Sensor = Trace | tuple[Trace, ...]
 
 TRIGGER = "trigger"
 LARGE = 0.3  # relative standard error above which a parameter counts as not identified
@@ -136,7 +135,7 @@ class RunFit(Printed):
 
 @checked
 def fit_run(
-    records: Mapping[Sensor, TimeSeries],
+    records: Mapping[Any, TimeSeries],
     scene: Callable[..., Scene | tuple[Scene, State]],
     free: Mapping[str, float],
     *,
@@ -203,7 +202,7 @@ def fit_run(
     """
     from scipy.optimize import least_squares
 
-    at = _Misfit(_checked(records), scene, _guesses(free), dt, method, t_end)
+    at = _Misfit(_checked(records), scene, _guesses(free, scene), dt, method, t_end)
     count, zero = sum(map(len, at.records.values())), np.zeros(len(at.names))
     if count <= len(zero):
         raise TensegrityError(f"{count} samples are too few for {len(zero)} unknowns and the noise")
@@ -284,12 +283,11 @@ class _Misfit:
         values = {name: self.value(k, z[k]) for k, name in enumerate(self.names)}
         values.pop(TRIGGER, None)
         made = self._make(**values)
-        if isinstance(made, tuple) and len(made) == 2:
-            return made
-        begin = getattr(made, "start", None) or getattr(made, "at_rest", None)
-        if begin is None:
+        scene = made[0] if isinstance(made, tuple) and len(made) == 2 else made
+        if not isinstance(scene, HasDynamics):
             raise TensegrityError(f"scene gave {check.shown(made)}, must give a scene and a state")
-        return made, begin()
+        begin = getattr(scene, "start", None) or scene.at_rest  # type: ignore[attr-defined]
+        return scene, begin() if scene is made else made[1]
 
     def evaluated(self, z: Array) -> tuple[Array, Array]:
         """Misfits and derivatives."""
@@ -320,7 +318,7 @@ class _Misfit:
                 )
                 slopes[:, k] = (up - down) / (2 * NEAR)
                 continue
-            there = traces_of(self.traces, *moved[k], t_end, method, dt)
+            there = traces_of(self.traces, moved[k][0], moved[k][1], t_end, method, dt)
             slopes[:, k] = column = (self._compared(*there, late)[0] - r) / NEAR
             exact = sum(np.sum(given[one] * rate) for one, rate in rates[k].items() if one in given)
             lacks = float(exact - column @ r)
@@ -404,12 +402,11 @@ def _unidentified(names: Sequence[str], errors: Array, correlation: Array) -> tu
     """What records do not determine, in words."""
     loose = [(k, e) for k, e in zip(names, errors, strict=True) if k != TRIGGER and e > LARGE]
     words = [f"{name}: its standard error is {100 * error:.3g} % of it" for name, error in loose]
-    for i, j in zip(*np.triu_indices(len(names), 1), strict=True):
-        if abs(correlation[i, j]) > TOGETHER:
-            words.append(
-                f"{names[i]} and {names[j]}: correlation {correlation[i, j]:.4f}, one combination "
-                "is known"
-            )
+    for i, j in np.argwhere(np.triu(np.abs(correlation) > TOGETHER, 1)).tolist():
+        words.append(
+            f"{names[i]} and {names[j]}: correlation {correlation[i, j]:.4f}, one combination is "
+            "known"
+        )
     return tuple(words)
 
 
@@ -428,7 +425,8 @@ def _checked(records: Any) -> dict[Any, TimeSeries]:
     return dict(records)
 
 
-def _guesses(free: Any) -> dict[str, float]:
+def _guesses(free: Any, scene: Any) -> dict[str, float]:
+    """Guesses of parameters, once the scene is found to take them."""
     if not isinstance(free, Mapping) or not free:
         raise TensegrityError(f"free {check.shown(free)} must be a dict {{parameter: guess}}")
     guesses = {}
@@ -437,4 +435,10 @@ def _guesses(free: Any) -> dict[str, float]:
         guesses[name] = check.number(f"guess of {name}", value)
         if name != TRIGGER and not guesses[name]:
             raise TensegrityError(f"guess of {name} is 0: fitted parameters keep their sign")
+    if not callable(scene):
+        raise TensegrityError(f"scene {check.shown(scene)} is not a function of parameters")
+    try:
+        signature(scene).bind(**{name: 0 for name in guesses if name != TRIGGER})
+    except (TypeError, ValueError) as error:
+        raise TensegrityError(f"the function that makes the scene: {error}") from None
     return guesses
