@@ -23,6 +23,7 @@ from .gradients.fit_run import fit_run
 from .lattices.bands import bands
 from .lattices.bloch import PairLattice
 from .lattices.lattice import Lattice
+from .lattices.matrix import Matrix
 from .lattices.moduli import moduli
 from .lattices.response import decay, effective_mass
 from .measure.budget import bond_force, budget
@@ -48,7 +49,7 @@ from .precision.result import WorkPrecision
 from .precision.work import work_precision
 from .printing import units
 from .prisms.closed import member_stiffness
-from .prisms.contact import bar_contact
+from .prisms.contact import bar_contact, sheath
 from .prisms.fit import fit
 from .prisms.measured import read_curve
 from .prisms.path import equilibrium_path, equilibrium_paths
@@ -93,6 +94,7 @@ __all__ = [
     "Force",
     "Lattice",
     "LockingError",
+    "Matrix",
     "Member",
     "Network",
     "NoLocking",
@@ -163,6 +165,7 @@ __all__ = [
     "resume",
     "sampled",
     "sech2",
+    "sheath",
     "simulate",
     "solitary_wave",
     "spectrum",
