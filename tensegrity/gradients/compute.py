@@ -274,7 +274,9 @@ def _of_scene(task: _Task, scene: Any, state: Any) -> list[Gradient]:
     values, slopes = _valued(task, traces, t, samples.values(*sampled), windows, first)
     each = [samples.pullback(one, *sampled) for one in slopes]
     by_rows, p, g, m, w = map(np.array, zip(*each, strict=True))
-    cotangents = _cotangents(forced, by_rows, samples, first)
+    if forced:
+        forced.withdraw(by_rows)
+    cotangents = OutputCotangents(by_rows, samples.places, samples.u_count, first)
     back = forced or Backward(layout, task.method, dt, len(windows))
     more = (len(windows),) if forced else (forward.recompute, task.checkpoints)
     back.go(forward.states, cotangents, *more)
@@ -314,19 +316,6 @@ def _sampled(
     if forced:
         forced.complete(samples, t, forward.rows)
     return run, forward, t
-
-
-def _by_masses(layout: Layout, w: Array, inverse_mass: Array) -> Array:
-    """Minus the derivatives by masses at sites, from what the reverse loop sums: derivatives by
-    inverse masses, but for bonds with mass these themselves."""
-    return w * inverse_mass**2 if layout.bonds.coupling is None else w
-
-
-def _cotangents(forced: Any, by_rows: Array, samples: Any, first: int) -> OutputCotangents:
-    """Derivatives by what moves freely, from those by rows of samples, which are changed."""
-    if forced:
-        forced.withdraw(by_rows)
-    return OutputCotangents(by_rows, samples.places, samples.u_count, first)
 
 
 def _valued(
