@@ -284,7 +284,8 @@ def _of_scene(task: _Task, scene: Any, state: Any) -> list[Gradient]:
     g += back.totals.g
     w += back.totals.w.reshape(*w.shape, -1).sum(axis=-1)
     u, v = (x.reshape(len(x), *scene.shape).copy() for x in (back.u, back.v))
-    mass = m - _by_masses(layout, w, of.inverse_mass)
+    heavy = layout.bonds.coupling is not None  # the sums are by masses, else by their inverses
+    mass = m - (w if heavy else w * of.inverse_mass**2)
     for array in (u, v, mass):
         array[:, list(scene.held)] = 0
     return [
