@@ -143,8 +143,7 @@ def prove(
     Parameters
     ----------
     of : SolitaryWave or EquilibriumPath
-        What `solitary_wave` returns for a chain of equal masses, or `equilibrium_path` for a prism
-        with rigid bases and bars.
+        What `solitary_wave` returns for a chain of equal masses, or `equilibrium_path` for a prism.
     period : float, optional
         Sites of the ring on which a wave is proved, or inf for the infinite line; by default twice
         the half-length on which it was computed, where its tail is round-off.
@@ -160,7 +159,8 @@ def prove(
     ------
     TensegrityError
         Bad input; a spring whose energy is not analytic about 0, as at a kink, or no expression of
-        the elongation; a wave of several components; python-flint is not installed.
+        the elongation; a wave of several components; a fold that cannot be proved; python-flint is
+        not installed.
 
     Notes
     -----
