@@ -311,7 +311,9 @@ def _certified(found: Bounds, stored: dict[str, Any]) -> Certificate:
         away = off[0] + 2 * sum(off[1:], arb(0)) + arb(float(stored["left out"]))
         centre_radius, tail = above(found.distance), above(found.tail)
         radius = above((found.distance + away).abs_upper())
-    if not z1 < 1:
+    if math.isinf(z1):
+        reason = "the wave comes too near to where the energy is not analytic, or is subsonic"
+    elif not z1 < 1:
         reason = f"Z1 {z1:.3g} must be below 1: more modes, or a longer ring"
     elif found.distance is None:
         reason = (
