@@ -22,6 +22,7 @@ from .gradients.compute import gradient
 from .lattices.bands import bands
 from .lattices.bloch import PairLattice
 from .lattices.lattice import Lattice
+from .lattices.matrix import Matrix
 from .lattices.moduli import moduli
 from .lattices.response import decay, effective_mass
 from .measure.budget import bond_force, budget
@@ -43,11 +44,12 @@ from .measure.spectrum import spectrum
 from .orbits.orbit import periodic_orbit
 from .orbits.path import orbit_path
 from .orbits.stability import floquet
+from .precision.models import compare_models, prism_models
 from .precision.result import WorkPrecision
 from .precision.work import work_precision
 from .printing import units
 from .prisms.closed import member_stiffness
-from .prisms.contact import bar_contact
+from .prisms.contact import bar_contact, sheath
 from .prisms.fit import fit
 from .prisms.measured import read_curve
 from .prisms.path import equilibrium_path, equilibrium_paths
@@ -92,6 +94,7 @@ __all__ = [
     "Force",
     "Lattice",
     "LockingError",
+    "Matrix",
     "Member",
     "Network",
     "NoLocking",
@@ -126,6 +129,7 @@ __all__ = [
     "bond_force",
     "budget",
     "catalogue",
+    "compare_models",
     "control_path",
     "decay",
     "directions",
@@ -154,6 +158,7 @@ __all__ = [
     "phase_shift",
     "plates",
     "predict",
+    "prism_models",
     "prove",
     "pulses",
     "read_curve",
@@ -161,6 +166,7 @@ __all__ = [
     "resume",
     "sampled",
     "sech2",
+    "sheath",
     "simulate",
     "solitary_wave",
     "spectrum",
