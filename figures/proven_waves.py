@@ -3,8 +3,8 @@
 A proof ends where the wave is larger than the disc about rest in which the energy is analytic: in
 the softening prism the flat state is as far below rest, so that rarefaction beyond that elongation
 is left out; in the hardening one the disc ends with the locking of the bars, and proofs become dear
-before: one at 4.2 sound speeds holds, one at 5 does not.  The terms of the sech^2 series have errors
-of the orders 2, 4 and 6 in the decay rate, with the constants that the next term gives.
+before: one at 4.2 sound speeds holds, one at 5 does not.  The terms of the sech^2 series have
+errors of the orders 2, 4 and 6 in the decay rate, with the constants that the next term gives.
 """
 
 import math

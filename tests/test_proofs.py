@@ -147,8 +147,8 @@ ELASTIC = [
     (0.3, 0.3, 100.0, 100.0, 3),
     (0.4, 0.2, 50.0, 50.0, 4),
 ]
-ELASTIC += [pytest.param(*one, marks=pytest.mark.slow)
-            for one in ((0.3, 0.1, 30.0, 10.0, 5), (0.29, 0.02, math.inf, math.inf, 5))]  # fmt: skip
+MORE = (0.3, 0.1, 30.0, 10.0, 5), (0.29, 0.02, math.inf, math.inf, 5)
+ELASTIC += [pytest.param(*one, marks=pytest.mark.slow) for one in MORE]
 
 
 @pytest.mark.parametrize(("height", "prestrain", "k_base", "k_bar", "sides"), ELASTIC)
