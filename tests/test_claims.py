@@ -83,7 +83,7 @@ def test_a_number_is_read_with_its_error(tmp_path):
 
 FAMILIES = {  # pictures of numbers from exact waves, several runs side by side, or derivations
     "solitary_errors", "wave_supercompact", "softening_families", "granular_uniform", "composite",
-    "granular_secondary",
+    "granular_secondary", "proven_waves",
 }  # fmt: skip
 FOLLOWED = {*claims_inputs.CASES, "composite_spread"}
 ABOUT = ("Solitary waves on tensegrity chains", "Softening and composite chains",
