@@ -1,7 +1,7 @@
 """Pages generated from the figures, their printed tables, the ledger, and the public names.
 
 They are written as Markdown when the site is built and are not under version control.  A figure and
-its numbers are those that were made here, or else those kept in `docs/pictures/kept`.
+its numbers are those that were made here, or else those kept in `docs/pictures/small`.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from pathlib import Path
 from claims import VERDICTS, changes, claims, numbers
 
 from derivations import ledger, report
-from figures import FIRST, _kept, claims_inputs, pictures
+from figures import FIRST, _small, claims_inputs, pictures
 from figures._files import read_printed
 from figures._gallery import named, short, title
 from figures._gallery import words as _words
@@ -387,7 +387,7 @@ def copy_live(out):
 
 def make(source):
     """All pages that are made."""
-    _kept.gather(DRAWN, OUTPUT)
+    _small.gather(DRAWN, OUTPUT)
     gallery(source)
     derived(source)
     claim_page(source)

@@ -15,7 +15,7 @@ import time
 import traceback
 from pathlib import Path
 
-from figures import FIRST, _draw, _kept, _stored, chosen, pictures
+from figures import FIRST, _draw, _small, _stored, chosen, pictures
 from figures._draw import Job
 from figures._files import read_printed, side_by_side, write_table
 from figures._gallery import made, shown, title, write_index, write_page
@@ -89,13 +89,13 @@ def write_groups(complete, output):
 
 
 def update(
-    found, drawn, output, shown_in=SHOWN, data=_stored.DATA, made=_stored.MADE, kept=_kept.KEPT
+    found, drawn, output, shown_in=SHOWN, data=_stored.DATA, made=_stored.MADE, small=_small.SMALL
 ):
     """Refresh what is under version control: pictures that README and site show, small versions of
     all, results that were computed again, and seconds."""
     for name, module in found.items():
         if (output / module.GROUP / f"{name}.png").is_file():
-            _kept.keep(name, output, kept)
+            _small.keep(name, output, small)
     for group in {module.GROUP for module in found.values()}:
         for name in [group, *found]:
             for path in (output / group).glob(f"{name}.*"):

@@ -19,7 +19,7 @@ GROUP = "granular"
 BRANCHES = {"steel": _guide.STEEL, "PTFE": _guide.PTFE, "Parylene": _guide.PARYLENE}
 STRIKERS = {"0.45 g": (_guide.light, 0.5), "5.33 g": (_guide.heavy, 0.35)}
 END, LATE = 2.9e-3, 1.0e-3  # s; the train through the steel branch has passed by then
-EVERY, KEPT = 2e-6, (1.2e-3, END)  # s
+EVERY, WAITING = 2e-6, (1.2e-3, END)  # s
 LINE = _guide.STEM + _guide.BRANCH + 2 * _guide.STEM  # beads
 
 
@@ -61,10 +61,10 @@ def late(one):
     return force[t > LATE].max() / force[t <= LATE].max()
 
 
-def kept(one):
+def retained(one):
     """Least and largest fraction in the branches while it is called trapped."""
     t, part = np.asarray(one["t [s]"]), np.asarray(one["energy in the branches"])
-    inside = part[(t >= KEPT[0]) & (t <= KEPT[1])]
+    inside = part[(t >= WAITING[0]) & (t <= WAITING[1])]
     return inside.min(), inside.max()
 
 
@@ -76,7 +76,7 @@ def table(tables):
             one, scene = tables[f"{name}, {weight}"], f"{name} beside steel, {weight}"
             lines[f"{scene}: late over first force"] = late(one), "large only unequal, 5.33 g"
             if name == "steel":
-                least, most = kept(one)
+                least, most = retained(one)
                 lines[f"{scene}: least retained in both branches, 1.2 to 2.9 ms"] = least, "some"
                 lines[f"{scene}: most retained in both branches, 1.2 to 2.9 ms"] = most, "some"
         alone = tables[f"line, {weight}"]["energy in the branches"][0]

@@ -9,7 +9,7 @@ from claims import VERDICTS, changes, claims, numbers
 
 from derivations import ledger
 from derivations.argument import Verdict
-from figures import _composite, _guide, _kept, _measure, _packs, claims_inputs, pictures
+from figures import _composite, _guide, _measure, _packs, _small, claims_inputs, pictures
 from figures._files import PRINTED, write_tables
 
 pytestmark = pytest.mark.unchanged("docs")
@@ -44,7 +44,7 @@ def test_a_number_names_a_picture_table_and_column_that_exist(name, one):
 
 
 def test_every_number_is_found_in_its_picture(tmp_path):
-    _kept.gather(ROOT / "figures" / "none", tmp_path)
+    _small.gather(ROOT / "figures" / "none", tmp_path)
     for claim in claims():
         for _, value, _ in numbers(claim, tmp_path):  # a KeyError where it is not in its table
             assert value is not None, claim["name"]

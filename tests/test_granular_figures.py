@@ -239,7 +239,7 @@ def test_late_signals_and_what_branches_retain():
         found = [granular_secondary.late(tables[f"{name}, {w}"]) for w in ("0.45 g", "5.33 g")]
         assert found == pytest.approx(both, abs=5e-3)
     for weight in ("0.45 g", "5.33 g"):
-        least, most = granular_secondary.kept(tables[f"steel, {weight}"])
+        least, most = granular_secondary.retained(tables[f"steel, {weight}"])
         alone = tables[f"line, {weight}"]["energy in the branches"][0]
         assert 0.05 < least < most < 0.3
         assert alone < 0.02 * least

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from figures import _draw, _kept, pictures
+from figures import _draw, _small, pictures
 from figures.__main__ import costs
 from figures._files import read_tables
 from tests.rules import broken
@@ -27,7 +27,7 @@ def check(name, folder):
         figure = _draw.pictured(module, tables)
         found = broken(figure)
         plt.close(figure)
-    _kept.gather(folder, folder, [name])
+    _small.gather(folder, folder, [name])
     found += [*differ(tables, read_tables(folder / module.GROUP / f"{name}.csv"))]
     assert not found, "\n".join(found)
 
@@ -54,22 +54,22 @@ def differ(tables, kept):
 
 @pytest.mark.parametrize("name", pictures())
 def test_a_small_version_of_each_picture_is_kept_and_is_of_these_sources(name):
-    assert (_kept.KEPT / f"{name}.by").read_text().strip() == _kept.drawn_by(name), (
+    assert (_small.SMALL / f"{name}.by").read_text().strip() == _small.drawn_by(name), (
         f"call `python -m figures {name} --update`"
     )
-    with Image.open(_kept.KEPT / f"{name}.png") as image:
+    with Image.open(_small.SMALL / f"{name}.png") as image:
         image.verify()
-    assert (_kept.KEPT / f"{name}.png").stat().st_size < 150_000
+    assert (_small.SMALL / f"{name}.png").stat().st_size < 150_000
 
 
 def test_what_is_kept_is_shown_where_nothing_was_drawn_and_numbers_are_the_same(tmp_path):
-    _kept.gather(tmp_path / "none", tmp_path / "all")
+    _small.gather(tmp_path / "none", tmp_path / "all")
     for name, module in pictures().items():
         assert (tmp_path / "all" / module.GROUP / f"{name}.png").is_file()
     folder = tmp_path / "drawn" / pictures()["prism_drawing"].GROUP
     folder.mkdir(parents=True)
     (folder / "prism_drawing.png").write_bytes(b"new")
-    _kept.gather(tmp_path / "drawn", tmp_path / "all")
+    _small.gather(tmp_path / "drawn", tmp_path / "all")
     assert (tmp_path / "all" / folder.name / "prism_drawing.png").read_bytes() == b"new"
     assert not (tmp_path / "all" / folder.name / "prism_drawing.csv").exists()
 

@@ -261,6 +261,11 @@ def spring_of(structure: Any, member: int, winds: bool = False) -> Potential:
     Returns
     -------
     Potential
+
+    Raises
+    ------
+    TensegrityError
+        A cable over nodes with a law.
     """
     segments, string = len(structure.cable_segments.of(member)), bool(structure.is_string[member])
     natural = float(structure.natural_lengths[member]) / segments

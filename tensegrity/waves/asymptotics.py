@@ -105,7 +105,7 @@ def small_wave(potential: Potential, gain: float, x: ArrayLike, order: int, sign
     kappa = decay_rate(gain)
     with np.errstate(over="ignore"):  # cosh overflows far from the peak, where the wave is 0
         s = 1 / np.cosh(kappa * x) if even else 1 / np.cosh(kappa * x / 2) ** 2
-    whole = sum(kappa ** (2 * n) * p for n, p in enumerate(terms, 1))
+    whole: Any = sum(kappa ** (2 * n) * p for n, p in enumerate(terms, 1))
     return (sign / kappa if even else 1.0) * whole(s)
 
 

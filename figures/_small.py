@@ -15,7 +15,7 @@ from pathlib import Path
 from figures import _stored, chosen, pictures
 from figures._files import write
 
-KEPT = Path(__file__).parent.parent / "docs" / "pictures" / "kept"
+SMALL = Path(__file__).parent.parent / "docs" / "pictures" / "small"
 COLOURS = 96
 KINDS, COMPRESSED = ("png", "gif", "md", "csv"), {"csv": ".xz"}
 
@@ -30,14 +30,14 @@ def drawn_by(name):
     return found.hexdigest()[:16]
 
 
-def keep(name, output, kept=KEPT):
+def keep(name, output, place=SMALL):
     """Keep what was drawn of a picture: fewer colours, numbers compressed."""
-    kept.mkdir(parents=True, exist_ok=True)
+    place.mkdir(parents=True, exist_ok=True)
     for kind in KINDS:
         path = output / pictures()[name].GROUP / f"{name}.{kind}"
         if path.is_file():
-            put(kept / f"{name}.{kind}{COMPRESSED.get(kind, '')}", small(path))
-    put(kept / f"{name}.by", f"{drawn_by(name)}\n".encode())
+            put(place / f"{name}.{kind}{COMPRESSED.get(kind, '')}", small(path))
+    put(place / f"{name}.by", f"{drawn_by(name)}\n".encode())
 
 
 def small(path):
@@ -70,7 +70,7 @@ def gather(output, folder, names=()):
             target = folder / module.GROUP / f"{name}.{kind}"
             source = output / module.GROUP / target.name
             if not drawn:
-                source = KEPT / f"{target.name}{COMPRESSED.get(kind, '')}"
+                source = SMALL / f"{target.name}{COMPRESSED.get(kind, '')}"
             if not source.is_file():
                 target.unlink(missing_ok=True)
                 continue
