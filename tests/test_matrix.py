@@ -326,6 +326,14 @@ def test_a_stiff_matrix_holds_its_nodes_and_moves_as_one_body():
     assert held[1] / held[0] == pytest.approx(10, rel=1e-3)
 
 
+def test_a_small_disc_turns_as_one_in_an_unbounded_matrix():
+    """By 4 pi G a^2 per radian against m a^2/2: the mass of a node is spread over its disc."""
+    one = Lattice([(0, 0)], np.eye(2), STRINGS, k_bar=1e-9)
+    around = Matrix(2.6, 0.3, 1e-3, radius=0.05)
+    w = bands(one.embedded(around, mesh=10), [[0.0, 0.0]], count=3).frequencies[0, 2]
+    assert w**2 == pytest.approx(8 * np.pi, rel=0.02)
+
+
 def test_a_larger_cell_and_a_turned_one_have_the_same_waves():
     one, q = net(0.2).embedded(HARD, mesh=4), np.array([[0.7, 0.4]])
     pair = net(0.2).repeated((2, 1)).embedded(HARD, mesh=4)
@@ -394,6 +402,21 @@ def test_in_space_long_waves_are_those_of_moduli(shape):
     cast = cell.embedded(Matrix(3.0, 0.3, 0.5, radius=0.3), mesh=mesh)
     w = bands(cast, [[1e-3, 0, 0]], count=3).frequencies[0]
     assert moduli(cast).speeds([1, 0, 0]) == pytest.approx(1e3 * w, rel=1e-5)
+
+
+@pytest.mark.slow  # the same with 24 nodes, in 5,760 wedges
+def test_octahedra_in_balls_are_cubic_and_stiffer_than_bonded_everywhere():
+    octahedra = catalogue.octahedra(k_bar=20)
+    soft, balls = Matrix(0.1, 0.3, 0.1), Matrix(0.1, 0.3, 0.1, radius=0.14)
+    found = moduli(octahedra.embedded(balls, mesh=2)).tangent
+    along = [found[i, i, i, i] for i in range(3)]
+    assert along == pytest.approx([along[0]] * 3, rel=0.01)
+    affine = moduli(octahedra.embedded(soft)).tangent
+    assert affine[0, 0, 0, 0] == pytest.approx(
+        (moduli(octahedra).tangent + isotropic(soft, 3))[0, 0, 0, 0], rel=1e-12
+    )
+    assert found[0, 0, 0, 0] > affine[0, 0, 0, 0]
+    assert found[0, 1, 0, 1] > affine[0, 1, 0, 1]
 
 
 def test_rigid_rotations_and_strains_of_elements_are_exact():
