@@ -31,7 +31,7 @@ def net(rest):
     return Lattice([(0, 0)], np.eye(2), BARS, STRINGS, 1.5, 2.0, natural_lengths=lengths)
 
 
-def kept(modulus, radius=None, mesh=None):
+def force_left(modulus, radius=None, mesh=None):
     """Part of the force of stretched strings that is left after cast and release."""
     around = Matrix(modulus, 0.45, 0.5, radius=radius)
     cast = net((2**0.5, 0.8)).embedded(around, cast="released", mesh=mesh)
@@ -77,9 +77,9 @@ def data():
     tables = {"force left": {"modulus [Pa]": MODULI}, "speed": {"force density [N/m]": DENSITIES},
               "gap": {"share of discs": SHARES}}  # fmt: skip
     of = tables["force left"]
-    of["bonded everywhere"] = np.array([kept(e) for e in MODULI])
+    of["bonded everywhere"] = np.array([force_left(e) for e in MODULI])
     for a in RADII:
-        of[f"discs of {a} m"] = np.array([kept(e, a, LAYERS) for e in MODULI])
+        of[f"discs of {a} m"] = np.array([force_left(e, a, LAYERS) for e in MODULI])
     for e in SOFT:
         speeds = np.array([slow(q, e) for q in DENSITIES])
         tables["speed"][f"modulus {e:g} Pa"] = speeds / speeds[0] - 1
@@ -133,7 +133,7 @@ def table(tables):
     for e in (0.1, 1, 10):
         around = e / (1.45 * (1 - 2 * 0.45))  # C_1111 + C_1122 of the matrix in plane strain
         closed = 1 - 2 / (5 + around)  # 5 N/m: that of the members
-        yield add(f"force of strings left after release at {e} Pa", kept(e), closed)
+        yield add(f"force of strings left after release at {e} Pa", force_left(e), closed)
     for e in SOFT:
         name = "no matrix" if e < 1e-6 else f"{e:g} Pa"
         yield add(f"change of the slow speed by q = 0.4 N/m, {name}", slow(0.4, e) / slow(0, e) - 1)

@@ -509,7 +509,7 @@ def test_a_missing_extra_is_named(monkeypatch):
 
 
 def test_the_picture_says_what_the_guide_says():
-    assert [100 * structures_matrix.kept(e) for e in (0.1, 1, 10)] == pytest.approx(
+    assert [100 * structures_matrix.force_left(e) for e in (0.1, 1, 10)] == pytest.approx(
         [64.85, 83.19, 97.30], abs=0.005
     )
     strain, stress = structures_matrix.buckling(0.1)  # twice the stress without a matrix
