@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensegrity import check
+from tensegrity import check, plotting
 from tensegrity.errors import EquilibriumError, TensegrityError
+from tensegrity.frames import Frames
 from tensegrity.lattices.cell import Cell
 from tensegrity.lattices.moduli import Stability, stability
 from tensegrity.minimum import downhill, refuse_unbalanced, settle
@@ -24,6 +25,10 @@ from tensegrity.springs.potential import Potential
 from tensegrity.structures.settling import FARTHEST, STEP
 from tensegrity.structures.structure import Structure
 from tensegrity.typing import Array, Indices
+from tensegrity.viewer.page import Page, page
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True)
@@ -81,6 +86,7 @@ class Strained:
             raise EquilibriumError(f"no equilibrium: the cell extends beyond {FARTHEST * span:g} m")
 
 
+DRAWN = {1: 6, 2: 3, 3: 2}  # cells along each of so many vectors
 STRESSED = 1e-12  # tension over stiffness times length of a member under stress
 
 
@@ -282,6 +288,61 @@ class Lattice(Cell):
             (self.positions + (cells @ self.vectors)[:, None]).reshape(-1, self.dim),
             **self._copied(copies, len(cells)),
         )
+
+    def frames(self, counts: Any = None) -> Frames:
+        """Nodes and members of some cells, with the second ends of members that lead out of them.
+
+        Parameters
+        ----------
+        counts : sequence of int, (d,), or int where d = 1, optional
+            Number of cells along each vector, by default 6 of strips, 3 of plates and 2 of solids.
+
+        Returns
+        -------
+        Frames
+            At one instant, with tension, force density and slackness.
+        """
+        d = len(self.vectors)
+        shape, cells, ends, many = self._copies((DRAWN[d],) * d if counts is None else counts)
+        first, second = self.ends.T
+        inside = np.all((ends >= 0) & (ends < many), axis=2)
+        cell = np.ravel_multi_index(tuple(np.moveaxis(ends % many, 2, 0)), shape)
+        number = cell * self.nodes + second[:, None]
+        outside = (self.positions[second, None] + ends @ self.vectors)[~inside]
+        places = (self.positions + (cells @ self.vectors)[:, None]).reshape(-1, self.dim)
+        number[~inside] = len(places) + np.arange(len(outside))
+        start = np.arange(len(cells)) * self.nodes + first[:, None]
+        pairs = np.stack([start.ravel(), number.ravel()], axis=1)
+        each = {"tension [N]": self.tensions, "force density [N/m]": self.densities}
+        values = {
+            k: np.repeat(x, len(cells))[None] for k, x in {**each, "slack": self.slack}.items()
+        }
+        string = np.repeat(self.is_string, len(cells))
+        whole = np.concatenate([places, outside])[None]
+        return Frames(repr(self), "", np.zeros(1), whole, pairs, string, values)
+
+    def show(self, counts: Any = None) -> Page:
+        """Some cells as a page that is turned and zoomed; see `frames` and `Structure.show`."""
+        return page(self.frames(counts), "a lattice")
+
+    def plot(self, ax: Axes | None = None, counts: Any = None) -> Axes:
+        """Some cells as `Structure.plot` draws them.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            With projection "3d" for a lattice in space; by default of a new figure.
+        counts : sequence of int, (d,), or int where d = 1, optional
+            As of `frames`.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+        """
+        of, drawn = self.frames(counts), plotting.axes(ax, in_space=self.dim == 3)
+        slack, tension = of.of_segments["slack"][0], of.of_segments["tension [N]"][0]
+        plotting.members(drawn, of.places[0], of.ends, of.is_string, slack, tension)
+        return drawn
 
     def network(
         self,
