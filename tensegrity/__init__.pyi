@@ -22,6 +22,7 @@ from .gradients.compute import gradient
 from .lattices.bands import bands
 from .lattices.bloch import PairLattice
 from .lattices.lattice import Lattice
+from .lattices.matrix import Matrix
 from .lattices.moduli import moduli
 from .lattices.response import decay, effective_mass
 from .measure.budget import bond_force, budget
@@ -43,9 +44,11 @@ from .measure.spectrum import spectrum
 from .orbits.orbit import periodic_orbit
 from .orbits.path import orbit_path
 from .orbits.stability import floquet
+from .precision.result import WorkPrecision
+from .precision.work import work_precision
 from .printing import units
 from .prisms.closed import member_stiffness
-from .prisms.contact import bar_contact
+from .prisms.contact import bar_contact, sheath
 from .prisms.fit import fit
 from .prisms.measured import read_curve
 from .prisms.path import equilibrium_path, equilibrium_paths
@@ -90,6 +93,7 @@ __all__ = [
     "Force",
     "Lattice",
     "LockingError",
+    "Matrix",
     "Member",
     "Network",
     "NoLocking",
@@ -115,6 +119,7 @@ __all__ = [
     "TimeSeries",
     "Unit",
     "Wall",
+    "WorkPrecision",
     "angular_momentum",
     "animate",
     "arrival",
@@ -158,6 +163,7 @@ __all__ = [
     "resume",
     "sampled",
     "sech2",
+    "sheath",
     "simulate",
     "solitary_wave",
     "spectrum",
@@ -172,5 +178,6 @@ __all__ = [
     "verify",
     "wall_gaps",
     "width",
+    "work_precision",
 ]
 __version__: str

@@ -42,6 +42,7 @@ ROOMS = [  # inside tensegrity: each may import what stands before it
     "prisms",
     "catalogue",
     "runs",
+    "precision",
     "waves",
     "proofs",
     "orbits",

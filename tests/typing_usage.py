@@ -227,6 +227,10 @@ def waves(spring: ts.Potential, chain: ts.Chain) -> ts.State:
     assert_type(ts.moduli(row).speeds([1, 0]), Array)
     assert_type(ts.effective_mass(row, [0], [0.1]), Array)
     assert_type(ts.decay(row, [0.1], 0, 0.0), Any)
+    cast = ts.catalogue.square().embedded(ts.Matrix(1.0, 0.3, 1.0), cast="released")
+    assert_type(ts.moduli(cast).speeds([1, 0]), Array)
+    assert_type(cast.stress, Array)
+    assert_type(ts.sheath(ts.Prism(1, 0.7, 0.1, 1), G=1.0, outer=2.0), ts.Potential)
     planar = [ts.catalogue.square(), ts.catalogue.triangular(), ts.catalogue.honeycomb(side=1.0)]
     cells = [ts.catalogue.kagome(), ts.catalogue.octahedra(layers=1), ts.catalogue.x_strip()]
     assert_type(planar + cells, list[ts.Lattice])
@@ -416,6 +420,10 @@ def protectors(bead: granular.Bead) -> list[granular.Bead]:
     assert_type(varied.peaks, Array)
     assert_type(varied.quantile(0.5), float)
     peak_force([bead], striker=striker, wall="steel", t_end=1e-3)  # type: ignore[arg-type]
+    chain = ts.Chain(ts.PowerLaw(1.0, 1.5), sites=5)
+    compared = ts.work_precision(chain, chain.at_rest({0: 1.0}), 5.0, ["verlet"], ["dop853"])
+    assert_type(compared, ts.WorkPrecision)
+    assert_type(compared.best(1e-3).evaluations, int)
     assert_type(ts.sweep(abs, [1, 2], checkpoint="sweep.npz"), list[Any])
     return best.beads
 

@@ -5,15 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity import check, plotting
+from tensegrity.checked import checked
 from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.frames import Frames
 from tensegrity.lattices.cell import Cell
+from tensegrity.lattices.cell_frames import cell_frames
+from tensegrity.lattices.embedded import Embedded, embedded
+from tensegrity.lattices.matrix import Matrix
 from tensegrity.lattices.moduli import Stability, stability
 from tensegrity.minimum import downhill, refuse_unbalanced, settle
 from tensegrity.scenes.force import Force
@@ -86,7 +90,7 @@ class Strained:
             raise EquilibriumError(f"no equilibrium: the cell extends beyond {FARTHEST * span:g} m")
 
 
-DRAWN = {1: 6, 2: 3, 3: 2}  # cells along each of so many vectors
+Cast: TypeAlias = Annotated[str, ("prestressed", "released")]
 STRESSED = 1e-12  # tension over stiffness times length of a member under stress
 
 
@@ -213,6 +217,57 @@ class Lattice(Cell):
         """
         return stability(self)
 
+    @checked
+    def embedded(
+        self,
+        matrix: Matrix,
+        cast: Cast = "prestressed",
+        mesh: Any = None,
+    ) -> Embedded:
+        """The lattice in a matrix, cast about its state.
+
+        Parameters
+        ----------
+        matrix : Matrix
+            Without a `radius` it is bonded everywhere and follows uniform strain, for long waves;
+            with one, nodes are rigid patches in finite elements.
+        cast : {"prestressed", "released"}, optional
+            Whether the macroscopic stress at casting is kept; or is released, so that the lattice
+            shortens and stresses the matrix, to first order.
+        mesh : int, path or skfem.Mesh, optional
+            With a `radius`: number of elements from a patch to each face of its Voronoi cell, and
+            along each edge of the faces; or a periodic mesh of linear elements of one cell, from a
+            file of any format of meshio, with the patches or without.
+
+        Returns
+        -------
+        Embedded
+
+        Raises
+        ------
+        TensegrityError
+            One of `radius` and `mesh` without the other, patches that overlap or are smaller than
+            an element, a mesh that is not periodic, a lattice that does not fill space, or an
+            extra that is not installed.
+        EquilibriumError
+            The nodes are not in equilibrium, or a string slackens in the release.
+
+        Examples
+        --------
+        Strings of force .4 N, released in a soft and in a stiff matrix, lose a third and little:
+
+        >>> from tensegrity import Lattice, Matrix
+        >>> net = Lattice([(0, 0)], [(1, 0), (0, 1)], bars=[(0, 0, (1, 1)), (0, 0, (1, -1))],
+        ...               strings=[(0, 0, (1, 0)), (0, 0, (0, 1))], k_bar=1.5, k_string=2,
+        ...               natural_lengths=[2**0.5, 2**0.5, 0.8, 0.8])
+        >>> for modulus in (0.1, 10):
+        ...     cast = net.embedded(Matrix(modulus, 0.45, 0.5), cast="released")
+        ...     print(round(cast.lattice.tensions[2], 4), cast.strain[0, 0].round(4))
+        0.2594 -0.0703
+        0.3892 -0.0054
+        """
+        return embedded(self, matrix, cast, mesh)
+
     # more cells
 
     def _copies(self, counts: Any) -> tuple[tuple[int, ...], Indices, Indices, Indices]:
@@ -300,26 +355,8 @@ class Lattice(Cell):
         Returns
         -------
         Frames
-            At one instant, with tension, force density and slackness.
         """
-        d = len(self.vectors)
-        shape, cells, ends, many = self._copies((DRAWN[d],) * d if counts is None else counts)
-        first, second = self.ends.T
-        inside = np.all((ends >= 0) & (ends < many), axis=2)
-        cell = np.ravel_multi_index(tuple(np.moveaxis(ends % many, 2, 0)), shape)
-        number = cell * self.nodes + second[:, None]
-        outside = (self.positions[second, None] + ends @ self.vectors)[~inside]
-        places = (self.positions + (cells @ self.vectors)[:, None]).reshape(-1, self.dim)
-        number[~inside] = len(places) + np.arange(len(outside))
-        start = np.arange(len(cells)) * self.nodes + first[:, None]
-        pairs = np.stack([start.ravel(), number.ravel()], axis=1)
-        each = {"tension [N]": self.tensions, "force density [N/m]": self.densities}
-        values = {
-            k: np.repeat(x, len(cells))[None] for k, x in {**each, "slack": self.slack}.items()
-        }
-        string = np.repeat(self.is_string, len(cells))
-        whole = np.concatenate([places, outside])[None]
-        return Frames(repr(self), "", np.zeros(1), whole, pairs, string, values)
+        return cell_frames(self, counts)
 
     def show(self, counts: Any = None) -> Page:
         """Some cells as a page that is turned and zoomed; see `frames` and `Structure.show`."""
@@ -330,10 +367,8 @@ class Lattice(Cell):
 
         Parameters
         ----------
-        ax : matplotlib.axes.Axes, optional
-            With projection "3d" for a lattice in space; by default of a new figure.
-        counts : sequence of int, (d,), or int where d = 1, optional
-            As of `frames`.
+        ax, counts : optional
+            As of `Structure.plot` and of `frames`.
 
         Returns
         -------

@@ -310,7 +310,8 @@ class Structure(Printed, Shape):
 
         Strings carry tension only, bars tension and compression, up to their buckling load if they
         have one; both keep their masses.  They have no thickness and pass through each other.
-        Displacements are measured from the positions.
+        Displacements are measured from the positions.  A cable over nodes is a bond for each of its
+        segments, which all have its tension, after the bonds of the other members.
 
         Parameters
         ----------
