@@ -44,6 +44,7 @@ from .measure.spectrum import spectrum
 from .orbits.orbit import periodic_orbit
 from .orbits.path import orbit_path
 from .orbits.stability import floquet
+from .precision.models import compare_models, prism_models
 from .precision.result import WorkPrecision
 from .precision.work import work_precision
 from .printing import units
@@ -128,6 +129,7 @@ __all__ = [
     "bond_force",
     "budget",
     "catalogue",
+    "compare_models",
     "control_path",
     "decay",
     "directions",
@@ -156,6 +158,7 @@ __all__ = [
     "phase_shift",
     "plates",
     "predict",
+    "prism_models",
     "prove",
     "pulses",
     "read_curve",
