@@ -5,6 +5,7 @@ Numbers of `lattices.json` come from a program of its own, partly of 16 digits b
 
 import math
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 import sympy as sp
@@ -257,6 +258,54 @@ def test_waves_depend_neither_on_the_cell_chosen_nor_on_the_frame(name):
     close(bands(moved, q).frequencies, w, 1e-12)
     turn = np.linalg.qr(np.random.default_rng(0).normal(size=(of.dim, of.dim)))[0]
     close(bands(of.at(of.positions @ turn, of.vectors @ turn), q).frequencies, w, 1e-12)
+
+
+@pytest.mark.parametrize("angle", [60, 120])
+def test_a_path_by_names_passes_the_corners_of_the_zone(angle):
+    """Triangles of unit masses and springs: distances in the hexagon, and frequencies at M and K,
+    where w^2 is 6 and 2, and 9/2 twice."""
+    turn = math.radians(angle)
+    other = math.cos(turn), math.sin(turn)
+    last = (1, -1) if angle == 60 else (1, 1)
+    tri = Lattice([(0, 0)], [(1, 0), other], k_bar=1.0,
+                  bars=[(0, 0, (1, 0)), (0, 0, (0, 1)), (0, 0, last)])  # fmt: skip
+    found = bands(tri, "Gamma M K Gamma")
+    middle, corner = 2 * math.pi / math.sqrt(3), 4 * math.pi / 3
+    places = {name: found.along[row] for row, name in found.names.items() if row}
+    assert [*found.names.values()] == ["Gamma", "M", "K", "Gamma"]
+    assert places["M"] == pytest.approx(middle)
+    assert places["K"] == pytest.approx(middle + corner / 2)
+    assert places["Gamma"] == pytest.approx(middle + 1.5 * corner)
+    at = {name: found.frequencies[row] ** 2 for row, name in found.names.items()}
+    assert at["M"] == pytest.approx([2, 6])
+    assert at["K"] == pytest.approx([4.5, 4.5])
+    ax = found.plot()
+    assert [text.get_text() for text in ax.get_xticklabels()] == [
+        r"$\Gamma$",
+        "M",
+        "K",
+        r"$\Gamma$",
+    ]
+    plt.close("all")
+
+
+def test_gaps_are_shaded_where_they_are():
+    found = bands(catalogue.resonators(), "Gamma X M Gamma")
+    ax = found.plot()
+    shaded = [patch.get_extents().transformed(ax.transData.inverted()) for patch in ax.patches]
+    assert [(box.y0, box.y1) for box in shaded] == [pytest.approx(gap) for gap in found.gaps]
+    assert len(found.gaps) == 1
+    plt.close("all")
+
+
+@pytest.mark.parametrize(
+    ("path", "words"),
+    [("Gamma K", "'K' of the wavenumbers must be one of Gamma, X, Y, M with 2"),
+     ("Gamma R", "point 'R'"), ("Gamma", "must name at least two"), ("", "at least two")],
+)  # fmt: skip
+def test_points_that_a_zone_has_not_are_refused(path, words):
+    with pytest.raises(TensegrityError, match=words):
+        bands(catalogue.square(), path)
 
 
 def test_bad_waves_are_refused():

@@ -32,6 +32,7 @@ BASE = [
     "printing",
 ]  # modules that every room may use
 ROOMS = [  # inside tensegrity: each may import what stands before it
+    "viewer",
     "engine",
     "springs",
     "branches",

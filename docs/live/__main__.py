@@ -27,7 +27,7 @@ def page() -> str:
     parts = {
         "/*STYLE*/": (FOLDER / "page.css").read_text(),
         "/*MODEL*/": (FOLDER / "chain.js").read_text(),
-        "/*VIEWER*/": files("tensegrity.runs").joinpath("viewer.js").read_text(),
+        "/*VIEWER*/": files("tensegrity.viewer").joinpath("viewer.js").read_text(),
         "/*TABLES*/null": data.replace("</", "<\\/"),
         "/*CODE*/": codes[0],
         "/*NET*/": codes[1],

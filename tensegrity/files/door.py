@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import Any
 from zipfile import ZipFile, is_zipfile
 
+import numpy as np
+
 from tensegrity import check
 from tensegrity.branches.table import Table
 from tensegrity.errors import TensegrityError
@@ -17,8 +19,12 @@ from tensegrity.files.mjcf import write_mjcf
 from tensegrity.files.records import read_record
 from tensegrity.files.sheets import read_sheets, sheets, write_sheets
 from tensegrity.lattices.lattice import Lattice
+from tensegrity.runs.rows import frames_of
 from tensegrity.runs.run import Run
+from tensegrity.runs.viewer import page_of_scene
+from tensegrity.scenes.network import Network
 from tensegrity.structures.structure import Structure
+from tensegrity.viewer.page import Page
 
 
 def write(path: str | PathLike[str], thing: Any, **options: Any) -> None:
@@ -40,10 +46,12 @@ def write(path: str | PathLike[str], thing: Any, **options: Any) -> None:
         .dump      sites with velocities and radii, and NAME.contacts.dump with the forces between
                    them, as LAMMPS writes them
         .xml       Structure: a model of MuJoCo, `gravity=`, `dt=`
+        .html      what has `show`: a page for a browser
         .npz       Run: as `Run.save`
         =========  ===============================================================================
-    thing : Structure, Lattice, StructureModes, StructurePath, Run or Table
-        What has `frames` is written to .vtp, .pvd, .dxf, .stl and .dump.
+    thing : Structure, Lattice, StructureModes, StructurePath, Run, Network or Table
+        What has `frames`, and a network such as a pack at rest, is written to .vtp, .pvd, .dxf,
+        .stl, .dump and .html.
     **options
         Those of the format, the others of `frames`: `counts=` of a lattice, `number=` of modes.
 
@@ -129,14 +137,30 @@ def _refuse_others(path: Path, options: dict[str, Any], known: set[str]) -> None
 
 def _of_frames(function: Callable[..., None]) -> Callable[[Path, Any, dict[str, Any]], None]:
     def write_frames(path: Path, thing: Any, options: dict[str, Any]) -> None:
-        if not callable(frames := getattr(thing, "frames", None)):
-            raise TensegrityError(f"{path}: {check.shown(thing)} has no frames, as structures do")
+        frames = _method(path, thing, "frames")
         own, others = _taken(function), {*inspect.signature(frames).parameters}
         _refuse_others(path, options, own | others)
         shot = frames(**{name: options[name] for name in options.keys() & others})
         function(path, shot, **{name: options[name] for name in options.keys() & own})
 
     return write_frames
+
+
+def _method(path: Path, thing: Any, name: str) -> Any:
+    """The method "frames" or "show" of a thing; of a network that of its state at rest."""
+    if isinstance(thing, Network):
+        start = thing.at_rest()
+        frames = frames_of(thing, np.zeros(1), start.u[None], start.v[None])
+        return lambda: frames if name == "frames" else page_of_scene(thing, frames, "a network")
+    if not callable(method := getattr(thing, name, None)):
+        raise TensegrityError(f"{path}: {check.shown(thing)} has no {name}, as structures do")
+    return method
+
+
+def _html(path: Path, thing: Any, options: dict[str, Any]) -> None:
+    show = _method(path, thing, "show")
+    _refuse_others(path, options, {*inspect.signature(show).parameters})
+    check.kind("page", show(**options), Page).save(path)
 
 
 def _of_thing(function: Callable[..., None]) -> Callable[[Path, Any, dict[str, Any]], None]:
@@ -167,5 +191,6 @@ WRITERS: dict[str, Callable[[Path, Any, dict[str, Any]], None]] = {
     ".csv": _csv,
     **{f".{f.__name__}": _of_frames(f) for f in (vtp, pvd, dxf, stl, dump)},
     ".xml": _of_thing(write_mjcf),
+    ".html": _html,
     ".npz": _npz,
 }

@@ -6,13 +6,14 @@ The lattice is linearised about its own state, in which some strings may be slac
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensegrity import check
+from tensegrity import check, plotting
 from tensegrity.checked import checked
 from tensegrity.errors import TensegrityError
 from tensegrity.lattices.bloch import (
@@ -25,8 +26,12 @@ from tensegrity.lattices.bloch import (
 from tensegrity.lattices.cell import Cell
 from tensegrity.lattices.periodic import Periodic
 from tensegrity.minimum import DENSE, ZERO
-from tensegrity.printing import Lines, Printed, span
+from tensegrity.printing import Lines, Printed, drawn, span
 from tensegrity.typing import Array
+from tensegrity.unit_names import in_units
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 SLOW = 1e-5  # lowest over highest frequency below which singular values are computed
 EQUAL = 1e-9  # of the largest square of a frequency: closer ones are treated as degenerate
@@ -37,6 +42,16 @@ TURNS = 1e9  # bound of phases, which keep 7 decimals there [rad]
 OPEN = 1e-9  # of the highest frequency: the least gap
 SHOWN = 4  # gaps that are printed
 NEGATIVE = 1e-14  # eigenvalue of a bond over the largest that is round-off
+POINTS: dict[str, tuple[float, ...]] = {
+    "Gamma": (0, 0, 0), "X": (1, 0, 0), "Y": (0, 1, 0), "Z": (0, 0, 1), "M": (1, 1, 0),
+    "R": (1, 1, 1),
+}  # phases per cell over pi  # fmt: skip
+HEXAGONAL: dict[float, dict[str, tuple[float, ...]]] = {
+    0.5: {"M": (1, 1), "K": (4 / 3, 2 / 3)},
+    -0.5: {"M": (1, 0), "K": (4 / 3, -2 / 3)},
+}
+"""The same of two vectors of equal length, by the cosine of the angle between them."""
+ALONG = 40  # steps from one named point to the next
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -59,6 +74,10 @@ class Bands(Printed):
     losses : ndarray, (points, branches), or None
         Loss factors in a matrix with losses, to first order in its own: the part of it that is
         the matrix' elastic energy over the whole.  Amplitudes decay at the rate losses w/2 [1/s].
+    along : ndarray, (points,)
+        Distance from the first wave vector along those between [rad/m].
+    names : dict of int to str
+        Points of a path that was given by their names.
     """
 
     wavenumbers: Array
@@ -66,6 +85,8 @@ class Bands(Printed):
     velocities: Array | None = field(repr=False)
     shapes: Array | None = field(repr=False)
     losses: Array | None = field(default=None, repr=False)
+    along: Array = field(default_factory=lambda: np.zeros(0), repr=False)
+    names: Mapping[int, str] = field(default_factory=dict, repr=False)
 
     def _lines(self) -> Lines:
         points, branches = self.frequencies.shape
@@ -76,6 +97,42 @@ class Bands(Printed):
         gaps = ", ".join(span(gap, "rad/s") for gap in np.sort(widest, axis=0)) or "none"
         more = f"{len(open_gaps)}, the widest " if len(open_gaps) > SHOWN else ""
         yield f"  gaps: {more}{gaps}"
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Frequencies along the path of the wave vectors, with their gaps shaded.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            By default of a new figure.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            A frequency below 0 is the rate at which an unstable wave grows.
+
+        Raises
+        ------
+        TensegrityError
+            `ax` is not a Matplotlib axes of the plane.
+        """
+        shown: Axes = plotting.axes(ax)
+        shown.plot(self.along, self.frequencies, "C0-", lw=1.2)
+        for low, high in self.gaps if len(self.along) > 1 else ():
+            shown.axhspan(low, high, color="0.9", zorder=0)
+        label = in_units("along the wave vectors [rad/m]")
+        shown.set(xlabel=label, ylabel=in_units("angular frequency [rad/s]"))
+        shown.margins(x=0)
+        if self.names:
+            places = self.along[[*self.names]]
+            words = [{"Gamma": "$\\Gamma$"}.get(name, name) for name in self.names.values()]
+            shown.set_xticks(places, words)
+            shown.set_xlabel("")
+            for place in places:
+                shown.axvline(place, color="0.7", lw=0.8, zorder=0)
+        return shown
+
+    _draw = drawn
 
     @property
     def gaps(self) -> Array:
@@ -97,7 +154,7 @@ class Bands(Printed):
 @checked
 def bands(
     lattice: Periodic,
-    wavenumbers: ArrayLike,
+    wavenumbers: ArrayLike | str,
     velocities: bool = False,
     shapes: bool = False,
     count: int | None = None,
@@ -109,8 +166,11 @@ def bands(
     lattice : Lattice, PeriodicBonds or Embedded
         With its nodes in equilibrium; a macroscopic stress is allowed.  The second are a
         `PairLattice`, and columns of plates, `Prism.column`; also an `Embedded` one, in a mesh.
-    wavenumbers : array_like, (points, d)
-        Phase differences between adjacent cells along each lattice vector [rad].
+    wavenumbers : array_like, (points, d), or str
+        Phase differences between adjacent cells along each lattice vector [rad]; or a path by the
+        names of its points, such as "Gamma X M Gamma".  X, Y and Z are phases of pi along one
+        vector, M along the first two, R along all three; in plane lattices of triangles M is the
+        middle of a side of the hexagon, and K its corner.
     velocities, shapes : bool, optional
         Whether to compute these.
     count : int, optional
@@ -147,14 +207,59 @@ def bands(
     """
     size, dim = math.prod(lattice._unknowns), lattice.vectors.shape[1]
     each = size if count is None else check.whole("count", count, least=1, below=size + 1)
+    names: dict[int, str] = {}
+    if isinstance(wavenumbers, str):
+        wavenumbers, names = zone_path(wavenumbers, lattice.vectors)
     q = _phases(lattice, wavenumbers, each)
     numbers = 6 + 2 * velocities * (q.shape[1] + dim) + 6 * shapes * size
     check.memory(f"bands at {len(q)} wavenumbers", 8.0 * numbers * each * len(q))
     lattice.refuse_unbalanced()
-    if count is not None:
-        return _lowest(lattice, q, each, velocities, shapes)
-    matrix = bloch_matrix(lattice)
-    count = len(q)
+    found = _all if count is None else _lowest
+    vectors = np.linalg.norm(np.diff(q, axis=0) @ np.linalg.pinv(lattice.vectors).T, axis=1)
+    along = np.append(0.0, np.cumsum(vectors))
+    return replace(found(lattice, q, each, velocities, shapes), along=along, names=names)
+
+
+def zone_path(text: str, vectors: Array) -> tuple[Array, dict[int, str]]:
+    """Phases (points, d) [rad] on the lines between named points, and the rows of these.
+
+    Parameters
+    ----------
+    text : str
+        Names of at least two points, with blanks between them.
+    vectors : ndarray, (d, dim)
+        [m].
+
+    Returns
+    -------
+    phases, names : ndarray, dict of int to str
+
+    Raises
+    ------
+    TensegrityError
+    """
+    d, known = len(vectors), {k: at for k, at in POINTS.items() if not any(at[len(vectors) :])}
+    length = np.linalg.norm(vectors, axis=1)
+    if d == 2 and np.isclose(length[0], length[1], rtol=1e-9):
+        cosine = vectors[0] @ vectors[1] / length.prod()
+        for angle, points in HEXAGONAL.items():
+            known |= points if np.isclose(cosine, angle, rtol=1e-9) else {}
+    names = text.split()
+    for name in names:
+        if name not in known:
+            words = f"must be one of {', '.join(known)} with {d} lattice vectors"
+            raise TensegrityError(f"point {check.shown(name)} of the wavenumbers {words}")
+    if len(names) < 2:
+        raise TensegrityError(f"wavenumbers {check.shown(text)} must name at least two points")
+    corners = np.pi * np.array([known[name][:d] for name in names])
+    places = np.arange(ALONG * (len(names) - 1) + 1) / ALONG
+    phases = [np.interp(places, np.arange(len(names)), column) for column in corners.T]
+    return np.stack(phases, axis=1), {ALONG * k: name for k, name in enumerate(names)}
+
+
+def _all(lattice: Periodic, q: Array, size: int, velocities: bool, shapes: bool) -> Bands:
+    """All branches."""
+    count, matrix = len(q), bloch_matrix(lattice)
     squares = np.empty((count, size))
     moved = np.empty((count, size, size), dtype=complex) if shapes else None
     rates = np.empty((count, size, len(lattice.vectors))) if velocities else None

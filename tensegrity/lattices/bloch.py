@@ -84,12 +84,14 @@ class BlochMatrix:
         whole, size = [*stiffness, *inertia], len(mass)
         if inertia:
             whole.append(Entries.diagonal(mass, stiffness[0].offsets.shape[1]))
-        starts = np.cumsum([0, *(len(one.offsets) for one in whole)])
-        distinct, numbers = np.unique(
-            np.concatenate([one.offsets for one in whole]), axis=0, return_inverse=True
-        )
-        number = np.concatenate([numbers.ravel()[k + one.number]
-                                 for k, one in zip(starts, whole, strict=False)])  # fmt: skip
+        distinct, number = whole[0].offsets, whole[0].number
+        if len(whole) > 1:
+            starts = np.cumsum([0, *(len(one.offsets) for one in whole)])
+            listed = np.concatenate([k + one.number for k, one in zip(starts, whole, strict=False)])
+            distinct, numbers = np.unique(
+                np.concatenate([one.offsets for one in whole]), axis=0, return_inverse=True
+            )
+            number = numbers.ravel()[listed]
         place = np.concatenate([one.row * size + one.column for one in whole])
         nonzeros, shape = None, (size, size)
         if sparse:

@@ -5,15 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensegrity import check
+from tensegrity import check, plotting
 from tensegrity.checked import checked
 from tensegrity.errors import EquilibriumError, TensegrityError
+from tensegrity.frames import Frames
 from tensegrity.lattices.cell import Cell
+from tensegrity.lattices.cell_frames import cell_frames
 from tensegrity.lattices.embedded import Embedded, embedded
 from tensegrity.lattices.matrix import Matrix
 from tensegrity.lattices.moduli import Stability, stability
@@ -27,6 +29,10 @@ from tensegrity.springs.potential import Potential
 from tensegrity.structures.settling import FARTHEST, STEP
 from tensegrity.structures.structure import Structure
 from tensegrity.typing import Array, Indices
+from tensegrity.viewer.page import Page, page
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True)
@@ -337,6 +343,41 @@ class Lattice(Cell):
             (self.positions + (cells @ self.vectors)[:, None]).reshape(-1, self.dim),
             **self._copied(copies, len(cells)),
         )
+
+    def frames(self, counts: Any = None) -> Frames:
+        """Nodes and members of some cells, with the second ends of members that lead out of them.
+
+        Parameters
+        ----------
+        counts : sequence of int, (d,), or int where d = 1, optional
+            Number of cells along each vector, by default 6 of strips, 3 of plates and 2 of solids.
+
+        Returns
+        -------
+        Frames
+        """
+        return cell_frames(self, counts)
+
+    def show(self, counts: Any = None) -> Page:
+        """Some cells as a page that is turned and zoomed; see `frames` and `Structure.show`."""
+        return page(self.frames(counts), "a lattice")
+
+    def plot(self, ax: Axes | None = None, counts: Any = None) -> Axes:
+        """Some cells as `Structure.plot` draws them.
+
+        Parameters
+        ----------
+        ax, counts : optional
+            As of `Structure.plot` and of `frames`.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+        """
+        of, drawn = self.frames(counts), plotting.axes(ax, in_space=self.dim == 3)
+        slack, tension = of.of_segments["slack"][0], of.of_segments["tension [N]"][0]
+        plotting.members(drawn, of.places[0], of.ends, of.is_string, slack, tension)
+        return drawn
 
     def network(
         self,

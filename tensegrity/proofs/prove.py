@@ -183,7 +183,8 @@ def prove(
     check.kind("of", of, SolitaryWave)
     if not isinstance(of.potential, Potential):
         raise TensegrityError("the wave must have one component")
-    half, line = float(np.abs(of.x).max()), period == math.inf
+    half = float(np.abs(of.x).max())
+    line = isinstance(period, (int, float)) and period == math.inf
     rate = decay_rate(of.excess * (2 + of.excess))
     if line:
         period = float(math.ceil(2 * DECAYED / rate))

@@ -47,12 +47,12 @@ class Rows(Printed):
     def _of_bonds(self, what: str) -> Array:
         """Elongation [m] or tension [N] of the bonds at all rows, (T, bonds)."""
         require_all_sites(self)
-        of = dynamics(self.scene)
-        if what == "tension" and of.springs.changing:
+        if what == "tension" and dynamics(self.scene).springs.changing:
             raise TensegrityError("springs change in time: their tensions are not evaluated")
-        scene = self.scene.listed(self.u) if of.follows else self.scene
-        values = scene.elongation if what == "elongation" else scene.bond_tension
-        return np.asarray(values(self.u))
+        scene = listed(self.scene, self.u)
+        return np.asarray(
+            (scene.elongation if what == "elongation" else scene.bond_tension)(self.u)
+        )
 
     @checked
     def table(
@@ -177,19 +177,7 @@ class Rows(Printed):
         if self._batch:
             raise TensegrityError(f"a run of {self.u.shape[-1]} scenes: take that of one, run[k]")
         require_all_sites(self, " to show")
-        scene, of = self.scene, dynamics(self.scene)
-        if self.u.ndim == 2:
-            lengths = np.array([scene.springs[k].length or 1.0 for k in range(scene.sites - 1)])
-            start, bodies = np.append(0.0, np.cumsum(lengths)), getattr(scene, "bodies", ())
-            places, velocity = (start + self.u)[..., None], self.v[..., None]
-            radius = np.array([getattr(one, "radius", 0.0) for one in bodies]) if bodies else None
-        else:
-            scene = scene.listed(self.u) if of.follows else scene
-            places, velocity, radius = scene.positions + self.u, self.v, scene.radius
-        string = [is_string(scene.springs[k].at(0.0)) for k in range(len(scene.bonds))]
-        values = {} if of.springs.changing else {"tension [N]": self._of_bonds("tension")}
-        given = scene.bonds, np.array(string, dtype=bool), values, {"velocity [m/s]": velocity}
-        return Frames(repr(self.scene), "time [s]", self.t, places, *given, radius)
+        return frames_of(self.scene, self.t, self.u, self.v)
 
     def to_xarray(self) -> Any:
         """The recorded rows as a data set of xarray.
@@ -260,8 +248,46 @@ class Rows(Printed):
         >>> from tensegrity import Chain, Prism, Record, simulate
         >>> chain = Chain(Prism(1.0, 0.7, 0.01, 1.0).potential(), sites=20)
         >>> simulate(chain, chain.at_rest({0: 0.09}), 10.0, record=Record(interval=1.0)).show()
-        11 instants of a run, shown in a notebook
+        11 instants of a run: shown in a notebook, or by save(path) in a browser
         """
         from tensegrity.runs.viewer import shown
 
         return shown(self)
+
+
+def listed(scene: Any, u: Array) -> Any:
+    """A scene with all contacts that act at some displacements (T, ...) as bonds."""
+    return scene.listed(u) if dynamics(scene).follows else scene
+
+
+def frames_of(scene: Any, t: Array, u: Array, v: Array) -> Frames:
+    """Frames of a scene in motion; see `Rows.frames`.
+
+    Parameters
+    ----------
+    scene : Scene
+    t : ndarray, (T,)
+        [s].
+    u, v : ndarray, (T, *shape of the scene)
+        [m], [m/s].
+
+    Returns
+    -------
+    Frames
+    """
+    radius, values = None, {}
+    if u.ndim == 2:
+        lengths = np.array([scene.springs[k].length or 1.0 for k in range(scene.sites - 1)])
+        places = np.append(0.0, np.cumsum(lengths)) + u
+        places, velocity, bodies = places[..., None], v[..., None], getattr(scene, "bodies", ())
+        if bodies:
+            radius = np.array([getattr(one, "radius", 0.0) for one in bodies])
+        of = scene
+    else:
+        of, places, velocity = listed(scene, u), scene.positions + u, v
+        radius = scene.radius
+    if not dynamics(scene).springs.changing and scene.mass.ndim == 1:  # no pair law
+        values = {"tension [N]": np.asarray(of.bond_tension(u))}
+    string = [is_string(of.springs[k].at(0.0)) for k in range(len(of.bonds))]
+    given = of.bonds, np.array(string, dtype=bool), values, {"velocity [m/s]": velocity}
+    return Frames(repr(scene), "time [s]", t, places, *given, radius)

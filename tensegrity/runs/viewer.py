@@ -1,4 +1,4 @@
-"""Runs in a notebook: a page of its own, in which a run is played and turned, see `Run.show`.
+"""Runs as pages, see `Run.show`.
 
 Prisms are drawn with their twists, which follow from their heights along the equilibrium path;
 guides, packs, structures and other networks with their sites at their positions.
@@ -6,10 +6,7 @@ guides, packs, structures and other networks with their sites at their positions
 
 from __future__ import annotations
 
-import base64
-import html
-import json
-from importlib.resources import files
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,40 +18,16 @@ from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.picture import edge, is_string
 from tensegrity.springs.provenance import provenance
+from tensegrity.viewer.page import Page, corners, few, heading, packed, page
 
 if TYPE_CHECKING:
     from typing import Any
 
+    from tensegrity.frames import Frames
     from tensegrity.typing import Array
 
-NUMBERS = 400_000  # most numbers of a table, which instants share
-MOST = 300  # instants
-HEIGHT = 430  # pixels of the page
 
-
-class Shown:
-    """What a notebook shows of a run: a page in a frame, which reaches nothing outside of it."""
-
-    def __init__(self, data: dict[str, Any]) -> None:
-        self._data = data
-
-    def _repr_html_(self) -> str:
-        parts = files(__package__)
-        text = parts.joinpath("viewer.html").read_text(encoding="utf-8")
-        for mark in ("viewer.js", "player.js"):
-            text = text.replace(f"/*{mark}*/", parts.joinpath(mark).read_text(encoding="utf-8"))
-        data = json.dumps(self._data, separators=(",", ":")).replace("</", "<\\/")
-        page = html.escape(text.replace("/*DATA*/null", data))
-        return (
-            f'<iframe title="A run, played" sandbox="allow-scripts" srcdoc="{page}" '
-            f'style="width:100%;height:{HEIGHT}px;border:0"></iframe>'
-        )
-
-    def __repr__(self) -> str:
-        return f"{len(self._data['t'])} instants of a run, shown in a notebook"
-
-
-def shown(run: Any) -> Shown:
+def shown(run: Any) -> Page:
     """See `Run.show`."""
     scene = run.scene
     if run._batch:
@@ -62,23 +35,38 @@ def shown(run: Any) -> Shown:
     require_all_sites(run, " to show")
     if not len(run.t):
         raise TensegrityError("0 instants recorded, must be at least 1 to show")
-    count = max(2, min(MOST, NUMBERS // run.u[0].size))
-    rows = np.unique(np.linspace(0, len(run.t) - 1, min(count, len(run.t))).round().astype(int))
-    u, v = run.u[rows], run.v[rows]
-    speed = np.abs(v) if v.ndim == 2 else np.linalg.norm(v, axis=-1)
-    data = {"t": run.t[rows].tolist(), "shade": _packed(speed / (speed.max() or 1.0))}
-    if u.ndim > 2:
-        places = scene.positions + u
-        return Shown(data | drawing(scene, places) | {"places": _packed(places)})
-    springs = [scene.springs[k].at(0.0) for k in range(scene.sites - 1)]
-    if all(provenance(spring)[1] for spring in springs):
-        return Shown(data | _prisms(scene, u))
-    lengths = np.array([spring.length or 1.0 for spring in springs])
-    place = np.append(0.0, np.cumsum(lengths))
-    frame = [[float(place[0] - lengths[0]), 0.0], [float(place[-1] + lengths[-1]), 0.0]]
+    if run.u.ndim == 2 and all(
+        provenance(scene.springs[k].at(0.0))[1] for k in range(scene.sites - 1)
+    ):
+        rows = few(len(run.t), run.u[0].size)
+        head = heading(repr(scene), "time [s]", run.t[rows])
+        return Page(head | _prisms(scene, run.u[rows]), "a run")
+    return page_of_scene(scene, run.frames(), "a run")
+
+
+def page_of_scene(scene: Any, frames: Frames, of: str) -> Page:
+    """The page of a scene without prisms.
+
+    Parameters
+    ----------
+    scene : Scene
+    frames : Frames
+    of : str
+        As of `page`.
+
+    Returns
+    -------
+    Page
+        With the walls of a network in the plane; of a chain that has no beads as disks in a row.
+    """
+    if len(scene.shape) > 1 or frames.radius is not None:
+        return page(frames, of, walls=walls_of(scene, frames.places))
+    place = frames.places[0, :, 0]
+    lengths = np.array([spring.length or 1.0 for spring in scene.springs][: len(place) - 1])
+    ends = [[float(place[0] - lengths[0]), 0.0], [float(place[-1] + lengths[-1]), 0.0]]
     radius = 0.49 * np.minimum(np.append(lengths, lengths[-1]), np.append(lengths[0], lengths))
-    data |= {"dim": 1, "radius": radius.tolist(), "walls": [], "bonds": [], "frame": frame}
-    return Shown(data | {"places": _packed(place + u)})
+    bare = replace(frames, of_segments={})
+    return page(bare, of, radius=radius.tolist(), bonds=[], bars=[], frame=ends)
 
 
 def _prisms(scene: Chain, u: Array) -> dict[str, Any]:
@@ -97,8 +85,16 @@ def _prisms(scene: Chain, u: Array) -> dict[str, Any]:
         for name in ("twist", "base"):
             columns[name][:, which] = np.interp(height, path["height"][order], path[name][order])
     strain = elongation / np.array([spring.length for spring in different])[group]
-    packed = {name: _packed(values) for name, values in columns.items()}
-    return packed | {"strain": _packed(strain), "first": float(different[group[0]].length or 0.0)}
+    tables = {name: packed(values) for name, values in columns.items()}
+    return tables | {"strain": packed(strain), "first": float(different[group[0]].length or 0.0)}
+
+
+def walls_of(scene: Any, places: Array) -> list[Any]:
+    """Lines of the walls of a network in the plane [m], as far as they are seen."""
+    if getattr(scene, "dim", 1) != 2:
+        return []
+    lines = [edge(wall, *corners(places, scene.radius)) for wall in scene.walls]
+    return [line.tolist() for line in lines if line is not None]
 
 
 def drawing(scene: Any, places: Array) -> dict[str, Any]:
@@ -117,27 +113,12 @@ def drawing(scene: Any, places: Array) -> dict[str, Any]:
         "bars", which of them have no kink, as strings have; "walls", lines [m]; and
         "frame", the lower and the upper corner of what is seen [m], in space with the depth.
     """
-    x, radius = places.reshape(-1, scene.sites, scene.dim), scene.radius
-    size = np.zeros(scene.sites) if radius is None else np.asarray(radius)
-    low, high = (x - size[:, None]).min(axis=(0, 1)), (x + size[:, None]).max(axis=(0, 1))
-    seen = {1: [0, 0], 2: [0, 1], 3: [0, 2, 1]}[scene.dim]
-    corners = np.stack([low[seen], high[seen]])
-    if scene.dim == 1:
-        corners[:, 1] = 0.0
-    if scene.dim == 3:  # it is turned
-        middle, half = corners[:, 0].mean(), np.hypot(*(high - low)[:2]) / 2
-        corners[:, 0] = middle - half, middle + half
-    lines = [edge(wall, *corners) for wall in scene.walls] if scene.dim == 2 else []
+    radius = None if scene.radius is None else np.asarray(scene.radius)
     return {
         "dim": scene.dim,
-        "radius": None if radius is None else size.tolist(),
+        "radius": None if radius is None else radius.tolist(),
         "bonds": scene.bonds.tolist(),
         "bars": [not is_string(scene.springs[k].at(0.0)) for k in range(len(scene.bonds))],
-        "walls": [line.tolist() for line in lines if line is not None],
-        "frame": corners.tolist(),
+        "walls": walls_of(scene, places),
+        "frame": corners(places, radius).tolist(),
     }
-
-
-def _packed(values: Array) -> str:
-    """Numbers as single-precision bytes in base64."""
-    return base64.b64encode(np.asarray(values, dtype="<f4").tobytes()).decode()

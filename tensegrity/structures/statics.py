@@ -26,6 +26,7 @@ from tensegrity.structures.member_frames import swinging
 from tensegrity.structures.segments import WHOLE, Segments
 from tensegrity.structures.supports import Freedom, orthonormal
 from tensegrity.typing import Array, Flags, Indices
+from tensegrity.viewer.page import Page, page
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -408,6 +409,10 @@ class StructureModes(Printed):
         """One period of a mode, by its number from 0, the largest displacement being 0.15 of the
         size of the structure; tensions are those at rest."""
         return swinging(self.structure, *self._moved(number))
+
+    def show(self, number: int = 0) -> Page:
+        """A mode by its number as a page in which it moves; see `Structure.show` and `frames`."""
+        return page(self.frames(number), "a mode", loop=True)
 
     def plot(self, ax: Axes | None = None, number: int = 0) -> Axes:
         """Draw a mode: the structure, and in grey where its nodes and members move to.

@@ -33,6 +33,7 @@ from tensegrity.structures.shape import Shape
 from tensegrity.structures.statics import StructureModes
 from tensegrity.structures.supports import Supports
 from tensegrity.typing import Count
+from tensegrity.viewer.page import Page, page
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -362,6 +363,11 @@ class Structure(Printed, Shape):
         """Positions, and tension, force density, slackness and stiffness of the members, as
         `tensegrity.files.write` puts them into files; one instant."""
         return of_structure(self)
+
+    def show(self) -> Page:
+        """The structure as a page that is turned, tilted and zoomed: the last line of a cell of a
+        notebook, or `show().save("x.html")`; members have the colours of their tension."""
+        return page(self.frames(), "a structure")
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Bars thick, taut strings in the colours of their tension, slack strings dashed and red.

@@ -12,6 +12,7 @@ from tensegrity.printing import Lines, listed, span
 from tensegrity.structures.member_frames import of_members
 from tensegrity.typing import Array, Flags
 from tensegrity.unit_names import in_units
+from tensegrity.viewer.page import Page, page
 
 
 class StructurePath(Table):
@@ -72,6 +73,10 @@ class StructurePath(Table):
         along, title = self._heading(first), repr(self.structure)
         at = self.columns[first], self.positions, self.tensions, self.slack
         return of_members(self.structure, title, along, *at)
+
+    def show(self) -> Page:
+        """The equilibria as a page in which they are played; see `Structure.show`."""
+        return page(self.frames(), "a path")
 
     def _heading(self, name: str) -> str:
         """What a column holds, and its unit; a member's tension by the name of the member."""

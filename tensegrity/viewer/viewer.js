@@ -72,21 +72,39 @@ function prismRow({ pen, width, height }, row, colour) {
   return scale;
 }
 
-/* Sites at `places` (flat, `dim` each) with a radius, or joined by `bonds`; `shade` from 0 to 1 for
-   each, and where given the angle of a `needle`.  The frame is [[left, bottom], [right, top]] [m]; a body in space turns about the vertical. */
+/* Places (flat, `dim` each) as they are seen of a body that is turned about the vertical and then
+   tilted towards the reader: right, up, and away. */
+function turned(places, dim, frame, turn, tilt) {
+  const count = places.length / dim, x = new Float64Array(count), y = new Float64Array(count);
+  const away = new Float64Array(count), [low, high] = frame;
+  const [mx, my, md] = [0, 1, 2].map((a) => (low[a] + high[a]) / 2);
+  const [cos, sin, up, over] = [Math.cos(turn), Math.sin(turn), Math.cos(tilt), Math.sin(tilt)];
+  for (let i = 0; i < count; i++) {
+    const p = places[i * dim] - mx, q = dim > 1 ? places[i * dim + 1] : my;
+    if (dim < 3) [x[i], y[i]] = [p, q - my];
+    else {
+      const depth = cos * (q - md) - sin * p, z = places[i * dim + 2] - my;
+      [x[i], y[i], away[i]] = [cos * p + sin * (q - md), up * z + over * depth, up * depth - over * z];
+    }
+  }
+  return { x, y, away };
+}
+
+/* Sites at `places` with a radius, or joined by `bonds`; `shade` from 0 to 1 for each, and where
+   given the angle of a `needle`.  Of a bond, `thick` is its force and `pull` its tension, each as a
+   part of the largest; `pull` of a slack one is NaN.  The frame is [[left, bottom], [right, top]] [m],
+   in space with the depth; `turn`, `tilt` [rad] and `zoom` are the reader's. */
 function sites({ pen, width, height }, scene, colour) {
-  const { places, dim, radius, shade, bonds, bars, thick, walls, frame, turn, needle } = scene;
-  const [low, high] = frame, room = 14, wide = (high[0] - low[0]) || 1, tall = (high[1] - low[1]) || wide / 40;
-  const scale = Math.min((width - 2 * room) / wide, (height - 2 * room) / tall);
-  const [cos, sin] = [Math.cos(turn || 0), Math.sin(turn || 0)];
+  const { places, dim, radius, shade, bonds, bars, thick, pull, walls, frame, needle } = scene;
+  const { turn = 0, tilt = 0, zoom = 1 } = scene, [low, high] = frame, room = 14, flat = dim < 3;
+  const wide = (high[0] - low[0]) || 1, deep = flat ? 0 : wide * Math.abs(Math.sin(tilt));
+  const tall = ((high[1] - low[1]) * (flat ? 1 : Math.abs(Math.cos(tilt))) + deep) || wide / 40;
+  const scale = zoom * Math.min((width - 2 * room) / wide, (height - 2 * room) / tall);
+  const seen = turned(places, dim, frame, turn, tilt);
   const to = (x, y) => [width / 2 + scale * (x - (low[0] + high[0]) / 2),
                         height / 2 - scale * (y - (low[1] + high[1]) / 2)];
-  const at = (i) => {
-    const p = places.subarray(i * dim, i * dim + dim);
-    if (dim < 3) return to(p[0], dim > 1 ? p[1] : 0);
-    const middle = (low[0] + high[0]) / 2, depth = (low[2] + high[2]) / 2;
-    return to(middle + cos * (p[0] - middle) + sin * (p[1] - depth), p[2]);
-  };
+  const at = (i) => [width / 2 + scale * seen.x[i], height / 2 - scale * seen.y[i]];
+  const farthest = (list, away) => (flat ? list : list.sort((a, b) => away(b) - away(a)));
   pen.lineCap = "round";
   pen.strokeStyle = colour.soft;
   pen.lineWidth = 1.4;
@@ -97,7 +115,7 @@ function sites({ pen, width, height }, scene, colour) {
     return pen;
   };
   if (radius)
-    for (let i = 0; i < radius.length; i++) {
+    for (const i of farthest([...radius.keys()], (i) => seen.away[i])) {
       pen.globalAlpha = 1;
       [pen.fillStyle, pen.strokeStyle, pen.lineWidth] = [colour.panel, colour.soft, 0.7];
       disc(i).fill();
@@ -110,15 +128,38 @@ function sites({ pen, width, height }, scene, colour) {
       [pen.strokeStyle, pen.lineWidth] = [colour.ink, 1.5];
       line(pen, end.map((d) => [x + d * Math.sin(needle(i)), y - d * Math.cos(needle(i))]));
     }
-  (bonds || []).forEach(([i, j], k) => {
-    const part = thick ? thick(k) : 0;
-    if (thick && !(Math.abs(part) > FLOOR)) return;
+  const depth = (k) => seen.away[bonds[k][0]] + seen.away[bonds[k][1]];
+  for (const k of farthest([...(bonds || []).keys()], depth)) {
+    const part = thick ? thick(k) : 0, slack = pull && Number.isNaN(pull(k));
+    if (thick && !(Math.abs(part) > FLOOR)) continue;
     pen.strokeStyle = part < 0 ? colour.exact : colour.ink;
     pen.lineWidth = thick ? Math.max(0.6, 5 * Math.min(1, Math.abs(part))) : bars[k] ? 3.5 : 1;
     if (!thick) pen.strokeStyle = bars[k] ? colour.ink : colour.chain;
-    line(pen, [at(i), at(j)]);
-  });
+    if (pull && !thick) {
+      pen.strokeStyle = slack ? colour.soft : shaded(pull(k), colour);
+      pen.lineWidth = bars[k] ? 4.5 : slack ? 1 : 2;
+      pen.setLineDash(slack ? [4, 4] : []);
+    }
+    line(pen, bonds[k].map(at));
+  }
+  pen.setLineDash([]);
   return scale;
+}
+
+/* The colour of a part of the largest tension, from -1 to 1: grey at 0. */
+function shaded(part, colour) {
+  const ends = [colour.soft, part < 0 ? colour.exact : colour.chain].map((c) =>
+    [1, 3, 5].map((k) => parseInt(c.slice(k, k + 2), 16)));
+  const mix = 0.15 + 0.85 * Math.sqrt(Math.min(1, Math.abs(part)));
+  return `rgb(${ends[0].map((x, k) => Math.round(x + mix * (ends[1][k] - x)))})`;
+}
+
+/* A number with its unit and the prefix that keeps it between 1 and 1000. */
+function measured(value, unit, si) {
+  const power = si && value && unit && unit !== "rad" && unit !== "kg"
+    ? Math.max(-3, Math.min(3, Math.floor(Math.log10(Math.abs(value)) / 3 + 1e-9))) : 0;
+  const text = Number((value / 1000 ** power).toPrecision(3));
+  return `${text} ${["n", "µ", "m", "", "k", "M", "G"][power + 3]}${unit}`.trimEnd();
 }
 
 /* What moves along a chain against time: columns are bonds, rows instants, time runs downwards. */
