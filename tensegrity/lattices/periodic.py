@@ -132,7 +132,10 @@ class UnderGradients(NamedTuple):
 class Medium(Periodic):
     """What repeats along lattice vectors, and has moduli."""
 
-    _affine = False  # whether there are no waves but long ones
+    @property
+    def _affine(self) -> bool:
+        """Whether there are no waves but long ones."""
+        return False
 
     @property
     @abstractmethod

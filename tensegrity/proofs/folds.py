@@ -109,9 +109,9 @@ def folds(path: EquilibriumPath, read: str) -> tuple[Fold, ...]:
                         f"the critical mode at height {event.at['height']:.9g} m is not shown to "
                         "change it: no fold is proved"
                     )
-                at = [Enclosure.of(x) for x in (box[2] * unit[0], box[UNKNOWNS] * force, box[1],
-                                                box[0] * unit[0])]  # fmt: skip
-                found.append(Fold(*at, width * prism.base))
+                values_at = box[2] * unit[0], box[UNKNOWNS] * force, box[1], box[0] * unit[0]
+                height, load, twist, base = map(Enclosure.of, values_at)
+                found.append(Fold(height, load, twist, base, width * prism.base))
     return tuple(found)
 
 
