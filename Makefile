@@ -10,8 +10,8 @@ BIN = .venv/bin
 INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check --editable
 READY = .venv/ready
 
-.PHONY: figures derivations derived live test quick test-slow readers faults bench site site-test \
-	lint clean
+.PHONY: figures derivations derived live test quick test-slow readers faults bench site site-test
+.PHONY: lint clean
 
 figures: $(READY)
 	$(BIN)/python -m figures

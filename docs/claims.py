@@ -56,12 +56,14 @@ def numbers(claim, output):
     Raises
     ------
     KeyError
-        Where a picture was made and has no such table, row or column.
+        Where there is no such picture, table, row or column.
     """
     for number in claim.get("numbers", ()):
         name = number["picture"]
         path = output / pictures()[name].GROUP / f"{name}.csv"
         columns = _table(path, number.get("table", PRINTED))
+        if columns is None:
+            raise KeyError(f"{name} was not made")
         value, error = _cell(columns, number["row"], number["column"]), None
         if "error" in number:
             of_line = number["error"] in columns

@@ -64,7 +64,6 @@ def test_a_number_is_read_with_its_error(tmp_path):
         "numbers": [
             {"picture": "granular_fig2", "row": "speed", "column": "here", "error": "spread"},
             {"picture": "granular_fig2", "row": "speed", "column": "here", "error": "of it"},
-            {"picture": "granular_fig3", "row": "speed", "column": "here"},
         ]
     }
     lines = [
@@ -75,9 +74,12 @@ def test_a_number_is_read_with_its_error(tmp_path):
     (tmp_path / "granular").mkdir()
     write_tables(tmp_path / "granular" / "granular_fig2.csv", {}, lines)
     found = [(value, error) for _, value, error in numbers(claim, tmp_path)]
-    assert found == [("2.0", "3.0"), ("2.0", "0.25"), (None, None)]
+    assert found == [("2.0", "3.0"), ("2.0", "0.25")]
     claim["numbers"][0]["row"] = "width"
     with pytest.raises(KeyError, match="width"):
+        list(numbers(claim, tmp_path))
+    claim["numbers"][0]["picture"] = "granular_fig3"
+    with pytest.raises(KeyError, match="granular_fig3 was not made"):
         list(numbers(claim, tmp_path))
 
 

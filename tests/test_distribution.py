@@ -56,7 +56,7 @@ def test_commands_of_hosts_are_those_of_the_makefile():
     extras = {f".venv/with-{name}" for name in PROJECT["optional-dependencies"]}
     texts = [makefile, *(p.read_text() for p in (*HOSTS, *ROOT.glob(".ci/run")))]
     assert set(re.findall(r"\.venv/with-[a-z-]+", "\n".join(texts))) <= extras
-    assert len(HOSTS) == 3
+    assert len(HOSTS) == 4
     for path in HOSTS:
         called = re.findall(r"make ((?:[a-z./-]+ )+)PYTHON=python\n", path.read_text())
         assert called, path

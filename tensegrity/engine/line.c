@@ -19,10 +19,14 @@ real stage(const scene *c, real a, real b)
             RUNS(CASE)
         }
     for (int l = 0; l < BATCH && active >= end; l++) {
-        const integer last = c->stretch ? l : end + l; /* on which the last bond pulls */
-        const real kick = a * c->w[last] * left[l];
-        c->v[last] -= kick;
-        c->u[last] += c->stretch ? -b * kick : b * c->v[last];
+        if (c->stretch) { /* the last bond of a ring pulls on the first site */
+            const real kick = a * c->w[l] * left[l];
+            c->v[l] -= kick;
+            c->u[l] -= b * kick;
+        } else {
+            c->v[end + l] -= a * c->w[end + l] * left[l];
+            c->u[end + l] += b * c->v[end + l];
+        }
     }
     close_ring(c, c->u, c->v);
     return left[BATCH];

@@ -236,7 +236,12 @@ def network(structure: Any, natural_lengths: Any, **given: Any) -> Network:
     for key, expression in changing.items():
         member = structure.member_number(key)
         wound = spring_of(structure, member, True)
-        springs[member] = wound.over_time(**{NATURAL: expression / len(of.of(member))})
+        segments = len(of.of(member))  # of a cable share its length; what is wrong is refused below
+        if segments > 1 and (
+            hasattr(expression, "free_symbols") or isinstance(expression, (int, float))
+        ):
+            expression = expression / segments
+        springs[member] = wound.over_time(**{NATURAL: expression})
     each = range(len(springs)) if of.owner is None else of.owner.tolist()
     at, ends = structure.positions, structure.segments
     natural = of.each(structure.natural_lengths / of.over(np.ones(len(ends))))
