@@ -8,34 +8,43 @@ compares; its numbers are compared by drawing it again.
 import ast
 import hashlib
 import lzma
-import sys
+import re
 from io import BytesIO
 from pathlib import Path
 
 from figures import _stored, chosen, pictures
 from figures._files import write
 
-SMALL = Path(__file__).parent.parent / "docs" / "pictures" / "small"
+HERE = Path(__file__).parent
+SMALL = HERE.parent / "docs" / "pictures" / "small"
+SHARED = ("_draw", "_files", "_gallery", "_stored")
 COLOURS = 96
+LONG = re.compile(r"-?\d+\.\d{9,}(?:e[-+]?\d+)?")  # numbers of more digits than are kept
+LARGEST = 1_500_000  # bytes of a film
 KINDS, COMPRESSED = ("png", "gif", "md", "csv"), {"csv": ".xz"}
 
 
 def drawn_by(name):
-    """Digest of the modules of `figures` that draw a picture: comments and layout do not count."""
-    found = hashlib.sha256()
-    for module in sorted(_stored.sources(pictures()[name].__name__)):
-        if module.split(".")[0] == "figures":
-            text = Path(sys.modules[module].__file__).read_text(encoding="utf-8")
-            found.update(repr(_stored.form(ast.parse(text))).encode())
-    return found.hexdigest()[:16]
+    """Digest of the modules of `figures` that a picture is made of: comments and layout do not
+    count, nor what all pictures share."""
+    todo, seen = [name], {}
+    while todo:
+        one = todo.pop()
+        if one not in seen and one not in SHARED:
+            tree = ast.parse((HERE / f"{one}.py").read_text(encoding="utf-8"))
+            seen[one] = repr(_stored.form(tree))
+            found = [x for x in ast.walk(tree) if isinstance(x, ast.ImportFrom) and x.module]
+            todo += [y.name for x in found if x.module == "figures" for y in x.names]
+            todo += [x.module.split(".")[1] for x in found if x.module.startswith("figures.")]
+    return hashlib.sha256("".join(seen[one] for one in sorted(seen)).encode()).hexdigest()[:16]
 
 
 def keep(name, output, place=SMALL):
-    """Keep what was drawn of a picture: fewer colours, numbers compressed."""
+    """Keep what was drawn of a picture: fewer colours, numbers of 9 digits, no large film."""
     place.mkdir(parents=True, exist_ok=True)
     for kind in KINDS:
         path = output / pictures()[name].GROUP / f"{name}.{kind}"
-        if path.is_file():
+        if path.is_file() and (kind != "gif" or path.stat().st_size < LARGEST):
             put(place / f"{name}.{kind}{COMPRESSED.get(kind, '')}", small(path))
     put(place / f"{name}.by", f"{drawn_by(name)}\n".encode())
 
@@ -43,7 +52,8 @@ def keep(name, output, place=SMALL):
 def small(path):
     """Content of a file as it is kept."""
     if path.suffix == ".csv":
-        return lzma.compress(path.read_bytes(), preset=9)
+        text = LONG.sub(lambda found: f"{float(found[0]):.9g}", path.read_text(encoding="utf-8"))
+        return lzma.compress(text.encode(), preset=9)
     if path.suffix != ".png":
         return path.read_bytes()
     from PIL import Image

@@ -116,7 +116,7 @@ def draw(figure, tables):
         gaps.plot(share, np.array([stiff(s, x) for x in share]), f"C{k}--", lw=1)
         gaps.annotate(f"{s} N/m", (0.25, (low[6] + high[6]) / 2), color=f"C{k}", ha="center")
     gaps.set(xlabel="area of the discs over that of the cell", ylabel="frequency [rad/s]")
-    gaps.set_title("Share and prestress move the gap (dashed: stiff matrix)")
+    gaps.set_title("Area and prestress move the gap (dashed: stiff matrix)")
     modulus, _, stress = tables["buckling"].values()
     buckled.plot(modulus, stress, "C0o-", ms=4)
     buckled.axhline(stress[0], color="0.6", ls=":")

@@ -6,7 +6,7 @@ import re
 from itertools import combinations, pairwise, zip_longest
 
 import numpy as np
-from matplotlib.collections import PathCollection
+from matplotlib.collections import PathCollection, QuadMesh
 from matplotlib.colors import to_hex, to_rgb, to_rgba
 from matplotlib.text import Text
 
@@ -239,7 +239,9 @@ def colours(figure, several):
         yield f"{colour} in panel {k} has a contrast of {ratio:.1f}: {label}"
     for one, _ in texts(figure):
         patch = one.get_bbox_patch()
-        plain = one.axes is None or not (one.axes.images or one.axes.patches)
+        held = [] if one.axes is None else [*one.axes.images, *one.axes.patches]
+        held += [] if one.axes is None else [*one.axes.findobj(QuadMesh)]
+        plain = not held  # what lies behind is one colour
         behind = patch.get_facecolor() if patch else "white"
         if (patch or plain) and (ratio := contrast(one.get_color(), behind)) < CONTRAST:
             yield f"{one.get_text()!r} has a contrast of {ratio:.1f}"
