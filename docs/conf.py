@@ -28,7 +28,7 @@ extensions = [
     "numpydoc",
     "sphinx_copybutton",
 ]
-exclude_patterns = ["_build", "live", "pictures"]
+exclude_patterns = ["_build", "_made", "live", "pictures"]
 myst_enable_extensions = ["colon_fence"]
 myst_heading_anchors = 3
 default_role = "code"

@@ -150,7 +150,7 @@ def fit_run(
     records : dict of Trace to TimeSeries
         What was recorded of each trace of the run (see `tensegrity.objective`), in its unit; of
         several traces, as the loads on both sides of a bead with a sensor, their mean.
-    scene : callable (**parameters) -> Scene or (Scene, State)
+    scene : callable (of the parameters) -> Scene or (Scene, State)
         Makes the scene, and its initial state unless that is `scene.start()` or `scene.at_rest()`.
     free : dict of str to float
         Initial guesses of the parameters, none 0, all of which keep their sign.  "trigger", which
