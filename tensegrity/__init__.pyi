@@ -73,7 +73,9 @@ from .unit.member import Member
 from .unit.unit import Unit
 from .waves.asymptotics import sech2, tent
 from .waves.cell_wave import genuine
+from .waves.periodic import periodic_wave
 from .waves.prediction import predict
+from .waves.shock import shock
 from .waves.solitary import SolitaryWave, solitary_wave
 from .waves.spectrum import dispersion, modes
 from .waves.transition import transition_wave
@@ -147,6 +149,7 @@ __all__ = [
     "orbit_path",
     "peaks",
     "periodic_orbit",
+    "periodic_wave",
     "phase_shift",
     "plates",
     "predict",
@@ -157,6 +160,7 @@ __all__ = [
     "resume",
     "sampled",
     "sech2",
+    "shock",
     "simulate",
     "solitary_wave",
     "spectrum",
