@@ -40,6 +40,7 @@ from .measure.pulses import pulses
 from .measure.records import first_peak, largest_peak, peaks, sampled
 from .measure.series import TimeSeries
 from .measure.spectrum import spectrum
+from .orbits.lyapunov import lyapunov
 from .orbits.orbit import periodic_orbit
 from .orbits.path import orbit_path
 from .orbits.stability import floquet
@@ -142,6 +143,7 @@ __all__ = [
     "held",
     "interface",
     "largest_peak",
+    "lyapunov",
     "member_stiffness",
     "modes",
     "moduli",

@@ -375,6 +375,8 @@ CALLS = [  # where other arguments are needed, or several in one call
                     "mass": (1.0, 2.0)}),
     (ts.transmission, {"run": MET, "row": 1}),
     (ts.spectrum, {"run": EVEN, "sites": [1, 3, 5], "of": "u"}),
+    (ts.lyapunov, {"scene": LINE, "state": LINE.at_rest({0: 0.01}), "t_end": 1.0, "dt": 0.1,
+                   "every": 5, "tangent": LINE.at_rest({0: 0.1}), "seed": 1}),
     (ts.spectrum(EVEN).ridge, {"least": 0.1}),
     (ts.periodic_wave, {"spring": CUBIC, "mass": 1.0, "period": 8.0, "height": 0.1, "mean": 0.01}),
     (ts.periodic_wave, {"spring": CUBIC, "period": 12.0, "speed": 1.02}),

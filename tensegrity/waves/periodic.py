@@ -81,12 +81,15 @@ class PeriodicWave(Printed):
 
     def elongation(self, x: ArrayLike) -> Array:
         """Elongation [m] at distances x [sites] from a maximum, any shape."""
-        x = check.numbers("x", x, "sites")
-        return cosine_sum(self._coefficients, self._grid.wave_numbers, x)
+        return self._sum(self._coefficients, x)
 
     def rate(self, x: ArrayLike) -> Array:
         """du/dx [m per site] less the mean elongation; the velocity is -speed times this."""
-        return cosine_sum(self._rates, self._grid.wave_numbers, check.numbers("x", x, "sites"))
+        return self._sum(self._rates, x)
+
+    def _sum(self, coefficients: Array, x: ArrayLike) -> Array:
+        x = check.finite("x", check.numbers("x", x, "sites"))
+        return cosine_sum(coefficients, self._grid.wave_numbers, np.remainder(x, self.period))
 
     @checked
     def launch(self, ring: Chain, at: float = 0.0, direction: int = 1) -> State:
@@ -217,7 +220,7 @@ def periodic_wave(
     while points <= MOST_POINTS:
         circle = _Circle(spring, Grid(points, period / 2), mean)
         if height is None:
-            r, mu = circle.at_speed(mass * float(speed or 0.0) ** 2)
+            r, mu = circle.at_speed(mass * float(speed or 0.0) * float(speed or 0.0))
         else:
             r, mu = circle.at_height(height)
         residual = circle.residual(r, mu)
