@@ -10,7 +10,8 @@ BIN = .venv/bin
 INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check --editable
 READY = .venv/ready
 
-.PHONY: figures derivations derived live test quick test-slow faults bench site site-test lint clean
+.PHONY: figures derivations derived live test quick test-slow readers faults bench site site-test \
+	lint clean
 
 figures: $(READY)
 	$(BIN)/python -m figures
@@ -31,6 +32,7 @@ make derivations   every formula, derived and checked, as a page
 make site          guide, gallery and reference, in docs/_build/site
 make live          a page in which a chain runs
 make test          the tests; `make quick` some of them, `make test-slow` the slow ones
+make readers       files, read back by VTK, ASE and MuJoCo
 make site-test     the site with a few pictures, opened in a browser
 make derived      derive what comes with the package, after a change of its sources
 make faults        how many faults, put into a copy of the code, the tests notice; hours
@@ -66,6 +68,10 @@ quick: .venv/with-test
 
 test-slow: .venv/with-test
 	$(BIN)/python -m pytest -m slow
+
+# Files read back by programs that are large: VTK, ASE, MuJoCo.
+readers: .venv/with-test .venv/with-readers
+	$(BIN)/python -m pytest -rs tests/test_file_readers.py
 
 # Derivations of known laws, which come with the package: tensegrity/engine/derived.gz.
 derived: .venv/with-test

@@ -38,6 +38,7 @@ def answer_of_peer(case, who, scene):
     import sympy as sp
 
     from benchmarks import _peers, lammps, network
+    from tensegrity.precision import peers
 
     def of_pack(state, t_end, steps):
         if who != "lammps":
@@ -58,7 +59,7 @@ def answer_of_peer(case, who, scene):
     r = sp.Symbol("r")
     hertz = r, -(sp.Max(-r, 0) ** sp.Rational(3, 2))
     tension = _peers.prism_tension(PRISM) if case == WAVE else hertz
-    made = {"heyoka": _peers.heyoka, "numba": _peers.numba_verlet, "jax": _peers.jax_verlet}[who]
+    made = {"heyoka": peers.heyoka, "numba": peers.numba_verlet, "jax": peers.jax_verlet}[who]
 
     def of_chain(state, t_end, setting):
         (entry,) = made(scene, state, t_end, tension, [setting])

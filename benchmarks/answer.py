@@ -27,6 +27,8 @@ from benchmarks.work_precision import all_scenes
 from tensegrity import METHODS, Chain, PowerLaw, Prism, Record, State, TensegrityError, simulate
 from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.kernel import bind
+from tensegrity.precision.peers import TAYLOR, heyoka_system, numba_side
+from tensegrity.precision.peers import TOLERANCES as DOP
 from tensegrity.runs.step import first_factor
 from tensegrity.scenes.dynamics import dynamics
 
@@ -55,19 +57,20 @@ class Case:
 
 def cases():
     """{name: Case}."""
-    known = all_scenes()
+    known, _ = all_scenes()
     prism = Prism(1.0, 0.7, 0.01, 1.0)
+    textbook = _peers.prism_tension(prism)
     soft = Prism(1.0, 0.5, 0.4, 1.0, 2.0, 20.0).potential(preload=0.05)
     held = Chain(soft, 200, ends=("fixed", "free"))
     ten = Chain(prism.potential(), 10)
     rough = {"kinks": True, "tolerances": TOLERANCES[:-1]}
     return {
-        "wave, 128 prisms": Case(scenes()["wave"], known["wave"].tension),
-        "near locking, 128": Case(known["locking"].run, known["wave"].tension),
+        "wave, 128 prisms": Case(scenes()["wave"], textbook),
+        "near locking, 128": Case(known["locking"], textbook),
         "200 soft elastic prisms": Case((held, held.at_rest({1: 0.15}), 60.0)),
-        "10 prisms": Case((ten, ten.at_rest({0: 0.03}), 60.0), known["wave"].tension),
-        "60 Hertz beads, struck": Case(known["contacts"].run, **rough),
-        "half Y-guide, 300 us": Case(known["Y-guide"].run, **rough),
+        "10 prisms": Case((ten, ten.at_rest({0: 0.03}), 60.0), textbook),
+        "60 Hertz beads, struck": Case(known["contacts"], **rough),
+        "half Y-guide, 300 us": Case(known["Y-guide"], **rough),
         "100 tapered beads": Case(tapered(100), **rough),
     }
 
@@ -192,8 +195,8 @@ def peers(case, exact):
     if _peers.has("heyoka"):
         import heyoka as hy
 
-        system = _peers.heyoka_system(scene, case.tension)
-        for tol in _peers.HEYOKA:
+        system = heyoka_system(scene, case.tension)
+        for tol in TAYLOR:
             solver = hy.taylor_adaptive(system, start.copy(), tol=tol, compact_mode=True)
 
             def taylor(times, solver=solver):
@@ -207,9 +210,9 @@ def peers(case, exact):
     if _peers.has("numba"):
         from scipy.integrate import solve_ivp
 
-        side = _peers._numba_side(case.tension, dynamics(scene).inverse_mass)
+        side = numba_side(case.tension, dynamics(scene).inverse_mass)
         size = float(np.abs(start).max())
-        for tol in _peers.SCIPY:
+        for tol in DOP:
 
             def dop(times, tol=tol):
                 options = {"method": "DOP853", "rtol": tol, "atol": tol * size}

@@ -16,6 +16,7 @@ from benchmarks._timing import best, table
 from tensegrity import METHODS, Chain, Prism, simulate
 from tensegrity.engine import native
 from tensegrity.engine.kernel import bind
+from tensegrity.precision.peers import numba_loop
 from tensegrity.prisms.closed import rigid_law
 from tensegrity.scenes.dynamics import dynamics
 
@@ -86,34 +87,6 @@ def _numpy_rival(spring, u, v, steps):
             v[:] += DT / 2 * np.diff(edges)
 
     return run
-
-
-def numba_loop(force, **options):
-    """Velocity Verlet on a chain of unit masses: (u, v, steps, parameters of the force, dt)."""
-    import numba
-
-    force = numba.njit(force, **options)
-
-    @numba.njit(**options)
-    def loop(u, v, steps, p, dt):
-        last = len(u) - 1
-        for k in range(steps + 1):
-            kick = dt / 2 if k in (0, steps) else dt
-            drift = dt if k < steps else 0.0
-            left = 0.0
-            for first in range(0, last, 32):
-                f = np.empty(32)
-                n = min(32, last - first)
-                for i in range(n):
-                    f[i] = force(u[first + i + 1] - u[first + i], *p)
-                for i in range(n):
-                    v[first + i] += kick * (f[i] - left)
-                    u[first + i] += drift * v[first + i]
-                    left = f[i]
-            v[last] -= kick * left
-            u[last] += drift * v[last]
-
-    return loop
 
 
 def _numba_rival(spring, u, v, steps, **options):

@@ -17,6 +17,7 @@ import sympy as sp
 from benchmarks import _peers
 from benchmarks._timing import best, cpu, table
 from tensegrity import METHODS, Chain, Ensemble, PowerLaw, Prism, Record, State, simulate, sweep
+from tensegrity.precision.peers import heyoka_system
 from tensegrity.scenes.dynamics import dynamics
 
 LANES, STEPS = 64, 4000  # of the bare loop, one block of chains
@@ -48,7 +49,7 @@ def heyoka_seconds():
     values = _peers.prism_values(prisms[0], r)
     del values[natural_cross]
     tension = r, rigid_elastic.force().subs(values)
-    system = _peers.heyoka_system(scene.scenes[0], tension, {natural_cross: hy.par[0]})
+    system = heyoka_system(scene.scenes[0], tension, {natural_cross: hy.par[0]})
     states = np.concatenate([start.u, start.v])
     lengths = np.array([[float(prism.natural_lengths().cross) for prism in prisms]])
     solver = hy.taylor_adaptive_batch(

@@ -51,6 +51,7 @@ ROOMS = {  # page: (title, modules whose public names it holds, modules document
     "derivations": ("Derivations, as code", [],
                     ["derivations.argument", "derivations.ledger",
                      "derivations.report", "derivations.prism", "derivations.waves"]),
+    "files": ("Files", [], ["tensegrity.files"]),
     "errors": ("Errors and types", ["tensegrity.errors"], ["tensegrity.typing"]),
 }  # fmt: skip
 

@@ -1,6 +1,6 @@
 """The public names and where they are defined, which are imported when they are first used."""
 
-from . import catalogue, objective
+from . import catalogue, files, objective
 from .animation import animate
 from .branches.problem import Problem, trace
 from .engine.methods import METHODS
@@ -22,6 +22,7 @@ from .gradients.compute import gradient
 from .lattices.bands import bands
 from .lattices.bloch import PairLattice
 from .lattices.lattice import Lattice
+from .lattices.matrix import Matrix
 from .lattices.moduli import moduli
 from .lattices.response import decay, effective_mass
 from .measure.budget import bond_force, budget
@@ -44,9 +45,11 @@ from .orbits.lyapunov import lyapunov
 from .orbits.orbit import periodic_orbit
 from .orbits.path import orbit_path
 from .orbits.stability import floquet
+from .precision.result import WorkPrecision
+from .precision.work import work_precision
 from .printing import units
 from .prisms.closed import member_stiffness
-from .prisms.contact import bar_contact
+from .prisms.contact import bar_contact, sheath
 from .prisms.fit import fit
 from .prisms.measured import read_curve
 from .prisms.path import equilibrium_path, equilibrium_paths
@@ -93,6 +96,7 @@ __all__ = [
     "Force",
     "Lattice",
     "LockingError",
+    "Matrix",
     "Member",
     "Network",
     "NoLocking",
@@ -118,6 +122,7 @@ __all__ = [
     "TimeSeries",
     "Unit",
     "Wall",
+    "WorkPrecision",
     "angular_momentum",
     "animate",
     "arrival",
@@ -135,6 +140,7 @@ __all__ = [
     "equilibrium",
     "equilibrium_path",
     "equilibrium_paths",
+    "files",
     "first_peak",
     "fit",
     "floquet",
@@ -162,6 +168,7 @@ __all__ = [
     "resume",
     "sampled",
     "sech2",
+    "sheath",
     "shock",
     "simulate",
     "solitary_wave",
@@ -177,5 +184,6 @@ __all__ = [
     "verify",
     "wall_gaps",
     "width",
+    "work_precision",
 ]
 __version__: str

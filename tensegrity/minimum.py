@@ -206,7 +206,7 @@ def lowest(matrix: Any, mass: Any, rigid: Array, count: int, bound: float) -> tu
     Parameters
     ----------
     matrix : ndarray or sparse, (free, free)
-        K, symmetric.
+        K, symmetric, or sparse and Hermitian.
     mass : ndarray, (free,), or sparse, (free, free)
         Diagonal of M, > 0, or M itself, positive definite.
     rigid : ndarray, (free, motions)
@@ -267,7 +267,7 @@ def lowest(matrix: Any, mass: Any, rigid: Array, count: int, bound: float) -> tu
 
         def above(bound: float, count: int, tolerance: float) -> tuple[float, Any]:
             solve, bound = _inverse_above(matrix, weights, rigid, bound)
-            inverse = LinearOperator(matrix.shape, matvec=solve, dtype=float)
+            inverse = LinearOperator(matrix.shape, matvec=solve, dtype=matrix.dtype)
             return bound, eigsh(
                 matrix, count, weights, sigma=bound, OPinv=inverse, v0=start, tol=tolerance
             )
@@ -282,7 +282,7 @@ def lowest(matrix: Any, mass: Any, rigid: Array, count: int, bound: float) -> tu
 def round_off(matrix: Any, mass: Any) -> float:
     """Absolute value below which eigenvalues of K x = w^2 M x are round-off."""
     # that of members is at least half of its diagonal
-    least = mass if mass.ndim == 1 else mass.diagonal() / 2
+    least = mass if mass.ndim == 1 else mass.diagonal().real / 2
     largest = float((np.abs(matrix) @ np.ones(len(least)) / least).max(initial=0.0))
     if not np.isfinite(largest):
         raise TensegrityError(f"stiffness over mass {largest} 1/s^2 must be finite")
@@ -304,7 +304,7 @@ def _inverse_above(
             (matrix - bound * weights).tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
             options={"SymmetricMode": True},
         )  # fmt: skip
-        if (factors.perm_r == factors.perm_c).all() and (factors.U.diagonal() > 0).all():
+        if (factors.perm_r == factors.perm_c).all() and (factors.U.diagonal().real > 0).all():
             break
         bound *= LOWER
     if not rigid.size:

@@ -59,9 +59,10 @@ LONGEST = 500  # characters of a message
 SEARCHES = (  # take long with these: see their tests
     ts.orbit_path, ts.solitary_wave, largest_speed, limit_load, design.peak_force,
     design.search, design.robustness, granular.pack, granular.fcc_pack, granular.hexagonal_pack,
+    ts.work_precision,
 )  # fmt: skip
 MADE_BY_OTHERS = {
-    "BeadChain", "EquilibriumPath", "Pack", "Run", "SolitaryWave", "StructurePath",
+    "BeadChain", "EquilibriumPath", "WorkPrecision", "Pack", "Run", "SolitaryWave", "StructurePath",
     "TransitionWave", "Transmission",
 }  # fmt: skip
 INNER = {  # what runs, paths and searches ask of their objects, and nobody else
@@ -132,6 +133,7 @@ FOLDER = tempfile.TemporaryDirectory()
 FILE = f"{FOLDER.name}/run.npy"
 ts.simulate(LINE, LINE.at_rest({0: 0.01}), 1.0, dt=0.1, record=ts.Record(path=FILE, checkpoint=1.0))
 RUN.save(f"{FOLDER.name}/kept")
+ts.files.write(f"{FOLDER.name}/truss.csv", TRUSS)
 CURVE = f"{FOLDER.name}/curve.txt"
 np.savetxt(CURVE, [[0.0, 0.0], [0.1, 2.0]], header="travel force")
 T = np.linspace(0.0, 1e-4, 200)
@@ -152,13 +154,14 @@ INSTANCES = {  # of classes whose methods are called
     "Choice": design.Choice(3, 0.005, [STEEL, PTFE]),
     "Contact": granular.Contact(1e9), "Drive": ts.Drive(force=0.1), "Ensemble": LANES,
     "Force": ts.Force(TIME),
-    "Lattice": ROW, "PairLattice": HINGES, "PairLaw": HINGE,
+    "Lattice": ROW, "Matrix": ts.Matrix(1.0, 0.3, 1.0), "PairLattice": HINGES, "PairLaw": HINGE,
     "EquilibriumPath": ts.equilibrium_path(ELASTIC)[:2], "Network": NET,
     "Guide": granular.y_guide(**GUIDE), "Pack": CUBE, "Order": design.Order([BEAD, SMALL]),
     "Polynomial": ts.Polynomial(SPRING, -0.01, 0.01), "Potential": LENNARD_JONES, "Prism": ELASTIC,
     "PowerLaw": ts.PowerLaw(1.0, 1.5, 0.1), "Run": RUN, "SolitaryWave": WAVE, "State": RUN.final,
     "Unit": UNIT, "Member": CABLES,
     "TransitionWave": FRONT,
+    "WorkPrecision": ts.work_precision(LINE, LINE.at_rest({0: 0.1}), 5.0, ["rkn6"], seconds=1.0),
     "Sizes": design.Sizes(3, (0.004, 0.006), 0.015, STEEL), "Structure": TRUSS,
     "TimeSeries": SERIES,
     "StructurePath": ts.equilibrium_path(TRUSS, max_load=0.1, **SOLVED), "Wall": WALL,
@@ -172,7 +175,8 @@ EXAMPLES = {  # of arguments, by their names
     "damping": ts.Damping(0.1, [0.1] * 24), "density": 1e3, "diameter": 0.005,
     "diameters": (0.004, 0.006), "direction": (0, -1), "displacement": 0.1, "domain": (-1.0, 1.0),
     "drive": {0: ts.Drive(force=0.1)}, "dt": 0.1, "elongation": np.exp(-(X**2)),
-    "ends": ("free", "fixed"), "energy": R**2, "every": 1, "exponent": 1.5, "extent": (1.0, 0.0),
+    "ends": ("free", "fixed"), "energy": R**2, "error": 0.1, "every": 1, "exponent": 1.5,
+    "extent": (1.0, 0.0),
     "force": np.exp(-(((T - 5e-5) / 1e-5) ** 2)), "force_densities": [0.0, 0.0], "function": str,
     "gap": 1e-5, "given": [BEAD, SMALL], "gravity": 9.81, "ground": [0.1, 0.2], "half_angle": 0.7,
     "height": 0.7, "high": 0.01, "interval": 3e-6, "k_bar": 100.0, "k_base": 10.0, "k_cross": 1.0,
@@ -217,6 +221,9 @@ def in_a_run(kind):
 CALLS = [  # where other arguments are needed, or several in one call
     (ts.Prism.from_members, {"cross": 0.13, "base": 0.08, "bar": 0.1623, "k_cross": 19192.7,
                           "k_base": 31188.2, "k_bar": 4.7e7, "sides": 3}),
+    (ts.work_precision, {"scene": LINE, "state": LINE.at_rest({0: 0.01}), "t_end": 1.0,
+                         "methods": ["verlet"], "peers": [], "reference": LINE.at_rest(),
+                         "seconds": 0.5}),
     (ts.equilibrium_path, {"prism": ELASTIC, "min_height": 0.4, "max_load": 1.0, "max_height": 0.75,
                         "past_contact": False}),
     (ts.equilibrium_path, {"prism": TRUSS, "max_load": 0.1, "branch": "stable",
@@ -233,6 +240,10 @@ CALLS = [  # where other arguments are needed, or several in one call
     (ts.Lattice, {"positions": [[0, 0]], "vectors": [[1, 0]], "bars": [(0, 0, 1)],
                   "strings": [(0, 0, 1)], "EA_bar": 1.0, "EA_string": [1.0]}),
     (ROW.equilibrium, {"gradient": [[1.1, 0], [0, 1]]}),
+    (ts.Matrix, {"modulus": 1.0, "poisson": 0.3, "density": 1.0, "loss": 0.1, "radius": 0.1,
+                 "antiplane": True}),
+    (ts.sheath, {"prism": ELASTIC, "G": 1.0, "outer": 2.0, "radius": 1.0}),
+    (ts.catalogue.square().embedded, {"matrix": ts.Matrix(1.0, 0.3, 1.0), "cast": "released"}),
     (ts.bands, {"lattice": ROW, "wavenumbers": [[0.1], [2.0]]}),
     (ts.decay, {"lattice": ts.catalogue.square(), "frequencies": [0.1, 2.0], "axis": 0,
                 "wavenumbers": 0.0}),
@@ -330,6 +341,11 @@ CALLS = [  # where other arguments are needed, or several in one call
     (ts.Record, {"interval": 0.1, "path": FILE, "checkpoint": 1.0}),
     (ts.resume, {"path": FILE, "scene": None}),
     (ts.Run.load, {"path": f"{FOLDER.name}/kept"}),
+    (ts.files.read, {"path": f"{FOLDER.name}/truss.csv"}),
+    (ts.files.write, {"path": f"{FOLDER.name}/made.csv", "thing": TRUSS}),
+    (RUN.table, {"quantity": "v", "sites": [1, 2], "times": [0.1, 0.2]}),
+    (RUN.to_csv, {"path": f"{FOLDER.name}/made.csv", "quantity": "tension", "sites": [1]}),
+    (RUN.to_dataframe, {"quantity": "v", "sites": [1, 2], "times": [0.1, 0.2]}),
     *([] if find_spec("flint") is None else [
         (ts.prove, {"of": WAVE, "period": 30.0, "exact": "decimals"}),
         (ts.verify, {"path": str(Path(__file__).with_name("wave.json"))}),

@@ -3,11 +3,13 @@
 import csv
 
 import matplotlib.pyplot as plt
-import numpy as np
 import pytest
 
-from benchmarks import _race, kernel, methods
+import tensegrity as ts
+from benchmarks import kernel, work_precision
 from benchmarks.continuation import chart
+from tensegrity import Chain, PowerLaw
+from tensegrity.precision.result import WorkRow
 
 pytestmark = pytest.mark.unchanged("docs")
 
@@ -52,44 +54,19 @@ def test_the_cheapest_law_is_the_fastest_of_those_good_enough():
     assert kernel.cheapest(LAWS, "elastic", "degree", 1) != kernel.cheapest(LAWS, "rigid", "f", 1)
 
 
-RACE = [
-    ("rkn6", "9 steps", 1e-3, 0.01, 0.0),
-    ("rkn6", "18 steps", 1e-9, 0.04, 0.0),
-    ("other", "coarse", 1e-2, 0.02, 1.5),
-    ("other", "fine", 1e-8, 0.08, 1.5),
-]
-
-
-def test_time_at_an_error_lies_on_the_power_law_between_two_runs():
-    assert _race.seconds(RACE, "rkn6", 1e-6) == pytest.approx(0.02)
-    assert _race.seconds(RACE, "rkn6", 1e-2) == 0.01
-    assert _race.seconds(RACE, "rkn6", 1e-10) == np.inf
-    found = _race.ratios(RACE, "other")
-    assert found[3] == pytest.approx(0.04 / (0.01 * 4 ** (1 / 3)))  # at 1e-5
-
-
-def test_chart_of_speed_shows_the_call_the_best_loops_and_other_programs():
-    more = [("verlet", "9 steps", 1e-4, 0.05, 0.0), ("verlet +p", "9 steps", 1e-4, 0.02, 0.0),
-            ("simulate", "tol 1e-05", 1e-6, 0.05, 0.0)]  # fmt: skip
-    found, bare = _race.shown(RACE + more), _race.BARE
-    assert list(found) == ["simulate", bare, f"{bare} +p", "other"]
-    assert found[bare] == [(0.01, 1e-3), (0.04, 1e-9)]  # another was slower and no better
-    assert found[f"{bare} +p"] == [(0.02, 1e-4)]
-    assert found["simulate"] == [(0.05, 1e-6)]
-
-
 def test_chart_of_work_and_precision_writes_picture_and_table_whole(tmp_path):
-    picture, table = _race.chart({"one": RACE, "two": RACE[:2]}, tmp_path)
+    chain = Chain(PowerLaw(1.0, 1.5), 3)
+    one = ts.work_precision(chain, chain.at_rest({0: 1.0}), 3.0, ["verlet", "rk4"], seconds=2.0)
+    picture, table = work_precision.chart({"one": one, "two": one}, tmp_path)
     height, width, _ = plt.imread(picture).shape
     assert width > height > 400
     with open(table) as file:
-        rows = list(csv.reader(file))[1:]
-    assert [row[0] for row in rows] == ["one"] * 4 + ["two"] * 2
-    assert [float(row[3]) for row in rows[:4]] == [row[2] for row in RACE]
+        rows = list(csv.DictReader(file))
+    assert [row["scene"] for row in rows] == ["one"] * len(one.rows) + ["two"] * len(one.rows)
+    assert [float(row["error"]) for row in rows] == 2 * [row.error for row in one.rows]
 
 
-def test_evaluations_for_an_error_lie_on_the_power_law_between_two_runs():
-    counts, errors = np.array([10.0, 20.0, 40.0]), np.array([1e-2, 1e-4, 1e-6])
-    assert methods.needed(counts, errors, 1e-3) == pytest.approx(10 * np.sqrt(2))
-    assert np.isnan(methods.needed(counts, errors, 1e-7))
-    assert methods.needed(counts, errors, 0.1) == 10
+def test_polynomials_are_shown_where_none_is_cheaper_and_better():
+    rows = [WorkRow("a", "", 0.1, 9, 1e-4, 2.0), WorkRow("a", "", 0.1, 9, 1e-3, 1.0),
+            WorkRow("b", "", 0.1, 9, 1e-3, 3.0)]  # fmt: skip
+    assert work_precision.front(rows) == [rows[1], rows[0]]

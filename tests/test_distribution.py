@@ -29,7 +29,7 @@ LEFT_OUT = shutil.ignore_patterns(
 
 def test_all_is_what_a_user_may_want():
     extras = PROJECT["optional-dependencies"]
-    assert extras["all"] == [f"{PROJECT['name']}[cc,dask,data,prove]"]
+    assert extras["all"] == [f"{PROJECT['name']}[cc,dask,data,prove,matrix]"]
     assert {"cc", "dask", "data"} <= set(extras)
 
 

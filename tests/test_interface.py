@@ -18,6 +18,7 @@ DOORS = (
     "tensegrity",
     "tensegrity.objective",
     "tensegrity.catalogue",
+    "tensegrity.files",
     "granular",
     "granular.design",
     "granular.lammps",
@@ -27,6 +28,9 @@ LATER = {
     "Problem",
     "trace",
     "catalogue",
+    "files",
+    "read",
+    "write",
     "interface",
     "phase_shift",
     "pulses",
@@ -36,12 +40,13 @@ LATER = {
 LATER |= {"Scatter", "robustness"}
 LATER |= {"TimeSeries", "read_record"}
 LATER |= {"Formula", "Member", "Unit"}
-LATER |= {"Lattice", "bands", "decay", "effective_mass", "moduli"}
+LATER |= {"Lattice", "Matrix", "bands", "decay", "effective_mass", "moduli", "sheath"}
 LATER |= {"floquet", "orbit_path", "periodic_orbit"}
 LATER |= {"transition_wave", "units"}
 LATER |= {"lyapunov", "periodic_wave", "shock", "spectrum"}
 LATER |= {"PairLattice", "PairLaw", "prove", "verify"}
 LATER |= {"Force", "carretero_gonzalez", "hunt_crossley", "kuwabara_kono", "viscous"}
+LATER |= {"WorkPrecision", "compare_models", "work_precision"}
 LATER |= {"dmt", "tsuji"}
 HELD = Path(__file__).parent / "interface.txt"
 

@@ -322,7 +322,9 @@ def test_more_points_than_take_minutes_are_refused_before_any_work():
             call()
     with pytest.raises(TensegrityError, match="bands at 20000 wavenumbers"):
         bands(triangular().repeated((15, 15)), few[:20000], shapes=True)
-    with pytest.raises(TensegrityError, match=r"waves of 6400 nodes would take .* GB of memory"):
+    with pytest.raises(
+        TensegrityError, match=r"waves of 12800 coordinates would take .* GB of memory"
+    ):
         bands(triangular().repeated((80, 80)), [[0.1, 0.2]])
 
 

@@ -2,10 +2,12 @@
 
 import copy
 import json
+import math
 import pickle
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from fractions import Fraction
+from itertools import product
 
 import mpmath
 import numpy as np
@@ -27,6 +29,7 @@ from tensegrity import (  # noqa: E402
     verify,
 )
 from tensegrity.proofs.balls import BallSpring, precision  # noqa: E402
+from tensegrity.proofs.line import Kernel  # noqa: E402
 from tensegrity.proofs.ring import Even, Taylor  # noqa: E402
 from tensegrity.waves.cosines import Series  # noqa: E402
 
@@ -123,12 +126,66 @@ def test_on_its_own_ring_a_wave_is_within_round_off_of_a_true_one(ratio):
     assert proof.tail < 1e-12 * abs(wave.amplitude)
 
 
+@pytest.mark.parametrize(
+    ("prism", "ratio", "on_ring"),
+    [(SOFT, 1.01507, 0.017288453218833), (HARD, 1.3275, None),
+     pytest.param(SOFT, 1.06109, None, marks=pytest.mark.slow),
+     pytest.param(HARD, 2.0, None, marks=pytest.mark.slow)],
+)  # fmt: skip
+def test_softening_and_hardening_waves_exist_on_the_infinite_line(prism, ratio, on_ring):
+    wave = wave_of(prism, ratio)
+    proof, ring = prove(wave, period=math.inf), prove(wave)
+    assert proof.proved, proof.reason
+    size = abs(wave.amplitude)
+    assert "infinite line" in str(proof)
+    assert proof.peak.radius < 1e-13 * size
+    assert proof.radius < 1e-11 * size
+    assert proof.tail < 1e-11 * size
+    between = abs(Fraction(proof.peak.mid) - Fraction(ring.peak.mid))
+    assert between <= proof.peak.radius + ring.peak.radius + ring.tail
+    if on_ring:  # a ring of 40 sites, whose wave differs by the tail
+        assert abs(float(proof.peak) - on_ring) == pytest.approx(2.6e-11, rel=0.02)
+
+
+@pytest.mark.parametrize("text", ["1.01", pytest.param("1.001", marks=pytest.mark.slow),
+                                  pytest.param("1.05", marks=pytest.mark.slow)])  # fmt: skip
+def test_todas_soliton_lies_in_its_enclosure_on_the_line(text):
+    r = sp.Symbol("r")
+    wave = solitary_wave(Potential(sp.exp(-r) + r - 1, r), speed=float(text))
+    proof = prove(wave, period=math.inf)
+    with mpmath.workdps(50):
+        kappa = mpmath.findroot(lambda x: mpmath.sinh(x) / x - mpmath.mpf(text), 0.1)
+        peak = mpmath.nstr(-mpmath.log(1 + mpmath.sinh(kappa) ** 2), 40)
+    assert proof.proved, proof.reason
+    assert proof.peak.contains(peak)
+    assert proof.peak.radius < 1e-14 * abs(float(peak))
+
+
+def test_the_kernel_of_the_line_has_the_moments_and_the_size_that_bound_it():
+    """By the inverse Fourier transform, of m c^2 = 1.2 and V''(0) = 1."""
+    kernel, rate = Kernel(flint.arb("1.2"), flint.arb(1), flint.fmpq(60)), 0.4
+    points, half = 2**16, 200.0
+    x = (np.arange(points) - points // 2) * (2 * half / points)
+    k = 2 * np.pi * np.fft.fftfreq(points, 2 * half / points)
+    s = np.sinc(k / 2 / np.pi) ** 2
+    g = np.fft.fftshift(np.fft.ifft(s / (1.2 - s)).real) * points / (2 * half)
+    assert g.min() > -1e-7 * g.max()
+    weight, h = np.exp(rate * np.abs(x)), 2 * half / points
+    for q, w in ((0.0, 1.0), (rate, np.where(np.abs(x) < 25, weight, 0.0))):
+        both = float(kernel.moment(flint.arb(q))) * (2 if q else 1)
+        assert both / 2 * (1 - 1e-6) <= (g * w).sum() * h <= both * (1 + 1e-6)
+        assert np.sqrt(((g * w) ** 2).sum() * h) <= float(kernel.size(flint.arb(q)))
+    assert not kernel.moment(flint.arb(2)).is_finite()
+    assert not kernel.size(flint.arb(2)).is_finite()
+
+
 def test_a_certificate_is_verified_from_its_file(tmp_path):
     proof = prove(wave_of(SOFT, 1.03), period=40.0)
     proof.save(tmp_path / "wave.json")
     again = verify(tmp_path / "wave.json")
     assert again.peak.contains(proof.peak.mid)
-    assert again.centre_radius < 2 * proof.centre_radius
+    for name in ("radius", "centre_radius", "tail"):
+        assert getattr(again, name) == pytest.approx(getattr(proof, name), rel=1e-6)
     stored = json.loads((tmp_path / "wave.json").read_text())
 
     def refused(words, **changed):
@@ -139,6 +196,13 @@ def test_a_certificate_is_verified_from_its_file(tmp_path):
     refused("does not hold", speed=str(Fraction(stored["speed"]) * Fraction(101, 100)))
     refused("does not hold", centre_radius="1e-30")
     refused("does not hold", centre_radius="1e-3")
+    refused("does not hold", radius="1e-3")
+    refused("does not hold", tail="1e-30")
+    handed = stored["handed"]
+    refused("does not hold", handed=[repr(float(handed[0]) + 1e-9), *handed[1:]])
+    refused("does not hold|no certificate", ring="30")
+    refused("no certificate", period="30")
+    refused("no certificate", ring="-40", period="-40")
     refused("does not hold", peak={"mid": "0.03", "radius": "1e-20"})
     centre = stored["centre"]
     refused("does not hold", centre=[str(Fraction(centre[0]) * 2), *centre[1:]])
@@ -155,13 +219,28 @@ def test_a_certificate_is_verified_from_its_file(tmp_path):
         verify(tmp_path / "none.json")
 
 
+def test_a_certificate_of_the_line_is_verified_from_its_file(tmp_path):
+    file = tmp_path / "wave.json"
+    proof = prove(wave_of(SOFT, 1.03), period=math.inf)
+    proof.save(file)
+    again, stored = verify(file), json.loads(file.read_text())
+    assert again.peak.contains(proof.peak.mid)
+    for name in ("radius", "centre_radius", "tail"):
+        assert getattr(again, name) == pytest.approx(getattr(proof, name), rel=1e-6)
+    for words, edit in (("must be above 0", {"rate": "-0.5"}), ("does not hold", {"rate": "5"}),
+                        ("does not hold", {"tail": "1e-30"})):  # fmt: skip
+        file.write_text(json.dumps(stored | edit))
+        with pytest.raises(TensegrityError, match=words):
+            verify(file)
+
+
 def test_what_is_false_is_not_proved():
     wave = wave_of(SOFT, 1.03)
     series = wave._shape
     half = replace(wave, _shape=Series(series.grid, series.rates / 2))
     fast = replace(wave, speed=1.01 * wave.speed)
-    for false in (half, fast):
-        proof = prove(false, period=40.0)
+    for false, period in product((half, fast), (40.0, math.inf)):
+        proof = prove(false, period=period)
         assert not proof.proved
         assert proof.reason
         assert proof.radius == np.inf

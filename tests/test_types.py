@@ -20,6 +20,7 @@ PUBLIC = [  # doors
     "tensegrity",
     "tensegrity.objective",
     "tensegrity.catalogue",
+    "tensegrity.files",
     "granular",
     "granular.design",
     "granular.lammps",

@@ -227,11 +227,17 @@ def waves(spring: ts.Potential, chain: ts.Chain) -> ts.State:
     assert_type(ts.moduli(row).speeds([1, 0]), Array)
     assert_type(ts.effective_mass(row, [0], [0.1]), Array)
     assert_type(ts.decay(row, [0.1], 0, 0.0), Any)
+    cast = ts.catalogue.square().embedded(ts.Matrix(1.0, 0.3, 1.0), cast="released")
+    assert_type(ts.moduli(cast).speeds([1, 0]), Array)
+    assert_type(cast.stress, Array)
+    assert_type(ts.sheath(ts.Prism(1, 0.7, 0.1, 1), G=1.0, outer=2.0), ts.Potential)
     planar = [ts.catalogue.square(), ts.catalogue.triangular(), ts.catalogue.honeycomb(side=1.0)]
     cells = [ts.catalogue.kagome(), ts.catalogue.octahedra(layers=1), ts.catalogue.x_strip()]
     assert_type(planar + cells, list[ts.Lattice])
     assert_type(ts.catalogue.resonators(masses=(1.0, 2.0)), ts.Lattice)
     assert_type(ts.catalogue.x_plate().network((2, 2)), ts.Network)
+    ts.files.write("x.stl", ts.catalogue.dome(), radius=0.01)
+    assert_type(ts.files.read("x.csv"), Any)
     assert_type(ts.predict(spring)["compression"].speeds, tuple[float, float])
     assert_type(ts.interface(spring, spring, (40, 60), mass=(1.0, 2.0)), ts.Chain)
     assert_type(spring.sound_speed(), float)
@@ -420,6 +426,10 @@ def protectors(bead: granular.Bead) -> list[granular.Bead]:
     assert_type(varied.peaks, Array)
     assert_type(varied.quantile(0.5), float)
     peak_force([bead], striker=striker, wall="steel", t_end=1e-3)  # type: ignore[arg-type]
+    chain = ts.Chain(ts.PowerLaw(1.0, 1.5), sites=5)
+    compared = ts.work_precision(chain, chain.at_rest({0: 1.0}), 5.0, ["verlet"], ["dop853"])
+    assert_type(compared, ts.WorkPrecision)
+    assert_type(compared.best(1e-3).evaluations, int)
     assert_type(ts.sweep(abs, [1, 2], checkpoint="sweep.npz"), list[Any])
     return best.beads
 

@@ -48,6 +48,9 @@ class Bonds:
         Of bonds with mass: accelerations are `inverse_mass` times the forces after these.
     heavy : tuple of int
         The bonds with mass.
+    cable : ndarray of int, (bonds,), optional
+        The cable over sites of which each bond is a segment, -1 of others.  The elongation of all
+        its segments is the mean of theirs.
     stretch : float, optional
         Of a ring what its elongations sum up to [m]: one more bond joins the last site to the
         first.
@@ -62,7 +65,14 @@ class Bonds:
     kinks: np.ndarray | None = None
     coupling: RowOperations | None = None
     heavy: tuple = ()
+    cable: np.ndarray | None = None
     stretch: float | None = None
+
+    @property
+    def independent(self):
+        """Whether accelerations follow from the forces of single bonds: no bond has mass, or is a
+        segment of a cable over sites."""
+        return self.coupling is None and self.cable is None
 
     @property
     def dim(self):
@@ -171,6 +181,10 @@ class Contacts:
         """Index into `KINDS` of each contact; (contacts,)."""
         return fixed(np.where(self.first < len(self.load), PAIR, WALL).astype(np.uint8))
 
+    def ends_of(self, some):
+        """Rows that some contacts join, (some, 2)."""
+        return np.stack([self.first[some], self.second[some]], axis=1)
+
     @cached_property
     def places(self):
         """Reference places of the sites [m], the normals of walls, and 0; (rows + 1, dim)."""
@@ -257,12 +271,14 @@ def line_runs(bonds):
 
 
 def net_runs(bonds):
-    """Contacts in runs of one kind and law."""
+    """Contacts in runs of one kind and law, segments of cables apart from other bonds."""
     number = bonds.law_of_bond * len(KINDS) + bonds.contacts.kind
+    if bonds.cable is not None:
+        number = 2 * number + (bonds.cable >= 0)
     numbers = np.unique(number)
     members = [np.flatnonzero(number == one) for one in numbers]
     own = np.array([np.ptp(bonds.group[part]) > 0 for part in members], dtype=int)
-    law, kind = np.divmod(numbers, len(KINDS))
+    law, kind = np.divmod(numbers if bonds.cable is None else numbers // 2, len(KINDS))
     for one in np.unique(law[own > 0]):
         if is_long(bonds.laws[one]):
             own[law == one] = 1  # so that the law is compiled once
@@ -323,6 +339,43 @@ def springs_of_places(bonds, runs, run, batch=1):
     if springs.ndim == 2 and BLOCK % batch == 0 and np.all(springs == springs[0]):
         return np.resize(springs[0], min(BLOCK, springs.size))
     return np.repeat(springs, batch) if springs.ndim == 1 else springs.ravel()
+
+
+def segments(bonds):
+    """The segments of cables over sites, one cable after the other."""
+    if bonds.cable is None:
+        return np.zeros(0, dtype=int)
+    return np.argsort(bonds.cable, kind="stable")[np.sum(bonds.cable < 0) :]
+
+
+def of_cables(bonds, listed):
+    """Fields of a scene with the segments of cables over sites.
+
+    Parameters
+    ----------
+    bonds : Bonds
+    listed : ndarray of int
+        The bond of each entry.
+
+    Returns
+    -------
+    dict of ndarray
+    """
+    none, count = np.zeros(0, dtype=int), len(bonds.runs.law)
+    if bonds.cable is None:
+        names = "strand_at", "strand_place", "mean_entry", "mean_at"
+        fields = dict.fromkeys(names, none) | {"strand_geometry": np.zeros(0)}
+        return fields | {"strung": np.zeros(count, dtype=int)}
+    order, entries = segments(bonds), bonds.cable[listed]
+    cables, by_cable = np.arange(bonds.cable.max() + 2), np.argsort(entries, kind="stable")
+    return {
+        "strand_geometry": bonds.contacts.geometry_of(order).T,
+        "strand_at": np.searchsorted(bonds.cable[order], cables),
+        "strand_place": np.argsort(bonds.runs.source)[order],
+        "mean_entry": by_cable,
+        "mean_at": np.searchsorted(entries[by_cable], cables),
+        "strung": bonds.cable[bonds.runs.source[bonds.runs.first[:-1]]] >= 0,
+    }
 
 
 def integers(array):

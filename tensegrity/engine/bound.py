@@ -68,7 +68,7 @@ class Bound:
         if loop.dim:
             sites = fields["sites"]
             self.sizes = loop.dim * sites, loop.dim * (fields["rows"] - 1 - sites)
-            active = self._active if bonds.coupling is None else None
+            active = self._active if bonds.independent else None
             fields |= self._room(pieces) | {"travel": self._travel, "active": active}
             cuts = enumerate(pairwise(loop_layout.slices.balanced_cuts(pieces)))
             self._pieces = [
@@ -95,12 +95,17 @@ class Bound:
         fields, dtype, load = self._layout.fields, self._loop.dtype, self._bonds.contacts.load
         pull = aligned((pieces, len(load), ROW[self._loop.dim]), dtype)
         pull[..., : self._loop.dim] = load
+        entries = fields["entry"][-1] if fields["cables"] else 0
         return {
             "near": np.zeros((2, self.u.size) if pieces > 1 else 0, dtype=dtype),
             "pull": pull,
             "press": np.zeros_like(fields["normal"]),
             "force": np.zeros(self.u[len(load) :].shape, dtype=dtype),
-            "spread": np.zeros(self.u.size if fields["couplings"] else 0, dtype=dtype),
+            "mean": np.zeros(entries, dtype=dtype),
+            "least": np.zeros(entries, dtype=dtype),
+            "average": np.zeros(2 * fields["cables"], dtype=dtype),
+            "toward": np.zeros(self._loop.dim * len(fields["strand"]), dtype=dtype),
+            "spread": np.zeros(0 if self._bonds.independent else self.u.size, dtype=dtype),
             "farthest": np.zeros(pieces, dtype=dtype),
             "gate": np.zeros(16, dtype=np.int64),
         }
@@ -150,8 +155,9 @@ class Bound:
         if isinstance(method, Corrected):
             return "openings", self._corrections(method)
         if isinstance(method, Midpoint):
-            if self._bonds.coupling is not None:
-                raise TensegrityError(f"method {method.name!r}: not for bonds with mass")
+            if not self._bonds.independent:
+                what = "bonds with mass" if self._bonds.cable is None else "cables over sites"
+                raise TensegrityError(f"method {method.name!r}: not for {what}")
             if self._bonds.stretch is not None:
                 raise TensegrityError(f"method {method.name!r}: not for rings")
             self._words = f"is too large for {method.name}: its equations were not solved in "
@@ -236,6 +242,12 @@ class Bound:
             self._alone.alone = 1
 
     # motion
+
+    def restore(self, u, v):
+        """Begin a motion in a state."""
+        self.u[...], self.v[...] = u, v
+        if self._bonds.cable is not None:
+            self._scene.filled["toward"][:] = 0
 
     def go(self, done, end, wanted=()):
         """Advance from step `done` of a run to `end`, and store requested and final states; begins

@@ -64,6 +64,14 @@ static void find_elongations(const scene *c, const drive *d)
         if (wall) wall_contact(place, w, g, length, r, along);
         else pair_contact(place, w, g, length, r, along);
     }
+    lengthen(c, c->u);
+    for (integer q = 0; q < c->cables; q++)
+        for (integer s = c->strand_at[q]; s < c->strand_at[q + 1]; s++) {
+            const integer b = c->strand_place[s];
+            real *reached = d->reached + 2 * d->spring[b];
+            d->elongations[b] = c->average[2 * q];
+            *reached = smaller(c->average[2 * q + 1], *reached);
+        }
 }
 
 /* The sum of the rates of the energies of n bonds of law K with the same numbers p. */

@@ -14,6 +14,7 @@ import numpy as np
 from tensegrity.engine import geometry as functions
 from tensegrity.engine.bonds import PAIR
 from tensegrity.engine.programs import derived, run
+from tensegrity.errors import TensegrityError
 
 PART = 2**15  # contacts in a block; intermediate results take ten times their memory
 
@@ -42,7 +43,19 @@ def elongations(bonds, u):
         return r[..., 0], along
     first, second, pair, geometry = connectivity(bonds)
     w = _between(u if bonds.dim else u[..., None], first, second, pair)
-    return _elongations_at(bonds, geometry, pair, w), _along(bonds, geometry, pair, w)
+    r = averaged(bonds, _elongations_at(bonds, geometry, pair, w))
+    return r, _along(bonds, geometry, pair, w)
+
+
+def averaged(bonds, r):
+    """Elongations or their rates (..., bonds), of the segments of cables over sites the mean."""
+    if bonds.cable is None:
+        return r
+    r = r.copy()
+    for cable in range(bonds.cable.max() + 1):
+        segments = bonds.cable == cable
+        r[..., segments] = r[..., segments].mean(axis=-1, keepdims=True)
+    return r
 
 
 def bond_elongations(bonds, u):
@@ -66,7 +79,7 @@ def bond_elongations(bonds, u):
         all_in_one = elongations.shape[-1] <= PART
         geometry = contacts.geometry if all_in_one else contacts.geometry_of(some)
         elongations[..., some] = _elongations_at(bonds, geometry, pair, w)
-    return elongations
+    return averaged(bonds, elongations)
 
 
 def rates(bonds, u, v):
@@ -85,7 +98,7 @@ def rates(bonds, u, v):
     first, second, pair, geometry = connectivity(bonds)
     x, of = (y if bonds.dim else y[..., None] for y in (u, v))
     along = _along(bonds, geometry, pair, _between(x, first, second, pair))
-    return np.sum(along * _between(of, first, second, pair), axis=-1)
+    return averaged(bonds, np.sum(along * _between(of, first, second, pair), axis=-1))
 
 
 def _between(u, first, second, pair):
@@ -233,8 +246,15 @@ def tangent(bonds, r, along, tension, stiffness, u=None):
         return assembled(
             first, second, blocks.reshape(len(first), along.shape[1], -1), _rows(bonds)
         )
+    refuse_cables(bonds, "the tangent stiffness of a network")
     blocks = tangents(along, stiffness, _density(geometry, pair, r, tension))
     return assembled(first, second, of_both_ends(blocks), _rows(bonds), pair)
+
+
+def refuse_cables(bonds, what):
+    """Refuse what is not made for cables over sites."""
+    if bonds.cable is not None:
+        raise TensegrityError(f"{what}: not for cables over sites, whose structure has modes")
 
 
 def _density(geometry, pair, r, tension):

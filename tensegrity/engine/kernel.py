@@ -58,7 +58,7 @@ def bind(u, v, bonds, method, dt, loop=None, divided=True):
     if loop is None:
         loop = compiled(bonds.laws, bonds.own, bonds.dim, batch)
     large = len(bonds.group) > threaded.MANY if bonds.dim else u.size > threaded.LONG and batch == 1
-    divided = divided and large and bonds.coupling is None and bonds.stretch is None
+    divided = divided and large and bonds.independent and bonds.stretch is None
     divided = divided and isinstance(method, Splitting)
     count = threaded.threads() if divided else 1
     if count > 1:

@@ -28,7 +28,9 @@ from tensegrity.engine.bonds import (
     WALL,
     Runs,
     integers,
+    of_cables,
     parameters,
+    segments,
     springs_of_places,
 )
 from tensegrity.engine.native import aligned_copy
@@ -163,6 +165,7 @@ def _net(loop, bonds, pieces):
         "beside": sliced.beside,
         "beside_at": sliced.beside_at,
     } | coupling(bonds)
+    fields |= of_cables(bonds, listed)
     fields |= _varying("gap", contacts.gap[listed], sliced.first)
     fields |= _varying("length", contacts.length[listed], sliced.first)
     fields |= _by_wall(bonds, sliced)
@@ -176,6 +179,8 @@ def _net(loop, bonds, pieces):
         "tiles": sliced.tiles,
         "loaded": loaded,
         "couplings": 0 if bonds.coupling is None else len(bonds.coupling.target),
+        "cables": 0 if bonds.cable is None else int(bonds.cable.max()) + 1,
+        "strand": contacts.ends_of(segments(bonds)).astype(np.int32),
         **dict.fromkeys(("geometry", "from", "to")),  # see `of_contacts`
         "stretch": None,
     }

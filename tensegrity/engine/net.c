@@ -80,6 +80,36 @@ static void rouse(const scene *c, integer t)
 }
 
 #ifndef STEPPER
+/* The mean elongation of the segments of each cable, which all of them then have, and the least of
+   them: minus its length where a segment has turned by more than a right angle since the last
+   stage, so that the steps do not resolve how close its ends passed each other. */
+static void lengthen(const scene *c, const real *restrict u)
+{
+    for (integer q = 0; q < c->cables; q++) {
+        const integer first = c->strand_at[q], last = c->strand_at[q + 1];
+        real sum = 0, least = INFINITY;
+        for (integer s = first; s < last; s++) {
+            const real *restrict place = c->strand_geometry + s * (DIM + 2);
+            const real length = place[DIM + 1];
+            const integer p = c->strand[2 * s] * DIM, to = c->strand[2 * s + 1] * DIM;
+            real w[DIM], along[DIM], r, turn = 0, *restrict before = c->toward + s * DIM;
+            AXES(k) w[k] = u[to + k] - u[p + k];
+            pair_contact(place, w, place[DIM], length, &r, along);
+            AXES(k) {
+                const real now = DIM > 1 ? place[k] + w[k] : place[k] * (length + r);
+                turn += now * before[k], before[k] = now;
+            }
+            sum += r;
+            least = smaller(turn < 0 ? -length : r, least);
+        }
+        c->average[2 * q] = sum / (last - first), c->average[2 * q + 1] = least;
+        for (integer e = c->mean_at[q]; e < c->mean_at[q + 1]; e++) {
+            c->mean[c->mean_entry[e]] = c->average[2 * q];
+            c->least[c->mean_entry[e]] = least;
+        }
+    }
+}
+
 /* Add the forces of the contacts of a tile to its sites, and to others of higher numbers; returns
    whether any of them is not 0. */
 static int contacts(const scene *c, const real *u, integer t, real *restrict pull)
@@ -149,6 +179,7 @@ real stage(const scene *c, real a, real b)
     const real *u = c->pieces > 1 ? common(c, 0) : c->u;
     real *next = c->pieces > 1 ? common(c, 1) : c->u;
     real *restrict pull = rows(c), largest = 0;
+    lengthen(c, u); /* one thread, and no tile rests */
     if (c->couplings) { /* all forces first: none rests, and there is one thread */
         for (integer t = 0; t < c->tiles; t++) contacts(c, u, t, pull);
         COUPLE(c, pull, ROW)

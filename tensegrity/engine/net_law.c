@@ -82,6 +82,20 @@ __attribute__((always_inline)) static inline int OF(run)(
 #else
             (wall ? rest_wall : rest_pair)(stop - at, CONTACT);
 #endif
+#ifndef ENDS
+            if (c->strung[s]) /* the range has the shortest segment, and the means */
+                for (integer g = 0; g < stop - at; g++) {
+                    const integer entry = start + e + g * GROUP;
+                    const pack shortest = load(c->least + entry);
+#if EACH_NOTED
+                    real *lower = low + e + g * GROUP;
+                    store(lower, smaller_of(shortest, load(lower)));
+#else
+                    *least = smaller_of(shortest, *least);
+#endif
+                    r[g] = load(c->mean + entry);
+                }
+#endif
             OF(tension_lanes)(stop - at, r, p, own + e, all, f);
             for (integer z = q, g = 0; z < to; z++) {
                 const int *restrict site = c->site + z * GROUP + part;

@@ -22,6 +22,15 @@ typedef struct {
     integer alone; /* whether steps are single ones, which end in their output state */
 } openings;
 
+/* The cable over sites of which a contact is a segment, or -1. */
+static integer cable_of(const scene *c, const openings *o, integer b)
+{
+    for (integer q = 0; q < c->cables; q++)
+        for (integer s = c->strand_at[q]; s < c->strand_at[q + 1]; s++)
+            if (c->strand_place[s] == b % o->bonds) return q;
+    return -1;
+}
+
 #ifndef DIM /* a chain, whose bonds do not rotate */
 #define DIM 1
 #define AXES(k) for (int k = 0; k < DIM; k++)
@@ -91,6 +100,8 @@ static real mobility_along(const scene *c, integer from, integer to, const real 
 {
     return *line * *line * (c->w[from] + c->w[to]);
 }
+
+static real mobility_of_cable(const scene *c, const openings *o, integer q, real part) { return 0; }
 
 static void apply_impulse(const scene *c, const openings *o, integer b, real w, real x, real total,
                  real moment, real turning)
@@ -183,15 +194,30 @@ __attribute__((flatten)) static void overlaps_since(
         else run_of(c, o, s, u, v, same_w, same_rate, since, w, rate, 0);
 }
 
+/* Give the segments of each cable over sites the mean of theirs. */
+static void share(const scene *c, const openings *o, real *w, real *rate)
+{
+    for (integer q = 0; q < c->cables; q++)
+        for (integer j = 0; j < o->count; j += o->bonds) {
+            const integer *first = c->strand_place + c->strand_at[q];
+            const integer n = c->strand_at[q + 1] - c->strand_at[q];
+            real sum = 0, sum_rate = 0;
+            EACH(n) sum += w[j + first[i]], sum_rate += rate[j + first[i]];
+            EACH(n) w[j + first[i]] = sum / n, rate[j + first[i]] = sum_rate / n;
+        }
+}
+
 static void overlaps(const scene *c, const openings *o, const real *u, const real *v, real *w,
                      real *d)
 {
     overlaps_since(c, o, u, v, 0, 0, 0, w, d);
+    share(c, o, w, d);
 }
 
 static void renew_overlaps(const scene *c, openings *o, integer since, const real *w, const real *d)
 {
     overlaps_since(c, o, c->u, c->v, w, d, since, o->after, o->rate_after);
+    share(c, o, o->after, o->rate_after);
 }
 
 /* By the common elongation range of all contacts of a run. */
@@ -274,6 +300,26 @@ static real mobility_along(const scene *c, integer from, integer to, const real 
     return sum;
 }
 
+/* The same of a cable, the contacts of whose segments all have it: of its mean elongation. */
+static real mobility_of_cable(const scene *c, const openings *o, integer q, real part)
+{
+    const integer *place = c->strand_place + c->strand_at[q], n = c->rows * DIM;
+    const integer segments = c->strand_at[q + 1] - c->strand_at[q];
+    real line[DIM], turn[DIM], sum = 0, *x = c->spread;
+    EACH(n) x[i] = 0;
+    for (integer s = 0; s < segments; s++) {
+        line_at(c, o, place[s], part, line, turn);
+        AXES(k) x[FROM(place[s]) + k] += line[k], x[TO(place[s]) + k] -= line[k];
+    }
+    COUPLE(c, x, DIM)
+    EACH(n) x[i] *= c->w[i];
+    for (integer s = 0; s < segments; s++) {
+        line_at(c, o, place[s], part, line, turn);
+        AXES(k) sum += line[k] * (x[FROM(place[s]) + k] - x[TO(place[s]) + k]);
+    }
+    return sum / segments;
+}
+
 /* Add a rounded number, so that equal and opposite ones cancel to the last bit. */
 static void add(real *to, real part)
 {
@@ -295,6 +341,8 @@ static void apply_impulse(const scene *c, const openings *o, integer b, real w, 
         mobility = larger(mobility, c->w[from + k] + c->w[to + k]);
     }
     if (c->couplings) mobility = mobility_along(c, from, to, line);
+    const integer cable = cable_of(c, o, b);
+    if (cable >= 0) mobility = mobility_of_cable(c, o, cable, x);
     const real kept = size * mobility >= fabs(w) ? 0 : 1; /* w would change sign */
     if (c->couplings) {
         const integer n = c->rows * DIM;
@@ -319,16 +367,28 @@ static void apply_impulse(const scene *c, const openings *o, integer b, real w, 
 
 static real mobility(const scene *c, const openings *o, integer b, real x)
 {
-    const integer from = FROM(b), to = TO(b);
+    const integer from = FROM(b), to = TO(b), cable = cable_of(c, o, b);
     real line[DIM], turn[DIM];
+    if (cable >= 0) return mobility_of_cable(c, o, cable, x);
     line_at(c, o, b, x, line, turn);
     return mobility_along(c, from, to, line);
 }
 
-static real swing(const scene *c, const openings *o, integer b, real x)
+static real swing_alone(const scene *c, const openings *o, integer b, real x)
 {
     real line[DIM], turn[DIM], square = 0;
     const real length = line_at(c, o, b, x, line, turn), dt = *o->dt;
     AXES(k) square += turn[k] * turn[k];
     return o->side[KINK(b)] * dt * dt * length * square;
+}
+
+static real swing(const scene *c, const openings *o, integer b, real x)
+{
+    const integer cable = cable_of(c, o, b);
+    if (cable < 0) return swing_alone(c, o, b, x);
+    const integer first = c->strand_at[cable], last = c->strand_at[cable + 1];
+    real sum = 0;
+    for (integer s = first; s < last; s++)
+        sum += swing_alone(c, o, c->strand_place[s] + b - b % o->bonds, x);
+    return sum / (last - first);
 }

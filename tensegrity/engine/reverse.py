@@ -17,6 +17,7 @@ from tensegrity.engine import geometry
 from tensegrity.engine.bonds import PAIR, WALL, integers, parameters
 from tensegrity.engine.bound import stages
 from tensegrity.engine.codegen import reverse_text
+from tensegrity.engine.forces import refuse_cables
 from tensegrity.engine.inertia import ACROSS, END
 from tensegrity.engine.layout import coupling
 from tensegrity.engine.native import aligned, library, structure
@@ -68,6 +69,7 @@ class Layout:
     """
 
     def __init__(self, bonds, wanted):
+        refuse_cables(bonds, "derivatives of a motion")
         self.is_ring, bonds = bonds.stretch is not None, bonds.in_pattern
         self.bonds, self.wanted = bonds, wanted
         source, contacts, count = bonds.runs.source, bonds.contacts, len(bonds.group)

@@ -80,6 +80,19 @@ typedef struct {
     const real *coupling;               /* (couplings, DIM) the factors */
     real *spread;                       /* scratch (rows, DIM) of bonds with mass */
     integer couplings;
+    const integer *strung;              /* (runs) whether a run has segments of cables over sites */
+    const int *strand;                  /* (segments, 2) rows of their ends, cable by cable */
+    const real *strand_geometry;        /* (segments, DIM + 2) D, g, L */
+    const integer *strand_at;           /* (cables + 1) the first segment of each */
+    const integer *strand_place;        /* (segments) their places in the list */
+    const integer *mean_entry, *mean_at; /* the entries of its segments, (cables + 1) where these
+                                           begin */
+    real *mean, *least;                 /* scratch (entries) mean elongation of the segments, and
+                                           the least, of those that turned round minus their
+                                           length */
+    real *average, *toward;             /* scratch (cables, 2) of the same, (segments, DIM) their
+                                           vectors in the last stage; 0 where a motion begins */
+    integer cables;
     integer contacts, sites, rows, tiles, loaded;
     integer before, tile, last_tile, reach, piece, pieces; /* the part of this thread */
 } scene;

@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity import check
 from tensegrity.checked import checked
-from tensegrity.engine.inertia import ACROSS, END
 from tensegrity.errors import TensegrityError
 from tensegrity.lattices.bloch import (
     BlochMatrix,
@@ -23,6 +23,7 @@ from tensegrity.lattices.bloch import (
     singular_frequencies,
 )
 from tensegrity.lattices.cell import Cell
+from tensegrity.lattices.periodic import Periodic
 from tensegrity.minimum import DENSE, ZERO
 from tensegrity.printing import Lines, Printed, span
 from tensegrity.typing import Array
@@ -53,13 +54,18 @@ class Bands(Printed):
         Group velocities [m/s]; NaN where the frequency is not above 0.
     shapes : complex ndarray, (points, nodes dim, nodes, dim), or None
         Displacements of each wave in the cell at offset 0 [1/sqrt(kg)]: the sum of m |u|^2 is 1,
-        or u^H M u where members have mass.
+        or u^H M u where members have mass or a matrix.  Of lattices in a mesh they are coordinates,
+        (points, branches, coordinates, 1): see `Embedded.displacements`.
+    losses : ndarray, (points, branches), or None
+        Loss factors in a matrix with losses, to first order in its own: the part of it that is
+        the matrix' elastic energy over the whole.  Amplitudes decay at the rate losses w/2 [1/s].
     """
 
     wavenumbers: Array
     frequencies: Array
     velocities: Array | None = field(repr=False)
     shapes: Array | None = field(repr=False)
+    losses: Array | None = field(default=None, repr=False)
 
     def _lines(self) -> Lines:
         points, branches = self.frequencies.shape
@@ -90,7 +96,7 @@ class Bands(Printed):
 
 @checked
 def bands(
-    lattice: Cell | PeriodicBonds,
+    lattice: Periodic,
     wavenumbers: ArrayLike,
     velocities: bool = False,
     shapes: bool = False,
@@ -100,9 +106,9 @@ def bands(
 
     Parameters
     ----------
-    lattice : Lattice or PeriodicBonds
+    lattice : Lattice, PeriodicBonds or Embedded
         With its nodes in equilibrium; a macroscopic stress is allowed.  The second are a
-        `PairLattice`, and columns of plates, `Prism.column`.
+        `PairLattice`, and columns of plates, `Prism.column`; also an `Embedded` one, in a mesh.
     wavenumbers : array_like, (points, d)
         Phase differences between adjacent cells along each lattice vector [rad].
     velocities, shapes : bool, optional
@@ -139,10 +145,7 @@ def bands(
     array([[0.6325, 2.    ],
            [0.3162, 1.    ]])
     """
-    if not isinstance(lattice, PeriodicBonds):
-        check.kind("lattice", lattice, Cell)
-    shape = _shape(lattice)
-    size, dim = math.prod(shape), shape[1]
+    size, dim = math.prod(lattice._unknowns), lattice.vectors.shape[1]
     each = size if count is None else check.whole("count", count, least=1, below=size + 1)
     q = _phases(lattice, wavenumbers, each)
     numbers = 6 + 2 * velocities * (q.shape[1] + dim) + 6 * shapes * size
@@ -155,10 +158,11 @@ def bands(
     squares = np.empty((count, size))
     moved = np.empty((count, size, size), dtype=complex) if shapes else None
     rates = np.empty((count, size, len(lattice.vectors))) if velocities else None
+    losses = np.empty((count, size)) if lattice._lossy else None
     for of in chunks(count, size):
         weights = matrix.weights(q[of])
         whole, root = matrix.scaled(weights)
-        if rates is None and moved is None:
+        if rates is None and moved is None and losses is None:
             squares[of] = np.linalg.eigvalsh(whole)
             continue
         squares[of], vectors = np.linalg.eigh(whole)
@@ -167,6 +171,8 @@ def bands(
         if rates is not None:
             for point, (w, column) in enumerate(zip(weights, vectors, strict=True)):
                 rates[of.start + point] = _rates(matrix, w, squares[of.start + point], column)
+        if losses is not None:
+            losses[of] = [*map(lattice._loss_factors, q[of], squares[of], vectors)]
         if moved is not None:
             moved[of] = vectors.swapaxes(1, 2)
     w = _frequencies(lattice, squares, q, matrix)
@@ -174,71 +180,61 @@ def bands(
     if rates is not None:
         with np.errstate(divide="ignore", invalid="ignore"):
             group = np.where(w > 0, 0.5 / w, np.nan)[..., None] * (rates @ lattice.vectors)
-    if moved is not None:
-        moved = moved.reshape(count, size, *shape)
-        if matrix.inertia is None:
-            moved = moved / np.sqrt(lattice.mass.reshape(lattice.nodes, -1))
-    return Bands(q, w, group, moved)
+    return Bands(q, w, group, _unweighted(lattice, matrix, moved), losses)
 
 
-def _lowest(
-    lattice: Cell | PeriodicBonds, q: Array, count: int, velocities: bool, shapes: bool
-) -> Bands:
+def _lowest(lattice: Periodic, q: Array, count: int, velocities: bool, shapes: bool) -> Bands:
     """The lowest branches."""
-    size = math.prod(_shape(lattice))
+    size = math.prod(lattice._unknowns)
     if velocities:
         raise TensegrityError(f"velocities require all branches, not the lowest {count}")
-    if size <= DENSE or 2 * count >= size // 4 or lattice.mass.ndim > 1:
+    if size <= DENSE or 2 * count >= size // 4:
         whole = bands(lattice, q, shapes=shapes)
         moved = None if whole.shapes is None else whole.shapes[:, :count]
-        return Bands(q, whole.frequencies[:, :count], None, moved)
-    blocks = _blocks(lattice)
-    each = np.repeat(np.abs(blocks).sum(axis=2).max(axis=1), 2)
-    stiffest, least = float(np.bincount(lattice.ends.ravel(), each).max()), lattice.mass
-    heavy = _member_mass(lattice)
-    if heavy is not None:  # M is diagonally dominant
-        least = least + np.bincount(lattice.ends.ravel(), np.repeat(heavy * (END - ACROSS), 2))
-    w = np.empty((len(q), count))
-    moved = np.empty((len(q), count, *lattice.positions.shape), dtype=complex) if shapes else None
+        losses = None if whole.losses is None else whole.losses[:, :count]
+        return Bands(q, whole.frequencies[:, :count], None, moved, losses)
+    matrix = bloch_matrix(lattice, sparse=True)
+    squares = np.empty((len(q), count))
+    moved = np.empty((len(q), count, size), dtype=complex) if shapes else None
+    losses = np.empty((len(q), count)) if lattice._lossy else None
     for point, phase in enumerate(q):
-        squares, vectors = lowest_waves(
-            lattice.ends, lattice.offsets, blocks, lattice.mass, phase, count, heavy
-        )
-        squares[np.abs(squares) <= ZERO * 2 * stiffest / least.min()] = 0
-        w[point] = np.sign(squares) * np.sqrt(np.abs(squares))
+        squares[point], vectors = lowest_waves(matrix, phase, count)
+        if losses is not None:
+            losses[point] = lattice._loss_factors(phase, squares[point], vectors)
         if moved is not None:
-            moved[point] = vectors.T.reshape(count, *lattice.positions.shape)
-    return Bands(q, w, None, moved)
+            moved[point] = vectors.T
+    squares[np.abs(squares) <= ZERO * matrix.bound] = 0
+    w = np.sign(squares) * np.sqrt(np.abs(squares))
+    return Bands(q, w, None, _unweighted(lattice, matrix, moved), losses)
 
 
-def _shape(lattice: Cell | PeriodicBonds) -> tuple[int, ...]:
-    """Nodes of a cell, and coordinates of a node."""
-    return lattice.mass.shape if lattice.mass.ndim > 1 else lattice.positions.shape
+def _unweighted(lattice: Periodic, matrix: BlochMatrix, moved: Any) -> Any:
+    """Displacements of the nodes from eigenvectors (points, branches, size)."""
+    if moved is None:
+        return None
+    return (moved / matrix.root).reshape(*moved.shape[:2], *lattice._unknowns)
 
 
-def bloch_matrix(lattice: Cell | PeriodicBonds, weighted: bool = True) -> BlochMatrix:
-    """M^-1/2 K(kappa) M^-1/2 of a lattice, or K(kappa) itself; where members have mass, that and
-    M(kappa)."""
-    heavy = _member_mass(lattice)
-    mass = lattice.mass if weighted or heavy is not None else np.ones_like(lattice.mass)
-    return BlochMatrix.of(lattice.ends, lattice.offsets, _blocks(lattice), mass, heavy)
+def bloch_matrix(lattice: Periodic, weighted: bool = True, sparse: bool = False) -> BlochMatrix:
+    """M^-1/2 K(kappa) M^-1/2 of a lattice, or K(kappa) itself; where M is no diagonal, that and
+    M(kappa).
+
+    Parameters
+    ----------
+    lattice : Lattice, PeriodicBonds or Embedded
+    weighted, sparse : bool, optional
+        Whether by the masses; whether for sparse matrices.
+
+    Returns
+    -------
+    BlochMatrix
+    """
+    stiffness, mass, inertia = lattice._assembly()
+    mass = mass if weighted or inertia else np.ones_like(mass)
+    return BlochMatrix.of(stiffness, mass, inertia, sparse)
 
 
-def _member_mass(lattice: Cell | PeriodicBonds) -> Array | None:
-    """Masses of the members [kg], if some have mass."""
-    if isinstance(lattice, Cell) and lattice.has_heavy_members:
-        return lattice.member_mass
-    return None
-
-
-def _blocks(lattice: Cell | PeriodicBonds) -> Array:
-    """Tangent stiffness of each member [N/m], (members, dim, dim)."""
-    if isinstance(lattice, PeriodicBonds):
-        return lattice.blocks
-    return lattice.members.blocks(lattice.positions)
-
-
-def _phases(lattice: Cell | PeriodicBonds, wavenumbers: ArrayLike, each: int) -> Array:
+def _phases(lattice: Periodic, wavenumbers: ArrayLike, each: int) -> Array:
     """Phases per cell (points, d) [rad], checked, for `each` frequencies at each."""
     q, d = _not_many("wavenumbers", wavenumbers, each), len(lattice.vectors)
     if q.ndim != 2 or q.shape[1] != d or not len(q):
@@ -277,25 +273,26 @@ def _not_many(name: str, given: ArrayLike, each: int) -> Array:
     return check.floats(name, given)
 
 
-def _frequencies(
-    lattice: Cell | PeriodicBonds, squares: Array, q: Array, matrix: BlochMatrix
-) -> Array:
+def _frequencies(lattice: Periodic, squares: Array, q: Array, matrix: BlochMatrix) -> Array:
     """Frequencies of eigenvalues, 0 where they are round-off, or singular values there."""
     largest = matrix.bound
     least = ZERO * largest
     w = np.sign(squares) * np.sqrt(np.abs(np.where(np.abs(squares) <= least, 0.0, squares)))
     slow = np.flatnonzero(np.abs(squares).min(axis=1) < SLOW**2 * largest)
-    if slow.size and (isinstance(lattice, PeriodicBonds) or (lattice.tensions >= 0).all()):
-        values, vectors = np.linalg.eigh(_blocks(lattice))
-        if lattice.mass.ndim > 1:  # by both ends
+    bonds = lattice if slow.size else None
+    if isinstance(bonds, PeriodicBonds) or (
+        isinstance(bonds, Cell) and (bonds.tensions >= 0).all()
+    ):
+        values, vectors = np.linalg.eigh(bonds.blocks)
+        if bonds.mass.ndim > 1:  # by both ends
             if values.min() < -NEGATIVE * values.max():
                 return w
             values = np.where(values > NEGATIVE * values.max(), values, 0.0)
         root = (vectors * np.sqrt(np.maximum(values, 0))[:, None]) @ vectors.swapaxes(1, 2)
-        mass, heavy = lattice.mass, None
+        mass, heavy = bonds.mass, None
         if matrix.inertia is not None:
             mass, heavy = np.ones_like(mass), matrix
-        exact = singular_frequencies(lattice.ends, lattice.offsets, root, mass, q[slow], heavy)
+        exact = singular_frequencies(bonds.ends, bonds.offsets, root, mass, q[slow], heavy)
         w[slow] = 0
         w[slow, w.shape[1] - exact.shape[1] :] = exact
         w[slow] = np.where(w[slow] > ZERO * np.sqrt(largest), w[slow], 0.0)

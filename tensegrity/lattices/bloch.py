@@ -14,6 +14,7 @@ Woodhouse & Fleck 2006, Wave propagation in two-dimensional periodic lattices.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -23,13 +24,15 @@ from numpy.typing import ArrayLike
 
 from tensegrity import check
 from tensegrity.engine.forces import of_both_ends
-from tensegrity.engine.inertia import ACROSS, END
 from tensegrity.errors import TensegrityError
+from tensegrity.lattices.periodic import Assembly, Entries, Periodic
 from tensegrity.minimum import lowest
 from tensegrity.scenes.pair_dynamics import inertias
 from tensegrity.springs.pair_law import PairLaw
-from tensegrity.typing import Array, Indices
+from tensegrity.typing import Array, Flags, Indices
 
+LEAST_INERTIA = 1 / 8  # of M over its diagonal: that of bricks, members and wedges have more
+LEFT = 1e-7  # forces that motions without stiffness leave, over the largest one
 SHIFT = 1e-6  # below 0 of sparse eigenvalues, over the largest stiffness over mass
 CHUNK, NUMBERS = 64, 2**23  # matrices that are computed together, and their numbers
 
@@ -42,83 +45,97 @@ class BlochMatrix:
     ----------
     offsets : ndarray of int, (offsets, d)
         All distinct ones, with their opposites and 0.
-    parts : ndarray, (offsets, nodes dim, nodes dim)
-    inertia : ndarray, (offsets, nodes dim, nodes dim), or None
-        The parts of M where members have mass; else the `parts` are weighted with it.
+    parts : ndarray, (offsets, size, size), or of sparse ones (offsets, nonzeros)
+    inertia : as `parts`, or None
+        The parts of M where it is no diagonal; else the `parts` are weighted with it.
+    nonzeros : tuple of two ndarrays of int, or None
+        Of sparse matrices: the rows of the nonzeros, ascending, and their columns.
+    root : ndarray, (size,), or 1
+        The roots of the masses by which the `parts` are weighted.
     """
 
     offsets: Indices
     parts: Array
     inertia: Array | None = None
+    nonzeros: tuple[Indices, Indices] | None = None
+    root: Any = 1.0
 
     @classmethod
     def of(
-        cls, ends: Indices, offsets: Indices, blocks: Array, mass: Array,
-        member_mass: Array | None = None,
+        cls, stiffness: Sequence[Entries], mass: Array, inertia: Sequence[Entries] = (),
+        sparse: bool = False,
     ) -> BlochMatrix:  # fmt: skip
         """Assemble M^-1/2 K M^-1/2, or K and M.
 
         Parameters
         ----------
-        ends : ndarray of int, (bonds, 2)
-            Nodes of a cell.
-        offsets : ndarray of int, (bonds, d)
-            Offset of the cell of the second end from that of the first.
-        blocks : ndarray, (bonds, dim, dim) or (bonds, 2 dim, 2 dim)
-            Tangent stiffness of each bond [N/m]: by the difference of its ends; or, where there
-            are inertias of all coordinates, by both ends.
-        mass : ndarray, (nodes,) or (nodes, dim)
-            [kg]; ones give K itself.
-        member_mass : ndarray, (bonds,), optional
-            [kg]
+        stiffness : sequence of Entries
+            Of K [N/m].
+        mass : ndarray, (size,)
+            Diagonal of M [kg], or the part of it to which `inertia` is added; ones give K itself.
+        inertia : sequence of Entries, optional
+            Of M [kg], where it is no diagonal.
+        sparse : bool, optional
 
         Returns
         -------
         BlochMatrix
         """
-        of_ends = blocks if mass.ndim > 1 else of_both_ends(blocks)
-        distinct, parts = cls._assembled(ends, offsets, of_ends, len(mass))
-        if member_mass is None:
-            dim = parts.shape[1] // len(mass)
-            root = np.sqrt(np.repeat(mass, dim) if mass.ndim == 1 else mass.ravel())
-            return cls(distinct, parts / (root[:, None] * root))
-        each = np.kron([[END, ACROSS], [ACROSS, END]], np.eye(blocks.shape[-1]))
-        of_members = member_mass[:, None, None] * each
-        _, inertia = cls._assembled(ends, offsets, of_members, len(mass))
-        inertia[_here(distinct)] += np.diag(np.repeat(mass, blocks.shape[-1]))
-        return cls(distinct, parts, inertia)
-
-    @staticmethod
-    def _assembled(
-        ends: Indices, offsets: Indices, of_ends: Array, nodes: int
-    ) -> tuple[Indices, Array]:
-        """Distinct offsets, and the sums of blocks by both ends of the bonds at each."""
-        (i, j), dim = ends.T, of_ends.shape[-1] // 2
-        first, second = slice(dim), slice(dim, None)
-        entries = [
-            (np.zeros_like(offsets), i, i, of_ends[:, first, first]),
-            (np.zeros_like(offsets), j, j, of_ends[:, second, second]),
-            (offsets, i, j, of_ends[:, first, second]),
-            (-offsets, j, i, of_ends[:, second, first]),
-        ]
-        distinct, number = np.unique(
-            np.concatenate([entry[0] for entry in entries]), axis=0, return_inverse=True
+        whole, size = [*stiffness, *inertia], len(mass)
+        if inertia:
+            whole.append(Entries.diagonal(mass, stiffness[0].offsets.shape[1]))
+        starts = np.cumsum([0, *(len(one.offsets) for one in whole)])
+        distinct, numbers = np.unique(
+            np.concatenate([one.offsets for one in whole]), axis=0, return_inverse=True
         )
-        row, column, each = (np.concatenate([entry[k] for entry in entries]) for k in (1, 2, 3))
-        check.memory(f"waves of {nodes} nodes", 24.0 * len(distinct) * (dim * nodes) ** 2)
-        parts = np.zeros((len(distinct), nodes, nodes, dim, dim))
-        np.add.at(parts, (number.ravel(), row, column), each)
-        size = dim * nodes
-        return distinct, parts.swapaxes(2, 3).reshape(-1, size, size)
+        number = np.concatenate([numbers.ravel()[k + one.number]
+                                 for k, one in zip(starts, whole, strict=False)])  # fmt: skip
+        place = np.concatenate([one.row * size + one.column for one in whole])
+        nonzeros, shape = None, (size, size)
+        if sparse:
+            used, place = np.unique(place, return_inverse=True)
+            nonzeros, shape = (used // size, used % size), (len(used),)
+        count = math.prod(shape)
+        check.memory(f"waves of {size} coordinates", 24.0 * len(distinct) * count)
+        first = sum(len(one.values) for one in stiffness)
+
+        def parts(of: slice) -> Array:
+            values = np.concatenate([one.values for one in whole])[of]
+            at = number[of] * count + place[of]
+            return np.asarray(
+                np.bincount(at, values, len(distinct) * count).reshape(-1, *shape), float
+            )
+
+        stiff = parts(slice(first))
+        if inertia:
+            return cls(distinct, stiff, parts(slice(first, None)), nonzeros)
+        root = np.sqrt(mass)
+        weights = (
+            root[:, None] * root if nonzeros is None else root[nonzeros[0]] * root[nonzeros[1]]
+        )
+        return cls(distinct, stiff / weights, None, nonzeros, root)
+
+    @property
+    def size(self) -> int:
+        """Number of coordinates of a cell."""
+        return len(self.parts[0]) if self.nonzeros is None else int(self.nonzeros[0][-1]) + 1
 
     @property
     def bound(self) -> float:
-        """An upper bound on the squares of the frequencies at all phases."""
-        largest = np.abs(self.parts).sum(axis=(0, 2))
-        if self.inertia is not None:  # M is diagonally dominant
-            sums = np.abs(self.inertia).sum(axis=(0, 2))
-            largest = largest / (2 * self.inertia[_here(self.offsets)].diagonal() - sums)
+        """An estimate from above of the squares of the frequencies at all phases."""
+        largest = self._sums(self.parts)
+        if self.inertia is not None:
+            own = self.at(np.ones(len(self.offsets)), self.inertia).diagonal().real
+            largest = largest / (LEAST_INERTIA * own)
         return float(largest.max())
+
+    def _sums(self, parts: Array) -> Array:
+        """Sums of the sizes of the rows, (size,)."""
+        if self.nonzeros is None:
+            return np.asarray(np.abs(parts).sum(axis=(0, 2)))
+        return np.asarray(
+            np.bincount(self.nonzeros[0], np.abs(parts).sum(axis=0), self.size), float
+        )
 
     def scaled(self, weights: Any) -> tuple[Any, Any]:
         """The matrices whose eigenvalues are squares of frequencies, (..., size, size), and with
@@ -136,13 +153,19 @@ class BlochMatrix:
 
     def at(self, weights: Any, parts: Array | None = None) -> Any:
         """The sums of the parts, or of others, with complex weights (..., offsets):
-        (..., size, size)."""
+        (..., size, size), or a sparse matrix at weights (offsets,)."""
         parts = self.parts if parts is None else parts
         matrices = np.empty((*weights.shape[:-1], *parts.shape[1:]), dtype=complex)
         flat = parts.reshape(len(parts), -1)
         matrices.real = (weights.real @ flat).reshape(matrices.shape)
         matrices.imag = (weights.imag @ flat).reshape(matrices.shape)
-        return matrices
+        if self.nonzeros is None:
+            return matrices
+        from scipy.sparse import csr_array
+
+        row, column = self.nonzeros
+        starts = np.searchsorted(row, np.arange(self.size + 1))
+        return csr_array((matrices, column, starts), shape=(self.size, self.size))
 
     def weights(self, phases: Array) -> Any:
         """exp(i o.kappa) at phases (..., d): (..., offsets)."""
@@ -153,13 +176,8 @@ def _adjoint(matrices: Any) -> Any:
     return matrices.conj().swapaxes(-1, -2)
 
 
-def _here(offsets: Indices) -> int:
-    """The place of offset 0."""
-    return int(np.flatnonzero(~offsets.any(axis=1))[0])
-
-
 @dataclass(frozen=True, eq=False)
-class PeriodicBonds:
+class PeriodicBonds(Periodic):
     """Bonds that repeat from cell to cell: the part of a lattice that `bands` requires.
 
     Attributes
@@ -169,7 +187,9 @@ class PeriodicBonds:
     vectors : ndarray, (d, dim)
         Lattice vectors [m].
     ends, offsets, blocks, mass
-        As of `BlochMatrix.of`; blocks by differences are positive definite.
+        Nodes that the bonds join, the offsets of the cells of their second ends, and their tangent
+        stiffness by the difference of their ends, positive definite (bonds, dim, dim); or, where
+        `mass` (nodes, dim) has the inertias of all coordinates, by both ends.
     """
 
     positions: Array
@@ -183,6 +203,18 @@ class PeriodicBonds:
     def nodes(self) -> int:
         """Number of nodes of a cell."""
         return len(self.mass)
+
+    @property
+    def _unknowns(self) -> tuple[int, int]:
+        """Nodes of a cell, and coordinates of a node."""
+        return self.nodes, self.mass.shape[1] if self.mass.ndim > 1 else self.positions.shape[1]
+
+    def _assembly(self) -> Assembly:
+        """Stiffness, masses of the coordinates, and no further inertia."""
+        blocks, mass = self.blocks, self.mass.ravel()
+        if self.mass.ndim == 1:
+            blocks, mass = of_both_ends(blocks), np.repeat(mass, self._unknowns[1])
+        return [Entries.of_bonds(self.ends, self.offsets, blocks)], mass, []
 
     def refuse_unbalanced(self) -> None:
         """Refuse nothing: bonds are measured from their equilibrium."""
@@ -266,59 +298,50 @@ def chunks(count: int, size: int) -> Iterator[slice]:
     return (slice(start, start + step) for start in range(0, count, step))
 
 
-def lowest_waves(
-    ends: Indices, offsets: Indices, blocks: Array, mass: Array, phases: Array, count: int,
-    member_mass: Array | None = None,
-) -> tuple[Array, Any]:  # fmt: skip
+def lowest_waves(matrix: BlochMatrix, phases: Array, count: int) -> tuple[Array, Any]:
     """The lowest waves at one wave vector, from sparse matrices.
-
-    A Hermitian matrix A + iB acts on real and imaginary parts as a symmetric one of twice the size,
-    which has each eigenvalue twice.
 
     Parameters
     ----------
-    ends, offsets, blocks, mass, member_mass
-        As of `BlochMatrix.of`.
+    matrix : BlochMatrix
+        Sparse.
     phases : ndarray, (d,)
         Phases per cell [rad].
     count : int
 
     Returns
     -------
-    ndarray, (count,), and complex ndarray, (nodes dim, count)
+    ndarray, (count,), and complex ndarray, (size, count)
         Squares of the frequencies [1/s^2], ascending, and shapes of unit modal mass.
     """
-    from scipy.sparse import block_array, coo_array, diags_array
-
-    (i, j), dim, turn = ends.T, blocks.shape[-1], np.exp(1j * (offsets @ phases))[:, None, None]
-    size, weights = dim * len(mass), np.repeat(mass, dim)
-
-    def assembled(own: Array, across: Array) -> Any:
-        entries = [(i, i, own), (j, j, own), (i, j, across * turn), (j, i, across / turn)]
-        row, column, each = (np.concatenate([entry[k] for entry in entries]) for k in range(3))
-        rows = np.broadcast_to(dim * row[:, None, None] + np.arange(dim)[:, None], each.shape)
-        columns = np.broadcast_to(dim * column[:, None, None] + np.arange(dim), each.shape)
-        at = rows.ravel(), columns.ravel()
-        return coo_array((each.ravel(), at), shape=(size, size)).tocsr()
-
-    def twice(whole: Any) -> Any:
-        return block_array([[whole.real, -whole.imag], [whole.imag, whole.real]]).tocsr()
-
-    whole, heavy = assembled(blocks, -blocks), None
-    if member_mass is not None:
-        each = member_mass[:, None, None] * np.eye(dim)
-        heavy = assembled(END * each, ACROSS * each) + diags_array(weights)
-    mass_of_both = np.tile(weights, 2) if heavy is None else twice(heavy)
-    _, vectors = lowest(twice(whole), mass_of_both, np.zeros((2 * size, 0)), 2 * count, SHIFT)
-    both = vectors[:size] + 1j * vectors[size:]  # each wave twice, at some phase
-    if heavy is None:
-        root = np.sqrt(weights)[:, None]
-        shapes = np.linalg.svd(root * both, full_matrices=False)[0][:, :count] / root
-    else:
-        sizes, mixed = np.linalg.eigh(both.conj().T @ (heavy @ both))
-        shapes = both @ (mixed[:, -count:] / np.sqrt(sizes[-count:]))
-    squares, mixed = np.linalg.eigh(shapes.conj().T @ (whole @ shapes))
+    weights = matrix.weights(phases)
+    whole = matrix.at(weights)
+    mass = np.ones(matrix.size)
+    if matrix.inertia is not None:
+        mass = matrix.at(weights, matrix.inertia)
+    _, vectors = lowest(whole, mass, np.zeros((matrix.size, 0)), count, SHIFT)
+    heavy = vectors if mass.ndim == 1 else mass @ vectors
+    sizes, mixed = np.linalg.eigh(_adjoint(vectors) @ heavy)  # equal ones are not orthogonal yet
+    shapes = vectors @ (mixed / np.sqrt(sizes))
+    squares, mixed = np.linalg.eigh(_adjoint(shapes) @ (whole @ shapes))
     return squares, shapes @ mixed
+
+
+def _sparse_motions(dynamic: Any, forces: Array, rigid: Array) -> tuple[Array, Flags]:
+    """Motions under forces, without some rigid ones, and whether they are unbounded."""
+    from scipy.sparse import block_array, csc_array
+    from scipy.sparse.linalg import splu
+
+    border = csc_array(float(np.abs(dynamic.diagonal()).max()) * rigid)
+    whole = block_array([[dynamic, border], [border.T, None]]) if rigid.size else dynamic
+    try:
+        factors = splu(whole.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.01)
+        found = factors.solve(np.pad(forces, ((0, rigid.shape[1]), (0, 0))))
+    except RuntimeError:  # exactly singular
+        return forces, np.array(True)
+    motions = found[: len(forces)]
+    left = np.abs(dynamic @ motions - forces).max()
+    return motions, np.array(not left <= LEFT * np.abs(forces).max())
 
 
 def singular_frequencies(
@@ -330,7 +353,7 @@ def singular_frequencies(
     Parameters
     ----------
     ends, offsets, mass
-        As of `BlochMatrix.of`.
+        As of `PeriodicBonds`.
     roots : ndarray, shape of the blocks
         Symmetric square roots of the bonds' tangent stiffnesses.
     phases : ndarray, (points, d)

@@ -20,7 +20,16 @@ from numpy.typing import ArrayLike
 
 from tensegrity import check
 from tensegrity.checked import checked
+from tensegrity.engine.forces import of_both_ends
+from tensegrity.engine.inertia import ACROSS, END
 from tensegrity.errors import EquilibriumError, TensegrityError
+from tensegrity.lattices.periodic import (
+    Assembly,
+    Entries,
+    Medium,
+    UnderGradients,
+    members_under_gradients,
+)
 from tensegrity.readonly import fixed
 from tensegrity.springs.kinks import TAUT
 from tensegrity.structures import statics
@@ -144,7 +153,7 @@ LARGEST = 1e60  # of stiffnesses, masses and lengths in SI units
 MOVED = 1e-9  # the same over the largest stiffness times the least length
 
 
-class Cell(Framework):
+class Cell(Framework, Medium):
     """Nodes joined by bars and strings, in a cell that repeats; see `Lattice`."""
 
     _may_coincide = True
@@ -358,6 +367,43 @@ class Cell(Framework):
         each_own = bsr_array((blocks, each[:-1], each), shape=(size, size))
         return (stretch.T @ each_own @ stretch).tocsr()
 
+    @property
+    def _unknowns(self) -> tuple[int, int]:
+        """Nodes of a cell, and coordinates of a node."""
+        return self.nodes, self.dim
+
+    @property
+    def blocks(self) -> Array:
+        """Tangent stiffness of each member [N/m], (members, dim, dim)."""
+        return self.members.blocks(self.positions)
+
+    def _assembly(self, blocks: Array | None = None) -> Assembly:
+        """Stiffness, masses of the coordinates, and the inertia of members that have mass; with
+        other blocks of tangent stiffness (members, components, components)."""
+        blocks = self.blocks if blocks is None else blocks
+        mass, heavy = np.repeat(self.mass, blocks.shape[1]), []
+        if self.has_heavy_members:
+            each = np.kron([[END, ACROSS], [ACROSS, END]], np.eye(blocks.shape[1]))
+            of_members = self.member_mass[:, None, None] * each
+            heavy = [Entries.of_bonds(self.ends, self.offsets, of_members)]
+        return [Entries.of_bonds(self.ends, self.offsets, of_both_ends(blocks))], mass, heavy
+
+    def _under_gradients(self) -> UnderGradients:
+        """What macroscopic gradients do to a cell."""
+        return members_under_gradients(self, self.blocks)
+
+    def _at_rest(self) -> tuple[Array, Array]:
+        """Stiffness [N/m] and inertia [kg] of motions that are the same in all cells."""
+        size = self.positions.size
+        heavy = self.has_heavy_members
+        mass = self.mass_matrix().toarray() if heavy else np.repeat(self.mass, self.dim)
+        return self.hessian()[:size, :size], np.asarray(mass)
+
+    def _coordinates(self) -> tuple[Indices, Indices]:
+        """The node of each coordinate of a cell and its axis, (size,)."""
+        nodes, axes = np.indices(self.positions.shape)
+        return nodes.ravel(), axes.ravel()
+
     def hessian(self) -> Array:
         """Second derivatives of the energy of a cell in (x, a) [N/m], a square array of
         (nodes + d) dim rows."""
@@ -381,7 +427,9 @@ class Cell(Framework):
                 words = f"must be above {1 / LARGEST:g} and below {LARGEST:g}"
                 raise TensegrityError(f"{name} {wrong[0]:g} {unit} of a lattice {words}")
         left = float(np.abs(self.members.gradient(self.positions)).max())
-        stiffest = float(self.stiffnesses.max() * self.lengths[self.lengths > 0].min())
+        stiffest = float(
+            self.stiffnesses.max() * self.lengths[self.lengths > 0].min(initial=np.inf)
+        )
         allowed = AT_REST * float(np.abs(self.tensions).max()) + MOVED * stiffest
         if left > allowed:
             raise EquilibriumError(

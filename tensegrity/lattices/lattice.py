@@ -5,14 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity import check
+from tensegrity.checked import checked
 from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.lattices.cell import Cell
+from tensegrity.lattices.embedded import Embedded, embedded
+from tensegrity.lattices.matrix import Matrix
 from tensegrity.lattices.moduli import Stability, stability
 from tensegrity.minimum import downhill, refuse_unbalanced, settle
 from tensegrity.scenes.force import Force
@@ -81,6 +84,7 @@ class Strained:
             raise EquilibriumError(f"no equilibrium: the cell extends beyond {FARTHEST * span:g} m")
 
 
+Cast: TypeAlias = Annotated[str, ("prestressed", "released")]
 STRESSED = 1e-12  # tension over stiffness times length of a member under stress
 
 
@@ -206,6 +210,57 @@ class Lattice(Cell):
         long wave, wave, strain
         """
         return stability(self)
+
+    @checked
+    def embedded(
+        self,
+        matrix: Matrix,
+        cast: Cast = "prestressed",
+        mesh: Any = None,
+    ) -> Embedded:
+        """The lattice in a matrix, cast about its state.
+
+        Parameters
+        ----------
+        matrix : Matrix
+            Without a `radius` it is bonded everywhere and follows uniform strain, for long waves;
+            with one, nodes are rigid patches in finite elements.
+        cast : {"prestressed", "released"}, optional
+            Whether the macroscopic stress at casting is kept; or is released, so that the lattice
+            shortens and stresses the matrix, to first order.
+        mesh : int, path or skfem.Mesh, optional
+            With a `radius`: number of elements from a patch to each face of its Voronoi cell, and
+            along each edge of the faces; or a periodic mesh of linear elements of one cell, from a
+            file of any format of meshio, with the patches or without.
+
+        Returns
+        -------
+        Embedded
+
+        Raises
+        ------
+        TensegrityError
+            One of `radius` and `mesh` without the other, patches that overlap or are smaller than
+            an element, a mesh that is not periodic, a lattice that does not fill space, or an
+            extra that is not installed.
+        EquilibriumError
+            The nodes are not in equilibrium, or a string slackens in the release.
+
+        Examples
+        --------
+        Strings of force .4 N, released in a soft and in a stiff matrix, lose a third and little:
+
+        >>> from tensegrity import Lattice, Matrix
+        >>> net = Lattice([(0, 0)], [(1, 0), (0, 1)], bars=[(0, 0, (1, 1)), (0, 0, (1, -1))],
+        ...               strings=[(0, 0, (1, 0)), (0, 0, (0, 1))], k_bar=1.5, k_string=2,
+        ...               natural_lengths=[2**0.5, 2**0.5, 0.8, 0.8])
+        >>> for modulus in (0.1, 10):
+        ...     cast = net.embedded(Matrix(modulus, 0.45, 0.5), cast="released")
+        ...     print(round(cast.lattice.tensions[2], 4), cast.strain[0, 0].round(4))
+        0.2594 -0.0703
+        0.3892 -0.0054
+        """
+        return embedded(self, matrix, cast, mesh)
 
     # more cells
 

@@ -26,6 +26,7 @@ Wolf 1995, Mechanical instabilities of homogeneous crystals; Geymonat, Mueller &
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, Any
@@ -36,9 +37,9 @@ from tensegrity import check
 from tensegrity.checked import checked
 from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.lattices.bands import FASTEST, bloch_matrix
-from tensegrity.lattices.bloch import chunks
-from tensegrity.lattices.cell import Cell
-from tensegrity.minimum import ZERO
+from tensegrity.lattices.bloch import _sparse_motions, chunks, lowest_waves
+from tensegrity.lattices.periodic import ALONG, Medium, UnderGradients
+from tensegrity.minimum import DENSE, ZERO
 from tensegrity.printing import Lines, Printed, span
 from tensegrity.typing import Array, Flags
 
@@ -88,7 +89,6 @@ def internal_motions(
 
 
 NOISE = 1e-13  # of the unrelaxed stiffness: round-off of the square of a speed
-ALONG = 1e-9  # largest part of a direction outside the lattice, over its length
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -118,7 +118,7 @@ class Moduli(Printed):
     axial: float
     coupling: float
     torsional: float
-    lattice: Cell = field(repr=False)
+    lattice: Medium = field(repr=False)
     frequency: float = 0.0
 
     def _lines(self) -> Lines:
@@ -152,18 +152,21 @@ class Moduli(Printed):
         TensegrityError
             If the direction is 0 or outside the span of the lattice vectors.
         """
-        n = check.vector("direction", direction, (self.lattice.dim,))
+        cell = self.lattice.cell
+        n = check.vector("direction", direction, (cell.dim,))
         if not n.any():
             raise TensegrityError("direction has length 0, must be above 0")
         n = n / np.abs(n).max()  # its square is then representable
         n = n / np.linalg.norm(n)
-        off = n - np.linalg.pinv(self.lattice.vectors) @ (self.lattice.vectors @ n)
+        off = n - np.linalg.pinv(cell.vectors) @ (cell.vectors @ n)
         if np.abs(off).max() > ALONG:
             raise TensegrityError(f"direction {check.shown(direction)} leaves the vectors' span")
         stiff, sizes, arms = _gradients(self.lattice, self.frequency)
-        along, inertia = np.kron(np.eye(len(n)), n[:, None]), np.full(len(n), self.density)
+        each = np.eye(self.lattice.components)
+        along, inertia = np.kron(each, n[:, None]), np.full(len(each), self.density)
         if arms is not None:  # a twist of 1 rad
-            turned = _moment(self.lattice, arms) / self.lattice.size
+            mass, arms = self.lattice._at_rest()[1], arms.ravel()
+            turned = float(arms @ (mass @ arms if mass.ndim > 1 else mass * arms)) / cell.size
             along, inertia = np.pad(along, (0, 1)), np.append(inertia, turned)
             along[-1, -1] = 1
         root = 1 / np.sqrt(inertia)
@@ -174,7 +177,7 @@ class Moduli(Printed):
 
 @checked
 def moduli(
-    lattice: Cell, frequency: Annotated[float, ">= 0", f"< {FASTEST}", "rad/s"] = 0.0
+    lattice: Medium, frequency: Annotated[float, ">= 0", f"< {FASTEST}", "rad/s"] = 0.0
 ) -> Moduli:
     """Moduli of a lattice about its own state.
 
@@ -211,36 +214,53 @@ def moduli(
     ([0.375, 1.125], 0.433)
     """
     lattice.refuse_unbalanced()
-    dim, stress = lattice.dim, lattice.stress
+    dim, components, stress = lattice.cell.dim, lattice.components, lattice.stress
     stiff, _, arms = _gradients(lattice, frequency)
-    tangent = stiff[: dim**2, : dim**2].reshape(dim, dim, dim, dim)
-    stiffness = tangent - np.einsum("ik,jl->ijkl", np.eye(dim), stress)
+    count, shape = components * dim, (components, dim, components, dim)
+    tangent = stiff[:count, :count].reshape(shape)
+    stiffness = tangent - np.einsum("ik,jl->ijkl", np.eye(components), stress)
     axial = coupling = torsional = np.nan
     if len(lattice.vectors) == 1:
-        n = lattice.vectors[0] / lattice.size
+        n = lattice.vectors[0] / lattice.cell.size
         stretch = np.outer(n, n).ravel()
-        axial = float(stretch @ stiff[: dim**2, : dim**2] @ stretch)
+        axial = float(stretch @ stiff[:count, :count] @ stretch)
         if arms is not None:
             coupling, torsional = float(stretch @ stiff[:-1, -1]), float(stiff[-1, -1])
-    density = float(lattice.weighing_mass.sum()) / lattice.size
     return Moduli(
-        tangent, stress, stiffness, density, axial, coupling, torsional, lattice, frequency
+        tangent, stress, stiffness, lattice.density, axial, coupling, torsional, lattice, frequency
     )
 
 
-def _gradients(lattice: Cell, frequency: float) -> tuple[Array, Array, Array | None]:
-    """Stiffness against macroscopic gradients h_kl, then the twist of a column, per size of a cell;
-    the sums of the sizes of the parts of its diagonal; and the arms of the twist."""
-    size, ends = lattice.positions.size, lattice.ends.T
-    moved, arms = _moved_ends(lattice)
-    blocks = lattice.members.blocks(lattice.positions)
-    forces, largest = np.zeros((2, lattice.nodes, lattice.dim, moved[0].shape[2]))
-    for sign, end, other in zip((-1, 1), ends, moved, strict=True):
-        np.add.at(forces, end, sign * blocks @ other)
-        np.add.at(largest, end, np.abs(blocks) @ np.abs(other))
-    forces, largest = forces.reshape(size, -1), largest.reshape(size, -1)
-    inner, mass = lattice.hessian()[:size, :size], dense_inertia(lattice)
-    motions, unbounded, _ = internal_motions(inner, mass, np.array(frequency), forces, largest)
+def motions_under_gradients(
+    lattice: Medium, frequency: float = 0.0
+) -> tuple[UnderGradients, Array]:
+    """The internal motions that follow macroscopic gradients of 1.
+
+    Parameters
+    ----------
+    lattice : Medium
+    frequency : float, optional
+        [rad/s]
+
+    Returns
+    -------
+    UnderGradients, and ndarray, (size, gradients)
+        What the gradients do to a cell, and the motions, reversed [m].
+
+    Raises
+    ------
+    TensegrityError, EquilibriumError
+        As of `moduli`.
+    """
+    of = lattice._under_gradients()
+    inner, mass = lattice._at_rest()
+    if isinstance(inner, np.ndarray):
+        at = np.array(frequency)
+        motions, unbounded, _ = internal_motions(inner, mass, at, of.forces, of.largest)
+    else:
+        axes = np.arange(lattice.components if not frequency else 0)
+        rigid = (lattice._coordinates()[1][:, None] == axes).astype(float)
+        motions, unbounded = _sparse_motions(inner - frequency**2 * mass, of.forces, rigid)
     if unbounded and frequency:
         raise TensegrityError(
             f"frequency {frequency:.12g} rad/s is a resonance of the nodes within a cell: moduli "
@@ -250,42 +270,15 @@ def _gradients(lattice: Cell, frequency: float) -> tuple[Array, Array, Array | N
         raise EquilibriumError(
             "no moduli: strain does work on a motion without stiffness; prestress may stiffen it"
         )
-    second, first = moved
-    whole = np.tensordot(first, blocks @ second, ([0, 1], [0, 1]))
-    sizes = np.sum(np.abs(first) * (np.abs(blocks) @ np.abs(second)), axis=(0, 1))
-    relaxed = (whole + whole.T) / 2 - forces.T @ motions
-    return relaxed / lattice.size, sizes / lattice.size, arms
+    return of, motions
 
 
-def dense_inertia(lattice: Cell) -> Array:
-    """Masses of the coordinates of the nodes [kg], (size,), or where members have mass the mass
-    matrix of motions that are the same in all cells, (size, size)."""
-    if lattice.has_heavy_members:
-        return np.asarray(lattice.mass_matrix().toarray())
-    return np.repeat(lattice.mass, lattice.dim)
-
-
-def _moment(lattice: Cell, arms: Array) -> float:
-    """Moment of inertia [kg m^2] of a cell that turns by these arms, (nodes, dim) [m]."""
-    if lattice.has_heavy_members:
-        return float(arms.ravel() @ (lattice.mass_matrix() @ arms.ravel()))
-    return float(lattice.mass @ np.sum(arms**2, axis=1))
-
-
-def _moved_ends(lattice: Cell) -> tuple[tuple[Array, Array], Array | None]:
-    """How gradients of 1 move second ends as seen from the first, and first ends as seen from the
-    second, reversed, (members, dim, gradients) each; and the arms of a twist, (nodes, dim)."""
-    x, dim, vectors = lattice.positions, lattice.dim, lattice.vectors
-    d = lattice.members.separations(x)[0] @ np.linalg.pinv(vectors) @ vectors
-    shifts = np.einsum("ik,ml->mikl", np.eye(dim), d).reshape(len(d), dim, -1)
-    if dim == 3 and len(vectors) == 1:
-        axis = vectors[0] / lattice.size
-        arms = np.cross(axis, x - np.average(x, axis=0, weights=lattice.weighing_mass))
-        if np.abs(arms).max() > ALONG * lattice.span:
-            turns = ((d @ axis)[:, None] * arms[end] for end in lattice.ends.T)
-            first, second = (np.dstack([shifts, turn]) for turn in turns)
-            return (second, first), arms
-    return (shifts, shifts), None
+def _gradients(lattice: Medium, frequency: float) -> tuple[Array, Array, Array | None]:
+    """Stiffness against macroscopic gradients h_kl, then the twist of a column, per size of a cell;
+    the sums of the sizes of the parts of its diagonal; and the arms of the twist."""
+    of, motions = motions_under_gradients(lattice, frequency)
+    relaxed = (of.whole + of.whole.T) / 2 - of.forces.T @ motions
+    return relaxed / lattice.cell.size, of.sizes / lattice.cell.size, of.arms
 
 
 GRID = {1: 192, 2: 24, 3: 12}  # wave vectors along each axis of the zone, by the number of axes
@@ -302,7 +295,7 @@ class Stability(Printed):
     wave : float
         Lowest w^2/|k|^2 of waves on a grid of the Brillouin zone, refined [m^2/s^2]; k is the wave
         vector [rad/m], not shorter than the shortest of the grid.  If it is negative, waves grow
-        at the rate |k| times the root of its modulus.
+        at the rate |k| times the root of its modulus.  Infinite where there are long waves only.
     wavenumber : ndarray, (d,)
         Phases per cell of that wave [rad].
     long : float
@@ -343,23 +336,29 @@ class Stability(Printed):
         yield f"  uniform strain: stiffness >= {self.strain:.6g} {unit}"
 
 
-def stability(cell: Cell) -> Stability:
+def stability(cell: Medium) -> Stability:
     """The three tests of a lattice about its own state; see `Lattice.stability`."""
     of = moduli(cell)
     axes, _ = np.linalg.qr(cell.vectors.T)  # orthonormal, in the span of the lattice vectors
-    wave, wavenumber = _lowest_wave(cell)
+    none = np.inf, np.zeros(len(cell.vectors))
+    wave, wavenumber = none if cell._affine else _lowest_wave(cell)
     long, direction = _slowest(of, axes)
     return Stability(wave, wavenumber, long, direction, _softest(of, axes))
 
 
-def _lowest_wave(cell: Cell) -> tuple[float, Array]:
+def _lowest_wave(cell: Medium) -> tuple[float, Array]:
     """Lowest w^2/|k|^2 away from the limit of long waves, and its phases."""
-    matrix, d = bloch_matrix(cell), len(cell.vectors)
+    sparse, d = math.prod(cell._unknowns) > DENSE, len(cell.vectors)
+    matrix = bloch_matrix(cell, sparse=sparse)
     reciprocal = np.linalg.pinv(cell.vectors).T  # k = phases @ reciprocal
 
+    def lowest(q: Array) -> Array:
+        if sparse:
+            return np.array([lowest_waves(matrix, phase, 1)[0][0] for phase in q])
+        return np.asarray(np.linalg.eigvalsh(matrix.scaled(matrix.weights(q))[0])[:, 0])
+
     def squares(q: Array) -> Array:
-        w = np.concatenate([np.linalg.eigvalsh(matrix.scaled(matrix.weights(q[of]))[0])[:, 0]
-                            for of in chunks(len(q), matrix.parts.shape[-1])])  # fmt: skip
+        w = np.concatenate([lowest(q[of]) for of in chunks(len(q), matrix.size)])
         w[np.abs(w) <= ZERO * matrix.bound] = 0
         return np.asarray(w / np.sum((q @ reciprocal) ** 2, axis=1))
 
@@ -405,8 +404,8 @@ def _slowest(of: Moduli, axes: Array) -> tuple[float, Array]:
     tilt = [] if d == 2 else [(np.arange(AROUND[d] // 2) + 0.5) * step]
     angles = np.stack(np.meshgrid(turn, *tilt, indexing="ij"), axis=-1).reshape(-1, d - 1)
     value, at = _refined(lambda a: float(squares(a[None])[0]), angles, squares(angles), step)
-    noise = NOISE * len(axes) * float(np.abs(of.lattice.hessian()).max()) * of.lattice.span**2
-    noise /= of.lattice.weighing_mass.sum()
+    noise = NOISE * len(axes) * of.lattice._under_gradients().sizes.max()
+    noise /= of.density * of.lattice.cell.size
     return (0.0 if abs(value) <= noise else value), _positive(unit(at))
 
 
@@ -417,6 +416,8 @@ def _positive(direction: Array) -> Array:
 
 def _softest(of: Moduli, axes: Array) -> float:
     """Lowest stiffness against uniform strain under constant stress."""
+    if of.lattice.components < of.lattice.cell.dim:
+        return float(np.linalg.eigvalsh(of.tangent[0, :, 0])[0])
     c = np.einsum("abcd,ai,bj,ck,dl->ijkl", of.stiffness, axes, axes, axes, axes)
     s, one = axes.T @ of.stress @ axes, np.eye(axes.shape[1])
     b = c + (
@@ -428,7 +429,7 @@ def _softest(of: Moduli, axes: Array) -> float:
     weight = np.where(row == column, 1.0, np.sqrt(2.0))
     whole = b[row[:, None], column[:, None], row, column] * weight[:, None] * weight
     lowest = float(np.linalg.eigvalsh((whole + whole.T) / 2)[0])
-    noise = NOISE * float(np.abs(of.lattice.hessian()).max()) * of.lattice.span**2 / of.lattice.size
+    noise = NOISE * of.lattice._under_gradients().sizes.max() / of.lattice.cell.size
     return 0.0 if abs(lowest) <= noise else lowest
 
 

@@ -18,6 +18,7 @@ linear continuum elastodynamics.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -28,9 +29,9 @@ from tensegrity import check
 from tensegrity.checked import checked
 from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.lattices.bands import angular_frequencies, bloch_matrix
-from tensegrity.lattices.bloch import chunks
-from tensegrity.lattices.lattice import Lattice
-from tensegrity.lattices.moduli import dense_inertia, internal_motions
+from tensegrity.lattices.bloch import BlochMatrix, chunks
+from tensegrity.lattices.moduli import internal_motions
+from tensegrity.lattices.periodic import Medium
 from tensegrity.minimum import lowest
 from tensegrity.typing import Array
 
@@ -40,7 +41,7 @@ SPLIT = 1e-7  # decay that counts as zero: double roots at band edges split by t
 
 @checked
 def decay(
-    lattice: Lattice, frequencies: ArrayLike, axis: int = 0, wavenumbers: ArrayLike = 0.0
+    lattice: Medium, frequencies: ArrayLike, axis: int = 0, wavenumbers: ArrayLike = 0.0
 ) -> Any:
     """Complex phases per cell of all waves of given frequencies along one lattice vector.
 
@@ -80,35 +81,45 @@ def decay(
     >>> abs(decay(chain, [1, 3]).imag).round(6).tolist()
     [[0.0, 0.0], [1.924847, 1.924847]]
     """
-    w = angular_frequencies(frequencies, 2 * lattice.positions.size)
+    w = angular_frequencies(frequencies, 2 * math.prod(lattice._unknowns))
     d = len(lattice.vectors)
     axis = check.whole("axis", axis, least=0, below=d)
     across = check.floats("wavenumbers", wavenumbers)
     across = check.vector("wavenumbers", across, across.shape if across.ndim == 0 else (d - 1,))
     across = np.broadcast_to(across, d - 1)
     lattice.refuse_unbalanced()
-    layers = int(np.abs(lattice.offsets[:, axis]).max())
-    if not layers:
+    matrix = bloch_matrix(lattice, weighted=False)
+    if not matrix.offsets[:, axis].any():
         raise TensegrityError(f"no member crosses from cell to cell along lattice vector {axis}")
-    counts = np.ones(d, dtype=int)
-    counts[axis] = layers
-    whole = lattice if layers == 1 else lattice.repeated(counts.tolist())
-    matrix = bloch_matrix(whole, weighted=False)
-    weights = np.exp(1j * (np.delete(matrix.offsets, axis, axis=1) @ across))
-    layer = [np.where(matrix.offsets[:, axis] == step, weights, 0) for step in (0, 1)]
-    own, next_one = map(matrix.at, layer)
+    layers = int(matrix.offsets[:, axis].max())
+    own, next_one = _layer(matrix, matrix.parts, axis, across)
     stiff = _sizes(own, next_one)
     if matrix.inertia is not None:
-        heavy = [matrix.at(one, matrix.inertia) for one in layer]
+        heavy = _layer(matrix, matrix.inertia, axis, across)
         return _with_heavy_members((own, next_one), heavy, w, layers)
     left, sizes, right = _joined(next_one, stiff)
     found = np.empty((len(w), 2 * len(sizes)), dtype=complex)
-    for row, inertia in zip(found, np.multiply.outer(w**2, dense_inertia(whole)), strict=True):
+    mass = np.tile(lattice._at_rest()[1], layers)
+    for row, inertia in zip(found, np.multiply.outer(w**2, mass), strict=True):
         root = 1 / np.sqrt(1 + inertia / stiff)[:, None]
         pair = root * left * sizes, root * right
         scaled = root / np.sqrt(stiff[:, None])
         row[:] = _phases(scaled * (own - np.diag(inertia)) * scaled.T, pair, layers)
     return found
+
+
+def _layer(matrix: BlochMatrix, parts: Array, axis: int, across: Array) -> tuple[Any, Any]:
+    """The matrices of a layer of cells, as many as offsets reach, and those that join it to the
+    next one."""
+    turns = np.exp(1j * (np.delete(matrix.offsets, axis, axis=1) @ across))
+    step = matrix.offsets[:, axis]
+    layers, zero = int(step.max()), np.zeros_like(parts[0])
+    to = {n: matrix.at(np.where(step == n, turns, 0), parts) for n in range(-layers, layers + 1)}
+    own, next_one = (
+        np.block([[to.get(k + b - a, zero) for b in range(layers)] for a in range(layers)])
+        for k in (0, layers)
+    )
+    return own, next_one
 
 
 def _sizes(own: Any, next_one: Any) -> Array:
@@ -196,7 +207,7 @@ def _turn(own: Any, next_one: Any, value: complex, moved: Any, layers: int) -> f
 
 
 @checked
-def effective_mass(lattice: Lattice, frame: Sequence[int], frequencies: ArrayLike) -> Array:
+def effective_mass(lattice: Medium, frame: Sequence[int], frequencies: ArrayLike) -> Array:
     """Dynamic effective mass of a cell whose frame moves equally in all cells.
 
     Parameters
@@ -231,19 +242,16 @@ def effective_mass(lattice: Lattice, frame: Sequence[int], frequencies: ArrayLik
     >>> effective_mass(chain, [0], [0, 0.5, 1.2])[:, 0, 0].round(4).tolist()
     [3.0, 3.6667, -3.5455]
     """
-    w = angular_frequencies(frequencies, lattice.dim**2)
+    w = angular_frequencies(frequencies, lattice.components**2)
     nodes = check.sequence("frame", frame, "numbers of nodes")
-    numbers = [check.whole("node", n, least=0, below=lattice.nodes) for n in nodes]
+    numbers = [check.whole("node", n, least=0, below=lattice.cell.nodes) for n in nodes]
     if not numbers or len(set(numbers)) < len(numbers):
         raise TensegrityError(f"frame {check.shown(numbers)} must be distinct nodes, at least 1")
     lattice.refuse_unbalanced()
-    dim, size = lattice.dim, lattice.positions.size
-    free = np.ones(lattice.nodes, dtype=bool)
-    free[numbers] = False
-    inner, of_all = np.repeat(free, dim), dense_inertia(lattice)
+    (node, along), dim = lattice._coordinates(), lattice.components
+    inner, moved = ~np.isin(node, numbers), (along[:, None] == np.arange(dim)).astype(float)
+    whole, of_all = (k if isinstance(k, np.ndarray) else k.toarray() for k in lattice._at_rest())
     mass = of_all[np.ix_(inner, inner)] if of_all.ndim > 1 else of_all[inner]
-    moved = np.kron(np.ones((lattice.nodes, 1)), np.eye(dim))
-    whole = lattice.hessian()[:size, :size]
     held, joined = whole[np.ix_(inner, inner)], whole[np.ix_(inner, ~inner)]
     pull = -joined @ moved[~inner], np.abs(joined) @ moved[~inner]
     if (internal_motions(held, mass, np.zeros(()), *pull)[2] < 0).any():
@@ -252,12 +260,13 @@ def effective_mass(lattice: Lattice, frame: Sequence[int], frequencies: ArrayLik
             f"with the frame held the other nodes are unstable: they grow at "
             f"{np.sqrt(-growth):.6g} 1/s"
         )
-    own = float(lattice.mass[~free].sum()) * np.eye(dim)
-    momenta = (mass[:, None] * moved[inner] if mass.ndim == 1 else mass @ moved[inner]).T
-    if mass.ndim > 1:  # members from the frame to other nodes share their inertia
+    if mass.ndim == 1:
+        own = moved[~inner].T @ (of_all[~inner, None] * moved[~inner])
+        momenta = (mass[:, None] * moved[inner]).T
+    else:  # the frame and other nodes share inertia
         shared = of_all[np.ix_(inner, ~inner)] @ moved[~inner]
         own = moved[~inner].T @ of_all[~inner] @ moved
-        momenta = momenta + shared.T
+        momenta = (mass @ moved[inner] + shared).T
     masses = np.empty((len(w), dim, dim))
     for of in chunks(len(w), len(mass)):
         if mass.ndim > 1:

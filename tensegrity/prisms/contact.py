@@ -1,12 +1,13 @@
-"""First contact of bars with a finite diameter along an equilibrium path.
+"""What prisms touch: bars with a finite diameter one another along a path, and a sheath.
 
 The path is that of members without thickness, and is not valid beyond the contact.
 """
 
 from __future__ import annotations
 
+import math
 from itertools import combinations
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -14,8 +15,10 @@ from tensegrity import check
 from tensegrity.checked import checked
 from tensegrity.errors import TensegrityError
 from tensegrity.printing import concise
+from tensegrity.prisms.prism import Prism
 from tensegrity.prisms.problem import EquilibriumPath
 from tensegrity.prisms.stack import symmetric_nodes
+from tensegrity.springs.potential import Potential
 from tensegrity.structures.structure_path import StructurePath
 from tensegrity.typing import Array, Length
 
@@ -114,3 +117,60 @@ def _free_pairs(
         for i, j in combinations(range(len(bars)), 2)
         if not {*bars[i]} & {*bars[j]}
     ]
+
+
+@checked
+def sheath(
+    prism: Prism,
+    G: Annotated[float, "> 0", "Pa"],
+    outer: Length,
+    radius: Length | None = None,
+) -> Potential:
+    """The springs between the prisms of a chain and a sheath around it that is held outside.
+
+    A unit that moves along the axis shears the sheath (shear lag): its force is 2 pi G h/ln(R/a)
+    times its displacement, for the height h of the prism, radius a and outer radius R.  The sheath
+    has no mass, and does not carry shear from unit to unit.
+
+    Parameters
+    ----------
+    prism : Prism
+    G : float
+        Shear modulus of the sheath [Pa], > 0.
+    outer : float
+        Outer radius of the sheath [m], > the radius.
+    radius : float, optional
+        At which the prisms hold on [m]; by default their circumradius.
+
+    Returns
+    -------
+    Potential
+        For `Chain(ground=)`.
+
+    Raises
+    ------
+    TensegrityError
+        A number outside its bounds.
+
+    References
+    ----------
+    Cox 1952, The elasticity and strength of paper and other fibrous materials.
+
+    Examples
+    --------
+    >>> from tensegrity import Chain, Prism, sheath
+    >>> prism = Prism(1, 0.7, 0.1, 1, 5, 50)
+    >>> held = sheath(prism, G=0.05, outer=1, radius=0.6)
+    >>> float(held.stiffness(0.0).round(6))
+    0.430502
+    >>> Chain(prism.potential(), 20, mass=3, ground=held).sites
+    20
+    """
+    import sympy as sp
+
+    inner = prism.circumradius if radius is None else radius
+    if not outer > inner:
+        raise TensegrityError(f"outer {outer:g} m must be above the radius {inner:g} m")
+    r, k = sp.symbols("r k")
+    stiffness = 2 * math.pi * G * prism.height / math.log(outer / inner)
+    return Potential(k * r**2 / 2, r, {k: stiffness}, length=prism.height)

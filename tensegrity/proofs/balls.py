@@ -19,6 +19,8 @@ from functools import cached_property
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from tensegrity import check
 from tensegrity.engine.programs import program, run
 from tensegrity.errors import TensegrityError
@@ -63,6 +65,44 @@ def ball(text: str) -> Any:
 def fraction(value: float, read: str) -> Fraction:
     """The number that a float stands for: its shortest decimal form, or its binary value."""
     return Fraction(repr(float(value))) if read == "decimals" else Fraction(float(value))
+
+
+@dataclass(frozen=True)
+class Enclosure:
+    """A number that lies within a radius of another.
+
+    Attributes
+    ----------
+    mid : str
+        Decimals.
+    radius : float
+        A bound.
+    """
+
+    mid: str
+    radius: float
+
+    @classmethod
+    def of(cls, value: Any) -> Enclosure:
+        """That of a ball, whose middle is rounded to the digits it has."""
+        digits = max(3, int(value.rel_accuracy_bits() * math.log10(2)))
+        mid = value.mid().str(digits, radius=False)
+        return cls(mid, above((value - ball(str(Fraction(mid)))).abs_upper()))
+
+    def __float__(self) -> float:
+        return float(self.mid)
+
+    def contains(self, value: str | float | Fraction) -> bool:
+        """Whether a number, such as a text of decimals, lies within."""
+        return abs(Fraction(value) - Fraction(self.mid)) <= Fraction(self.radius)
+
+    def __str__(self) -> str:
+        return f"{self.mid} +- {self.radius:.2g}"
+
+
+def above(bound: Any) -> float:
+    """A float that is not below a bound."""
+    return float(np.nextafter(float(bound), math.inf)) if bound.is_finite() else math.inf
 
 
 class Balls:

@@ -1,9 +1,9 @@
 """Certificates: travelling waves and folds that are proved to exist, and where they are.
 
 A certificate is the outcome of a proof in ball arithmetic, in which every rounding is bounded.  It
-is stored as the numbers from which `verify` computes it again.  The wave proved is that of a ring,
-whose period is stated; the wave of the line differs from it by about its tail at half the period.
-Sources: the talk, part IV; `proofs.ring` for the method.
+is stored as the numbers from which `verify` computes it again.  A wave is proved on the infinite
+line, or on a ring whose period is stated.  Sources: the talk, part IV; `proofs.ring` and
+`proofs.line` for the method.
 """
 
 from __future__ import annotations
@@ -20,67 +20,37 @@ import numpy as np
 from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.printing import Lines, Printed
-from tensegrity.prisms.closed import exact
 from tensegrity.prisms.problem import EquilibriumPath
 from tensegrity.proofs.balls import (
     BITS,
-    Balls,
     BallSpring,
+    Enclosure,
+    above,
     ball,
-    exact_prism,
     flint,
     fraction,
     precision,
 )
+from tensegrity.proofs.folds import Fold, folds
+from tensegrity.proofs.line import prove_on_line
 from tensegrity.proofs.ring import Bounds, Taylor, prove_wave, taylor
 from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array
 from tensegrity.unit_names import in_units
+from tensegrity.waves.asymptotics import decay_rate
 from tensegrity.waves.solitary import SolitaryWave
 
 READ = ("decimals", "double")
-FORMAT = "tensegrity certificate 1"
+FORMAT = "tensegrity certificate 2"
 RESOLVED = 2e-14  # of the peak, below which coefficients are round-off
 MORE = 1.5  # modes over those resolved: the refined wave has more digits
 MODES = 1200  # most of a proof
 SHORTEST, LONGEST = 2.0, 1e4  # rings [sites]
+LINE = "inf"
+CLAIMS = "radius", "centre_radius", "tail"
 NEAR = 1e-3  # of the peak: a wave handed over that is farther from the true one is none
 SLACK = 1.5  # of a radius that is computed again
-FOLD_BITS, WIDTHS = 256, [10.0**-k for k in range(2, 9)]  # of the height
-SHRINKS = 12  # steps of the interval Newton method
-
-
-@dataclass(frozen=True)
-class Enclosure:
-    """A number that lies within a radius of another.
-
-    Attributes
-    ----------
-    mid : str
-        Decimals.
-    radius : float
-        A bound.
-    """
-
-    mid: str
-    radius: float
-
-    @classmethod
-    def of(cls, value: Any) -> Enclosure:
-        """That of a ball, whose middle is rounded to the digits it has."""
-        digits = max(3, int(value.rel_accuracy_bits() * math.log10(2)))
-        mid = value.mid().str(digits, radius=False)
-        return cls(mid, _above((value - ball(str(Fraction(mid)))).abs_upper()))
-
-    def __float__(self) -> float:
-        return float(self.mid)
-
-    def contains(self, value: str | float | Fraction) -> bool:
-        """Whether a number, such as a text of decimals, lies within."""
-        return abs(Fraction(value) - Fraction(self.mid)) <= Fraction(self.radius)
-
-    def __str__(self) -> str:
-        return f"{self.mid} +- {self.radius:.2g}"
+DECAYED = 40.0  # half the ring of a proof on the line, over the distance in which the tail decays
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -93,7 +63,8 @@ class Certificate(Printed):
     reason : str
         Which bound failed, and what would help; empty if proved.
     radius : float
-        Largest distance of the true wave from the one handed over [m]; inf if not proved.
+        Largest distance of the true wave from the one handed over [m]; inf if not proved.  On the
+        line for distances from the middle up to half of `ring`.
     centre_radius : float
         The same from the refined wave, the centre of the proof [m].
     peak : Enclosure or None
@@ -101,12 +72,14 @@ class Certificate(Printed):
     speed : float
         [sites/s], which stands for its decimals or for its binary value, as does the mass.
     y, z1, z2 : float
-        Bounds of the proof: y [m], z1, z2 [1/m]; see `proofs.ring`.
+        Bounds of the proof; see `proofs.ring` and `proofs.line`.
     period : str
-        Sites of the ring, a fraction.
+        Sites of the ring on which the wave exists, a fraction; inf on the line.
+    ring : str
+        Sites of the ring on which the bounds are computed.
     tail : float
-        Elongation of the wave at half the period [m], an estimate of the largest difference from
-        the wave of the line.
+        A bound on the elongation of the wave at half of `ring` [m], which is an estimate of the
+        largest difference of a ring's wave from that of the line; on the line also farther away.
     spring : str
     """
 
@@ -120,23 +93,29 @@ class Certificate(Printed):
     z1: float
     z2: float
     period: str
+    ring: str
     tail: float
     spring: str
     _stored: dict[str, Any] = field(repr=False)
 
     def _lines(self) -> Lines:
-        ring = f"a ring of {float(Fraction(self.period)):.9g} sites"
+        line, sites = self.period == LINE, f"{float(Fraction(self.ring)):.9g} sites"
+        where = "the infinite line" if line else f"a ring of {sites}"
         if not self.proved:
-            yield f"not proved on {ring}: {self.reason}"
+            yield f"not proved on {where}: {self.reason}"
             return
+        kind = "solitary" if line else "travelling"
+        near = in_units(f"{self.centre_radius:.2g} m")
         yield (
-            f"proved: on {ring}, a travelling wave of speed {self.speed!r} sites/s exists, and "
-            f"only one within {in_units(f'{self.centre_radius:.2g} m')} of the centre stored here, "
-            f"with the elongation {in_units(f'{self.peak} m')} at its middle"
+            f"proved: on {where}, a locally unique {kind} wave of speed {self.speed!r} sites/s "
+            f"exists within {near} of the centre stored here, with the elongation "
+            f"{in_units(f'{self.peak} m')} at its middle"
         )
-        yield (
-            f"{in_units(f'{self.radius:.2g} m')} from the wave handed over; the ring costs about "
-            f"{in_units(f'{self.tail:.1g} m')} against the line"
+        tail = in_units(f"{self.tail:.1g} m")
+        yield f"{in_units(f'{self.radius:.2g} m')} from the wave handed over; " + (
+            f"below {tail} from {float(Fraction(self.ring)) / 2:.9g} sites on"
+            if line
+            else f"the ring costs about {tail} against the line"
         )
         yield f"bounds Y {self.y:.3g}, Z1 {self.z1:.3g}, Z2 {self.z2:.3g}; {self.spring}"
 
@@ -154,34 +133,12 @@ class Certificate(Printed):
             place.write_text(json.dumps(self._stored, indent=1), encoding="utf-8")
 
 
-@dataclass(frozen=True)
-class Fold:
-    """A limit point of a rigid prism, enclosed.
-
-    Attributes
-    ----------
-    height, load, twist : Enclosure
-        [m], [N] with compression > 0, [rad].
-    unique : float
-        Half the range of heights about it in which it is the only one [m].
-    """
-
-    height: Enclosure
-    load: Enclosure
-    twist: Enclosure
-    unique: float
-
-    def __str__(self) -> str:
-        return (
-            f"proved: a fold at height {self.height} m, load {self.load} N, twist {self.twist} "
-            f"rad, the only one within {self.unique:.2g} m"
-        )
-
-
 def prove(
-    of: SolitaryWave | EquilibriumPath, period: float | None = None, exact: str = "decimals"
+    of: SolitaryWave | EquilibriumPath,
+    period: float | None = None,
+    exact: str = "decimals",
 ) -> Certificate | tuple[Fold, ...]:
-    """Prove that a wave exists near a computed one, or enclose the folds of a prism.
+    """Prove that a wave exists near a computed one, or enclose folds.
 
     Parameters
     ----------
@@ -189,8 +146,8 @@ def prove(
         What `solitary_wave` returns for a chain of equal masses, or `equilibrium_path` for a prism
         with rigid bases and bars.
     period : float, optional
-        Sites of the ring on which a wave is proved; by default twice the half-length on which it
-        was computed, where its tail is round-off.
+        Sites of the ring on which a wave is proved, or inf for the infinite line; by default twice
+        the half-length on which it was computed, where its tail is round-off.
     exact : {"decimals", "double"}, optional
         Whether numbers such as 0.1 stand for 1/10 or for their binary values.
 
@@ -212,36 +169,42 @@ def prove(
 
     Examples
     --------
+    >>> import math
     >>> from tensegrity import Prism, prove, solitary_wave
     >>> softening = Prism(base=1.0, height=0.25, prestrain=0.1, k_cross=1.0).potential()
-    >>> proof = prove(solitary_wave(softening, speed_ratio=1.03), period=40.0)
-    >>> proof.proved, proof.peak.mid[:14], proof.centre_radius < 1e-18
-    (True, '0.029798257400', True)
+    >>> proof = prove(solitary_wave(softening, speed_ratio=1.03), period=math.inf)
+    >>> proof.proved, proof.peak.mid[:18], proof.tail < 1e-12
+    (True, '0.0297982574006468', True)
     """
     if not isinstance(exact, str) or exact not in READ:
         raise TensegrityError(f"exact {check.shown(exact)} must be one of {READ}")
     if isinstance(of, EquilibriumPath):
-        return _folds(of, exact)
+        return folds(of, exact)
     check.kind("of", of, SolitaryWave)
     if not isinstance(of.potential, Potential):
         raise TensegrityError("the wave must have one component")
-    half = float(np.abs(of.x).max())
+    half, line = float(np.abs(of.x).max()), period == math.inf
+    rate = decay_rate(of.excess * (2 + of.excess))
+    if line:
+        period = float(math.ceil(2 * DECAYED / rate))
     sites = 2 * half if period is None else period
     sites = check.number("period", sites, above=SHORTEST, below=LONGEST, unit="sites")
     with precision(BITS):
         spring, ends = BallSpring.of(of.potential, exact), of.potential.domain
-        numbers = {"mass": of.mass, "speed": of.speed, "period": sites}
+        numbers = {"mass": of.mass, "speed": of.speed, "ring": sites}
         stored = {"format": FORMAT, "spring": spring.source, "domain": [*map(repr, ends)]}
         stored |= {name: str(fraction(x, exact)) for name, x in numbers.items()}
+        stored |= {"rate": repr(rate), "period": LINE if line else stored["ring"]}
         handed, size = _sampled(of, sites, half), abs(float(of.amplitude))
         resolved = np.flatnonzero(np.abs(handed) > RESOLVED * size)
         count = min(math.ceil(MORE * resolved.max(initial=0)) + 8, MODES)
         guess = np.append(handed, np.zeros(count))[:count]
-        found = prove_wave(_law(spring, guess, ends), guess, *_ring(stored))
-        off = [x - flint().arb(float(y)) for x, y in zip(found.centre, handed, strict=False)]
-        away = _norm(off) + float(2 * np.abs(handed[count:]).sum() * (1 + 1e-9))
-        tail = float(np.abs(of.elongation(min(sites / 2, half))))
-        return _certified(found, stored, away, size, tail, f"{of.potential!r}", of.speed)
+        stored |= {
+            "handed": [repr(x) for x in guess.tolist()], "text": f"{of.potential!r}",
+            "left out": repr(float(2 * np.abs(handed[count:]).sum() * (1 + 1e-9))),
+        }  # fmt: skip
+        found = _bounds(_law(spring, guess, ends), guess, stored, refine=True)
+        return _certified(found, stored)
 
 
 def verify(path: str | PathLike[str]) -> Certificate:
@@ -255,7 +218,8 @@ def verify(path: str | PathLike[str]) -> Certificate:
     Returns
     -------
     Certificate
-        As computed again.
+        As computed again, the distance from the wave handed over and the tail included; that wave
+        is given by the coefficients of its series, and a bound on those left out.
 
     Raises
     ------
@@ -267,26 +231,27 @@ def verify(path: str | PathLike[str]) -> Certificate:
         stored = json.loads(file.read_text(encoding="utf-8"))
         if stored["format"] != FORMAT:
             raise ValueError("another format")
-        claims = {name: float(stored[name]) for name in ("radius", "centre_radius", "tail")}
-        peak, speed = str(stored["peak"]["mid"]), float(Fraction(stored["speed"]))
+        if stored["period"] not in (LINE, stored["ring"]):
+            raise ValueError("another period")
+        claims = {name: float(stored[name]) for name in CLAIMS}
+        peak = str(stored["peak"]["mid"])
         with precision(BITS):
-            found = _again(stored)
-            away, size = claims["radius"] - claims["centre_radius"], abs(float(Fraction(peak)))
-            again = _certified(
-                found, stored, away, size, claims["tail"], str(stored["text"]), speed
-            )
+            again = _certified(_again(stored), stored)
     except TensegrityError:
         raise
     except (KeyError, IndexError, TypeError, ValueError, ArithmeticError, OSError) as error:
         raise TensegrityError(f"{file} is no certificate, or damaged: {error!r}") from error
-    ratio = again.centre_radius / claims["centre_radius"] if claims["centre_radius"] > 0 else 0.0
     if not again.proved or again.peak is None:
         raise TensegrityError(f"{file} does not hold: {again.reason}")
-    if not (1 / SLACK <= ratio <= SLACK and away >= 0 and again.peak.contains(peak)):
-        raise TensegrityError(
-            f"{file} does not hold: its numbers give the radius {again.centre_radius:.3g} m and "
-            f"the peak {again.peak} m, it claims {claims['centre_radius']:.3g} m and {peak} m"
-        )
+    for name, claim in claims.items():
+        value = getattr(again, name)
+        if not value / SLACK <= claim <= value * SLACK:
+            raise TensegrityError(
+                f"{file} does not hold: its numbers give the {name} {value:.3g} m, it claims "
+                f"{claim:.3g} m"
+            )
+    if not again.peak.contains(peak):
+        raise TensegrityError(f"{file} does not hold: the peak is {again.peak} m, not {peak} m")
     return again
 
 
@@ -297,9 +262,19 @@ def _again(stored: dict[str, Any]) -> Bounds:
         spring = BallSpring.of_prism([str(x) for x in source["prism"]])
     else:
         spring = BallSpring.of_program(source["energy"], [str(x) for x in source["parameters"]])
-    centre, (low, high) = [str(x) for x in stored["centre"]], map(float, stored["domain"])
-    law = _law(spring, np.array([float(Fraction(x)) for x in centre]), (low, high))
-    return prove_wave(law, [ball(x) for x in centre], *_ring(stored), refine=False)
+    handed, (low, high) = [float(x) for x in stored["handed"]], map(float, stored["domain"])
+    law = _law(spring, np.array(handed), (low, high))
+    return _bounds(law, [ball(str(x)) for x in stored["centre"]], stored, refine=False)
+
+
+def _bounds(law: Taylor, guess: Any, stored: dict[str, Any], refine: bool) -> Bounds:
+    """Those of the line or of the ring, by mass, speed and ring."""
+    period, momentum = ball(stored["ring"]), ball(stored["mass"]) * ball(stored["speed"]) ** 2
+    if not (period > 0 and momentum > 0):
+        raise ValueError("a ring, mass or speed that is not above 0")
+    if stored["period"] == LINE:
+        return prove_on_line(law, guess, period, momentum, float(stored["rate"]), refine)
+    return prove_wave(law, guess, period, momentum, refine)
 
 
 def _sampled(wave: SolitaryWave, period: float, half: float) -> Array:
@@ -323,41 +298,25 @@ def _law(spring: BallSpring, guess: Array, ends: tuple[float, float]) -> Taylor:
     return law
 
 
-def _ring(stored: dict[str, Any]) -> tuple[Any, Any]:
-    """Period and m c^2."""
-    return ball(stored["period"]), ball(stored["mass"]) * ball(stored["speed"]) ** 2
-
-
-def _norm(modes: list[Any]) -> float:
-    return _above(
-        (abs(modes[0]) + 2 * sum((abs(x) for x in modes[1:]), flint().arb(0))).abs_upper()
-    )
-
-
-def _above(bound: Any) -> float:
-    """A float that is not below a bound."""
-    return float(np.nextafter(float(bound), math.inf)) if bound.is_finite() else math.inf
-
-
-def _certified(
-    found: Bounds,
-    stored: dict[str, Any],
-    away: float,
-    size: float,
-    tail: float,
-    text: str,
-    speed: float,
-) -> Certificate:
-    """The certificate of some bounds, for a wave at a distance from the centre and of some size."""
-    y, z1, z2 = map(_above, (found.y, found.z1, found.z2))
-    centre_radius = math.inf if found.radius is None else _above(found.radius)
-    radius = float(np.nextafter(centre_radius + away, math.inf))
+def _certified(found: Bounds, stored: dict[str, Any]) -> Certificate:
+    """The certificate of some bounds."""
+    y, z1, z2 = map(above, (found.y, found.z1, found.z2))
+    text, arb = str(stored["text"]), flint().arb
+    centre_radius = radius = tail = math.inf
     peak, reason = None, ""
+    handed = [arb(float(x)) for x in stored["handed"]]
+    size = float(abs(handed[0] + 2 * sum(handed[1:], arb(0))))
+    if found.distance is not None:
+        off = [abs(x - h) for x, h in zip(found.wave, handed, strict=True)]
+        away = off[0] + 2 * sum(off[1:], arb(0)) + arb(float(stored["left out"]))
+        centre_radius, tail = above(found.distance), above(found.tail)
+        radius = above((found.distance + away).abs_upper())
     if not z1 < 1:
         reason = f"Z1 {z1:.3g} must be below 1: more modes, or a longer ring"
-    elif found.radius is None:
+    elif found.distance is None:
         reason = (
-            f"2 Y Z2 {2 * y * z2:.3g} must be below (1 - Z1)^2 {(1 - z1) ** 2:.3g}: a nearer wave"
+            f"2 Y Z2 {2 * y * z2:.3g} must be below (1 - Z1)^2 {(1 - z1) ** 2:.3g}: a nearer wave, "
+            "or a longer ring"
         )
     elif not radius < NEAR * size:
         reason = (
@@ -365,16 +324,17 @@ def _certified(
             f"{NEAR:g} of the peak"
         )
     else:
-        middle = found.centre[0] + 2 * sum(found.centre[1:], flint().arb(0))
-        peak = Enclosure.of(middle + flint().arb(0, found.radius))
+        middle = found.wave[0] + 2 * sum(found.wave[1:], arb(0))
+        peak = Enclosure.of(middle + arb(0, found.at_peak))
         stored = stored | {
             "centre": [str(_exact(x)) for x in found.centre],
             "centre_radius": repr(centre_radius), "radius": repr(radius), "tail": repr(tail),
-            "peak": {"mid": peak.mid, "radius": repr(peak.radius)}, "text": text,
+            "peak": {"mid": peak.mid, "radius": repr(peak.radius)},
         }  # fmt: skip
     return Certificate(
-        not reason, reason, radius if not reason else math.inf, centre_radius, peak, speed,
-        y, z1, z2, stored["period"], tail, text, stored,
+        not reason, reason, radius if not reason else math.inf, centre_radius, peak,
+        float(Fraction(stored["speed"])), y, z1, z2, stored["period"], stored["ring"], tail, text,
+        stored,
     )  # fmt: skip
 
 
@@ -382,47 +342,3 @@ def _exact(x: Any) -> Fraction:
     """The value of a ball without radius."""
     whole, exponent = x.mid().man_exp()
     return Fraction(int(whole)) * Fraction(2) ** int(exponent)
-
-
-def _folds(path: EquilibriumPath, read: str) -> tuple[Fold, ...]:
-    """Enclosures of the folds of a rigid prism, by the interval Newton method for V'' = 0."""
-    prism = path.prism
-    if not prism.is_rigid:
-        raise TensegrityError(
-            f"{check.shown(prism)}: folds are proved of prisms with rigid bases and bars"
-        )
-    folds = []
-    with precision(FOLD_BITS):
-        spring = BallSpring.of(prism.potential(), read)
-        rest, *of = (ball(spring.source["prism"][k]) for k in (5, 0, 1, 2, 3))
-        for event in path.events:
-            if event.kind == "fold":
-                r = flint().arb(event.at["height"]) - rest
-                folds.append(_fold(spring, r.mid(), rest, exact_prism(prism, of)))
-    return tuple(folds)
-
-
-def _fold(spring: BallSpring, near: Any, rest: Any, prism: Any) -> Fold:
-    arb = flint().arb
-
-    def newton(box: Any) -> Any:
-        middle = box.mid()
-        slope = 6 * spring.series(box, 4, FOLD_BITS)[3]
-        return middle - 2 * spring.series(middle, 3, FOLD_BITS)[2] / slope
-
-    for width in WIDTHS:
-        half = arb(width) * rest
-        box = near + arb(0, 1) * half
-        image = newton(box)
-        if image.is_finite() and box.contains_interior(image):
-            break
-    else:
-        raise TensegrityError(
-            f"no fold is proved near height {float(near + rest):.9g} m: the proof needs V''' != 0"
-        )
-    for _ in range(SHRINKS):
-        image = newton(image).intersection(image)
-    height = image + rest
-    load = -spring.series(image, 2, FOLD_BITS)[1]
-    (twist,) = exact("twist", prism, height, own=Balls())
-    return Fold(Enclosure.of(height), Enclosure.of(load), Enclosure.of(twist), float(half))

@@ -175,22 +175,31 @@ class Taylor:
 
 @dataclass(frozen=True)
 class Bounds:
-    """What a proof found: the wave, the bounds, and the radius within which one wave is.
+    """What a proof found.
 
     Attributes
     ----------
     centre : list of arb
-        Coefficients of the approximate wave [m], exact.
+        Coefficients of the approximate solution, exact: of the wave [m], on the line of the
+        nonlinear part of its tension [N].
+    wave : list of arb
+        Coefficients of the approximate wave [m].
     y, z1, z2 : arb
-    radius : arb or None
-        None where the bounds prove nothing.
+    distance, at_peak : arb or None
+        Bounds on the distance of the true wave from it on the ring, and at its middle [m]; None
+        where the bounds prove nothing.
+    tail : arb or None
+        A bound on the true wave half a period from its middle [m]; on the line also farther away.
     """
 
     centre: list[Any]
+    wave: list[Any]
     y: Any
     z1: Any
     z2: Any
-    radius: Any
+    distance: Any
+    at_peak: Any
+    tail: Any
 
 
 def taylor(spring: BallSpring, norm: float, ends: tuple[float, float]) -> Taylor | None:
@@ -284,14 +293,34 @@ def prove_wave(law: Taylor, guess: Any, period: Any, momentum: Any, refine: bool
     y = arb((sizes_from(off)[0] + size * mu[0] * image.rest).abs_upper())
     z1 = arb(_first_bound(exact, mu, law.of(2, centre, 2 * count), size, far).abs_upper())
     modes = centre.listed(count)
-    if not z1 < 1:
-        return Bounds(modes, y, z1, arb("inf"), None)
-    reach = 4 * y / (1 - z1)
-    z2 = arb((size * mu[0] * law.bound(3, centre.norm + reach)).abs_upper())
+    z2 = arb("inf")
+    if z1 < 1:
+        z2 = arb((size * mu[0] * law.bound(3, centre.norm + 4 * y / (1 - z1))).abs_upper())
+    radius = contracted(y, z1, z2)
+    last = modes[0] + 2 * sum((x if n % 2 else -x for n, x in enumerate(modes[1:])), arb(0))
+    tail = None if radius is None else arb((abs(last) + radius).abs_upper())
+    return Bounds(modes, modes, y, z1, z2, radius, radius, tail)
+
+
+def contracted(y: Any, z1: Any, z2: Any) -> Any:
+    """A radius, at most 4 y/(1 - z1), within which one solution is; None where bounds prove none.
+
+    Parameters
+    ----------
+    y, z1, z2 : arb
+        Without radius, of a ball of that radius.
+
+    Returns
+    -------
+    arb or None
+    """
+    arb = flint().arb
+    if not (z1 < 1 and z2.is_finite()):
+        return None
     root = ((1 - z1) ** 2 - 2 * y * z2).sqrt()
     radius = arb((2 * y / (1 - z1 + root) * (1 + arb(2) ** -20)).abs_upper())
-    holds = radius <= reach and y + z1 * radius + z2 * radius**2 / 2 < radius
-    return Bounds(modes, y, z1, z2, radius if holds and z1 + z2 * radius < 1 else None)
+    holds = radius <= 4 * y / (1 - z1) and y + z1 * radius + z2 * radius**2 / 2 < radius
+    return radius if holds and z1 + z2 * radius < 1 else None
 
 
 def _largest(values: list[Any]) -> Any:

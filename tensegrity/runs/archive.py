@@ -394,7 +394,7 @@ def _make_wall(point, normal, extent):
 
 def _network(x):
     opening, gaps = np.split(dynamics(x).contact_bonds.contacts.gap, [len(x.bonds)])
-    law = dynamics(x).law
+    law, cables = dynamics(x).law, dynamics(x).cables
     if law is not None and not isinstance(law.given, Potential):
         return None  # a function, which no file holds
     followed = {"contacts": "walls"} if dynamics(x).walls_alone else {}
@@ -405,7 +405,7 @@ def _network(x):
         "lengths": x.lengths if opening.any() else None,  # else to the bits of the positions
         "mass": x.mass, "walls": x.walls, "wall_contacts": x.wall_contacts, "wall_gaps": gaps,
         "radius": x.radius, "loads": x.loads, "held": x.held, **followed, **in_time(x),
-        **({} if x.bond_mass is None else {"bond_mass": x.bond_mass}),
+        "cables": cables, **({} if x.bond_mass is None else {"bond_mass": x.bond_mass}),
     }  # fmt: skip
 
 

@@ -11,6 +11,7 @@ import time
 import warnings
 from collections.abc import Sequence
 from contextlib import nullcontext
+from contextvars import ContextVar
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -32,6 +33,8 @@ ROOM = 8_000_000  # most numbers in u that a record or an observer of a user tak
 MOST_COMPARED = 2_000_000  # most numbers in u that are stored for comparison
 RUN_ERRORS = ContactError, LockingError, StabilityError
 FEWEST = 100  # least steps of an attempt: copies of the state before and after take as long as some
+COUNTED: ContextVar[list[int] | None] = ContextVar("counted", default=None)
+"""Where attempts add their evaluations of all forces, rejected ones included."""
 
 
 class Start(NamedTuple):
@@ -115,9 +118,9 @@ class MarchResult:
             if failed:
                 warnings.warn(str(words), RuntimeWarning, stacklevel=2)
             return run
-        return self.recorder.run(self.steps, self._state()[:2], self.complete)
+        return self.recorder.run(self.steps, self.state()[:2], self.complete)
 
-    def _state(self) -> tuple[Any, ...]:
+    def state(self) -> tuple[Any, ...]:
         """u, v, impulse and sums at the end."""
         dyn, (u, v, *sums) = self.problem.dynamics, self.motion.point.output
         sites, walls = dyn.sites, dyn.wall_count
@@ -134,7 +137,7 @@ class MarchResult:
         if self.stop is not None:
             self.recorder.end(self.stop.t, self.stop.state)
         else:
-            self.recorder.end(self.steps * self.motion.dt, self._state())
+            self.recorder.end(self.steps * self.motion.dt, self.state())
 
 
 def march(
@@ -234,8 +237,11 @@ def _attempt(motion: Any, steps: int, observers: Any, is_given: bool) -> None:
     """Do at most so many steps that are accepted; `is_given`: the user gave the step length."""
     steps = min(steps, motion.most)
     motion.keep()
+    counted = COUNTED.get()
     while True:
         end = motion.done + steps
+        if counted is not None:
+            counted.append(steps * motion.problem.method.stages)
         wanted = [one for observer in observers for one in observer.wanted(end)]
         if motion.attempt(end, wanted):
             return

@@ -134,7 +134,7 @@ class Motion:
     def restore(self) -> None:
         """Return to the accepted state."""
         if self._bound is not None:
-            self._bound.u[...], self._bound.v[...] = self.point.u, self.point.v
+            self._bound.restore(self.point.u, self.point.v)
 
     def refuse_start(self) -> None:
         """Refuse a step that is unstable in the initial state."""

@@ -10,14 +10,15 @@ import numpy as np
 
 from tensegrity import check, plotting
 from tensegrity.errors import TensegrityError
-from tensegrity.printing import GLUE, Lines, Printed
+from tensegrity.printing import GLUE, Lines
 from tensegrity.runs import archive
 from tensegrity.runs.record import require_all_sites
+from tensegrity.runs.rows import Rows
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.ensemble import Ensemble
 from tensegrity.scenes.picture import Picture
 from tensegrity.scenes.scene import Scene, State, momenta, unchecked_state
-from tensegrity.unit_names import in_units, unit_text
+from tensegrity.unit_names import in_units
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -77,7 +78,7 @@ def unchecked(kind: type[Frozen], *given: dict[str, Any], **values: Any) -> Froz
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Run(Printed):
+class Run(Rows):
     """A finished, interrupted or failed run.
 
     Attributes
@@ -277,56 +278,6 @@ class Run(Printed):
         total = momenta(self.scene, self.v[:, order])
         return total if self.impulse is None else total + self.impulse.sum(axis=1)
 
-    def to_xarray(self) -> Any:
-        """The recorded rows as a data set of xarray.
-
-        Returns
-        -------
-        xarray.Dataset
-            `u` [m] and `v` [m/s] over t, site and, of a network, axis ("x", "y", "z"); `energy`,
-            and `work` and `loss` where the scene is driven or damped [J] over t; `impulse` on the
-            walls [N s] over t, wall and axis.  The coordinates are t [s] and the numbers of the
-            sites that were recorded; runs of an ensemble have `scene` as the last dimension.
-            Variables have their unit in `attrs["units"]`; method, step [s] and error estimate are
-            attributes of the set.
-
-        Raises
-        ------
-        TensegrityError
-            If xarray is not installed.
-        """
-        xarray = check.package("xarray", "to_xarray", "data")
-        behind, axis = ["scene"] * self._batch, ["axis"] * (self.u.ndim - 2 - self._batch)
-        along = list("xyz"[: self.u.shape[2]]) if axis else ["x"]
-        kinds: dict[str, tuple[list[str], str, str]] = {
-            "u": (["site", *axis], "m", "displacement"),
-            "v": (["site", *axis], "m/s", "velocity"),
-            "energy": ([], "J", "total energy"),
-            "work": ([], "J", "work done on the scene"),
-            "loss": ([], "J", "energy taken by dashpots"),
-            "impulse": (["wall", "axis"], "N s", "impulse that a wall received"),
-        }
-        rows = {
-            name: (["t", *names, *behind], getattr(self, name), {"long_name": words, "units": unit})
-            for name, (names, unit, words) in kinds.items()
-            if getattr(self, name) is not None
-        }
-        for _, _, of in rows.values():
-            of["units"] = unit_text(of["units"])
-        seconds = {"units": unit_text("s")}
-        places: dict[str, Any] = {"t": ("t", self.t, seconds), "site": ("site", list(self.sites))}
-        if axis or "impulse" in rows:
-            places["axis"] = "axis", along
-        about = {
-            "method": self.method,
-            "dt": self.dt,
-            "steps": self.steps,
-            "force_model": self.force_model,
-        }
-        if self.error_estimate is not None:
-            about["error_estimate"] = self.error_estimate
-        return xarray.Dataset(rows, places, about | {"complete": int(self.complete)})
-
     def plot(self, ax: Axes | None = None) -> Axes:
         """Energy of the sites in logarithmic colours.
 
@@ -347,31 +298,6 @@ class Run(Printed):
             `ax` is not a Matplotlib axes; a run in which not all sites were recorded.
         """
         return energy_density(self, ax)
-
-    def show(self) -> Any:
-        """Play the run in a notebook, drawn as prisms, beads or members.
-
-        Returns
-        -------
-        object
-            A notebook displays it as a page with a slider over at most 300 instants; dragging turns
-            a body in space.
-
-        Raises
-        ------
-        TensegrityError
-            Sites or instants that were not recorded; the runs of an ensemble.
-
-        Examples
-        --------
-        >>> from tensegrity import Chain, Prism, Record, simulate
-        >>> chain = Chain(Prism(1.0, 0.7, 0.01, 1.0).potential(), sites=20)
-        >>> simulate(chain, chain.at_rest({0: 0.09}), 10.0, record=Record(interval=1.0)).show()
-        11 instants of a run, shown in a notebook
-        """
-        from tensegrity.runs.viewer import shown
-
-        return shown(self)
 
     def _lines(self) -> Lines:
         estimate = "" if self.error_estimate is None else f", estimated {self.error_estimate:.1e}"

@@ -19,7 +19,7 @@ from tensegrity.errors import TensegrityError
 from tensegrity.runs.record import require_all_sites
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.dynamics import dynamics
-from tensegrity.scenes.picture import edge
+from tensegrity.scenes.picture import edge, is_string
 from tensegrity.springs.provenance import provenance
 
 if TYPE_CHECKING:
@@ -132,14 +132,10 @@ def drawing(scene: Any, places: Array) -> dict[str, Any]:
         "dim": scene.dim,
         "radius": None if radius is None else size.tolist(),
         "bonds": scene.bonds.tolist(),
-        "bars": [not _slackens(scene.springs[k].at(0.0)) for k in range(len(scene.bonds))],
+        "bars": [not is_string(scene.springs[k].at(0.0)) for k in range(len(scene.bonds))],
         "walls": [line.tolist() for line in lines if line is not None],
         "frame": corners.tolist(),
     }
-
-
-def _slackens(spring: Any) -> bool:
-    return bool(getattr(spring, "tension_only", spring.kinks))
 
 
 def _packed(values: Array) -> str:

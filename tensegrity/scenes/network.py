@@ -111,6 +111,10 @@ class Network(Scene):
     bond_mass : float or array_like (bonds,), optional
         Mass of each bond [kg], >= 0, which is distributed uniformly along the straight line between
         its sites: a consistent mass matrix.  By default bonds have no mass.
+    cables : sequence of sequence of int, optional
+        The bonds that are segments of each cable, which runs over sites without friction: one
+        tension.  The elongation of each of n segments is the mean of theirs, so that they are
+        springs of 1/n of its natural length, with its EA.
     forces : sequence of Force, optional
         Forces of time, displacement and velocity on sites, in bonds, or at walls; on all bonds or
         walls of a network that follows its contacts they act in those that form, too, and must be 0
@@ -159,6 +163,7 @@ class Network(Scene):
         damping: Damping | None = None,
         forces: Sequence[Force] = (),
         bond_mass: ArrayLike | None = None,
+        cables: Sequence[Sequence[int]] = (),
     ) -> None:
         if isinstance(positions, np.ndarray) and positions.ndim:
             refuse_too_many(len(positions))
@@ -170,6 +175,7 @@ class Network(Scene):
         self.sites, self.dim = self.positions.shape
         check.whole("sites", self.sites, least=1)
         pairs = checked_bonds(bonds, self.sites)
+        self._cables = checked_cables(cables, len(pairs))
         of_ends = is_pair_law(spring)
         if bond_mass is not None:
             moving = np.setdiff1d(np.arange(self.sites), held_sites(held, self.sites))
@@ -214,6 +220,20 @@ class Network(Scene):
             refuse_beside_pair_laws(of)
         if of.follows:
             self._refuse_changing()
+        self._refuse_beside_cables()
+
+    def _refuse_beside_cables(self) -> None:
+        """Refuse what would act on each segment of a cable."""
+        segments, damping = {b for cable in self._cables for b in cable}, self.damping
+        each = [one.at for one in self._forces if one.on == "bonds"]
+        hit = {b for at in each for b in (segments if at is None else segments & {*at})}
+        if damping is not None:
+            hit |= {b for b in segments if damping.each("bond", len(self.bonds))[b]}
+        if hit:
+            raise TensegrityError(
+                f"bond {min(hit)} is a segment of a cable: forces and dashpots act in bonds of two "
+                "sites"
+            )
 
     def _refuse_changing(self) -> None:
         """Refuse forcing that depends on which open contacts are listed."""
@@ -386,3 +406,15 @@ class Network(Scene):
             f"Network({self.sites} sites {where}, {len(self.bonds)} bonds, "
             f"{walls} wall{'s' * (walls != 1)} with {len(self.wall_contacts)} contacts)"
         )
+
+
+def checked_cables(cables: object, bonds: int) -> tuple[tuple[int, ...], ...]:
+    """The bonds that are segments of each cable, checked to exist and to be of one cable."""
+    each = [
+        check.sequence("bonds of a cable", x, "numbers")
+        for x in check.sequence("cables", cables, "sequences of bonds")
+    ]
+    known = [check.whole("bond of a cable", b, least=0, below=bonds) for x in each for b in x]
+    if not all(each) or len(set(known)) < len(known):
+        raise TensegrityError(f"cables {check.shown(cables)} must have bonds that differ")
+    return tuple(tuple(int(b) for b in x) for x in each)

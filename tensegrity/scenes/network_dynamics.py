@@ -28,6 +28,8 @@ class NetworkDynamics(Dynamics):
 
     Attributes
     ----------
+    cables : tuple of tuple of int
+        The bonds that are segments of each cable over sites.
     walls_alone : bool
         Whether sites press all walls, and never touch each other.
     """
@@ -37,6 +39,7 @@ class NetworkDynamics(Dynamics):
         self.wall_count = len(scene.walls)
         self.spring_lengths = scene._lengths
         self.walls_alone = scene._walls_alone
+        self.cables = scene._cables
 
     @cached_property
     def turns(self) -> bool:  # type: ignore[override]
@@ -61,7 +64,17 @@ class NetworkDynamics(Dynamics):
         weights, coupling = self.inverse
         heavy = () if coupling is None else tuple(np.flatnonzero(scene.bond_mass).tolist())
         table, kinks = springs.table, springs.kinks
-        return Bonds(*table, springs.group, weights, contacts, kinks, coupling, heavy)
+        cable = None
+        if scene._cables:
+            cable = np.full(len(springs.group), -1)
+            for number, segments in enumerate(scene._cables):
+                cable[list(segments)] = number
+        return Bonds(*table, springs.group, weights, contacts, kinks, coupling, heavy, cable)
+
+    @cached_property
+    def energies_in_one_call(self) -> Any:
+        """As of `Dynamics`; compiled for bonds of two sites."""
+        return None if self.cables else super().energies_in_one_call
 
     @cached_property
     def loop_bonds(self) -> Bonds:
@@ -73,6 +86,7 @@ class NetworkDynamics(Dynamics):
             and self.sites == len(count) + 1 and scene.radius is None
             and np.array_equal(scene.bonds.T, row) and not scene.walls and not scene.loads.any()
             and np.all(np.diff(scene.positions[:, 0]) > 0) and not scene._gaps.any()
+            and not scene._cables
         ):  # fmt: skip
             return replace(bonds, contacts=None)
         return bonds
@@ -185,6 +199,16 @@ class NetworkDynamics(Dynamics):
             return ""
         separation = ranges[:, 0] - self.zero_length_elongation
         if np.any(separation <= 0):
+            cables = self.contact_bonds.cable
+            segments = np.flatnonzero(self.springs.group == np.argmin(separation))
+            if cables is not None and (cables[segments] >= 0).all():
+                pairs, x = self.scene.bonds[segments], self.scene.positions + u
+                nearest = np.argmin(np.linalg.norm(x[pairs[:, 1]] - x[pairs[:, 0]], axis=1))
+                i, j = pairs[nearest].tolist()
+                return (
+                    f"where two pulleys run together, sites {i} and {j} of a cable: the line "
+                    "between them turns by more than a right angle within a step"
+                )
             return f"{self.where_extreme(int(np.argmin(separation)), u, 0)}, which coincide"
         spring = int(np.nanargmax(np.max(np.abs(ranges), axis=1)))
         return self.where_extreme(spring, u, int(ranges[spring, 1] > -ranges[spring, 0]))

@@ -264,3 +264,8 @@ def edge(wall: Wall, low: Array, high: Array) -> Array | None:
     corners = np.array([(x, z) for x in (low[0], high[0]) for z in (low[1], high[1])])
     places = (corners - middle) @ along
     return middle + np.outer([places.min(), places.max()], along)
+
+
+def is_string(spring: Any) -> bool:
+    """Whether a spring goes slack, and is drawn so."""
+    return bool(getattr(spring, "tension_only", spring.kinks))

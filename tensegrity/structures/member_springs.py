@@ -231,23 +231,24 @@ def network(structure: Any, natural_lengths: Any, **given: Any) -> Network:
         raise TensegrityError(
             f"natural_lengths {check.shown(changing)} must be a dict {{member: expression of t}}"
         )
-    for member in structure.cable_segments.cables:
-        raise TensegrityError(
-            f"cable {member} runs over nodes: such cables have statics only, bonds of a network "
-            "join two sites"
-        )
+    of = structure.cable_segments
     springs = [spring_of(structure, member) for member in range(len(structure.ends))]
     for key, expression in changing.items():
         member = structure.member_number(key)
-        springs[member] = spring_of(structure, member, True).over_time(**{NATURAL: expression})
-    at, ends, natural = structure.positions, structure.ends, structure.natural_lengths
+        wound = spring_of(structure, member, True)
+        springs[member] = wound.over_time(**{NATURAL: expression / len(of.of(member))})
+    each = range(len(springs)) if of.owner is None else of.owner.tolist()
+    at, ends = structure.positions, structure.segments
+    natural = of.each(structure.natural_lengths / of.over(np.ones(len(ends))))
+    given["cables"] = [of.of(cable).tolist() for cable in of.cables]
     if structure.has_heavy_members:
-        given["bond_mass"] = structure.member_mass
+        given["bond_mass"] = of.each(structure.member_mass)
+    springs = [springs[member] for member in each]
     return Network(at, ends, springs, lengths=natural, mass=structure.mass, **given)
 
 
 def spring_of(structure: Any, member: int, winds: bool = False) -> Potential:
-    """The spring of a member of a structure.
+    """The spring of a member of a structure, or of each segment of a cable over nodes.
 
     Parameters
     ----------
@@ -261,13 +262,18 @@ def spring_of(structure: Any, member: int, winds: bool = False) -> Potential:
     -------
     Potential
     """
-    natural, string = float(structure.natural_lengths[member]), bool(structure.is_string[member])
+    segments, string = len(structure.cable_segments.of(member)), bool(structure.is_string[member])
+    natural = float(structure.natural_lengths[member]) / segments
     length = natural if winds else float(f"{natural:.3g}")  # equal springs up to round-off
     law, keeps = structure.law.get(member), winds and bool(structure.keeps_EA[member])
+    if law is not None and segments > 1:
+        raise TensegrityError(
+            f"cable {member} over nodes has a law: in motion its tension is linear in its length"
+        )
     if law is not None and not string and not winds:
         return law
     given: dict[str, Any] = {"law": law, "member": structure.name_of(member) if winds else ""}
     if structure.buckling is not None and not string:
         given |= {"buckling": float(structure.buckling[member]), "plateau": structure.plateau}
-    stiffness = float((structure.EA if keeps else structure.stiffnesses)[member])
+    stiffness = float(structure.EA[member] if keeps else segments * structure.stiffnesses[member])
     return MemberSpring(stiffness, length, string, keeps, **given)

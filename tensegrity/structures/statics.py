@@ -19,8 +19,10 @@ import numpy as np
 from tensegrity import check, plotting
 from tensegrity.engine import forces
 from tensegrity.errors import EquilibriumError, TensegrityError
+from tensegrity.frames import Frames
 from tensegrity.minimum import complement
 from tensegrity.printing import Lines, Printed, span
+from tensegrity.structures.member_frames import swinging
 from tensegrity.structures.segments import WHOLE, Segments
 from tensegrity.structures.supports import Freedom, orthonormal
 from tensegrity.typing import Array, Flags, Indices
@@ -373,6 +375,18 @@ class StructureModes(Printed):
                 f"node {node} moves most"
             )
 
+    def _moved(self, number: int) -> tuple[Array, str]:
+        """The displacements of a mode that are shown [m], (nodes, dim), and its name."""
+        number = check.whole("number", number, least=0, below=len(self))
+        size = float(np.ptp(self.structure.positions, axis=0).max())
+        name = f"mode {number + 1} of {self.total}: {self.frequencies[number]:.6g} rad/s"
+        return SHOWN * size * self.shapes[number], name
+
+    def frames(self, number: int = 0) -> Frames:
+        """One period of a mode, by its number from 0, the largest displacement being 0.15 of the
+        size of the structure; tensions are those at rest."""
+        return swinging(self.structure, *self._moved(number))
+
     def plot(self, ax: Axes | None = None, number: int = 0) -> Axes:
         """Draw a mode: the structure, and in grey where its nodes and members move to.
 
@@ -392,14 +406,12 @@ class StructureModes(Printed):
         TensegrityError
             `ax` is not a Matplotlib axes, or there is no such mode.
         """
-        number = check.whole("number", number, least=0, below=len(self))
+        motion, name = self._moved(number)
         of = self.structure
         drawn = of.plot(ax)
-        size = float(np.ptp(of.positions, axis=0).max())
-        factor = plotting.metres(size)[0]
-        moved = factor * (of.positions + SHOWN * size * self.shapes[number])
+        factor = plotting.metres(np.ptp(of.positions, axis=0).max())[0]
+        moved = factor * (of.positions + motion)
         for ends in of.segments:
             drawn.plot(*moved[ends].T, "-", color="0.6", lw=1.0)
-        frequency = self.frequencies[number]
-        drawn.set_title(f"mode {number + 1} of {self.total}: {frequency:.6g} rad/s", fontsize=10)
+        drawn.set_title(name, fontsize=10)
         return drawn

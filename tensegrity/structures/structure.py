@@ -18,12 +18,14 @@ from numpy.typing import ArrayLike
 from tensegrity import check, plotting
 from tensegrity.checked import checked
 from tensegrity.errors import EquilibriumError, TensegrityError
+from tensegrity.frames import Frames
 from tensegrity.printing import Lines, Printed, listed, span
 from tensegrity.scenes.network import Network
 from tensegrity.scenes.walls import Wall
 from tensegrity.springs.potential import Potential
 from tensegrity.springs.power_law import PowerLaw
 from tensegrity.structures.framework import member_ends, rigid_plates
+from tensegrity.structures.member_frames import of_structure
 from tensegrity.structures.member_springs import network
 from tensegrity.structures.segments import paths
 from tensegrity.structures.settling import equilibrium_positions
@@ -307,7 +309,8 @@ class Structure(Printed, Shape):
 
         Strings carry tension only, bars tension and compression, up to their buckling load if they
         have one; both keep their masses.  They have no thickness and pass through each other.
-        Displacements are measured from the positions.
+        Displacements are measured from the positions.  A cable over nodes is a bond for each of its
+        segments, which all have its tension, after the bonds of the other members.
 
         Parameters
         ----------
@@ -354,6 +357,11 @@ class Structure(Printed, Shape):
             given["loads"] = np.zeros(self.positions.shape)
             given["loads"][:, -1] = -gravity * self.weighing_mass
         return network(self, natural_lengths, **given)
+
+    def frames(self) -> Frames:
+        """Positions, and tension, force density, slackness and stiffness of the members, as
+        `tensegrity.files.write` puts them into files; one instant."""
+        return of_structure(self)
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Bars thick, taut strings in the colours of their tension, slack strings dashed and red.

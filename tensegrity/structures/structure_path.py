@@ -7,7 +7,9 @@ from typing import Any, ClassVar
 import numpy as np
 
 from tensegrity.branches.table import Table
+from tensegrity.frames import Frames
 from tensegrity.printing import Lines, listed, span
+from tensegrity.structures.member_frames import of_members
 from tensegrity.typing import Array, Flags
 from tensegrity.unit_names import in_units
 
@@ -63,6 +65,13 @@ class StructurePath(Table):
         """Tensions of the members [N], (rows, members)."""
         count = len(self.structure.ends)
         return np.column_stack([self.columns[f"tension {m}"] for m in range(count)])
+
+    def frames(self) -> Frames:
+        """Positions, and tension, force density and slackness of the members, at each row."""
+        first = next(iter(self.columns))
+        along, title = self._heading(first), repr(self.structure)
+        at = self.columns[first], self.positions, self.tensions, self.slack
+        return of_members(self.structure, title, along, *at)
 
     def _heading(self, name: str) -> str:
         """What a column holds, and its unit; a member's tension by the name of the member."""
