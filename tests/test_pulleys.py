@@ -272,9 +272,10 @@ def test_what_is_no_cable_is_refused():
     with pytest.raises(TensegrityError, match="two pulleys run together: nodes 2 and 3 of cable 1"):
         Structure(same, bars=[(0, 2)], cables=[(0, 1, 2, 3, 0)])
     s = double_bar()
-    shape = Structure([(0, 0), (1, 0), (0.2, 0.7)], bars=[(0, 1)], cables=[(0, 2, 1)])
-    with pytest.raises(TensegrityError, match="nearest form is found without them"):
-        shape.nearest_form()
+    with pytest.raises(
+        TensegrityError, match=r"string_mass 0\.3: there are no strings: cables over"
+    ):
+        Structure([(0, 0), (4, 0), (2, -1)], cables=[(0, 2, 1)], string_mass=0.3)
     assert "1 cable" in repr(s)
     assert s.name_of(4) == "cable 4"
     assert (s.bars, s.strings, len(s.cables)) == (2, 2, 1)
@@ -481,3 +482,22 @@ def test_networks_of_cables_are_stored_and_refuse_what_acts_on_single_bonds(tmp_
         simulate(run.scene, run.scene.at_rest(), 0.1, dt=1e-3, method="midpoint")
     with pytest.raises(TensegrityError, match="tangent stiffness of a network: not for cables"):
         run.scene.stiffness(run.u[0])
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_the_nearest_form_of_a_cable_is_no_farther_than_those_found_from_around(dim, rng):
+    """Of the cross whose strings are two cables over its nodes."""
+    square = np.pad(np.array(SQUARE, dtype=float), [(0, 0), (0, dim - 2)])
+
+    def made(x):
+        return Structure(x, bars=BARS, cables=[(0, 1, 2), (2, 3, 0)])
+
+    given = square + 0.02 * rng.normal(size=square.shape)
+    assert not len(made(given).self_stress().states)
+    near = made(given).nearest_form()
+    assert len(near.self_stress().states) == 1
+    distance = np.linalg.norm(near.positions - given)
+    assert 1e-3 < distance < 0.1
+    for _ in range(4):
+        other = made(given + 0.3 * distance * rng.normal(size=given.shape)).nearest_form()
+        assert np.linalg.norm(other.positions - given) > distance

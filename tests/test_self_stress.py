@@ -395,8 +395,14 @@ def test_a_lattice_says_whether_its_state_stiffens_its_mechanisms():
         (lambda s: s.self_stress("held"), "made by held"),
         (lambda s: s.prestressed(tension={}, supports=held([0, 3])), "must be a dict {member"),
         (lambda s: s.prestressed(tension={0: np.nan}, supports=held([0, 3])), "tension of string"),
-        (lambda s: s.prestressed(tension={0: -1.0}, supports=held([0, 3])), "do not push"),
-        (lambda s: s.prestressed(tension={0: 1e3}, supports=held([0, 3])), "must be below its"),
+        (
+            lambda s: s.prestressed(tension={0: -1.0}, supports=held([0, 3])),
+            "tension -1 N of string . must be at least 0: strings do not push",
+        ),
+        (
+            lambda s: s.prestressed(tension={0: 1e3}, supports=held([0, 3])),
+            "tension 1000 N of string . must be below its stiffness times its length, ",
+        ),
         (lambda s: s.prestressed(tension={0: 1.0}), "no self-stress"),
         (lambda s: s.prestressed([1, 1, 1], supports=held([0, 3])), "are no self-stress"),
         (lambda s: s.prestressed(tension={0: 1}, prestrain={0: 1}), "give one of force_densities"),

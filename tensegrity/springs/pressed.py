@@ -59,7 +59,9 @@ def rest_overlaps(springs: Springs) -> Array:
     return rest[springs.group] if len(rest) else rest
 
 
-def crossing(potential: Potential, value: Callable[[Array], Array], level: float) -> float | None:
+def crossing(
+    potential: Potential, value: Callable[[Array], Array], level: float, side: int = -1
+) -> float | None:
     """The least overlap in the domain beyond which a value exceeds a level.
 
     Parameters
@@ -67,6 +69,8 @@ def crossing(potential: Potential, value: Callable[[Array], Array], level: float
     potential : Potential
     value : callable overlaps [m] -> values
     level : float
+    side : {-1, 1}, optional
+        Sign of the elongations that are counted; of overlaps -1.
 
     Returns
     -------
@@ -75,7 +79,7 @@ def crossing(potential: Potential, value: Callable[[Array], Array], level: float
     """
     from scipy.optimize import brentq
 
-    deepest = np.nextafter(-potential.domain[0], 0.0)
+    deepest = np.nextafter(side * potential.domain[side > 0], 0.0)
     overlaps = np.append(OVERLAPS[deepest > OVERLAPS], min(deepest, 2 * OVERLAPS[-1]))
     values = value(overlaps)
     above = np.flatnonzero(values > level)

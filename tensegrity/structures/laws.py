@@ -19,6 +19,7 @@ from tensegrity.errors import LockingError, TensegrityError
 from tensegrity.springs.collection import Springs
 from tensegrity.springs.kinks import TAUT
 from tensegrity.springs.potential import Potential
+from tensegrity.springs.pressed import crossing
 from tensegrity.typing import Array, Flags, Indices
 
 SMOOTH = 2.0  # exponent from which a term of the tension leaves the stiffness smooth
@@ -186,6 +187,35 @@ class Laws:
                 self.of[member].energy(float(r[member]))
             except LockingError as error:
                 raise LockingError(f"{name_of(member)}: {error}") from None
+
+
+def elongation_under(law: Potential, tension: float, name: str) -> float:
+    """The elongation of least size at which a law has a tension.
+
+    Parameters
+    ----------
+    law : Potential
+    tension : float
+        [N]
+    name : str
+        Of the member, for messages.
+
+    Returns
+    -------
+    float
+        [m]
+
+    Raises
+    ------
+    TensegrityError
+        A tension that the law never has.
+    """
+    side = 1 if tension > 0 else -1
+    values = lambda x: side * law.derivative(1, side * x)  # noqa: E731
+    found = crossing(law, values, abs(tension), side) if tension else 0.0
+    if found is None:
+        raise TensegrityError(f"tension {tension:.6g} N of {name} is never reached by its law")
+    return side * found
 
 
 def laws_of(given: Any, strings: Flags, name_of: Any) -> dict[int, Potential]:

@@ -47,6 +47,13 @@ class Masses(ReadOnly):
 
     def _set_masses(self, mass: Any, bar_mass: Any, string_mass: Any) -> None:
         """Set the masses of nodes and members, checked."""
+        for name, given, count, kind in (
+            ("bar_mass", bar_mass, self.bars, "bars"),
+            ("string_mass", string_mass, self.strings, "strings"),
+        ):
+            if given is not None and not count and np.any(given):
+                cables = ": cables over nodes have no mass" * bool(len(self.cables))
+                raise TensegrityError(f"{name} {check.shown(given)}: there are no {kind}{cables}")
         each = [
             positive_for_each(name, 0.0 if given is None else given, count, "kg", zero=True)
             for name, given, count in (

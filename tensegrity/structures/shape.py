@@ -18,6 +18,7 @@ from tensegrity.checked import checked
 from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.structures import statics
 from tensegrity.structures.framework import Framework
+from tensegrity.structures.laws import elongation_under
 from tensegrity.structures.statics import SelfStress
 from tensegrity.structures.supports import Freedom, Supports
 from tensegrity.typing import Array
@@ -144,9 +145,8 @@ class Shape(Framework):
         """
         if len(self.self_stress(supports).states):
             return self
-        if len(self.cable_segments.cables):
-            raise TensegrityError("cables run over nodes: the nearest form is found without them")
-        near = statics.nearest_form(self.positions, self.ends, self.freedom(supports))
+        freedom, cables = self.freedom(supports), self.cable_segments
+        near = statics.nearest_form(self.positions, self.segments, freedom, cables)
         return self.at(near, natural_lengths=None)
 
     @checked
@@ -180,7 +180,8 @@ class Shape(Framework):
         Raises
         ------
         TensegrityError
-            If not exactly one of the three is given, or a value is outside its bounds.
+            If not exactly one of the three is given, or a value is outside its bounds, or the law
+            of a member never has its tension.
         EquilibriumError
             If the shape has no self-stress, the force densities are not in equilibrium, a string
             would be compressed, or a bar would buckle.
@@ -221,35 +222,45 @@ def prestress(
     """
     if sum(x is not None for x in (force_densities, prestrain, tension)) != 1:
         raise TensegrityError("give one of force_densities, prestrain and tension")
-    for member in shape.law:
-        raise TensegrityError(
-            f"{shape.name_of(member)} has a law: give natural_lengths, prestress finds those of "
-            "linear members only"
-        )
     if force_densities is None:
         q = _of_given(shape, stress(), prestrain, tension)
     else:
         q = _checked(force_densities, matrix())
+    what, unit, size = "force density", "N/m", np.ones(len(q))
+    if tension is not None:
+        what, unit, size = "tension", "N", shape.lengths
     pushed = np.where(shape.is_string, q, 0.0)
     worst = int(pushed.argmin())
     if pushed[worst] < -SAME * np.abs(q).max():
         raise EquilibriumError(
-            f"force density {q[worst]:.6g} N/m of {shape.name_of(worst)} must be at least 0: "
-            "strings do not push"
+            f"{what} {q[worst] * size[worst]:.6g} {unit} of {shape.name_of(worst)} must be at "
+            "least 0: strings do not push"
         )
     kept = shape.keeps_EA
     least = np.where(kept, -shape.EA, -np.inf)
     strain = np.divide(q * shape.lengths, shape.EA, where=kept, out=np.zeros_like(q))
     with np.errstate(divide="ignore"):
         natural = shape.lengths * np.where(kept, 1 / (1 + strain), 1 - q / shape.stiffnesses)
-    bad = np.flatnonzero(~((natural > 0) & (q * shape.lengths > least) | (shape.lengths == 0)))
-    if bad.size:
-        number = int(bad[0])
-        bound = f"below its stiffness {shape.stiffnesses[number]:g} N/m"
-        if kept[number]:
-            bound = f"above -EA over its length, {-shape.EA[number] / shape.lengths[number]:g} N/m"
+    for n, law in shape.law.items():
+        longer = elongation_under(law, q[n] * shape.lengths[n], shape.name_of(n))
+        natural[n] = shape.lengths[n] - longer
+    wrong = ~((natural > 0) & (q * shape.lengths > least) | (shape.lengths == 0))
+    for n in [n for n in shape.law if wrong[n]]:
         raise TensegrityError(
-            f"force density {q[number]:.6g} N/m of {shape.name_of(number)} must be {bound}"
+            f"tension {q[n] * shape.lengths[n]:.6g} N of {shape.name_of(n)} makes its law longer "
+            f"by {shape.lengths[n] - natural[n]:.6g} m, must be below its length "
+            f"{shape.lengths[n]:.6g} m"
+        )
+    bad = np.flatnonzero(wrong)
+    if bad.size:
+        number, times = int(bad[0]), "" if tension is None else " times its length"
+        most, least = (x[number] * size[number] for x in (shape.stiffnesses, least / shape.lengths))
+        bound = f"below its stiffness{times}, {most:g} {unit}"
+        if kept[number]:
+            bound = f"above -EA{' over its length' * (not times)}, {least:g} {unit}"
+        raise TensegrityError(
+            f"{what} {q[number] * size[number]:.6g} {unit} of {shape.name_of(number)} must be "
+            f"{bound}"
         )
     made = shape.at(shape.positions, natural_lengths=natural)
     for n in np.flatnonzero(made.buckled):
@@ -302,7 +313,8 @@ def _of_given(structure: Any, stress: SelfStress, prestrain: Any, tension: Any) 
          for n, x in zip(numbers, given.values(), strict=True)]
     )  # fmt: skip
     part = stress.states[:, numbers].T
-    if np.linalg.cond(part) > 1e10:
+    sizes = np.linalg.svd(part, compute_uv=False)
+    if sizes[-1] < 1e-10 * np.abs(stress.states).max():
         raise TensegrityError(
             f"the {name}s of {kind}s {', '.join(map(str, numbers))} do not determine the "
             "self-stress: choose others"
@@ -310,9 +322,14 @@ def _of_given(structure: Any, stress: SelfStress, prestrain: Any, tension: Any) 
     if prestrain is None:
         wanted = values / structure.lengths[numbers]
     else:
+        lengths = structure.lengths[numbers]
         wanted = np.where(
             structure.keeps_EA[numbers],
-            structure.EA[numbers] * values / structure.lengths[numbers],
+            structure.EA[numbers] * values / lengths,
             structure.stiffnesses[numbers] * values / (1 + values),
         )
+        for k, n in enumerate(numbers):
+            if n in structure.law:
+                longer = lengths[k] * values[k] / (1 + values[k])
+                wanted[k] = float(structure.law[n].tension(longer)) / lengths[k]
     return np.asarray(np.linalg.solve(part, wanted) @ stress.states)

@@ -286,10 +286,14 @@ def free_motions(matrix: Array, rigid: Array, length: float) -> Array:
     return np.asarray(complement(orthonormal(free.T @ rigid)).T @ free.T)
 
 
-def nearest_form(positions: Array, ends: Indices, freedom: Freedom) -> Array:
+def nearest_form(
+    positions: Array, ends: Indices, freedom: Freedom, segments: Segments = WHOLE
+) -> Array:
     """The nearest positions that admit a self-stress.
 
     Newton's method on A(x) q = 0, |q| = 1; each step makes the distance from the given shape least.
+    Each segment of a cable over nodes, along a unit vector u, changes the forces by its tension
+    times (I - u u^T)/length.
 
     Parameters
     ----------
@@ -298,6 +302,8 @@ def nearest_form(positions: Array, ends: Indices, freedom: Freedom) -> Array:
     ends : ndarray of int, (members, 2)
     freedom : Freedom
         The motions by which the positions may change.
+    segments : Segments, optional
+        As of `equilibrium_matrix`.
 
     Returns
     -------
@@ -308,13 +314,14 @@ def nearest_form(positions: Array, ends: Indices, freedom: Freedom) -> Array:
     ------
     EquilibriumError
     """
-    dim, members, motions = positions.shape[1], len(ends), freedom.motions
-    start = equilibrium_matrix(positions, ends)
+    motions = freedom.motions
+    start = equilibrium_matrix(positions, ends, segments=segments)
+    members = start.shape[1]
     q = np.linalg.svd(motions.T @ start)[2][members - 1]
     x, size = positions, np.linalg.norm(start)
     for _ in range(STEPS):
-        matrix = motions.T @ equilibrium_matrix(x, ends)
-        blocks = forces.of_both_ends(q[:, None, None] * np.eye(dim))
+        matrix = motions.T @ equilibrium_matrix(x, ends, segments=segments)
+        blocks = forces.of_both_ends(_blocks(x, ends, segments, q))
         # of A(x) q in x
         slope = freedom.reduced(forces.assembled(ends[:, 0], ends[:, 1], blocks, len(x))).toarray()
         # a change of q orthogonal to q compensates all but this component of the residual
@@ -325,13 +332,28 @@ def nearest_form(positions: Array, ends: Indices, freedom: Freedom) -> Array:
         new = positions + (motions @ target).reshape(x.shape)
         change = np.linalg.norm(new - x)
         x = new
-        q = np.linalg.svd(motions.T @ equilibrium_matrix(x, ends))[2][members - 1]
+        q = np.linalg.svd(motions.T @ equilibrium_matrix(x, ends, segments=segments))[2][
+            members - 1
+        ]
         if change <= SETTLED * size:
             return x
     raise EquilibriumError(
         f"no shape with self-stress found near the given one: the last of {STEPS} steps moved "
         f"{change:.3g} m"
     )
+
+
+def _blocks(x: Array, ends: Indices, segments: Segments, q: Array) -> Array:
+    """How the force of each segment changes with the difference of its ends at constant q, but for
+    changes along the columns of A, (segments, dim, dim)."""
+    blocks = segments.each(q)[:, None, None] * np.eye(x.shape[1])
+    if segments.owner is None:
+        return np.asarray(blocks)
+    d = x[ends[:, 1]] - x[ends[:, 0]]
+    lengths = np.linalg.norm(d, axis=1)
+    density = segments.each(q * segments.over(lengths)) / lengths
+    turning = forces.tangents(d / lengths[:, None], np.zeros(len(d)), density)
+    return np.where(segments.shared[:, None, None], turning, blocks)
 
 
 SHOWN = 0.15  # of the size of the structure: the largest displacement in a picture
