@@ -257,7 +257,7 @@ def _tangents(scene: Scene, tangent: State | None, seed: int) -> Array:
     else:
         check.kind("tangent", tangent, State)
         if tangent.u.shape != scene.shape:
-            raise TensegrityError(f"tangent has shape {tangent.u.shape}, the {scene._shape_text}")
+            raise TensegrityError(f"tangent has shape {tangent.u.shape}, must be {scene.shape}")
         given = np.stack([tangent.u, tangent.v])[None].reshape(1, 2, scene.sites, scene.dim)
     given[:, :, list(scene.held)] = 0.0
     size = np.sqrt(np.sum(given**2, axis=(1, 2, 3)))

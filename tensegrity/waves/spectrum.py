@@ -102,7 +102,12 @@ class Modes(Printed):
         >>> modes(chain, count=4).energies(chain.at_rest({0: 2.0})).sum().round(9)
         2.0
         """
-        u, v = self.scene._checked_rows(motion)
+        if not isinstance(motion, Motion):
+            raise TensegrityError(f"motion {check.shown(motion)} is neither a State nor a Run")
+        u = check.rows("displacements", motion.u, self.scene.shape)
+        v = check.rows("velocities", motion.v, u.shape[u.ndim - len(self.scene.shape) :])
+        if u.shape != v.shape:
+            raise TensegrityError(f"displacements have shape {u.shape}, velocities {v.shape}")
         rows, shapes = (*u.shape[: u.ndim - len(self.scene.shape)], -1), self.shapes
         shapes = shapes.reshape(len(self), -1).T
         along = [dynamics(self.scene).momenta(x).reshape(rows) @ shapes for x in (u, v)]
