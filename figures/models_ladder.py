@@ -1,7 +1,6 @@
 """For each accuracy there is a simplest sufficient model, far cheaper than the largest."""
 
 import math
-import time
 
 import numpy as np
 
@@ -10,7 +9,7 @@ from figures._limits import moved, stepped
 from figures._nodes import Nodes
 from granular import chain as bead_chain
 from granular import hertz, simulate, y_guide
-from tensegrity import Chain, Polynomial, PowerLaw, Prism
+from tensegrity import Chain, Polynomial, PowerLaw, Prism, compare_models
 
 NAME = "models_ladder"
 GROUP = "models"
@@ -18,7 +17,6 @@ GROUP = "models"
 FLOOR = 1e-15  # smallest error that is drawn
 
 LEVELS = (1e-2, 1e-4, 1e-8)
-REPEATS, LONG = 5, 3.0  # runs that a median is of, and seconds from which one run has to do
 ELASTIC = Prism(base=1.0, height=0.8, prestrain=0.02, k_cross=1.0, k_base=1000.0, k_bar=10000.0)
 RIGID = Prism(ELASTIC.base, ELASTIC.height, ELASTIC.prestrain, ELASTIC.k_cross)
 FITS = (1e-3, 1e-6, 1e-10)  # errors of polynomials, relative to the largest tension
@@ -29,16 +27,6 @@ GUIDES = {"stem": 110e-6, "stem_and_junction": 250e-6}  # durations [s]
 LOADED = np.linspace(0.0, -0.035, 200)  # elongations of the prism under load [m]
 
 
-def timed(work):
-    """What `work()` returns, and the median of the seconds it takes, warm if it is short."""
-    seconds = []
-    while len(seconds) <= REPEATS and not (seconds and seconds[0] > LONG):
-        start = time.perf_counter()
-        found = work()
-        seconds.append(time.perf_counter() - start)
-    return found, float(np.median(seconds[1:] or seconds))
-
-
 def ladder(models, reference):
     """Errors of models, relative to the largest of the reference, and times over the slowest.
 
@@ -47,13 +35,12 @@ def ladder(models, reference):
     models : dict of str to callable
         Each returns what `reference` is: an array.
     """
-    pairs = [timed(work) for work in models.values()]
-    scale = np.max(np.abs(reference))
-    slowest = max(seconds for _, seconds in pairs)
+    *rows, _ = compare_models(models | {"reference": lambda: reference}).rows
+    slowest = max(row.seconds for row in rows)
     return {
-        "model": list(models),
-        "error": np.array([np.max(np.abs(found - reference)) / scale for found, _ in pairs]),
-        "time": np.array([seconds / slowest for _, seconds in pairs]),
+        "model": [row.model for row in rows],
+        "error": np.array([row.error for row in rows]),
+        "time": np.array([row.seconds / slowest for row in rows]),
     }
 
 

@@ -45,6 +45,7 @@ from .orbits.lyapunov import lyapunov
 from .orbits.orbit import periodic_orbit
 from .orbits.path import orbit_path
 from .orbits.stability import floquet
+from .precision.models import compare_models, prism_models
 from .precision.result import WorkPrecision
 from .precision.work import work_precision
 from .printing import units
@@ -131,6 +132,7 @@ __all__ = [
     "bond_force",
     "budget",
     "catalogue",
+    "compare_models",
     "control_path",
     "decay",
     "directions",
@@ -161,6 +163,7 @@ __all__ = [
     "phase_shift",
     "plates",
     "predict",
+    "prism_models",
     "prove",
     "pulses",
     "read_curve",

@@ -221,6 +221,10 @@ def in_a_run(kind):
 CALLS = [  # where other arguments are needed, or several in one call
     (ts.Prism.from_members, {"cross": 0.13, "base": 0.08, "bar": 0.1623, "k_cross": 19192.7,
                           "k_base": 31188.2, "k_bar": 4.7e7, "sides": 3}),
+    (ts.compare_models, {"models": {"one": float}, "quantity": float, "reference": "one",
+                         "record": ts.Record()}),
+    (ts.prism_models, {"prism": ELASTIC, "count": 2, "speed": 0.01, "mass": 1.0, "gyration": 0.5,
+                       "bars": 0.2}),
     (ts.work_precision, {"scene": LINE, "state": LINE.at_rest({0: 0.01}), "t_end": 1.0,
                          "methods": ["verlet"], "peers": [], "reference": LINE.at_rest(),
                          "seconds": 0.5}),

@@ -46,7 +46,7 @@ LATER |= {"transition_wave", "units"}
 LATER |= {"lyapunov", "periodic_wave", "shock", "spectrum"}
 LATER |= {"PairLattice", "PairLaw", "prove", "verify"}
 LATER |= {"Force", "carretero_gonzalez", "hunt_crossley", "kuwabara_kono", "viscous"}
-LATER |= {"WorkPrecision", "compare_models", "work_precision"}
+LATER |= {"WorkPrecision", "compare_models", "prism_models", "work_precision"}
 LATER |= {"dmt", "tsuji"}
 HELD = Path(__file__).parent / "interface.txt"
 

@@ -9,12 +9,6 @@ from figures.models_ladder import ELASTIC, enough, guide, ladder, under_load
 from tensegrity import EquilibriumError, Prism
 
 
-@pytest.fixture(autouse=True)
-def untimed(monkeypatch):
-    """Each model runs once only."""
-    monkeypatch.setattr(models_ladder, "REPEATS", 0)
-
-
 def errors(one):
     return dict(zip(one["model"], one["error"], strict=True))
 

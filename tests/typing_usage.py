@@ -430,6 +430,8 @@ def protectors(bead: granular.Bead) -> list[granular.Bead]:
     compared = ts.work_precision(chain, chain.at_rest({0: 1.0}), 5.0, ["verlet"], ["dop853"])
     assert_type(compared, ts.WorkPrecision)
     assert_type(compared.best(1e-3).evaluations, int)
+    models = ts.prism_models(ts.Prism(1.0, 0.7, 0.1, 1.0, 5.0, 50.0), 3, 0.02)
+    assert_type(ts.compare_models(models, max, 1.0).simplest(0.01).seconds, float)
     assert_type(ts.sweep(abs, [1, 2], checkpoint="sweep.npz"), list[Any])
     return best.beads
 

@@ -99,7 +99,7 @@ class Modes(Printed):
         --------
         >>> from tensegrity import Chain, PowerLaw, modes
         >>> chain = Chain(PowerLaw(1.0, 1.0), sites=4, ends="periodic")
-        >>> modes(chain, count=4).energies(chain.at_rest({0: 2.0})).sum().round(9)
+        >>> print(modes(chain, count=4).energies(chain.at_rest({0: 2.0})).sum().round(9))
         2.0
         """
         if not isinstance(motion, Motion):
