@@ -13,14 +13,20 @@ def frames(path, rows):
     s, along, members = path.structure, next(iter(path.columns)), []
     for number, row in enumerate(np.asarray(rows).tolist()):
         x = path.positions[row] - [0, 0, path.positions[row, :, 2].min()]  # on the ground
-        for member, ends in enumerate(s.ends.tolist()):
-            members.append({
-                "frame": number, along: float(path.columns[along][row]),
-                **dict(zip(ENDS, x[ends].ravel().tolist(), strict=True)),
-                "tension": float(path.tensions[row, member]),
-                "slack": bool(path.slack[row, member]), "string": bool(s.is_string[member]),
-            })  # fmt: skip
+        members += [
+            line(number, along, path.columns[along][row], s, member, x, path.tensions[row, member],
+                 path.slack[row, member]) for member in range(len(s.ends))
+        ]  # fmt: skip
     return side_by_side(members)
+
+
+def line(frame, along, value, s, member, x, tension, slack):
+    """The line of a member of a structure with nodes at x [m] in the table of all frames."""
+    return {
+        "frame": frame, along: float(value),
+        **dict(zip(ENDS, x[s.ends[member]].ravel().tolist(), strict=True)),
+        "tension": float(tension), "slack": bool(slack), "string": bool(s.is_string[member]),
+    }  # fmt: skip
 
 
 def show(axes, table, frame=0):
@@ -42,7 +48,10 @@ def show(axes, table, frame=0):
     largest = tension[string].max()
     styles = {"color": "0.15", "lw": 2.6}, {"lw": 1.4}, {"color": "0.6", "lw": 1.0, "ls": "--"}
     kinds = [axes.add_collection(Line3DCollection([], **one), autolim=False) for one in styles]
-    wide, unit = 1.05 * np.abs(ends[..., :2]).max(), " m" if along == "shortening" else ""
+    wide, unit = (
+        1.05 * np.abs(ends[..., :2]).max(),
+        {"shortening": " m", "time": " s"}.get(along, ""),
+    )
     low, high = ends[..., 2].min(), ends[..., 2].max()
     axes.set(xlim=(-wide, wide), ylim=(-wide, wide), zlim=(low, high), xlabel="x [m]",
              ylabel="y [m]", zlabel="z [m]")  # fmt: skip

@@ -19,6 +19,7 @@ from .errors import (
 )
 from .files.records import read_record
 from .gradients.compute import gradient
+from .gradients.fit_run import fit_run
 from .lattices.bands import bands
 from .lattices.bloch import PairLattice
 from .lattices.lattice import Lattice
@@ -145,6 +146,7 @@ __all__ = [
     "files",
     "first_peak",
     "fit",
+    "fit_run",
     "floquet",
     "genuine",
     "gradient",

@@ -82,6 +82,7 @@ def test_a_number_is_read_with_its_error(tmp_path):
 
 FAMILIES = {  # pictures of numbers from exact waves, fits to several runs, or derivations
     "solitary_errors", "wave_supercompact", "softening_families", "granular_uniform", "composite",
+    "proven_waves",
 }  # fmt: skip
 FOLLOWED = {*claims_inputs.CASES, "composite_spread"}
 ABOUT = ("Solitary waves on tensegrity chains", "Softening and composite chains",

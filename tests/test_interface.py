@@ -38,7 +38,7 @@ LATER = {
     "transmission",
 }
 LATER |= {"Scatter", "robustness"}
-LATER |= {"TimeSeries", "read_record"}
+LATER |= {"TimeSeries", "fit_run", "read_record"}
 LATER |= {"Formula", "Member", "Unit"}
 LATER |= {"Lattice", "Matrix", "bands", "decay", "effective_mass", "moduli", "sheath"}
 LATER |= {"floquet", "orbit_path", "periodic_orbit"}

@@ -21,6 +21,7 @@ BASE = [
     "check",
     "checked",
     "columns",
+    "likelihood",
     "once",
     "readonly",
     "root",

@@ -10,7 +10,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
 from derivations import waves
-from figures import solitary_errors, solitary_families
+from figures import proven_waves, solitary_errors, solitary_families
 from tensegrity import Prism, predict, solitary_wave, tent
 from tensegrity.waves.curve import largest_speed
 
@@ -79,3 +79,15 @@ def test_largest_speed_agrees_at_two_resolutions_and_follows_the_two_body_estima
         locking = float(spring.energy(spring.domain[0]))
         values = {waves.mass: 1.0, waves.stroke: -spring.domain[0], waves.locking_energy: locking}
         assert 0.85 < fine / float(waves.largest_speed().subs(values)) < 1
+
+
+@pytest.mark.slow
+def test_proofs_reach_round_off_and_terms_have_their_orders(monkeypatch):
+    pytest.importorskip("flint")
+    few = {name: (prism, ratios[1:2]) for name, (prism, ratios) in proven_waves.PRISMS.items()}
+    monkeypatch.setattr(proven_waves, "PRISMS", few)
+    tables = proven_waves.data()
+    assert all(max(tables[name]["radius"]) < 1e-11 for name in few)
+    orders = [row["measured"] for row in proven_waves.table(tables)][3:]
+    assert list(map(float, orders)) == pytest.approx([2, 4, 6], abs=0.02)
+    assert drawn(proven_waves, tables)[0] == "speed over that of sound"

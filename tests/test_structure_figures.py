@@ -14,6 +14,7 @@ from figures import (
     structures_landing,
     structures_lattices,
     structures_plates,
+    structures_robot,
     structures_struck,
 )
 from tensegrity import (
@@ -313,6 +314,19 @@ def test_a_higher_fall_presses_less_where_fewer_nodes_press_at_once(monkeypatch)
     finer = picture.peaks(1.5)
     for name in ("floor [N]", "node [N]", "bar [N]"):
         assert finer[name] == pytest.approx(low[name], rel=1e-3)
+
+
+def test_a_robot_gains_the_work_of_its_winches_above_one_place():
+    picture = structures_robot
+    s, wound = picture.robot()
+    run = picture.moved(0.5, 1 / 2048, 512)
+    assert (len(wound), run.work[-1] > 40) == (16, True)
+    assert run.energy - run.energy[0] == pytest.approx(run.work, abs=2e-4)
+    middle = picture.centre(s, run)
+    assert np.abs(middle - middle[0])[:, :2].max() < 1e-14
+    floor = run.scene.wall_load(run.u).sum(axis=1)
+    assert floor.max() > 5 * 9.81 * s.weighing_mass.sum()
+    assert (floor[len(floor) // 2 :] == 0).any()
 
 
 @pytest.mark.parametrize("sectors", [5, 8, 12])

@@ -399,6 +399,10 @@ def sensed(run: ts.Run) -> Array:
     assert_type(ts.arrival(series, after=0.1) + ts.speed((series, series), 0.1), float)
     ts.Drive(force=series)
     ts.arrival(series, 3)  # type: ignore[call-overload]
+    sensors = {ts.objective.load(bond=1): series}
+    fitted = ts.fit_run(sensors, lambda k: ts.Chain(ts.PowerLaw(k, 1.5), 3), {"k": 1.0}, dt=0.1)
+    assert_type(fitted.intervals(level=0.9), dict[str, tuple[float, float]])
+    assert_type(fitted.residuals, tuple[Array, ...])
     ts.first_peak(run)  # type: ignore[arg-type]
     granular.sensor_force(run, 3, "stem 1")  # type: ignore[call-overload]
     granular.energies(run.final)  # type: ignore[arg-type]

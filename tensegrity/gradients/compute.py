@@ -150,17 +150,43 @@ def gradient(
     if not isinstance(scene, HasDynamics):
         raise TensegrityError(f"scene {check.shown(scene)} is not a scene, such as a Chain")
     scene.check(state)
-    driven = dynamics(scene).is_driven
-    method = methods.default(dt, None, False, driven) if method is None else method
-    splitting = _with_rates(method) if driven else _splitting(method)
     for one in objectives:
         if one.latest > t_end * (1 + 1e-12):
             raise TensegrityError(f"{one!r} needs {one.latest:g} s, the run ends at {t_end:g} s")
     native.require()
-    task = _Task(objectives, t_end, dt, splitting, wanted, checkpoints)
+    task = _Task(objectives, t_end, dt, _stepping(scene, method, dt), wanted, checkpoints)
     with one_bar("step"):
         results = (_of_batch if isinstance(scene, Ensemble) else _of_scene)(task, scene, state)
     return results if many else results[0]
+
+
+def traces_of(
+    traces: tuple[Trace, ...], scene: Any, state: State, t_end: float, method: Any, dt: float
+) -> tuple[Array, Array]:
+    """Traces of the run that `gradient` does.
+
+    Parameters
+    ----------
+    traces, scene, state, t_end, method, dt
+        As of `gradient`.
+
+    Returns
+    -------
+    t, y : ndarray, (steps + 1,), (traces, steps + 1)
+    """
+    scene.check(state)
+    task = _Task((), t_end, dt, _stepping(scene, method, dt), (), None)
+    _, _, forced, layout = _prepared(task, scene, traces)
+    samples = TraceSamples(scene, layout, traces)
+    _, forward, t = _sampled(task, scene, state, samples, forced, (0, _steps(task)[0]))
+    return t, samples.values(forward.rows, forward.closing)
+
+
+def _stepping(scene: Any, method: Any, dt: float) -> Any:
+    """The method, once it is found to have gradients of the scene."""
+    driven = dynamics(scene).is_driven
+    method = methods.default(dt, None, False, driven) if method is None else method
+    return _with_rates(method) if driven else _splitting(method)
 
 
 def _splitting(method: str | methods.Method) -> methods.Splitting:
@@ -243,33 +269,23 @@ def _of_scene(task: _Task, scene: Any, state: Any) -> list[Gradient]:
         f"traces of {steps} steps at {len(samples.places)} places",
         8.0 * (last - first + 1) * (len(samples.places) * (1 + len(windows)) + len(traces)),
     )
-    every = task.checkpoints
-    states = STATES if every is None else max(STATES, math.isqrt(steps // every + 1))
-    record = Record(every=max(1, -(-steps // ROWS)))
-    bind = bind_driven if forced else None  # without the corrections at the onset of contacts
-    problem = Problem(scene, state, task.t_end, task.method, record, bind=bind)
-    stride = max(1, -(-steps // states))
-    stride = min(stride, forced.stride if forced else stride)
-    forward = Forward(problem, steps, samples, (first, last), stride)
-    run = forward.run()
-    if not run.complete:
-        raise KeyboardInterrupt
-    t = dt * np.arange(first, last + 1, dtype=float)
-    if forced:
-        forced.complete(samples, t, forward.rows)
+    run, forward, t = _sampled(task, scene, state, samples, forced, (first, last))
     sampled = forward.rows, forward.closing
     values, slopes = _valued(task, traces, t, samples.values(*sampled), windows, first)
     each = [samples.pullback(one, *sampled) for one in slopes]
     by_rows, p, g, m, w = map(np.array, zip(*each, strict=True))
-    cotangents = _cotangents(forced, by_rows, samples, first)
+    if forced:
+        forced.withdraw(by_rows)
+    cotangents = OutputCotangents(by_rows, samples.places, samples.u_count, first)
     back = forced or Backward(layout, task.method, dt, len(windows))
-    more = (len(windows),) if forced else (forward.recompute, every)
+    more = (len(windows),) if forced else (forward.recompute, task.checkpoints)
     back.go(forward.states, cotangents, *more)
     p += back.totals.p
     g += back.totals.g
     w += back.totals.w.reshape(*w.shape, -1).sum(axis=-1)
     u, v = (x.reshape(len(x), *scene.shape).copy() for x in (back.u, back.v))
-    mass = m - _by_masses(layout, w, of.inverse_mass)
+    heavy = layout.bonds.coupling is not None  # the sums are by masses, else by their inverses
+    mass = m - (w if heavy else w * of.inverse_mass**2)
     for array in (u, v, mass):
         array[:, list(scene.held)] = 0
     return [
@@ -282,17 +298,25 @@ def _of_scene(task: _Task, scene: Any, state: Any) -> list[Gradient]:
     ]  # fmt: skip
 
 
-def _by_masses(layout: Layout, w: Array, inverse_mass: Array) -> Array:
-    """Minus the derivatives by masses at sites, from what the reverse loop sums: derivatives by
-    inverse masses, but for bonds with mass these themselves."""
-    return w * inverse_mass**2 if layout.bonds.coupling is None else w
-
-
-def _cotangents(forced: Any, by_rows: Array, samples: Any, first: int) -> OutputCotangents:
-    """Derivatives by what moves freely, from those by rows of samples, which are changed."""
+def _sampled(
+    task: _Task, scene: Any, state: Any, samples: Any, forced: Any, window: tuple[int, int]
+) -> tuple[Any, Forward, Array]:
+    """The run, its samples at the steps of a window, and the instants of these."""
+    (steps, dt), every = _steps(task), task.checkpoints
+    states = STATES if every is None else max(STATES, math.isqrt(steps // every + 1))
+    record = Record(every=max(1, -(-steps // ROWS)))
+    bind = bind_driven if forced else None  # without the corrections at the onset of contacts
+    problem = Problem(scene, state, task.t_end, task.method, record, bind=bind)
+    stride = max(1, -(-steps // states))
+    stride = min(stride, forced.stride if forced else stride)
+    forward = Forward(problem, steps, samples, window, stride)
+    run = forward.run()
+    if not run.complete:
+        raise KeyboardInterrupt
+    t = dt * np.arange(window[0], window[1] + 1, dtype=float)
     if forced:
-        forced.withdraw(by_rows)
-    return OutputCotangents(by_rows, samples.places, samples.u_count, first)
+        forced.complete(samples, t, forward.rows)
+    return run, forward, t
 
 
 def _valued(

@@ -262,7 +262,7 @@ def misfit(trace: Trace, t: ArrayLike, values: ArrayLike) -> Objective:
     times, wanted = t.copy(), values.copy()
 
     def rule(t: Any, y: Any) -> Any:
-        first, weights = _cubic(t, times)
+        first, weights = cubic(t, times)
         at = first[:, None] + np.arange(weights.shape[1])
         short = np.sum(weights * y[0][at], axis=1) - wanted
         slope = np.zeros_like(y)
@@ -343,7 +343,7 @@ def _peak(t: Array, y: Array) -> tuple[float, Array]:
     return float(trace[k]), slope
 
 
-def _cubic(t: Array, times: Array) -> tuple[Any, Array]:
+def cubic(t: Array, times: Array) -> tuple[Any, Array]:
     """First sample and weights of the cubic through four samples around each instant.
 
     With fewer than four samples, the polynomial through all of them.

@@ -1,11 +1,8 @@
-"""Loads of a prism at given shortenings, their misfit to a measured curve, profile likelihoods.
+"""Loads of a prism at given shortenings, and their misfit to a measured curve.
 
 The inner unknowns of `tensegrity.prisms.equations` are eliminated by Newton's method and the
 implicit function theorem; CasADi differentiates in the parameters.  Each evaluation starts from
-the previous one, extrapolated along its derivatives, or from a traced branch if that fails.  A
-confidence interval by profile likelihood ends where the misfit, minimised over all other unknowns,
-has grown to the bound set by a quantile.  Source: Bates & Watts, Nonlinear Regression Analysis and
-Its Applications, 1988, chapter 6.
+the previous one, extrapolated along its derivatives, or from a traced branch if that fails.
 """
 
 from __future__ import annotations
@@ -16,7 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tensegrity.errors import EquilibriumError, LockingError, TensegrityError
+from tensegrity.errors import LockingError, TensegrityError
+from tensegrity.likelihood import FARTHEST, UNDEFINED
 from tensegrity.once import once
 from tensegrity.prisms.condensed import ElasticPotential
 from tensegrity.prisms.equations import kind_of, numbers, problem
@@ -29,20 +27,10 @@ if TYPE_CHECKING:
 
 NAMES = ("prestrain", "k_cross", "k_base", "k_bar")
 ENDS = ("contact", "unloaded", "flat")  # functions that are positive on the branch
-FARTHEST = 60.0  # largest change of a logarithm; half of it amounts to 0 or infinity
 ITERATIONS = 10
 ROUND_OFF = 1e-11
 SETTLED = 1e-14  # change at which Newton's method has converged
 FEW = 5e-3  # scale of offsets over the height
-NO_CURVE = 1e3  # misfit, over the largest load, where a prism has no such curve
-RESOLVED = 1e-12  # smallest resolved noise over the largest load
-STEPS = 200  # largest number of steps to the end of an interval; usually three to five
-MOVES = 1000  # largest number of iterations to the least misfit
-ENDED = 1e-4  # relative tolerance of the end of an interval
-FAINT = 0.05  # change by a factor e in a parameter, over the noise, that is noticeable
-FINEST = 1e-5  # smallest resolved relative change of the residuals
-STUCK = 1e-6  # fraction of the required decrease below which damped steps have failed
-BORDER = 0.1  # distance of a fit from the minimum, over the noise, that is accepted
 
 
 def traced_loads(prism: Prism, x: Array) -> Array:
@@ -172,11 +160,15 @@ class Misfit:
     """Computed minus measured loads over the largest one, and derivatives in the unknowns.
 
     The unknowns are those of `names`: changes of the logarithms of parameters from their values in
-    the prism, and the offset in units of `FEW` heights.
+    the prism, and the offset in units of `FEW` heights; an offset is contained in x already.
     """
 
-    def __init__(self, prism: Prism, x: Array, y: Array, names: tuple[str, ...]) -> None:
-        self.curve, self.names = Curve(prism, x), names
+    model = "prisms with equilibria at all these points"
+
+    def __init__(
+        self, prism: Prism, x: Array, y: Array, names: tuple[str, ...], offset: float = 0.0
+    ) -> None:
+        self.curve, self.names, self.offset = Curve(prism, x), names, offset
         self.x, self.y, self.size = x, y, float(np.abs(y).max())
         self.places = [(*NAMES, "offset").index(name) for name in names]
         self.weights = [FEW * prism.height if name == "offset" else 1.0 for name in names]
@@ -189,158 +181,29 @@ class Misfit:
         return theta
 
     def __call__(self, z: Array) -> tuple[Array, Array]:
-        """Misfits, (points,), all `NO_CURVE` where no such curve exists; (points, unknowns)."""
+        """Misfits, (points,), all `UNDEFINED` where no such curve exists; (points, unknowns)."""
         key = z.tobytes()
         if key != self._last[0]:  # SciPy evaluates values and derivatives separately
             try:
                 computed, slopes = self.curve(self.theta(z))
             except TensegrityError:
-                result = np.full(len(self.y), NO_CURVE), np.zeros((len(self.y), len(z)))
+                result = np.full(len(self.y), UNDEFINED), np.zeros((len(self.y), len(z)))
             else:
                 slopes = slopes[:, self.places] * self.weights / self.size
                 result = (computed - self.y) / self.size, slopes
             self._last = key, result
         return self._last[1]
 
-
-def intervals(
-    prism: Prism,
-    offset: float,
-    x: Array,
-    y: Array,
-    names: tuple[str, ...],
-    noise: float,
-    quantile: float,
-) -> dict[str, tuple[float, float]]:
-    """Confidence intervals by profile likelihood; see `Fit.intervals`.
-
-    Parameters
-    ----------
-    prism : Prism
-        The fitted prism.
-    offset : float
-        The fitted offset [m].
-    x, y : ndarray, (points,)
-        Measured shortenings [m] and loads [N].
-    names : tuple of str
-        Free parameters.
-    noise : float
-        Standard deviation of the loads [N].
-    quantile : float
-        Half-width of an interval in standard errors.
-
-    Returns
-    -------
-    dict of str to (float, float)
-
-    Raises
-    ------
-    EquilibriumError
-        If the fit is not a minimum of the misfit, or an end is not found.
-    """
-    at = Misfit(prism, x + offset, y, names)
-    noise = max(noise / at.size, RESOLVED)
-    r, slopes = at(np.zeros(len(names)))
-    move = _step(slopes, slice(None), r)
-    better = r + slopes @ move / max(1.0, np.abs(move).max())
-    if r @ r - better @ better > (BORDER * noise) ** 2:
-        raise EquilibriumError(
-            "the fit lies at the border of prisms with equilibria at all these points, where "
-            "the residuals are not least: no intervals"
+    def around(self, z: Array) -> Misfit:
+        """The same misfit, with unknowns that count from z."""
+        theta = self.theta(z)
+        shift = float(theta[-1])
+        return Misfit(
+            self.curve.prism_at(theta), self.x + shift, self.y, self.names, self.offset + shift
         )
-    width = max(quantile * noise, FINEST * float(np.linalg.norm(r)))
-    shift = at.theta(_kept_sensitive(at, FAINT * noise))
-    centre, offset = at.curve.prism_at(shift), offset + float(shift[-1])
-    at, ends = Misfit(centre, x + offset, y, names), {}
-    for k, name in enumerate(names):
-        low, high = (_interval_end(at, k, side, width) for side in (-1, 1))
-        if name == "offset":
-            ends[name] = offset + at.weights[k] * low, offset + at.weights[k] * high
-        else:
-            value = getattr(centre, name)
-            ends[name] = value * math.exp(low), value * math.exp(high)
-    return ends
 
-
-def _kept_sensitive(at: Misfit, change: float) -> Array:
-    """Unknowns of nearly least misfit, none so extreme that the misfit is insensitive to it."""
-    z = np.zeros(len(at.places))
-    r, slopes = at(z)
-    for move in (*np.eye(len(z)), *-np.eye(len(z))):
-        while (felt := np.linalg.norm(slopes @ move)) < change:
-            new, there = at(z + move)
-            if np.linalg.norm(there @ move) <= felt or new @ new > r @ r + change**2:
-                break
-            z, slopes = z + move, there
-    return z
-
-
-def _interval_end(at: Misfit, k: int, side: int, width: float) -> float:
-    """Value of one unknown at which the profile misfit exceeds the least one by width^2.
-
-    Bracketed Newton's method on the square root of the excess, which is almost linear in it.
-    """
-    inside, low, high = np.zeros(len(at.places)), 0.0, math.inf
-    r, slopes = at(inside)
-    least, others, held = r @ r, np.arange(len(inside)) != k, -math.inf
-    alone = slopes[:, k] + slopes @ _step(slopes, others, slopes[:, k])
-    new = first = min(width / max(float(np.linalg.norm(alone)), width), 1.0)
-    for _ in range(STEPS):
-        z = inside.copy()
-        z[k] = side * new
-        z, r, slopes = _least_misfit(at, others, z, ENDED * width**2)
-        left = math.inf if r[0] == NO_CURVE else math.sqrt(max(float(r @ r - least), 0.0))
-        if abs(left - width) <= ENDED * width:
-            return float(z[k])
-        if left > width:
-            high = new
-        elif new > FARTHEST / 2:
-            return side * math.inf
-        else:
-            inside, low = z, new
-        small = ENDED * max(low, first)
-        if high - low <= small:
-            if low - held <= 50 * small:
-                return side * low
-            held, high, new = (
-                low,
-                math.inf,
-                low + 100 * small,
-            )  # the minimisation beyond may have left the valley
-            continue
-        rate = side * float(slopes[:, k] @ r)  # derivative of half of the squared excess
-        aim = min(new + (width - left) * left / rate if rate > 0 else math.inf, low + 1.0)
-        new = aim if low < aim < high else (low + min(high, low + 2.0)) / 2
-    raise EquilibriumError(f"no end of the interval of {at.names[k]} found in {STEPS} steps")
-
-
-def _least_misfit(at: Misfit, free: Any, z: Array, gain: float) -> tuple[Array, Array, Array]:
-    """Minimum of the misfit in some unknowns, to `gain` of its square, with misfit and derivatives.
-
-    Levenberg's method with changes of at most 1.  A damped step without decrease may only be too
-    short: the iteration ends when an undamped one predicts none either, or no damping helps.
-    """
-    (r, slopes), least = at(z), 0.1 * math.sqrt(gain)
-    damping = least
-    for _ in range(MOVES):
-        whole, move = (_step(slopes, free, r, part) for part in (least, damping))
-        whole /= max(1.0, np.abs(whole).max())
-        gains = [r @ r - np.sum((r + slopes @ step) ** 2) for step in (whole, move)]
-        if gains[0] <= gain or gains[1] <= STUCK * gain:
-            break
-        new, there = at(z + move) if np.abs(move).max() <= 1.0 else (r, slopes)
-        if new @ new < r @ r:
-            z, r, slopes, damping = z + move, new, there, max(damping / 3, least)
-        else:
-            damping *= 2  # larger factors make steps along curved valleys too short
-    return z, r, slopes
-
-
-def _step(slopes: Array, free: Any, r: Array, damping: float = 0.0) -> Array:
-    """Step of the linearised least-squares problem in some unknowns, with damping."""
-    move = np.zeros(slopes.shape[1])
-    some = slopes[:, free]
-    rows = np.vstack([some, damping * np.eye(some.shape[1])])
-    wanted = np.concatenate([-r, np.zeros(some.shape[1])])
-    move[free] = np.linalg.lstsq(rows, wanted, rcond=1e-9)[0]
-    return move
+    def value(self, k: int, z: float) -> float:
+        """A parameter, or the offset [m], where its unknown is z."""
+        if self.names[k] == "offset":
+            return self.offset + self.weights[k] * z
+        return float(getattr(self.curve.prism, self.names[k])) * math.exp(z)

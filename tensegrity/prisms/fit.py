@@ -20,8 +20,9 @@ import numpy as np
 from tensegrity import check, plotting
 from tensegrity.checked import checked
 from tensegrity.errors import EquilibriumError, TensegrityError
+from tensegrity.likelihood import RESOLVED, UNDEFINED, covariance, intervals, quantile
 from tensegrity.printing import Lines, Printed
-from tensegrity.prisms.curve import NAMES, NO_CURVE, RESOLVED, Misfit, intervals, traced_loads
+from tensegrity.prisms.curve import NAMES, Misfit, traced_loads
 from tensegrity.prisms.measured import read_curve
 from tensegrity.prisms.prism import Prism
 from tensegrity.typing import Fraction, Sampled
@@ -128,17 +129,8 @@ class Fit(Printed):
             If the fit lies at the border of the prisms with equilibria at all points, where the
             residuals are not minimal; or if an end was not found.
         """
-        return intervals(
-            self.prism, self.offset, self.shortening, self.load, self.names, self.noise,
-            self._quantile(level),
-        )  # fmt: skip
-
-    def _quantile(self, level: float) -> float:
-        """Number of standard errors to either side of an estimate at a confidence level."""
-        from scipy.special import ndtri, stdtrit
-
-        tail = (1 - level) / 2
-        return -float(ndtri(tail) if math.isinf(self.degrees) else stdtrit(self.degrees, tail))
+        fitted = self.prism, self.shortening + self.offset, self.load, self.names, self.offset
+        return intervals(Misfit(*fitted), self.noise, quantile(level, self.degrees))
 
     def _lines(self) -> Lines:
         yield f"{self.prism}"
@@ -161,7 +153,7 @@ class Fit(Printed):
         drawn: Axes = plotting.axes(ax)
         order = np.argsort(self.shortening)
         x, y = self.shortening[order], self.computed()[order]
-        w = self._quantile(0.95) * self.band()[order]
+        w = quantile(0.95, self.degrees) * self.band()[order]
         drawn.plot(self.shortening, self.load, "o", ms=3, color="0.4", label="points")
         drawn.plot(x, y, "-", color="C0", label="fitted prism")
         drawn.fill_between(x, y - w, y + w, color="C0", alpha=0.25, label="95 % band")
@@ -250,9 +242,7 @@ def fit(
     _refuse_reversed(at, misfit, noise)
     degrees = len(x) - count if noise is None else math.inf
     spread = noise or at.size * float(np.sqrt(misfit @ misfit / degrees))
-    _, sizes, right = np.linalg.svd(slopes, full_matrices=False)
-    large = np.maximum(sizes, 1e-14 * sizes[0])
-    one = (right.T / large**2) @ right  # covariance for a noise of the largest load
+    one, correlation, condition = covariance(slopes)  # for a noise of the largest load
     alone, part = np.sqrt(np.diag(one)), spread / at.size
     best, shift = at.curve.prism_at(at.theta(z)), float(at.theta(z)[-1])
     values = {n: float(getattr(best, n)) for n in free}
@@ -260,7 +250,7 @@ def fit(
     if offset:
         values["offset"], errors["offset"] = shift, float(part * alone[-1] * at.weights[-1])
     return Fit(
-        best, names, values, errors, one / np.outer(alone, alone), float(sizes[0] / large[-1]),
+        best, names, values, errors, correlation, condition,
         shift, -misfit * at.size, spread, degrees,
         _unidentified(best, free, part * alone, x + shift, spread), x, y, part**2 * one,
         slopes * at.size,
@@ -273,7 +263,7 @@ def _least_squares(at: Misfit, noise: float | None) -> Array:
 
     z = np.zeros(len(at.places))
     words = _sign_or_unit_hint(at.curve(at.theta(z))[0], at.x, at.y)
-    if np.abs(at(z)[0]).max() >= NO_CURVE:
+    if np.abs(at(z)[0]).max() >= UNDEFINED:
         raise EquilibriumError(f"no prism near the given one has this curve{words}")
     z = least_squares(
         lambda z: at(z)[0], z, lambda z: at(z)[1], method="lm", xtol=1e-12, ftol=1e-12

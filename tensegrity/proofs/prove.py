@@ -143,8 +143,7 @@ def prove(
     Parameters
     ----------
     of : SolitaryWave or EquilibriumPath
-        What `solitary_wave` returns for a chain of equal masses, or `equilibrium_path` for a prism
-        with rigid bases and bars.
+        What `solitary_wave` returns for a chain of equal masses, or `equilibrium_path` for a prism.
     period : float, optional
         Sites of the ring on which a wave is proved, or inf for the infinite line; by default twice
         the half-length on which it was computed, where its tail is round-off.
@@ -160,7 +159,8 @@ def prove(
     ------
     TensegrityError
         Bad input; a spring whose energy is not analytic about 0, as at a kink, or no expression of
-        the elongation; a wave of several components; python-flint is not installed.
+        the elongation; a wave of several components; a fold that cannot be proved; python-flint is
+        not installed.
 
     Notes
     -----
@@ -311,7 +311,9 @@ def _certified(found: Bounds, stored: dict[str, Any]) -> Certificate:
         away = off[0] + 2 * sum(off[1:], arb(0)) + arb(float(stored["left out"]))
         centre_radius, tail = above(found.distance), above(found.tail)
         radius = above((found.distance + away).abs_upper())
-    if not z1 < 1:
+    if math.isinf(z1):
+        reason = "the wave comes too near to where the energy is not analytic, or is subsonic"
+    elif not z1 < 1:
         reason = f"Z1 {z1:.3g} must be below 1: more modes, or a longer ring"
     elif found.distance is None:
         reason = (
