@@ -42,6 +42,7 @@ from .measure.pulses import pulses
 from .measure.records import first_peak, largest_peak, peaks, sampled
 from .measure.series import TimeSeries
 from .measure.spectrum import spectrum
+from .orbits.lyapunov import lyapunov
 from .orbits.orbit import periodic_orbit
 from .orbits.path import orbit_path
 from .orbits.stability import floquet
@@ -78,7 +79,9 @@ from .unit.member import Member
 from .unit.unit import Unit
 from .waves.asymptotics import sech2, tent
 from .waves.cell_wave import genuine
+from .waves.periodic import periodic_wave
 from .waves.prediction import predict
+from .waves.shock import shock
 from .waves.solitary import SolitaryWave, solitary_wave
 from .waves.spectrum import dispersion, modes
 from .waves.transition import transition_wave
@@ -150,6 +153,7 @@ __all__ = [
     "held",
     "interface",
     "largest_peak",
+    "lyapunov",
     "member_stiffness",
     "modes",
     "moduli",
@@ -157,6 +161,7 @@ __all__ = [
     "orbit_path",
     "peaks",
     "periodic_orbit",
+    "periodic_wave",
     "phase_shift",
     "plates",
     "predict",
@@ -169,6 +174,7 @@ __all__ = [
     "sampled",
     "sech2",
     "sheath",
+    "shock",
     "simulate",
     "solitary_wave",
     "spectrum",

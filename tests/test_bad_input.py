@@ -104,6 +104,7 @@ FAMILY = ts.predict(HERTZ)["compression"]
 WAVE = ts.solitary_wave(SPRING, speed_ratio=2.0)
 CELL = ts.solitary_wave(ts.Potential(R**2 / 2 + R**3 / 3, R), [1.0, 0.25], speed_ratio=1.05)
 LINEAR, CUBIC = ts.Potential(R**2 / 2, R), ts.Potential(R**2 / 2 + R**3 / 3 - R**4 / 4, R)
+CNOIDAL = ts.periodic_wave(CUBIC, period=12, height=0.1)
 WELLS = ts.Potential(R**4 / 4 - 0.45 * R**3 + 0.175 * R**2, R)
 FRONT = ts.transition_wave(CUBIC, ahead=0.0, behind=2 / 3)
 PAIR = ts.Chain(ts.Prism(1.0, 0.7, 0.1, 1.0).potential(), 2, ends=("fixed", "free"))
@@ -397,7 +398,15 @@ CALLS = [  # where other arguments are needed, or several in one call
                     "mass": (1.0, 2.0)}),
     (ts.transmission, {"run": MET, "row": 1}),
     (ts.spectrum, {"run": EVEN, "sites": [1, 3, 5], "of": "u"}),
+    (ts.lyapunov, {"scene": LINE, "state": LINE.at_rest({0: 0.01}), "t_end": 1.0, "dt": 0.1,
+                   "every": 5, "tangent": LINE.at_rest({0: 0.1}), "seed": 1}),
     (ts.spectrum(EVEN).ridge, {"least": 0.1}),
+    (ts.periodic_wave, {"spring": CUBIC, "mass": 1.0, "period": 8.0, "height": 0.1, "mean": 0.01}),
+    (ts.periodic_wave, {"spring": CUBIC, "period": 12.0, "speed": 1.02}),
+    (CNOIDAL.launch, {"ring": ts.Chain(CUBIC, 12, ends="periodic"), "at": 1.0, "direction": -1}),
+    (CNOIDAL.elongation, {"x": [0.0, 1.0]}), (CNOIDAL.rate, {"x": [0.0, 1.0]}),
+    (ts.shock, {"spring": CUBIC, "behind": 0.1, "ahead": 0.01, "mass": 1.0}),
+    (ts.shock(CUBIC, 0.1).launch, {"chain": ts.Chain(CUBIC, 20), "at": 5.0}),
     (FAMILY.curve, {"speed_ratio": [1.5, 2.0]}),
     (ts.arrival, {"run": RUN, "bond": 4, "direction": 1}),
     (ts.tail_front, {"state": RUN.final}),

@@ -266,6 +266,12 @@ def measured(chain: ts.Chain, run: ts.Run) -> float:
     ring = ts.Chain(chain.springs[0], 8, ends="periodic", stretch=0.1)
     ts.Chain(chain.springs[0], 8, ends="ring")  # type: ignore[arg-type]
     assert_type(ring.stretch, float)
+    grown = ts.lyapunov(chain, run.final, 10.0, dt=0.1, tangent=run.final, seed=1)
+    assert_type(grown.exponent, float)
+    cnoidal = ts.periodic_wave(chain.springs[0], 2.0, period=8, height=0.1, mean=0.01)
+    assert_type(cnoidal.launch(ring, at=2.0, direction=-1), ts.State)
+    assert_type(ts.shock(chain.springs[0], -0.1, ahead=0.0, mass=2.0).wave, ts.SolitaryWave)
+    ts.periodic_wave(chain.springs[0], speed=1.0)  # type: ignore[call-arg]
     assert_type(observables.peak(chain.elongation(run.final.u)), tuple[float, float])
     assert_type(observables.passage(run.t, run.u[:, 0], run.v[:, 0]), float)
     times = ts.arrival(run, 3, direction=-1, after=0.5) + ts.duration(run, 3, level=0.1)

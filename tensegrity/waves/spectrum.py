@@ -31,7 +31,7 @@ from tensegrity.scenes.pair_dynamics import is_pair_law
 from tensegrity.scenes.picture import Picture
 from tensegrity.scenes.scene import SMALLEST_MASS, Scene, State
 from tensegrity.springs.potential import Potential
-from tensegrity.typing import Array, Count
+from tensegrity.typing import Array, Count, Motion
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -74,6 +74,44 @@ class Modes(Printed):
                 f"  {number + 1}: {frequency:.6g} rad/s, {frequency / (2 * np.pi):.6g} Hz, "
                 f"site {int(motion.argmax())} moves most"
             )
+
+    @checked
+    def energies(self, motion: Motion) -> Array:
+        """Energy of each mode by the linear law, (v^2 + w^2 u^2)/2 with the amplitudes u and v.
+
+        Parameters
+        ----------
+        motion : State or Run
+            Of the scene, all sites recorded; u counts from rest.
+
+        Returns
+        -------
+        ndarray, (count,) or (instants, count)
+            [J].  Of modes of one frequency, such as waves both ways along a ring, the sum counts;
+            it is conserved where forces are linear.
+
+        Raises
+        ------
+        TensegrityError
+            A motion of another scene.
+
+        Examples
+        --------
+        >>> from tensegrity import Chain, PowerLaw, modes
+        >>> chain = Chain(PowerLaw(1.0, 1.0), sites=4, ends="periodic")
+        >>> print(modes(chain, count=4).energies(chain.at_rest({0: 2.0})).sum().round(9))
+        2.0
+        """
+        if not isinstance(motion, Motion):
+            raise TensegrityError(f"motion {check.shown(motion)} is neither a State nor a Run")
+        u = check.rows("displacements", motion.u, self.scene.shape)
+        v = check.rows("velocities", motion.v, u.shape[u.ndim - len(self.scene.shape) :])
+        if u.shape != v.shape:
+            raise TensegrityError(f"displacements have shape {u.shape}, velocities {v.shape}")
+        rows, shapes = (*u.shape[: u.ndim - len(self.scene.shape)], -1), self.shapes
+        shapes = shapes.reshape(len(self), -1).T
+        along = [dynamics(self.scene).momenta(x).reshape(rows) @ shapes for x in (u, v)]
+        return np.asarray((along[1] ** 2 + (self.frequencies * along[0]) ** 2) / 2)
 
     def plot(self, ax: Axes | None = None, number: int = 0) -> Axes:
         """Draw a mode: of a chain displacement against site, of a network as arrows at its sites.
